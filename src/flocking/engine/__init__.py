@@ -1,0 +1,1 @@
+"""HOW a scenario is computed: generated kernels, located switches, sessions and runs."""

@@ -1,0 +1,232 @@
+"""Kernels generated from a law's formulas: compiled for the exact engine, array functions for reference."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+from flocking.engine.layout import MASS, Layout
+from flocking.formula.compiled import generated_module
+
+if TYPE_CHECKING:
+    import sympy
+
+    from flocking.engine.expressions import BodyFormulas, LawFormulas, PairFormulas
+
+RATES = ("work", "dissipated", "supplied")
+"""Quantities integrated beside the state: power of the control, and the two powers of the energy ledger."""
+
+
+def compiled_kernels(layout: Layout, dimension: int, order: int) -> ModuleType:
+    """Numba kernels of a law.
+
+    Functions of the module: ``rhs(t, y, n, senders, sensed, offsets, P, A, W, S)`` gives dy/dt of the exact
+    engine's state vector; ``control(t, q, p, ..., u, rates)`` fills the forces and the `RATES`; ``energies(t, q, p, ...)`` gives pair
+    storage, body storage and kinetic energy in the frame of the energy.
+
+    Parameters
+    ----------
+    layout
+        The law, its energy and the slots of their parameters.
+    dimension
+        Number of axes m.
+    order
+        Order of the agents, 1 or 2.
+    """
+    from flocking.engine.expressions import law_formulas
+
+    structure = ("exact", layout.structure, dimension, order)
+    return generated_module(structure, lambda: _scalar_module(law_formulas(layout, dimension), order))
+
+
+def array_kernels(layout: Layout, dimension: int) -> ModuleType:
+    """NumPy functions of a law: ``pair0``, ``pair1``... per graph and ``body``, on arrays of pairs or agents."""
+    from flocking.engine.expressions import law_formulas
+
+    structure = ("arrays", layout.structure, dimension)
+    return generated_module(structure, lambda: _array_module(law_formulas(layout, dimension)))
+
+
+@dataclass(frozen=True)
+class Names:
+    """Free names of some formulas, sorted by where their values come from."""
+
+    scalars: tuple[str, ...]
+    per_agent: tuple[str, ...]
+    per_pair: tuple[str, ...]
+    others: frozenset[str]
+
+
+def free_names(expressions: Iterable[sympy.Expr]) -> Names:
+    """Sort the free symbols of ``expressions`` into slots and other names."""
+    names = {str(s) for e in expressions for s in e.free_symbols}
+
+    def slots(letter: str) -> tuple[str, ...]:
+        return tuple(sorted((n for n in names if re.fullmatch(letter + r"\d+", n)), key=lambda n: int(n[1:])))
+
+    groups = slots("P"), slots("A"), slots("W")
+    return Names(*groups, frozenset(names - {n for g in groups for n in g}))
+
+
+def _indented(lines: Iterable[str], depth: int) -> str:
+    return "".join("    " * depth + line + "\n" for line in lines)
+
+
+_HEADER = """import math
+
+import numba
+import numpy as np
+
+ARGUMENTS = "t, q, p, senders, sensed, offsets, P, A, W, S"
+
+"""
+
+
+def _scalar_module(formulas: LawFormulas, order: int) -> str:
+    m = formulas.dimension
+    return _HEADER + _control_source(formulas) + _energies_source(formulas) + _rhs_source(m, order)
+
+
+def _unpack(names: Names, depth: int) -> str:
+    return _indented((f"{n} = P[{n[1:]}]" for n in names.scalars), depth)
+
+
+def _pair_loop(number: int, pair: PairFormulas, wanted: dict[str, str], m: int, tail: list[str]) -> str:
+    """Loop over the ordered pairs of one graph, computing the ``wanted`` formulas, then the ``tail`` lines."""
+    from flocking.formula.printing import statements
+
+    chosen = {name: getattr(pair, source) for name, source in wanted.items()}
+    if all(value == 0 for value in chosen.values()):
+        return ""
+    names = free_names(chosen.values())
+    axes = range(m)
+    body = ["i = senders[e]", "j = sensed[e]"]
+    body += [f"d{k} = q[j, {k}] - q[i, {k}]" for k in axes]
+    body += [f"v{k} = p[j, {k}] - p[i, {k}]" for k in axes]
+    body += ["r = math.sqrt(" + " + ".join(f"d{k} * d{k}" for k in axes) + ")"]
+    if "speed2" in names.others:
+        body += ["speed2 = " + " + ".join(f"v{k} * v{k}" for k in axes)]
+    if "radial" in names.others:
+        body += ["radial = (" + " + ".join(f"d{k} * v{k}" for k in axes) + ") / r"]
+    relative = [f"(p[i, {k}] - frame{k})" for k in axes]
+    if "push" in names.others:
+        body += ["push = (" + " + ".join(f"d{k} * {f}" for k, f in enumerate(relative)) + ") / r"]
+    if "pull" in names.others:
+        body += ["pull = " + " + ".join(f"v{k} * {f}" for k, f in enumerate(relative))]
+    if "functional" in names.others:
+        body += [f"functional = S[{number}, i]"]
+    body += [f"{n} = A[{n[1:]}, i]" for n in names.per_agent]
+    body += [f"{n} = W[{n[1:]}, i, j]" for n in names.per_pair]
+    body += statements(chosen, arrays=False, prefix=f"g{number}_")
+    head = f"for e in range(offsets[{number}], offsets[{number + 1}]):"
+    return _indented([head], 1) + _indented(body + tail, 2)
+
+
+def _means(body: BodyFormulas, m: int) -> str:
+    """Means over the group where a formula uses them, then the velocity of the frame."""
+    from flocking.formula.printing import code
+
+    frame = _indented([f"frame{k} = {code(f, arrays=False)}" for k, f in enumerate(body.frame)], 1)
+    used = free_names([*body.named().values(), *body.frame]).others
+    if not any(n.startswith("mean_") for n in used):
+        return frame
+    lines = [f"mean_q{k} = 0.0" for k in range(m)] + [f"mean_p{k} = 0.0" for k in range(m)] + ["whole = 0.0"]
+    lines += ["for i in range(n):"]
+    lines += ["    whole += A[0, i]"]
+    lines += [f"    mean_q{k} += A[0, i] * q[i, {k}]" for k in range(m)]
+    lines += [f"    mean_p{k} += A[0, i] * p[i, {k}]" for k in range(m)]
+    lines += [f"mean_q{k} /= whole" for k in range(m)] + [f"mean_p{k} /= whole" for k in range(m)]
+    return _indented(lines, 1) + frame
+
+
+def _body_values(body: BodyFormulas, results: dict[str, sympy.Expr], m: int) -> list[str]:
+    from flocking.formula.printing import statements
+
+    names = free_names(results.values())
+    lines = [f"q{k} = q[i, {k}]" for k in range(m)] + [f"p{k} = p[i, {k}]" for k in range(m)]
+    lines += [f"{n} = A[{n[1:]}, i]" for n in names.per_agent]
+    return lines + statements(results, arrays=False, prefix="b_")
+
+
+def _control_source(formulas: LawFormulas) -> str:
+    m, body = formulas.dimension, formulas.body
+    everything = [e for p in formulas.pairs for e in p.named().values()] + [*body.named().values(), *body.frame]
+    source = '@numba.njit(cache=True, error_model="numpy", nogil=True)\n'
+    source += "def control(t, q, p, senders, sensed, offsets, P, A, W, S, u, rates):\n"
+    source += _indented(["n = q.shape[0]"], 1) + _unpack(free_names(everything), 1)
+    source += _indented(["work = 0.0", "dissipated = 0.0", "supplied = 0.0"], 1) + _means(body, m)
+    source += _indented(["for i in range(n):"], 1) + _indented([f"u[i, {k}] = 0.0" for k in range(m)], 2)
+    tail = ["scale = along / r if r > 0.0 else along * 0.0"]
+    tail += [f"u[i, {k}] += scale * d{k} + drag * v{k}" for k in range(m)]
+    tail += ["dissipated += 0.5 * dissipation", "supplied += 0.5 * supply"]
+    wanted = {name: name for name in ("along", "drag", "dissipation", "supply")}
+    for number, pair in enumerate(formulas.pairs):
+        source += _pair_loop(number, pair, wanted, m, tail)
+    source += _indented(["for i in range(n):"], 1)
+    results = {k: v for k, v in body.named().items() if k != "storage"}
+    source += _indented(_body_values(body, results, m), 2)
+    power = [f"u[i, {k}] += force{k}" for k in range(m)]
+    power += ["power = " + " + ".join(f"u[i, {k}] * p{k}" for k in range(m))]
+    power += ["work += power", "dissipated += dissipation", "supplied += supply"]
+    source += _indented(power, 2)
+    source += _indented([f"rates[{k}] = {name}" for k, name in enumerate(RATES)], 1)
+    return source + "\n\n"
+
+
+def _energies_source(formulas: LawFormulas) -> str:
+    m, body = formulas.dimension, formulas.body
+    everything = [p.storage for p in formulas.pairs] + [*body.named().values(), *body.frame]
+    source = '@numba.njit(cache=True, error_model="numpy", nogil=True)\n'
+    source += "def energies(t, q, p, senders, sensed, offsets, P, A, W, S):\n"
+    source += _indented(["n = q.shape[0]"], 1) + _unpack(free_names(everything), 1)
+    source += _indented(["pairs = 0.0", "bodies = 0.0", "kinetic = 0.0"], 1) + _means(body, m)
+    for number, pair in enumerate(formulas.pairs):
+        source += _pair_loop(number, pair, {"storage": "storage"}, m, ["pairs += 0.5 * storage"])
+    source += _indented(["for i in range(n):"], 1)
+    source += _indented(_body_values(body, {"storage": body.storage}, m), 2)
+    squares = " + ".join(f"(p{k} - frame{k}) ** 2" for k in range(m))
+    source += _indented(["bodies += storage", f"kinetic += 0.5 * {MASS.replace('0', '[0, i]')} * ({squares})"], 2)
+    return source + "    return pairs, bodies, kinetic\n\n\n"
+
+
+def _rhs_source(m: int, order: int) -> str:
+    source = '@numba.njit(cache=True, error_model="numpy", nogil=True)\n'
+    source += "def rhs(t, y, n, senders, sensed, offsets, P, A, W, S):\n"
+    lines = ["dy = np.empty_like(y)", f"q = y[: n * {m}].reshape(n, {m})"]
+    if order == 2:
+        lines += [f"p = y[n * {m} : 2 * n * {m}].reshape(n, {m})"]
+    else:
+        lines += [f"p = np.zeros((n, {m}))"]
+    lines += [f"u = np.empty((n, {m}))", f"rates = dy[n * {m * order} :]"]
+    lines += ["control(t, q, p, senders, sensed, offsets, P, A, W, S, u, rates)"]
+    lines += ["for i in range(n):", f"    for k in range({m}):"]
+    if order == 2:
+        lines += [f"        dy[i * {m} + k] = p[i, k]"]
+        lines += [f"        dy[(n + i) * {m} + k] = (u[i, k] - A[1, i] * p[i, k]) / A[0, i]"]
+    else:
+        lines += [f"        dy[i * {m} + k] = u[i, k]"]
+    return source + _indented([*lines, "return dy"], 1)
+
+
+def _array_module(formulas: LawFormulas) -> str:
+    source = "import numpy\n\n\n"
+    for number, pair in enumerate(formulas.pairs):
+        source += _array_function(f"pair{number}", pair.named(), "pair")
+    return source + _array_function("body", formulas.body.named(), "agent")
+
+
+def _array_function(name: str, results: dict[str, sympy.Expr], what: str) -> str:
+    from flocking.formula.printing import statements
+
+    names = free_names(results.values())
+    source = f"def {name}(P, values):\n" + _unpack(names, 1)
+    wanted = [*names.per_agent, *names.per_pair, *sorted(names.others)]
+    source += _indented((f"{n} = values[{n!r}]" for n in wanted), 1)
+    source += _indented(statements(results, arrays=True, prefix="x_"), 1)
+    return source + _indented(["return {" + ", ".join(f"{k!r}: {k}" for k in results) + "}"], 1) + "\n\n"
+
+
+Rhs = Callable[..., object]

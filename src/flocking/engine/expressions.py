@@ -1,0 +1,178 @@
+"""The formulas of a whole law, collected from its parts: what every generated kernel is printed from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from flocking.engine.layout import DAMPING, MASS, Layout
+from flocking.errors import UnsupportedLaw
+from flocking.model.leaders import Leader
+from flocking.model.symbols import BodySymbols, PairSymbols
+
+if TYPE_CHECKING:
+    import sympy
+
+
+@dataclass(frozen=True)
+class PairFormulas:
+    """Sum of all pair terms over one graph, per ordered pair."""
+
+    along: sympy.Expr
+    drag: sympy.Expr
+    storage: sympy.Expr
+    dissipation: sympy.Expr
+    supply: sympy.Expr
+
+    def named(self) -> dict[str, sympy.Expr]:
+        """The formulas by name."""
+        return {name: getattr(self, name) for name in ("along", "drag", "storage", "dissipation", "supply")}
+
+
+@dataclass(frozen=True)
+class BodyFormulas:
+    """Sum of all body terms, per agent."""
+
+    force: tuple[sympy.Expr, ...]
+    storage: sympy.Expr
+    dissipation: sympy.Expr
+    supply: sympy.Expr
+    frame: tuple[sympy.Expr, ...]
+
+    def named(self) -> dict[str, sympy.Expr]:
+        """The formulas by name."""
+        forces = {f"force{k}": f for k, f in enumerate(self.force)}
+        return {**forces, "storage": self.storage, "dissipation": self.dissipation, "supply": self.supply}
+
+
+@dataclass(frozen=True)
+class LawFormulas:
+    """All formulas of a law and its energy in ``dimension`` dimensions."""
+
+    dimension: int
+    pairs: tuple[PairFormulas, ...]
+    body: BodyFormulas
+
+
+def _symbol(name: str) -> sympy.Symbol:
+    import sympy
+
+    return sympy.Symbol(name, real=True)
+
+
+def _vector(name: str, dimension: int) -> list[sympy.Symbol]:
+    return [_symbol(f"{name}{k}") for k in range(dimension)]
+
+
+def law_formulas(layout: Layout, dimension: int) -> LawFormulas:
+    """Collect the formulas of a law from its parts.
+
+    Symbols: ``r``, ``speed2``, ``radial``, ``functional``, ``push`` and ``pull`` of a pair; ``q0...``, ``p0...``, ``t``, ``mean_q0...``,
+    ``mean_p0...`` of an agent; the slots of `Layout` for parameters.
+
+    Raises
+    ------
+    UnsupportedLaw
+        When a leader's position is needed and has no closed form.
+    """
+    return LawFormulas(dimension, tuple(_pair_formulas(layout)), _body_formulas(layout, dimension))
+
+
+def _parameters(layout: Layout, owner: str) -> Callable[[str], sympy.Expr]:
+    return lambda name: _symbol(layout.slot(owner, name))
+
+
+def _pair_formulas(layout: Layout) -> list[PairFormulas]:
+    import sympy
+
+    r = sympy.Symbol("r", positive=True)
+    found = []
+    for number, graph in enumerate(layout.law.graphs):
+        weight = graph.weight(r, _parameters(layout, f"graph{number}"))
+        total = {name: sympy.Integer(0) for name in ("along", "drag", "storage", "dissipation")}
+        paired = not graph.directed
+        for term in layout.law.pair_terms:
+            if layout.law.graph_number(term) != number:
+                continue
+            x = PairSymbols(
+                r, weight, _symbol("speed2"), _symbol("radial"), _symbol("functional"),
+                _parameters(layout, layout.term_owner(term)),
+            )  # fmt: skip
+            for name in total:
+                total[name] += getattr(term, name)(x)
+            paired = paired and "momentum" in term.symmetries
+        found.append(PairFormulas(**total, supply=_undeclared_power(total, r, paired)))
+    return found
+
+
+def _undeclared_power(total: dict[str, sympy.Expr], r: sympy.Symbol, paired: bool) -> sympy.Expr:
+    """Power of the stated pair forces that stated storage and dissipation leave over; zero for a closed ledger.
+
+    Counted as two per undirected link, like the others. Where forces come in opposite pairs it follows from
+    r alone; elsewhere the agent's own velocity relative to the frame enters (``push``, ``pull``).
+    """
+    import sympy
+
+    rate = sympy.diff(total["storage"], r) * _symbol("radial")
+    if paired:
+        return sympy.simplify(rate - total["along"] * _symbol("radial")) + sympy.expand(
+            total["dissipation"] - total["drag"] * _symbol("speed2")
+        )
+    return 2 * (total["along"] * _symbol("push") + total["drag"] * _symbol("pull")) + rate + total["dissipation"]
+
+
+def _leader_motion(
+    layout: Layout, leader: Leader | None, dimension: int
+) -> tuple[Sequence[sympy.Expr], Sequence[sympy.Expr], Sequence[sympy.Expr]]:
+    import sympy
+
+    if leader is None:
+        zero = [sympy.Integer(0)] * dimension
+        return zero, zero, zero
+    t = _symbol("t")
+    parameter = _parameters(layout, f"leader{layout.leader_number(leader)}")
+    place = leader.position(t, parameter)
+    return (
+        place if place is not None else _vector("leader_position_unknown", dimension),
+        leader.velocity(t, parameter),
+        leader.acceleration(t, parameter),
+    )
+
+
+def _body_formulas(layout: Layout, dimension: int) -> BodyFormulas:
+    import sympy
+
+    energy = layout.energy
+    q, p = _vector("q", dimension), _vector("p", dimension)
+    mean_p = _vector("mean_p", dimension)
+    mass, damping = _symbol(MASS), _symbol(DAMPING)
+    _, frame_velocity, frame_acceleration = _leader_motion(layout, energy.leader, dimension)
+    frame: Sequence[sympy.Expr] = mean_p if energy.frame == "centre of mass" else frame_velocity
+    force: list[sympy.Expr] = [sympy.Integer(0)] * dimension
+    storage = sympy.Integer(0)
+    relative = [a - b for a, b in zip(p, frame, strict=True)]
+    dissipation: sympy.Expr = sum((damping * v * w for v, w in zip(p, relative, strict=True)), sympy.Integer(0))
+    # A frame that accelerates adds an inertial force; in the centre of mass it cancels over the group.
+    supply: sympy.Expr = -mass * sum(
+        (a * w for a, w in zip(frame_acceleration, relative, strict=True)), sympy.Integer(0)
+    )
+    for term in layout.law.body_terms:
+        place, velocity, acceleration = _leader_motion(layout, term.leader, dimension)
+        x = BodySymbols(
+            q, p, _symbol("t"), mass, damping, _vector("mean_q", dimension), mean_p, frame,
+            place, velocity, acceleration, _parameters(layout, layout.term_owner(term)),
+        )  # fmt: skip
+        force = [a + b for a, b in zip(force, term.force(x), strict=True)]
+        storage += term.storage(x)
+        dissipated, supplied = term.balance(x)
+        dissipation += dissipated
+        supply += supplied
+    body = BodyFormulas(tuple(force), storage, dissipation, sympy.expand(supply), tuple(frame))
+    unknown = [s for f in (*force, storage, supply) for s in f.free_symbols if str(s).startswith("leader_position")]
+    if unknown:
+        raise UnsupportedLaw(
+            "Track: the position of this leader has no closed form. "
+            "Write its velocity with polynomials, sin, cos and exp, or set position_gain to 0."
+        )
+    return body

@@ -1,0 +1,225 @@
+"""Certified roots on a segment: when a pair first crosses a distance, and how close a pair comes.
+
+Squared distances on a segment are polynomials of degree 14. In Bernstein form they lie between their
+smallest and largest coefficient, so halving the interval either proves that there is no crossing or
+closes in on the first one. Nothing between two samples can be missed.
+"""
+
+from __future__ import annotations
+
+from math import comb
+
+import numba
+import numpy as np
+
+from flocking.model.checks import Array
+
+NEVER = 2.0
+"""Returned where nothing happens on [0, 1]."""
+
+_PRODUCT = np.array([[comb(7, a) * comb(7, b) / comb(14, a + b) for b in range(8)] for a in range(8)])
+_DEPTH = 80
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def squared_distance(B: Array, i: int, j: int, out: Array) -> None:
+    """Bernstein coefficients, shape (15,), of the squared distance of agents i and j; B has shape (8, N, m)."""
+    out[:] = 0.0
+    for a in range(8):
+        for b in range(8):
+            dot = 0.0
+            for k in range(B.shape[2]):
+                dot += (B[a, j, k] - B[a, i, k]) * (B[b, j, k] - B[b, i, k])
+            out[a + b] += _PRODUCT[a, b] * dot
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _halve(source: Array, left: Array, right: Array) -> None:
+    degree = source.shape[0] - 1
+    for k in range(degree + 1):
+        right[k] = source[k]
+    for k in range(degree + 1):
+        left[k] = right[0]
+        for a in range(degree - k):
+            right[a] = 0.5 * (right[a] + right[a + 1])
+    # right[] was overwritten from the front; its final values are the right half's coefficients.
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def first_above(g: Array) -> float:
+    """First x in [0, 1] at which the polynomial with Bernstein coefficients ``g`` exceeds zero, or `NEVER`."""
+    size = g.shape[0]
+    stack = np.empty((_DEPTH, size))
+    begin = np.empty(_DEPTH)
+    width = np.empty(_DEPTH)
+    stack[0] = g
+    begin[0], width[0] = 0.0, 1.0
+    top = 0
+    left = np.empty(size)
+    right = np.empty(size)
+    while top >= 0:
+        if stack[top].max() <= 0.0:
+            top -= 1
+            continue
+        if stack[top, 0] > 0.0 or width[top] < 1e-15 or top + 2 >= _DEPTH:
+            return float(begin[top])
+        _halve(stack[top], left, right)
+        half = 0.5 * width[top]
+        start = begin[top]
+        stack[top] = right
+        begin[top], width[top] = start + half, half
+        stack[top + 1] = left
+        begin[top + 1], width[top + 1] = start, half
+        top += 1
+    return NEVER
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def smallest_value(g: Array, below: float) -> tuple[float, float]:
+    """Smallest value of a Bernstein polynomial on [0, 1] if it is less than ``below``, and where.
+
+    Returns ``(below, NEVER)`` when it is proved not to be. The value is exact to 1e-13 of its size.
+    """
+    size = g.shape[0]
+    stack = np.empty((_DEPTH, size))
+    begin = np.empty(_DEPTH)
+    width = np.empty(_DEPTH)
+    stack[0] = g
+    begin[0], width[0] = 0.0, 1.0
+    top = 0
+    best, where = below, NEVER
+    left = np.empty(size)
+    right = np.empty(size)
+    while top >= 0:
+        start, w = begin[top], width[top]
+        for x, value in ((start, stack[top, 0]), (start + w, stack[top, size - 1])):
+            if value < best:
+                best, where = value, x
+        if stack[top].min() >= best - 1e-13 * abs(best) or w < 1e-12 or top + 2 >= _DEPTH:
+            top -= 1
+            continue
+        _halve(stack[top], left, right)
+        half = 0.5 * w
+        stack[top] = right
+        begin[top], width[top] = start + half, half
+        stack[top + 1] = left
+        begin[top + 1], width[top + 1] = start, half
+        top += 1
+    return best, where
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def reach(B: Array) -> Array:
+    """Bound on how far each agent strays from its start on the segment, seen from the group's mean, shape (N,)."""
+    n, m = B.shape[1], B.shape[2]
+    far = np.zeros(n)
+    mean = np.empty(m)
+    for a in range(1, 8):
+        for k in range(m):
+            total = 0.0
+            for i in range(n):
+                total += B[a, i, k] - B[0, i, k]
+            mean[k] = total / n
+        for i in range(n):
+            square = 0.0
+            for k in range(m):
+                square += (B[a, i, k] - B[0, i, k] - mean[k]) ** 2
+            far[i] = max(far[i], square)
+    return np.sqrt(far) * (1.0 + 1e-14)
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def crossings(
+    B: Array, far: Array, near: Array, active: Array, enter: Array, leave: Array, directed: bool, slack: float
+) -> tuple[Array, Array]:
+    """First crossing of every pair that crosses its distance on the segment.
+
+    Parameters
+    ----------
+    B
+        Bernstein coefficients of the positions, shape (8, N, m).
+    far
+        Result of `reach`.
+    near
+        Matrix (N, N): pairs that are within their distance now. They cross by rising above ``leave``, the
+        others by falling below ``enter``.
+    active
+        Matrix (N, N): pairs that are watched at all.
+    enter, leave
+        Distances per sensing agent, shape (N,).
+    directed
+        Whether (i, j) and (j, i) cross on their own.
+    slack
+        Overshoot in distance that counts as a crossing; covers rounding.
+
+    Returns
+    -------
+    tuple
+        Crossing positions in [0, 1], shape (k,), and ordered pairs, shape (k, 2).
+    """
+    n = B.shape[1]
+    when = np.empty(16)
+    who = np.empty((16, 2), dtype=np.int64)
+    count = 0
+    square = np.empty(15)
+    for i in range(n):
+        for j in range(0 if directed else i + 1, n):
+            if i == j or not active[i, j]:
+                continue
+            level = leave[i] if near[i, j] else enter[i]
+            if level == np.inf or (level <= 0.0 and not near[i, j]):
+                continue
+            d2 = 0.0
+            for k in range(B.shape[2]):
+                d2 += (B[0, j, k] - B[0, i, k]) ** 2
+            stray = far[i] + far[j] + slack
+            if near[i, j]:
+                if level > stray and d2 < (level - stray) ** 2:
+                    continue
+            elif d2 > (level + stray) ** 2:
+                continue
+            squared_distance(B, i, j, square)
+            if near[i, j]:
+                square -= (level + slack) ** 2
+            else:
+                square *= -1.0
+                square += max(level - slack, 0.0) ** 2
+            x = first_above(square)
+            if x <= 1.0:
+                if count == when.shape[0]:
+                    when = np.concatenate((when, np.empty(count)))
+                    who = np.concatenate((who, np.empty((count, 2), dtype=np.int64)))
+                when[count] = x
+                who[count, 0] = i
+                who[count, 1] = j
+                count += 1
+    return when[:count], who[:count]
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def closest(B: Array, far: Array, linked: Array, best_linked: float, best_free: float) -> Array:
+    """Closest approach on the segment of a linked and of an unlinked pair, where closer than the best so far.
+
+    Returns
+    -------
+    Array
+        Rows (linked, free): squared distance, position in [0, 1] or `NEVER`, and the pair; shape (2, 4).
+    """
+    n = B.shape[1]
+    found = np.empty((2, 4))
+    found[0] = (best_linked**2, NEVER, -1.0, -1.0)
+    found[1] = (best_free**2, NEVER, -1.0, -1.0)
+    square = np.empty(15)
+    for i in range(n):
+        for j in range(i + 1, n):
+            row = 0 if (linked[i, j] or linked[j, i]) else 1
+            d2 = 0.0
+            for k in range(B.shape[2]):
+                d2 += (B[0, j, k] - B[0, i, k]) ** 2
+            if d2 > (np.sqrt(found[row, 0]) + far[i] + far[j]) ** 2:
+                continue
+            squared_distance(B, i, j, square)
+            value, x = smallest_value(square, found[row, 0])
+            if x <= 1.0:
+                found[row] = (max(value, 0.0), x, float(i), float(j))
+    return found

@@ -1,0 +1,31 @@
+"""Where a result comes from: versions, engine, seed and time."""
+
+from __future__ import annotations
+
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+from flocking.model.law import Scenario
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def provenance(engine: str, scenario: Scenario) -> dict[str, Any]:
+    """Versions of what computed a run, and what was asked of it."""
+    return {
+        "engine": engine,
+        "scenario": scenario.name,
+        "seed": scenario.seed,
+        "flocking": _version("flocking"),
+        "numpy": _version("numpy"),
+        "scipy": _version("scipy"),
+        "numba": _version("numba"),
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+    }

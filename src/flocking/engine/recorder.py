@@ -1,0 +1,79 @@
+"""What a session writes down while it runs: frames, switches, the ledger and the closest pair."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.guards import closest, reach
+from flocking.engine.run import SWITCH_FIELDS, TRACE_FIELDS, Closest
+from flocking.engine.segment import Segment
+from flocking.model.checks import Array
+from flocking.model.connectivity import Links
+
+
+class Recorder:
+    """Collects the records of a run.
+
+    Parameters
+    ----------
+    frame_times
+        Times at which frames are stored, ascending.
+    n, m
+        Numbers of agents and dimensions.
+    """
+
+    def __init__(self, frame_times: Array, n: int, m: int) -> None:
+        self.frame_times = frame_times
+        self.n, self.m = n, m
+        self.t: list[float] = []
+        self.q: list[Array] = []
+        self.p: list[Array] = []
+        self.links: list[Links] = []
+        self.switches: list[tuple[Any, ...]] = []
+        self.trace: list[tuple[float, ...]] = []
+        self.closest_linked = Closest()
+        self.closest_unlinked = Closest()
+
+    def frame(self, t: float, q: Array, p: Array, links: Links) -> None:
+        """Store a frame."""
+        self.t.append(t)
+        self.q.append(np.array(q))
+        self.p.append(np.array(p))
+        self.links.append(links.copy())
+
+    def due(self, until: float) -> list[float]:
+        """Frame times not yet stored, up to ``until``."""
+        todo = self.frame_times[len(self.t) :]
+        return [float(t) for t in todo[todo <= until]]
+
+    def approach(self, segment: Segment, linked: Links) -> None:
+        """Update the closest pairs with a segment on which the links were ``linked``."""
+        if self.n < 2:
+            return
+        B = segment.coefficients[:, : self.n * self.m].reshape(-1, self.n, self.m)
+        best = (self.closest_linked.distance, self.closest_unlinked.distance)
+        rows = closest(B, reach(B), linked, *(d if np.isfinite(d) else 1e150 for d in best))
+        found = []
+        for row, old in zip(rows, (self.closest_linked, self.closest_unlinked), strict=True):
+            if row[1] <= 1.0:
+                when = segment.t0 + row[1] * (segment.t1 - segment.t0)
+                found.append(Closest(float(np.sqrt(row[0])), float(when), (int(row[2]), int(row[3]))))
+            else:
+                found.append(old)
+        self.closest_linked, self.closest_unlinked = found
+
+    def tables(self) -> dict[str, Any]:
+        """All records as arrays, by the names of `Run`."""
+        shape = (0, self.n, self.m)
+        return {
+            "t": np.array(self.t),
+            "q": np.array(self.q) if self.q else np.zeros(shape),
+            "p": np.array(self.p) if self.p else np.zeros(shape),
+            "links": np.array(self.links) if self.links else np.zeros((0, self.n, self.n), dtype=bool),
+            "switches": np.array(self.switches, dtype=SWITCH_FIELDS),
+            "trace": np.array(self.trace, dtype=TRACE_FIELDS),
+            "closest_linked": self.closest_linked,
+            "closest_unlinked": self.closest_unlinked,
+        }

@@ -1,0 +1,287 @@
+"""The bare law on NumPy arrays: the control of a state, and the control one agent can compute by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.codegen import array_kernels, free_names
+from flocking.engine.layout import Layout
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array, array
+from flocking.model.connectivity import Links
+from flocking.model.energy import Energy
+from flocking.model.graphs import Graph
+from flocking.model.law import Law
+from flocking.model.state import Agents, State
+from flocking.model.weights import PairWeights
+
+__all__ = ["Agent", "Evaluation", "control", "control_of", "evaluate", "free_names"]
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Everything a law says about one state.
+
+    Parameters
+    ----------
+    u
+        Forces, shape (N, m).
+    storage
+        Energy stored in links and by agents.
+    kinetic
+        Kinetic energy in the frame of the energy.
+    dissipation, supply
+        Powers of the ledger.
+    pair_force_sum
+        Sum over ordered pairs of the absolute pair forces, shape (N,): the scale of rounding errors.
+    """
+
+    u: Array
+    storage: float
+    kinetic: float
+    dissipation: float
+    supply: float
+    pair_force_sum: Array
+
+
+def graph_links(law: Law, state: State) -> list[Links]:
+    """Link matrix of each graph of the law; the memory of the state serves the first."""
+    found = [g.initial(state.q) for g in law.graphs]
+    if state.links is not None:
+        found[0] = np.asarray(state.links)
+    return found
+
+
+def control(law: Law, state: State, *, agents: Agents | None = None) -> Array:
+    """Control u_i of every agent under ``law``.
+
+    Parameters
+    ----------
+    law
+        The control law.
+    state
+        Positions, velocities, time and, for graphs with memory, the links; without links the graph's initial
+        rule decides.
+    agents
+        Masses and damping; unit masses without damping when absent.
+
+    Returns
+    -------
+    Array
+        Forces u, shape (N, m).
+
+    Raises
+    ------
+    InvalidInput
+        When law, agents and state disagree in numbers of agents or dimensions.
+    """
+    return evaluate(law, state, agents=agents).u
+
+
+def evaluate(law: Law, state: State, *, agents: Agents | None = None, energy: Energy | None = None) -> Evaluation:
+    """Control, energies and ledger powers of one state, on NumPy arrays over all linked pairs.
+
+    Parameters
+    ----------
+    law
+        The control law.
+    state
+        The state; see `control`.
+    agents
+        Masses and damping.
+    energy
+        Frame of the energies; the lab frame when absent.
+
+    Raises
+    ------
+    InvalidInput
+        When law, agents and state disagree in numbers of agents or dimensions.
+    """
+    n, m = state.q.shape
+    agents = agents or Agents()
+    agents.check_count(n)
+    law.check_count(n, m)
+    energy = energy or Energy()
+    layout = Layout(law, energy)
+    module = array_kernels(layout, m)
+    P, A, W = layout.values(agents, n)
+    u = np.zeros((n, m))
+    force_sum = np.zeros(n)
+    frame = frame_velocity(energy, state, A[0])
+    storage = dissipation = supply = 0.0
+    for number, links in enumerate(graph_links(law, state)):
+        i, j = np.nonzero(links)
+        functional = law.graphs[number].functional(links) if hasattr(law.graphs[number], "functional") else None
+        values, force = _pair_forces(module, number, state, (i, j), (P, A, W), functional, frame)
+        np.add.at(u, i, force)
+        np.add.at(force_sum, i, np.linalg.norm(force, axis=1))
+        storage += 0.5 * float(np.sum(values["storage"] * np.ones(len(i))))
+        dissipation += 0.5 * float(np.sum(values["dissipation"] * np.ones(len(i))))
+        supply += 0.5 * float(np.sum(values["supply"] * np.ones(len(i))))
+    mean_q, mean_p = (A[0] @ x / A[0].sum() for x in (state.q, state.p))
+    given: dict[str, Any] = {"t": state.t, **{f"A{k}": row for k, row in enumerate(A)}}
+    for k in range(m):
+        given |= {f"q{k}": state.q[:, k], f"p{k}": state.p[:, k], f"mean_q{k}": mean_q[k], f"mean_p{k}": mean_p[k]}
+    body = {k: v * np.ones(n) for k, v in module.body(P, given).items()}
+    u += np.stack([body[f"force{k}"] for k in range(m)], axis=1)
+    kinetic = 0.5 * float(np.sum(A[0][:, None] * (state.p - frame) ** 2))
+    return Evaluation(
+        u, storage + float(body["storage"].sum()), kinetic,
+        dissipation + float(body["dissipation"].sum()), supply + float(body["supply"].sum()), force_sum,
+    )  # fmt: skip
+
+
+def frame_velocity(energy: Energy, state: State, masses: Array) -> Array:
+    """Velocity of the frame of an energy, shape (m,)."""
+    if energy.frame == "centre of mass":
+        return np.asarray(masses @ state.p / masses.sum())
+    if energy.leader is not None:
+        return energy.leader.at(state.t)[1]
+    return np.zeros(state.dimension)
+
+
+def _pair_forces(
+    module: Any,
+    number: int,
+    state: State,
+    pairs: tuple[Any, Any],
+    slots: tuple[Array, Array, Array],
+    functional: Array | None,
+    frame: Array,
+) -> tuple[dict[str, Any], Array]:
+    i, j = pairs
+    P, A, W = slots
+    d = state.q[j] - state.q[i]
+    v = state.p[j] - state.p[i]
+    r = np.sqrt((d**2).sum(axis=1))
+    given = {"r": r, "speed2": (v**2).sum(axis=1)}
+    with np.errstate(all="ignore"):
+        given["radial"] = (d * v).sum(axis=1) / r
+        given["push"] = (d * (state.p[i] - frame)).sum(axis=1) / r
+        given["pull"] = (v * (state.p[i] - frame)).sum(axis=1)
+        given |= {f"A{k}": row[i] for k, row in enumerate(A)}
+        given |= {f"W{k}": matrix[i, j] for k, matrix in enumerate(W)}
+        if functional is not None:
+            given["functional"] = functional[i]
+        values = getattr(module, f"pair{number}")(P, given)
+        along = np.broadcast_to(values["along"], r.shape)
+        direction = np.where(r[:, None] > 0, d / r[:, None], 0.0)
+    drag = np.broadcast_to(values["drag"], r.shape)
+    return values, along[:, None] * direction + drag[:, None] * v
+
+
+@dataclass(frozen=True, eq=False)
+class Agent:
+    """One agent as another one sees it.
+
+    Parameters
+    ----------
+    q, p
+        Position and velocity, shape (m,).
+    index
+        Which agent it is: selects per-agent and per-pair parameters of the law.
+
+    Raises
+    ------
+    InvalidInput
+        When shapes disagree or a value is not finite.
+    """
+
+    q: Array
+    p: Array
+    index: int = 0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "q", array("Agent", "q", self.q, ndim=1))
+        object.__setattr__(self, "p", array("Agent", "p", self.p, ndim=1))
+        if self.q.shape != self.p.shape:
+            raise InvalidInput("Agent", "p", f"must have {len(self.q)} components", self.p.tolist())
+
+
+def control_of(
+    law: Law,
+    agent: Agent,
+    neighbours: Sequence[Agent] | Mapping[Graph, Sequence[Agent]],
+    t: float = 0.0,
+    *,
+    mass: float = 1.0,
+    damping: float = 0.0,
+) -> Array:
+    """Control of one agent from what that agent may know: itself, its neighbours, the leader and the time.
+
+    Parameters
+    ----------
+    law
+        The control law; it must be distributed.
+    agent
+        The agent itself.
+    neighbours
+        Its neighbours under the law's graph, or one list per graph of the law. Who they are is the caller's
+        knowledge: nothing else about the group enters.
+    t
+        Time.
+    mass, damping
+        Mass and velocity damping of the agent.
+
+    Returns
+    -------
+    Array
+        Force u, shape (m,).
+
+    Raises
+    ------
+    InvalidInput
+        When the law needs more than neighbours can tell.
+    """
+    if not law.distributed:
+        raise InvalidInput(
+            "control_of", "law", "must be distributed", f"a law that needs the {', '.join(law.beyond_neighbours)}",
+            "Use control(law, state), which sees the whole group.",
+        )  # fmt: skip
+    m = len(agent.q)
+    layout = Layout(law, Energy())
+    module = array_kernels(layout, m)
+    lists = neighbours if isinstance(neighbours, Mapping) else {law.graph: neighbours}
+    count = 1 + max([agent.index, *(b.index for group in lists.values() for b in group)])
+    P, A, W = _known_slots(law, layout, agent, count, mass, damping)
+    u = np.zeros(m)
+    for number, graph in enumerate(law.graphs):
+        seen = list(lists.get(graph, []))
+        if not seen:
+            continue
+        together = State(np.array([agent.q, *(b.q for b in seen)]), np.array([agent.p, *(b.p for b in seen)]), t)
+        k = np.arange(1, len(seen) + 1)
+        rows = A[:, [agent.index, *(b.index for b in seen)]]
+        index = np.array([b.index for b in seen])
+        weights = np.zeros((len(W), len(seen) + 1, len(seen) + 1))
+        if len(W):
+            weights[:, 0, 1:] = W[:, agent.index, index]
+        _, force = _pair_forces(module, number, together, (np.zeros_like(k), k), (P, rows, weights), None, np.zeros(m))
+        u += force.sum(axis=0)
+    given: dict[str, Any] = {"t": t, **{f"A{k}": row[agent.index] for k, row in enumerate(A)}}
+    given |= {f"q{k}": agent.q[k] for k in range(m)} | {f"p{k}": agent.p[k] for k in range(m)}
+    given |= {f"mean_{letter}{k}": np.nan for letter in "qp" for k in range(m)}
+    body = module.body(P, given)
+    return u + np.array([body[f"force{k}"] for k in range(m)], dtype=np.float64)
+
+
+def _known_slots(
+    law: Law, layout: Layout, agent: Agent, count: int, mass: float, damping: float
+) -> tuple[Array, Array, Array]:
+    """Parameter arrays that reach at least to the largest index the agent has met."""
+    sizes = [
+        len(value.matrix(count))
+        if isinstance(value, PairWeights) and not hasattr(value, "values")
+        else np.shape(getattr(value, "values", value))[0]
+        for _, owned in layout.owners()
+        for value in owned.values()
+        if isinstance(value, PairWeights) or np.ndim(value)
+    ]
+    total = max([count, *sizes])
+    masses, dampings = np.ones(total), np.zeros(total)
+    masses[agent.index], dampings[agent.index] = mass, damping
+    return layout.values(Agents(masses, dampings), total)

@@ -1,0 +1,127 @@
+"""Runs: what a simulation leaves behind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flocking.model.checks import Array
+from flocking.model.connectivity import Links
+from flocking.model.law import Scenario
+from flocking.model.state import State
+
+SWITCH_FIELDS = np.dtype(
+    [("time", "f8"), ("i", "i8"), ("j", "i8"), ("kind", "U10"), ("graph", "i8"), ("speed", "f8"), ("tangential", "?")]
+)
+"""Fields of a recorded switch: ``kind`` is ``appear``, ``break`` or ``kink``; ``speed`` is the rate of change of the
+pair's distance as it crosses, negative when closing; ``tangential`` marks a crossing at which it vanishes."""
+
+TRACE_FIELDS = np.dtype(
+    [
+        ("time", "f8"),
+        ("energy", "f8"),
+        ("kinetic", "f8"),
+        ("work", "f8"),
+        ("dissipated", "f8"),
+        ("supplied", "f8"),
+        ("jumped", "f8"),
+    ]
+)
+"""Fields of the ledger, one row per step: energy, and what was worked, dissipated, supplied and jumped until then."""
+
+
+@dataclass(frozen=True)
+class Closest:
+    """Closest approach of two agents over a whole run, certified on the engine's own solution.
+
+    Parameters
+    ----------
+    distance
+        How close they came; infinite when there was no such pair.
+    time
+        When.
+    pair
+        Who.
+    """
+
+    distance: float = np.inf
+    time: float = np.nan
+    pair: tuple[int, int] = (-1, -1)
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """Frames, switches and ledger of a simulation, with its scenario and provenance.
+
+    Parameters
+    ----------
+    scenario
+        What was simulated.
+    t
+        Frame times, shape (F,).
+    q, p
+        Frame positions and velocities, shape (F, N, m).
+    links
+        Link matrices of the law's graph at the frames, shape (F, N, N).
+    switches
+        Switches in time order, fields `SWITCH_FIELDS`.
+    trace
+        The energy ledger at every step, fields `TRACE_FIELDS`.
+    closest_linked, closest_unlinked
+        Closest pair ever, among linked and among unlinked pairs.
+    status
+        ``"finished"``, or why the run stopped early.
+    provenance
+        Versions, engine, tolerances, seed, counts and times.
+    """
+
+    scenario: Scenario
+    t: Array
+    q: Array
+    p: Array
+    links: NDArray[np.bool_]
+    switches: NDArray[Any]
+    trace: NDArray[Any]
+    closest_linked: Closest = field(default_factory=Closest)
+    closest_unlinked: Closest = field(default_factory=Closest)
+    status: str = "finished"
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def n(self) -> int:
+        """Number of agents."""
+        return int(self.q.shape[1])
+
+    @property
+    def finished(self) -> bool:
+        """Whether the run reached its end."""
+        return self.status == "finished"
+
+    def state(self, frame: int) -> State:
+        """State at a stored frame, with its links."""
+        return State(self.q[frame], self.p[frame], float(self.t[frame]), self.links[frame])
+
+    def links_at(self, frame: int) -> Links:
+        """Link matrix at a stored frame, shape (N, N)."""
+        return np.asarray(self.links[frame])
+
+    @property
+    def residual(self) -> Array:
+        """What the ledger leaves unexplained at every step: H - H(0) + dissipated - supplied - jumped."""
+        trace = self.trace
+        return np.asarray(
+            trace["energy"] - trace["energy"][0] + trace["dissipated"] - trace["supplied"] - trace["jumped"]
+        )
+
+    @property
+    def turnover(self) -> float:
+        """Total energy moved: the sum over steps of absolute work, dissipation and supply."""
+        return float(sum(np.abs(np.diff(self.trace[name])).sum() for name in ("work", "dissipated", "supplied")))
+
+    @property
+    def closest(self) -> Closest:
+        """Closest pair ever, linked or not."""
+        return min(self.closest_linked, self.closest_unlinked, key=lambda c: c.distance)

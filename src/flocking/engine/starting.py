@@ -1,0 +1,24 @@
+"""``start``: called with a scenario it opens a session; its methods draw random initial states."""
+
+from __future__ import annotations
+
+from flocking.engine import simulate
+from flocking.engine.exact import ExactSession
+from flocking.model import starts
+from flocking.model.law import Law, Scenario
+
+
+class _Start:
+    """Opens sessions (``start(scenario)``) and draws starts (``start.box``, ``start.ball``, ``start.hexagonal``)."""
+
+    box = staticmethod(starts.box)
+    ball = staticmethod(starts.ball)
+    hexagonal = staticmethod(starts.hexagonal)
+
+    def __call__(self, scenario: Scenario, engine: str = "auto", *, plant: Law | None = None) -> ExactSession:
+        """Open a session; see `flocking.engine.simulate.start`."""
+        return simulate.start(scenario, engine, plant=plant)
+
+
+start = _Start()
+"""The one object behind ``fk.start``."""

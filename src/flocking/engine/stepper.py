@@ -1,0 +1,107 @@
+"""SciPy's DOP853 driven one step at a time; every step becomes a polynomial segment."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.segment import Segment
+from flocking.errors import NotFinite, StepTooSmall
+from flocking.model.checks import Array
+
+RELATIVE = 1e-13
+"""Relative tolerance handed to SciPy; the absolute tolerances carry the accuracy."""
+
+
+@dataclass(frozen=True, eq=False)
+class StepperMemory:
+    """All a stepper needs to go on exactly where it was: time, state, slope and proposed step."""
+
+    t: float
+    y: Array
+    slope: Array
+    step: float
+
+
+class Stepper:
+    """An adaptive integrator of order 8 that never sees the graph: it is restarted where the graph switches.
+
+    Parameters
+    ----------
+    slope
+        Right-hand side, a function of (t, y).
+    t, y
+        Where to start.
+    tolerance
+        Absolute error tolerance per component, shape of ``y``.
+    """
+
+    def __init__(self, slope: Callable[[float, Array], Array], t: float, y: Array, tolerance: Array) -> None:
+        self._slope = slope
+        self._tolerance = tolerance
+        self._solver: Any = None
+        self.memory = StepperMemory(t, y, slope(t, y), 0.0)
+
+    def restart(self, t: float, y: Array) -> None:
+        """Go on from another state, keeping the proposed step."""
+        self.memory = StepperMemory(t, y, self._slope(t, y), self.memory.step)
+        self._solver = None
+
+    def recall(self, memory: StepperMemory) -> None:
+        """Go on exactly as when ``memory`` was taken."""
+        self.memory = memory
+        self._solver = None
+
+    def step(self, bound: float, longest: float = np.inf) -> Segment:
+        """Take one step, not beyond time ``bound`` nor longer than ``longest``.
+
+        Raises
+        ------
+        StepTooSmall
+            When the step shrinks to rounding.
+        """
+        from scipy.integrate import DOP853
+
+        before = self.memory
+        if self._solver is None or self._solver.t_bound != bound or longest < np.inf:
+            room = bound - before.t
+            first = min(before.step, room, longest) if before.step > 0 else None
+            if first is None and longest < np.inf:
+                first = min(longest, room)
+            with np.errstate(all="ignore"):
+                solver = DOP853(
+                    self._slope,
+                    before.t,
+                    before.y,
+                    bound,
+                    max_step=longest,
+                    rtol=RELATIVE,
+                    atol=self._tolerance,
+                    first_step=first,
+                )
+            solver.f = before.slope
+            self._solver = solver
+        solver = self._solver
+        with np.errstate(all="ignore"):
+            message = solver.step()
+        if solver.status == "failed":
+            raise StepTooSmall(
+                f"The step shrank to rounding ({message}). The motion meets a singularity of the law: "
+                "raise the start distances, soften the potential or lower the gains.",
+                time=before.t,
+            )  # fmt: skip
+        dense = solver.dense_output()
+        segment = Segment.from_dense_output(before.t, solver.t, before.y, solver.y, dense)
+        proposed = float(solver.h_abs)
+        if solver.t == bound:
+            # The last step before a bound is cut short; it says nothing about the next one.
+            proposed = max(proposed, before.step)
+        self.memory = StepperMemory(float(solver.t), solver.y, solver.f, proposed)
+        if longest < np.inf:
+            self._solver = None
+        if not np.isfinite(solver.y).all():
+            raise NotFinite("The state became infinite or NaN.", time=before.t)
+        return segment

@@ -1,0 +1,160 @@
+"""Links of a running group: their memory, the ordered pairs kernels loop over, and the next switch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flocking.engine.guards import crossings, reach
+from flocking.engine.segment import Segment
+from flocking.model.checks import Array
+from flocking.model.connectivity import Links
+from flocking.model.graphs import Graph
+from flocking.model.law import Law
+
+TIE = 1e-12
+"""Crossings closer than this fraction of a step count as one instant."""
+
+
+@dataclass(frozen=True)
+class Watch:
+    """One family of distances to watch: the links of a graph, or a kink of its formulas.
+
+    Parameters
+    ----------
+    graph
+        Number of the graph.
+    kind
+        ``"link"`` or ``"kink"``.
+    enter, leave
+        Distances per sensing agent, shape (N,).
+    """
+
+    graph: int
+    kind: str
+    enter: Array
+    leave: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Crossing:
+    """Pairs that cross their distance at the end of a segment.
+
+    Parameters
+    ----------
+    watch
+        Number of the watch.
+    pairs
+        Ordered pairs, shape (k, 2).
+    """
+
+    watch: int
+    pairs: Array
+
+
+class LinkState:
+    """Which pairs are linked under each graph of a law, and on which side of each kink they are.
+
+    Parameters
+    ----------
+    law
+        The control law.
+    q
+        Positions at the start, shape (N, m).
+    links
+        Link memory of the law's own graph; its initial rule decides when absent.
+    """
+
+    def __init__(self, law: Law, q: Array, links: Links | None = None) -> None:
+        self.graphs: tuple[Graph, ...] = law.graphs
+        self.links: list[Links] = [np.array(g.initial(q)) for g in self.graphs]
+        if links is not None:
+            self.links[0] = np.array(links)
+        self.watches = _watches(law, len(q))
+        self.near: list[Links] = [self._near_at(q, w) for w in self.watches]
+
+    def _near_at(self, q: Array, watch: Watch) -> Links:
+        if watch.kind == "link":
+            return self.links[watch.graph]
+        offsets = q[None] - q[:, None]
+        return np.asarray((offsets**2).sum(axis=-1) < watch.leave[:, None] ** 2)
+
+    def pairs(self) -> tuple[Array, Array, Array]:
+        """Ordered pairs of all graphs, one after the other: sensing agents, sensed agents, offsets."""
+        found = [np.nonzero(links) for links in self.links]
+        offsets = np.cumsum([0, *(len(i) for i, _ in found)])
+        return np.concatenate([i for i, _ in found]), np.concatenate([j for _, j in found]), offsets
+
+    def next_crossings(self, segment: Segment, n: int, m: int) -> tuple[float, list[Crossing]]:
+        """Earliest crossing on a segment as a fraction of it, with all crossings of that instant; 2.0 when none."""
+        B = segment.coefficients[:, : n * m].reshape(-1, n, m)
+        far = reach(B)
+        size = float(np.abs(B).max(initial=0.0))
+        found: list[tuple[int, Array, Array]] = []
+        for number, watch in enumerate(self.watches):
+            active = self.links[watch.graph] if watch.kind == "kink" else _everyone(n)
+            directed = self.graphs[watch.graph].directed
+            slack = 1e-13 * float(np.max(watch.leave)) + 16 * np.finfo(float).eps * size
+            when, who = crossings(B, far, self.near[number], active, watch.enter, watch.leave, directed, slack)
+            if len(when):
+                found.append((number, when, who))
+        if not found:
+            return 2.0, []
+        first = min(float(when.min()) for _, when, _ in found)
+        return first, [
+            Crossing(number, who[when <= first + TIE]) for number, when, who in found if (when <= first + TIE).any()
+        ]
+
+    def apply(self, crossing: Crossing) -> None:
+        """Toggle the pairs of a crossing."""
+        watch = self.watches[crossing.watch]
+        matrix = self.near[crossing.watch]
+        i, j = crossing.pairs.T
+        matrix[i, j] = ~matrix[i, j]
+        if watch.kind == "kink" or not self.graphs[watch.graph].directed:
+            matrix[j, i] = matrix[i, j]
+        if watch.kind == "link":
+            self._settle_kinks(watch.graph, crossing)
+
+    def _settle_kinks(self, graph: int, crossing: Crossing) -> None:
+        """A pair that was not watched may be on either side of a kink when its link appears."""
+        link_watch = self.watches[crossing.watch]
+        for number, watch in enumerate(self.watches):
+            if watch.kind == "kink" and watch.graph == graph:
+                for i, j in crossing.pairs:
+                    at = link_watch.enter[i] if self.links[graph][i, j] else link_watch.leave[i]
+                    self.near[number][i, j] = self.near[number][j, i] = at < watch.leave[i]
+
+    def memory(self) -> tuple[list[Links], list[Links]]:
+        """Copies of all matrices."""
+        return [x.copy() for x in self.links], [x.copy() for x in self.near]
+
+    def recall(self, memory: tuple[Sequence[Links], Sequence[Links]]) -> None:
+        """Go back to ``memory``."""
+        links, near = memory
+        self.links = [x.copy() for x in links]
+        self.near = [
+            self.links[w.graph] if w.kind == "link" else x.copy() for w, x in zip(self.watches, near, strict=True)
+        ]
+
+
+def _everyone(n: int) -> Links:
+    return np.ones((n, n), dtype=bool)
+
+
+def _watches(law: Law, n: int) -> list[Watch]:
+    found = []
+    for number, graph in enumerate(law.graphs):
+        enter = np.broadcast_to(np.asarray(graph.appear_radius, dtype=np.float64), n).copy()
+        leave = np.broadcast_to(np.asarray(graph.break_radius, dtype=np.float64), n).copy()
+        if graph.moves:
+            found.append(Watch(number, "link", enter, leave))
+        kinks = set(graph.kinks())
+        for term in law.pair_terms:
+            if law.graph_number(term) == number:
+                kinks |= set(term.kinks())
+        for distance in sorted(k for k in kinks if k < float(leave.max())):
+            found.append(Watch(number, "kink", np.full(n, distance), np.full(n, distance)))
+    return found

@@ -1,0 +1,95 @@
+"""The errors a user can meet: each names the parameter, its owner, the rule, the value and the usual fix."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from flocking.engine.run import Run
+
+
+class FlockingError(Exception):
+    """Base of every error raised on purpose by this library."""
+
+
+class InvalidInput(FlockingError, ValueError):
+    """A value given by the user breaks a rule of the part that owns it.
+
+    Parameters
+    ----------
+    owner
+        The part or function that owns the parameter, for example ``"Hysteresis"``.
+    parameter
+        Name of the offending parameter.
+    rule
+        What must hold, in words.
+    value
+        The value that was given.
+    fix
+        The usual way out.
+    """
+
+    def __init__(self, owner: str, parameter: str, rule: str, value: Any, fix: str = "") -> None:
+        self.owner = owner
+        self.parameter = parameter
+        self.rule = rule
+        self.value = value
+        self.fix = fix
+        given = repr(value)
+        if len(given) > 120:
+            given = given[:117] + "..."
+        message = f"{owner}: {parameter} {rule}; got {given}."
+        super().__init__(f"{message} {fix}" if fix else message)
+
+
+class FormulaError(InvalidInput):
+    """A text formula that the grammar does not admit."""
+
+
+class SimulationError(FlockingError):
+    """A run that could not go on; ``run`` holds what was computed until then.
+
+    Parameters
+    ----------
+    message
+        What happened and the usual fix.
+    time
+        Simulation time at which the run stopped.
+    agents
+        Indices of the agents involved, where known.
+    """
+
+    def __init__(self, message: str, *, time: float, agents: tuple[int, ...] = ()) -> None:
+        self.time = time
+        self.agents = agents
+        self.run: Run | None = None
+        where = f" (t = {time:.9g}" + (f", agents {list(agents)}" if agents else "") + ")"
+        super().__init__(message + where)
+
+
+class StepTooSmall(SimulationError):
+    """The adaptive step shrank to rounding: a singularity or a stiff formula was met."""
+
+
+class NotFinite(SimulationError):
+    """A position, velocity or force became NaN or infinite."""
+
+
+class Chattering(SimulationError):
+    """A link switches on and off without time passing: a sliding mode in Filippov's sense."""
+
+
+class LinkLost(SimulationError):
+    """A link whose potential diverges at the break radius was lost: the step was too large."""
+
+
+class CacheError(FlockingError):
+    """The folder for compiled formulas cannot be used."""
+
+
+class StorageError(FlockingError):
+    """A run on disk cannot be read or written."""
+
+
+class UnsupportedLaw(FlockingError):
+    """The chosen engine cannot run a part of this law; the message names the one that can."""

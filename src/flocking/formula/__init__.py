@@ -1,0 +1,1 @@
+"""Ground floor: text formulas, their SymPy form, and compiled functions made from it."""

@@ -1,0 +1,231 @@
+"""The whitelisted grammar of text formulas: arithmetic, a few functions, and ``where``.
+
+A formula is parsed to a tree of allowed nodes before anything else looks at it. Nothing is ever
+evaluated by Python, so no formula can run code, whatever it says.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from flocking.errors import FormulaError
+
+FUNCTIONS: dict[str, int] = {
+    "sqrt": 1, "exp": 1, "log": 1, "sin": 1, "cos": 1, "tan": 1, "atan": 1,
+    "sinh": 1, "cosh": 1, "tanh": 1, "abs": 1, "where": 3,
+}  # fmt: skip
+"""Functions a formula may call, with their number of arguments."""
+
+CONSTANTS: dict[str, float] = {"pi": math.pi}
+"""Names with a fixed value."""
+
+LONGEST_TEXT = 2000
+DEEPEST_NESTING = 60
+MOST_NODES = 600
+LARGEST_EXPONENT = 64
+
+_BINARY = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
+_COMPARISON = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
+
+Node = tuple[object, ...]
+"""A parsed formula: nested tuples ``("number", x)``, ``("name", s)``, ``(operator, left, right)``,
+``("call", function, arguments...)`` and ``("compare", operator, left, right)``."""
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A formula in text form, checked against the grammar.
+
+    Parameters
+    ----------
+    text
+        Arithmetic on names and numbers with ``+ - * / **`` (``^`` is read as ``**``), the functions in
+        `FUNCTIONS`, and ``where(condition, value_if_true, value_if_false)``.
+    owner
+        Who owns the formula; used in error messages.
+
+    Raises
+    ------
+    FormulaError
+        When the text is not in the grammar; the message says which part and why.
+    """
+
+    text: str
+    owner: str = field(default="formula", compare=False)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.text, str):
+            raise FormulaError(self.owner, "formula", "must be text", self.text)
+        self.tree  # noqa: B018  the parse is the validation
+
+    @cached_property
+    def tree(self) -> Node:
+        """The parsed formula as nested tuples."""
+        return parse(self.text, self.owner)
+
+    @cached_property
+    def names(self) -> frozenset[str]:
+        """Free names of the formula: its variable and its parameters."""
+        return frozenset(_names(self.tree))
+
+    @cached_property
+    def structure(self) -> str:
+        """A canonical text of the parsed tree: equal formulas have equal structures."""
+        return render(self.tree)
+
+
+def _reject(owner: str, text: str, rule: str, fix: str = "") -> FormulaError:
+    return FormulaError(owner, "formula", rule, text, fix)
+
+
+def parse(text: str, owner: str = "formula") -> Node:
+    """Parse ``text`` into a tree of allowed nodes.
+
+    Raises
+    ------
+    FormulaError
+        When the text is too long, too deep, not arithmetic, or calls something unknown.
+    """
+    if not text.strip():
+        raise _reject(owner, text, "must not be empty")
+    if len(text) > LONGEST_TEXT:
+        raise _reject(owner, text, f"must have at most {LONGEST_TEXT} characters")
+    depth = deepest = 0
+    for letter in text:
+        depth += (letter in "([{") - (letter in ")]}")
+        deepest = max(deepest, depth)
+    if deepest > DEEPEST_NESTING:
+        raise _reject(owner, text, f"must not nest deeper than {DEEPEST_NESTING} brackets")
+    try:
+        tree = ast.parse(text.replace("^", "**").strip(), mode="eval")
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        reason = error.msg if isinstance(error, SyntaxError) else type(error).__name__
+        raise _reject(owner, text, f"does not parse ({reason})", "Write it like 1/r + 1/(R - r).") from None
+    try:
+        if sum(1 for _ in ast.walk(tree)) > MOST_NODES * 3:
+            raise _reject(owner, text, f"must have at most {MOST_NODES} operations")
+        if _height(tree) > 2 * DEEPEST_NESTING:
+            raise _reject(owner, text, "is nested too deeply")
+        return _convert(tree.body, text, owner)
+    except RecursionError:
+        raise _reject(owner, text, "is nested too deeply") from None
+
+
+def _height(tree: ast.AST) -> int:
+    level: list[ast.AST] = [tree]
+    height = 0
+    while level:
+        level = [child for node in level for child in ast.iter_child_nodes(node)]
+        height += 1
+    return height
+
+
+def _convert(node: ast.expr, text: str, owner: str) -> Node:
+    match node:
+        case ast.Constant(value=bool()):
+            raise _reject(owner, text, "must not contain True or False")
+        case ast.Constant(value=(int() | float()) as value):
+            if not math.isfinite(value) or abs(value) > 1e100:
+                raise _reject(owner, text, "must have finite numbers below 1e100")
+            return ("number", value)
+        case ast.Name(id=name):
+            if name.startswith("_"):
+                raise _reject(owner, text, f"must not use the name {name!r}")
+            if name in FUNCTIONS:
+                raise _reject(owner, text, f"uses the function {name} without arguments")
+            return ("name", name)
+        case ast.UnaryOp(op=ast.USub(), operand=inner):
+            return ("-", ("number", 0), _convert(inner, text, owner))
+        case ast.UnaryOp(op=ast.UAdd(), operand=inner):
+            return _convert(inner, text, owner)
+        case ast.BinOp(left=left, op=operator, right=right) if type(operator) in _BINARY:
+            sign = _BINARY[type(operator)]
+            pair = (sign, _convert(left, text, owner), _convert(right, text, owner))
+            if sign == "**":
+                _check_exponent(pair[2], text, owner)
+            return pair
+        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in FUNCTIONS:
+            return _convert_call(name, arguments, text, owner)
+        case ast.Call(func=ast.Name(id=name)):
+            known = ", ".join(sorted(FUNCTIONS))
+            raise _reject(owner, text, f"calls {name!r}, which is not known", f"Known: {known}.")
+        case _:
+            raise _reject(
+                owner, text, f"contains {type(node).__name__}, which formulas may not",
+                "Use + - * / **, numbers, names, functions and where(...).",
+            )  # fmt: skip
+
+
+def _convert_call(name: str, arguments: list[ast.expr], text: str, owner: str) -> Node:
+    if len(arguments) != FUNCTIONS[name]:
+        raise _reject(owner, text, f"calls {name} with {len(arguments)} arguments, not {FUNCTIONS[name]}")
+    if name != "where":
+        return ("call", name, *(_convert(a, text, owner) for a in arguments))
+    condition, *branches = arguments
+    match condition:
+        case ast.Compare(left=left, ops=[operator], comparators=[right]) if type(operator) in _COMPARISON:
+            sides = (_convert(left, text, owner), _convert(right, text, owner))
+            test: Node = ("compare", _COMPARISON[type(operator)], *sides)
+        case _:
+            raise _reject(owner, text, "needs one comparison such as r < R as the first argument of where")
+    return ("call", "where", test, *(_convert(b, text, owner) for b in branches))
+
+
+def _check_exponent(node: Node, text: str, owner: str) -> None:
+    value = constant_value(node)
+    if value is not None and abs(value) > LARGEST_EXPONENT:
+        raise _reject(owner, text, f"must have exponents of at most {LARGEST_EXPONENT}")
+    if value is None and any(part[0] == "**" for part in _walk(node)):
+        raise _reject(owner, text, "must not have powers inside an exponent")
+
+
+def constant_value(node: Node) -> float | None:
+    """Value of a tree made of numbers only, or None where it has names or calls."""
+    match node:
+        case ("number", int() | float() as value):
+            return float(value)
+        case ("+" | "-" | "*" | "/" as sign, tuple() as left, tuple() as right):
+            a, b = constant_value(left), constant_value(right)
+            if a is None or b is None:
+                return None
+            if sign == "/":
+                return a / b if b else math.inf
+            return a + b if sign == "+" else a - b if sign == "-" else a * b
+        case ("**", tuple(), tuple()):
+            return math.inf
+        case _:
+            return None
+
+
+def _walk(node: Node) -> Iterator[Node]:
+    yield node
+    for child in node:
+        if isinstance(child, tuple):
+            yield from _walk(child)
+
+
+def _names(node: Node) -> Iterator[str]:
+    for part in _walk(node):
+        if part[0] == "name" and part[1] not in CONSTANTS:
+            yield str(part[1])
+
+
+def render(node: Node) -> str:
+    """Write a tree back as text in the grammar, fully bracketed."""
+    match node:
+        case ("number", value):
+            return repr(value)
+        case ("name", str() as name):
+            return name
+        case ("call", str() as name, *arguments):
+            return f"{name}({', '.join(render(a) for a in arguments if isinstance(a, tuple))})"
+        case ("compare", str() as sign, tuple() as left, tuple() as right):
+            return f"{render(left)} {sign} {render(right)}"
+        case (str() as sign, tuple() as left, tuple() as right):
+            return f"({render(left)} {sign} {render(right)})"
+        case _:
+            raise AssertionError(f"not a formula node: {node!r}")

@@ -1,0 +1,71 @@
+"""SymPy expressions printed as source code: for Numba (scalars, ``math``) and for NumPy (arrays)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import sympy
+
+
+@cache
+def _printer(arrays: bool) -> Any:
+    from sympy.printing.numpy import NumPyPrinter
+    from sympy.printing.pycode import PythonCodePrinter
+
+    settings = {"fully_qualified_modules": True, "allow_unknown_functions": False}
+    return NumPyPrinter(settings) if arrays else PythonCodePrinter(settings)
+
+
+def code(expression: sympy.Expr, *, arrays: bool) -> str:
+    """Source text of one expression: NumPy calls when ``arrays``, else the ``math`` module."""
+    return str(_printer(arrays).doprint(expression))
+
+
+def statements(results: Mapping[str, sympy.Expr], *, arrays: bool, prefix: str) -> list[str]:
+    """Assignments that compute all ``results``, common subexpressions first and once.
+
+    Parameters
+    ----------
+    results
+        Name of each variable to assign, and its expression.
+    arrays
+        NumPy source when true, scalar source when false.
+    prefix
+        Start of the names of the intermediate variables.
+    """
+    import sympy
+
+    names = list(results)
+    numbered = sympy.numbered_symbols(prefix)
+    # Branches of a Piecewise must not be lifted out of their condition: they may divide by zero there.
+    shared, reduced = _common([results[n] for n in names], numbered)
+    lines = [f"{symbol.name} = {code(value, arrays=arrays)}" for symbol, value in shared]
+    lines += [f"{name} = {code(value, arrays=arrays)}" for name, value in zip(names, reduced, strict=True)]
+    return lines
+
+
+def _common(expressions: Sequence[sympy.Expr], numbered: Any) -> tuple[list[tuple[Any, sympy.Expr]], list[sympy.Expr]]:
+    import sympy
+
+    masks: dict[Any, Any] = {}
+    masked = []
+    for expression in expressions:
+        pieces = expression.atoms(sympy.Piecewise) if expression.has(sympy.Piecewise) else set()
+        outer = [p for p in pieces if not any(p != o and o.has(p) for o in pieces)]
+        for piece in outer:
+            if piece not in masks:
+                masks[piece] = sympy.Dummy(f"piece{len(masks)}", real=True)
+        masked.append(expression.xreplace({p: masks[p] for p in outer}))
+    shared, reduced = sympy.cse(masked, symbols=numbered)
+    if not masks:
+        return list(shared), list(reduced)
+    # Each piecewise value is computed once, before everything else.
+    first = [(next(numbered), piece) for piece in masks]
+    back = {dummy: name for dummy, (name, _) in zip(masks.values(), first, strict=True)}
+    return (
+        first + [(symbol, value.xreplace(back)) for symbol, value in shared],
+        [value.xreplace(back) for value in reduced],
+    )

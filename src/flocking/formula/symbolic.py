@@ -1,0 +1,115 @@
+"""Between text formulas and SymPy: the only place that turns one into the other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from flocking.errors import FormulaError
+from flocking.formula.grammar import CONSTANTS, Formula, Node
+
+if TYPE_CHECKING:
+    import sympy
+
+
+def to_sympy(formula: Formula, values: Mapping[str, sympy.Expr]) -> sympy.Expr:
+    """SymPy form of ``formula`` with each name replaced by its entry in ``values``.
+
+    Raises
+    ------
+    FormulaError
+        When the formula has a name that ``values`` lacks.
+    """
+    missing = formula.names - set(values)
+    if missing:
+        raise FormulaError(
+            formula.owner, "formula", f"uses the undefined name {sorted(missing)[0]!r}", formula.text,
+            "Give every parameter a value, as in Potential('1/r + 1/(R - r)', R=4).",
+        )  # fmt: skip
+    return _build(formula.tree, values)
+
+
+def _build(node: Node, values: Mapping[str, sympy.Expr]) -> sympy.Expr:
+    import sympy
+
+    match node:
+        case ("number", int() as value):
+            return sympy.Integer(value)
+        case ("number", float() as value):
+            return sympy.Float(value)
+        case ("name", str() as name):
+            return sympy.pi if name in CONSTANTS else values[name]
+        case (
+            "call",
+            "where",
+            ("compare", str() as sign, tuple() as left, tuple() as right),
+            tuple() as yes,
+            tuple() as no,
+        ):
+            relation = {"<": sympy.Lt, "<=": sympy.Le, ">": sympy.Gt, ">=": sympy.Ge}[sign]
+            condition = relation(_build(left, values), _build(right, values))
+            return sympy.Piecewise((_build(yes, values), condition), (_build(no, values), True))
+        case ("call", "abs", tuple() as argument):
+            return sympy.Abs(_build(argument, values))
+        case ("call", str() as name, tuple() as argument):
+            return getattr(sympy, name)(_build(argument, values))
+        case (str() as sign, tuple() as left, tuple() as right):
+            a, b = _build(left, values), _build(right, values)
+            match sign:
+                case "+":
+                    return a + b
+                case "-":
+                    return a - b
+                case "*":
+                    return a * b
+                case "/":
+                    return a / b
+                case "**":
+                    return a**b
+    raise AssertionError(f"not a formula node: {node!r}")
+
+
+def from_sympy(expression: sympy.Expr, owner: str = "formula") -> Formula:
+    """Text formula of a SymPy expression.
+
+    Raises
+    ------
+    FormulaError
+        When the expression uses something the grammar has no word for.
+    """
+    return Formula(_text(expression, owner), owner)
+
+
+def _text(expression: sympy.Basic, owner: str) -> str:
+    import sympy
+
+    if isinstance(expression, sympy.Piecewise):
+        *rest, (last, _) = expression.args
+        text = _text(last, owner)
+        for value, condition in reversed(rest):
+            text = f"where({_text(condition, owner)}, {_text(value, owner)}, {text})"
+        return text
+    if isinstance(expression, sympy.Rel):
+        return f"{_text(expression.lhs, owner)} {expression.rel_op} {_text(expression.rhs, owner)}"
+    if isinstance(expression, sympy.Rational):
+        return f"({expression.p}/{expression.q})" if expression.q != 1 else f"({expression.p})"
+    if isinstance(expression, sympy.Float):
+        return f"({float(expression)!r})"
+    if isinstance(expression, sympy.Symbol):
+        return str(expression.name)
+    if expression is sympy.pi:
+        return "pi"
+    if isinstance(expression, sympy.exp):
+        return f"exp({_text(expression.args[0], owner)})"
+    if isinstance(expression, sympy.NumberSymbol):
+        return repr(float(expression))
+    if isinstance(expression, sympy.Add):
+        return "(" + " + ".join(_text(a, owner) for a in expression.args) + ")"
+    if isinstance(expression, sympy.Mul):
+        return "(" + "*".join(_text(a, owner) for a in expression.args) + ")"
+    if isinstance(expression, sympy.Pow):
+        return f"({_text(expression.base, owner)}**{_text(expression.exp, owner)})"
+    name = type(expression).__name__.lower()
+    if name in {"log", "sin", "cos", "tan", "atan", "sinh", "cosh", "tanh", "abs"}:
+        return f"{name}({_text(expression.args[0], owner)})"
+    raise FormulaError(owner, "expression", f"has no text form for {type(expression).__name__}", str(expression))

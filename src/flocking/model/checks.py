@@ -1,0 +1,113 @@
+"""Validation of the values a user gives to the parts, with one form of message."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flocking.errors import InvalidInput
+
+Array = NDArray[np.float64]
+
+
+def number(
+    owner: str,
+    parameter: str,
+    value: Any,
+    *,
+    above: float | None = None,
+    least: float | None = None,
+    below: float | None = None,
+) -> float:
+    """A finite float, optionally ``> above``, ``>= least`` and ``< below``.
+
+    Raises
+    ------
+    InvalidInput
+        When ``value`` is no number, not finite, or out of range.
+    """
+    if isinstance(value, bool | str) or value is None:
+        raise InvalidInput(owner, parameter, "must be a number", value)
+    try:
+        result = float(value)
+    except (TypeError, ValueError):
+        raise InvalidInput(owner, parameter, "must be a number", value) from None
+    if not math.isfinite(result):
+        raise InvalidInput(owner, parameter, "must be finite", value)
+    if above is not None and not result > above:
+        raise InvalidInput(owner, parameter, f"must be greater than {above:g}", value)
+    if least is not None and not result >= least:
+        raise InvalidInput(owner, parameter, f"must be at least {least:g}", value)
+    if below is not None and not result < below:
+        raise InvalidInput(owner, parameter, f"must be less than {below:g}", value)
+    return result
+
+
+def integer(owner: str, parameter: str, value: Any, *, least: int) -> int:
+    """An integer not below ``least``.
+
+    Raises
+    ------
+    InvalidInput
+        When ``value`` is no integer or too small.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+        raise InvalidInput(owner, parameter, "must be a whole number", value)
+    if value < least:
+        raise InvalidInput(owner, parameter, f"must be at least {least}", value)
+    return int(value)
+
+
+def array(owner: str, parameter: str, value: Any, *, ndim: int) -> Array:
+    """A read-only copy of ``value`` as a finite float64 array with ``ndim`` axes.
+
+    Raises
+    ------
+    InvalidInput
+        When ``value`` has the wrong number of axes, or holds NaN, infinities or text.
+    """
+    try:
+        result = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InvalidInput(owner, parameter, "must be an array of numbers", value) from None
+    if result.ndim != ndim:
+        raise InvalidInput(owner, parameter, f"must have {ndim} axes", f"shape {result.shape}")
+    if not np.isfinite(result).all():
+        where = tuple(int(k) for k in np.argwhere(~np.isfinite(result))[0])
+        raise InvalidInput(owner, parameter, f"must be finite, but entry {where} is not", float(result[where]))
+    result.setflags(write=False)
+    return result
+
+
+def scalar_or_each(owner: str, parameter: str, value: Any, *, least: float | None = None) -> float | Array:
+    """A finite number, or a read-only array with one value per agent.
+
+    Raises
+    ------
+    InvalidInput
+        When a value is not finite or below ``least``.
+    """
+    if np.ndim(value) == 0:
+        return number(owner, parameter, value, least=least)
+    result = array(owner, parameter, value, ndim=1)
+    if least is not None and (result < least).any():
+        agent = int(np.argmax(result < least))
+        raise InvalidInput(
+            owner, parameter, f"must be at least {least:g} for every agent", f"{result[agent]:g} for agent {agent}"
+        )
+    return result
+
+
+def parameters(owner: str, given: Mapping[str, Any]) -> dict[str, float]:
+    """Named parameters of a formula, each a finite number.
+
+    Raises
+    ------
+    InvalidInput
+        When a value is not a finite number.
+    """
+    return {name: number(owner, name, value) for name, value in sorted(given.items())}

@@ -1,0 +1,45 @@
+"""Flocks of a link matrix: which agents hang together."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Links = np.ndarray[Any, np.dtype[np.bool_]]
+"""Link matrix, shape (N, N): entry (i, j) is true when agent i senses agent j."""
+
+
+def components(links: Links) -> NDArray[np.intp]:
+    """Label of the weakly connected component of each agent, 0 for the component of agent 0.
+
+    Parameters
+    ----------
+    links
+        Link matrix, shape (N, N).
+    """
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components
+
+    _, labels = connected_components(csr_array(links), directed=True, connection="weak")
+    return np.asarray(labels, dtype=np.intp)
+
+
+def is_connected(links: Links) -> bool:
+    """Whether all agents belong to one weakly connected component (Olfati-Saber, Definition 1).
+
+    Parameters
+    ----------
+    links
+        Link matrix, shape (N, N).
+    """
+    # A plain sweep: starts are redrawn thousands of times, and SciPy costs more than ten agents do.
+    reached = np.zeros(len(links), dtype=bool)
+    reached[0] = True
+    either = links | links.T
+    frontier = reached
+    while frontier.any():
+        frontier = either[frontier].any(axis=0) & ~reached
+        reached |= frontier
+    return bool(reached.all())

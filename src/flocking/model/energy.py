@@ -1,0 +1,50 @@
+"""Energies: the function a theorem looks at, and the frame it is taken in, apart from the control."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from flocking.errors import InvalidInput
+from flocking.model.checks import number
+from flocking.model.leaders import Leader
+
+FRAMES = ("lab", "centre of mass", "leader")
+
+
+@dataclass(frozen=True)
+class Energy:
+    """Kinetic energy relative to a frame, plus what the terms of the law store.
+
+    Parameters
+    ----------
+    frame
+        ``"lab"``, ``"centre of mass"`` (Olfati-Saber (27), Shi (11)) or ``"leader"`` (Zhou (25), Shi's J).
+    leader
+        The leader whose frame it is, for ``"leader"``.
+    unlinked
+        Energy of a pair that is not linked: V_R makes Tanner II (6) continuous where a link breaks.
+    name
+        What the paper calls it.
+
+    Raises
+    ------
+    InvalidInput
+        When the frame is unknown or the leader is missing.
+    """
+
+    frame: str = "lab"
+    leader: Leader | None = None
+    unlinked: float = 0.0
+    name: str = "H"
+
+    def __post_init__(self) -> None:
+        if self.frame not in FRAMES:
+            raise InvalidInput("Energy", "frame", f"must be one of {', '.join(FRAMES)}", self.frame)
+        if (self.frame == "leader") != (self.leader is not None):
+            raise InvalidInput("Energy", "leader", "must be given exactly when the frame is 'leader'", self.leader)
+        object.__setattr__(self, "unlinked", number("Energy", "unlinked", self.unlinked))
+
+    @property
+    def structure(self) -> tuple[object, ...]:
+        """What fixes its formulas."""
+        return (self.frame, self.leader.structure if self.leader is not None else None)

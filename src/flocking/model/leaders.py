@@ -1,0 +1,255 @@
+"""Virtual leaders: a velocity as a function of time; position and acceleration follow from it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.formula.compiled import generated_module
+from flocking.formula.grammar import Formula
+from flocking.model.checks import Array, array
+from flocking.model.checks import parameters as checked_parameters
+
+if TYPE_CHECKING:
+    import sympy
+
+
+class Leader(ABC):
+    """A virtual leader. One object may be shared by several terms of a law."""
+
+    @property
+    @abstractmethod
+    def dimension(self) -> int:
+        """Number of space dimensions it lives in."""
+
+    @property
+    @abstractmethod
+    def parameters(self) -> dict[str, float]:
+        """Run-time parameters of its formulas."""
+
+    @property
+    @abstractmethod
+    def structure(self) -> tuple[object, ...]:
+        """What fixes its formulas, without the values of its parameters."""
+
+    @abstractmethod
+    def velocity(self, t: sympy.Expr, parameter: Callable[[str], sympy.Expr]) -> Sequence[sympy.Expr]:
+        """Velocity v0(t), m expressions. The only thing a leader states."""
+
+    def acceleration(self, t: sympy.Symbol, parameter: Callable[[str], sympy.Expr]) -> list[sympy.Expr]:
+        """Acceleration a0(t): the derivative of the velocity."""
+        import sympy
+
+        return [sympy.diff(v, t) for v in self.velocity(t, parameter)]
+
+    def position(self, t: sympy.Symbol, parameter: Callable[[str], sympy.Expr]) -> list[sympy.Expr] | None:
+        """Position x0(t): the integral of the velocity, or None where SymPy finds no closed form."""
+        import sympy
+
+        integrals = [sympy.integrate(v, t) for v in self.velocity(t, parameter)]
+        if any(value.has(sympy.Integral) or value.has(sympy.Piecewise) for value in integrals):
+            return None
+        return [
+            parameter(f"start_{k}") + value - value.subs(t, parameter("start_time"))
+            for k, value in enumerate(integrals)
+        ]
+
+    def at(self, t: float) -> tuple[Array, Array, Array]:
+        """Position, velocity and acceleration at time ``t``, shape (m,) each; position NaN without closed form."""
+        names = tuple(self.parameters)
+        module = generated_module(("leader", self.structure, names), lambda: _leader_source(self, names))
+        q, p, a = module.leader(float(t), *self.parameters.values())
+        return np.array(q, dtype=np.float64), np.array(p, dtype=np.float64), np.array(a, dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Sink(Leader):
+    """A destination at rest (Olfati-Saber, sec. 10: a desired destination with p_d = 0).
+
+    Parameters
+    ----------
+    point
+        Where it is, shape (m,).
+
+    Raises
+    ------
+    InvalidInput
+        When a coordinate is not finite.
+    """
+
+    point: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "point", array("Sink", "point", self.point, ndim=1))
+
+    @property
+    def dimension(self) -> int:
+        """Length of ``point``."""
+        return len(self.point)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Coordinates of the sink."""
+        return {f"start_{k}": float(x) for k, x in enumerate(self.point)}
+
+    @property
+    def structure(self) -> tuple[object, ...]:
+        """The dimension."""
+        return ("sink", self.dimension)
+
+    def velocity(self, t: sympy.Expr, parameter: Callable[[str], sympy.Expr]) -> Sequence[sympy.Expr]:
+        """Zero."""
+        import sympy
+
+        return [sympy.Integer(0)] * self.dimension
+
+    def position(self, t: sympy.Symbol, parameter: Callable[[str], sympy.Expr]) -> list[sympy.Expr] | None:
+        """The point."""
+        return [parameter(f"start_{k}") for k in range(self.dimension)]
+
+
+@dataclass(frozen=True, eq=False)
+class Velocity(Leader):
+    """A leader with constant velocity (Zhou (24), Olfati-Saber p_d).
+
+    Parameters
+    ----------
+    value
+        Its velocity, shape (m,).
+    start
+        Its position at time ``start_time``, shape (m,); the origin when absent.
+    start_time
+        When it is there.
+
+    Raises
+    ------
+    InvalidInput
+        When shapes disagree or a value is not finite.
+    """
+
+    value: Array
+    start: Array | None = None
+    start_time: float = 0.0
+
+    def __post_init__(self) -> None:
+        value = array("Velocity", "value", self.value, ndim=1)
+        start = array("Velocity", "start", np.zeros_like(value) if self.start is None else self.start, ndim=1)
+        if start.shape != value.shape:
+            raise InvalidInput("Velocity", "start", f"must have {len(value)} coordinates", self.start)
+        object.__setattr__(self, "value", value)
+        object.__setattr__(self, "start", start)
+
+    @property
+    def dimension(self) -> int:
+        """Length of ``value``."""
+        return len(self.value)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Components of the velocity, the starting point and its time."""
+        start = {} if self.start is None else {f"start_{k}": float(x) for k, x in enumerate(self.start)}
+        speeds = {f"velocity_{k}": float(v) for k, v in enumerate(self.value)}
+        return {**speeds, **start, "start_time": self.start_time}
+
+    @property
+    def structure(self) -> tuple[object, ...]:
+        """The dimension."""
+        return ("velocity", self.dimension)
+
+    def velocity(self, t: sympy.Expr, parameter: Callable[[str], sympy.Expr]) -> Sequence[sympy.Expr]:
+        """The constant vector."""
+        return [parameter(f"velocity_{k}") for k in range(self.dimension)]
+
+
+class Path(Leader):
+    """A leader whose velocity is a formula of time (Shi, v0(t)).
+
+    Parameters
+    ----------
+    velocity
+        One text formula in ``t`` per axis, for example ``["sin(t)", "cos(t)"]``.
+    start
+        Its position at time ``start_time``; the origin when absent.
+    start_time
+        When it is there.
+    parameters
+        A value for every other name in the formulas.
+
+    Raises
+    ------
+    FormulaError
+        When a formula is not in the grammar or a name has no value.
+    InvalidInput
+        When shapes disagree or a value is not finite.
+    """
+
+    def __init__(
+        self,
+        velocity: Sequence[str],
+        start: Sequence[float] | None = None,
+        start_time: float = 0.0,
+        **parameters: float,
+    ) -> None:
+        self.formulas = tuple(Formula(text, "Path") for text in velocity)
+        if not self.formulas:
+            raise InvalidInput("Path", "velocity", "must have one formula per axis", velocity)
+        self.start = array("Path", "start", np.zeros(len(self.formulas)) if start is None else start, ndim=1)
+        if len(self.start) != len(self.formulas):
+            raise InvalidInput("Path", "start", f"must have {len(self.formulas)} coordinates", start)
+        self.start_time = float(start_time)
+        self.values = checked_parameters("Path", parameters)
+        needed = frozenset[str]().union(*(f.names for f in self.formulas)) - {"t"}
+        if needed != set(self.values):
+            odd = sorted(needed ^ set(self.values))[0]
+            raise InvalidInput("Path", odd, "must be both used in a formula and given a value", self.values)
+
+    def __repr__(self) -> str:
+        return f"Path({[f.text for f in self.formulas]}, start={self.start.tolist()})"
+
+    @property
+    def dimension(self) -> int:
+        """Number of formulas."""
+        return len(self.formulas)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Parameters of the formulas, the starting point and its time."""
+        start = {f"start_{k}": float(x) for k, x in enumerate(self.start)}
+        return {**self.values, **start, "start_time": self.start_time}
+
+    @property
+    def structure(self) -> tuple[object, ...]:
+        """The formulas."""
+        return ("path", *(f.structure for f in self.formulas))
+
+    def velocity(self, t: sympy.Expr, parameter: Callable[[str], sympy.Expr]) -> Sequence[sympy.Expr]:
+        """The formulas, with their names replaced by symbols."""
+        from flocking.formula.symbolic import to_sympy
+
+        return [to_sympy(f, {**{n: parameter(n) for n in f.names - {"t"}}, "t": t}) for f in self.formulas]
+
+
+def _leader_source(leader: Leader, names: tuple[str, ...]) -> str:
+    import sympy
+
+    from flocking.formula.printing import code
+
+    t = sympy.Symbol("t", real=True)
+
+    def parameter(name: str) -> sympy.Expr:
+        return sympy.Symbol(name, real=True)
+
+    def written(values: Sequence[sympy.Expr]) -> str:
+        return "[" + ", ".join(code(v, arrays=False) for v in values) + "]"
+
+    q = leader.position(t, parameter)
+    place = written(q) if q is not None else "[math.nan] * %d" % leader.dimension
+    return (
+        f"import math\n\ndef leader(t, {', '.join(names)}):\n"
+        f"    return {place}, {written(leader.velocity(t, parameter))}, {written(leader.acceleration(t, parameter))}\n"
+    )

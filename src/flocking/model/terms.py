@@ -1,0 +1,251 @@
+"""Pair terms of a control law: what a neighbour j adds to the control of agent i."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array, scalar_or_each
+from flocking.model.graphs import Graph
+from flocking.model.potentials import Potential
+from flocking.model.symbols import PairSymbols
+from flocking.model.weights import HashedWeights, MatrixWeights, PairWeights
+
+if TYPE_CHECKING:
+    import sympy
+
+Value = float | Array | PairWeights
+"""A parameter: one number, one number per agent, or one per pair."""
+
+SYMMETRIES = frozenset({"momentum", "rotation", "relabelling", "galilean", "locality"})
+"""Symmetries a pair term may declare; each has a contract test."""
+
+
+class Term(ABC):
+    """Base of all parts of a law that act on agents."""
+
+    @property
+    @abstractmethod
+    def parameters(self) -> dict[str, Value]:
+        """Run-time parameters by name."""
+
+    @property
+    @abstractmethod
+    def structure(self) -> tuple[object, ...]:
+        """What fixes the formulas of the term, without the values of its parameters."""
+
+    @property
+    def symmetries(self) -> frozenset[str]:
+        """Symmetries the term keeps, a subset of `SYMMETRIES`."""
+        return SYMMETRIES
+
+    def check_count(self, n: int) -> None:
+        """Check that per-agent and per-pair parameters fit ``n`` agents.
+
+        Raises
+        ------
+        InvalidInput
+            When one has another length.
+        """
+        for name, value in self.parameters.items():
+            if isinstance(value, PairWeights):
+                value.matrix(n)
+            elif np.ndim(value) and len(np.asarray(value)) != n:
+                raise InvalidInput(
+                    type(self).__name__,
+                    name,
+                    f"must have one value for each of the {n} agents",
+                    f"{np.size(value)} values",
+                )
+
+
+class PairTerm(Term):
+    """A term that sums over neighbours: u_i += along * n_ij + drag * (p_j - p_i).
+
+    A subclass states `along` or `drag` or both as SymPy expressions of the symbols it is handed, and,
+    where they exist, the energy it stores and the power it dissipates, each per ordered pair.
+    """
+
+    over: Graph | None = None
+    """Graph of this term, where it is not the graph of the law."""
+
+    def along(self, x: PairSymbols) -> sympy.Expr:
+        """Coefficient of n_ij = (q_j - q_i)/r."""
+        import sympy
+
+        return sympy.Integer(0)
+
+    def drag(self, x: PairSymbols) -> sympy.Expr:
+        """Coefficient of p_j - p_i."""
+        import sympy
+
+        return sympy.Integer(0)
+
+    def storage(self, x: PairSymbols) -> sympy.Expr:
+        """Energy stored in an undirected link (each ordered pair counts half of it)."""
+        import sympy
+
+        return sympy.Integer(0)
+
+    def dissipation(self, x: PairSymbols) -> sympy.Expr:
+        """Power dissipated by an undirected link (each ordered pair counts half of it)."""
+        import sympy
+
+        return sympy.Integer(0)
+
+    def kinks(self) -> tuple[float, ...]:
+        """Distances at which the formulas have a kink."""
+        return ()
+
+
+@dataclass(frozen=True)
+class Gradient(PairTerm):
+    """Descent of a pair potential: psi'(r) n_ij summed over neighbours (Tanner (5), Zhou (8), Olfati-Saber (34)-(36)).
+
+    Parameters
+    ----------
+    potential
+        The potential psi(r).
+    weighting
+        How the weight a(r) of a smooth graph enters. ``"energy"``: the force is the gradient of a psi
+        (Olfati-Saber (35)). ``"force"``: the force is a psi' (Olfati-Saber (36)), which is the gradient of
+        no pair energy the term could state. The two agree where a = 1.
+    over
+        Graph of this term, where it is not the graph of the law.
+
+    Raises
+    ------
+    InvalidInput
+        When ``weighting`` is unknown or ``potential`` is no Potential.
+    """
+
+    potential: Potential
+    weighting: str = "energy"
+    over: Graph | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.potential, Potential):
+            raise InvalidInput(
+                "Gradient",
+                "potential",
+                "must be a Potential",
+                self.potential,
+                "Write Gradient(Potential('1/r + 1/(R - r)', R=4)).",
+            )
+        if self.weighting not in ("energy", "force"):
+            raise InvalidInput("Gradient", "weighting", "must be 'energy' or 'force'", self.weighting)
+
+    @property
+    def parameters(self) -> dict[str, Value]:
+        """Parameters of the potential."""
+        return dict(self.potential.parameters)
+
+    @property
+    def structure(self) -> tuple[object, ...]:
+        """The formula and the weighting."""
+        return ("Gradient", self.potential.formula.structure, self.weighting)
+
+    def _psi(self, x: PairSymbols) -> sympy.Expr:
+        return self.potential.expression(x.r, {name: x.parameter(name) for name in self.potential.parameters})
+
+    def along(self, x: PairSymbols) -> sympy.Expr:
+        """The slope of a psi, or a times the slope of psi."""
+        import sympy
+
+        if self.weighting == "force":
+            return x.weight * sympy.diff(self._psi(x), x.r)
+        return sympy.diff(x.weight * self._psi(x), x.r)
+
+    def storage(self, x: PairSymbols) -> sympy.Expr:
+        """A psi."""
+        return x.weight * self._psi(x)
+
+    def kinks(self) -> tuple[float, ...]:
+        """Kinks of the potential."""
+        return self.potential.kinks()
+
+
+@dataclass(frozen=True, init=False)
+class Consensus(PairTerm):
+    """Velocity consensus: w_ij (p_j - p_i) summed over neighbours (Tanner (5), Zhou (8), Shi (4)).
+
+    Parameters
+    ----------
+    gain
+        Common factor c, or one per agent; not negative.
+    weights
+        Pair weights: an (N, N) matrix, `HashedWeights`, or None for 1.
+    weighted
+        Multiply by the weight a(r) of a smooth graph. Olfati-Saber (34)-(36) as printed do not.
+    functional
+        Multiply by the graph functional s_i of the sensing agent (Shi, Remark 3).
+    over
+        Graph of this term, where it is not the graph of the law.
+
+    Raises
+    ------
+    InvalidInput
+        When a gain or weight is negative or not finite.
+    """
+
+    gain: float | Array
+    weights: PairWeights | None
+    weighted: bool
+    functional: bool
+    over: Graph | None
+
+    def __init__(
+        self,
+        gain: float | Array = 1.0,
+        *,
+        weights: PairWeights | Any | None = None,
+        weighted: bool = False,
+        functional: bool = False,
+        over: Graph | None = None,
+    ) -> None:
+        if weights is not None and not isinstance(weights, PairWeights):
+            weights = MatrixWeights(weights)
+        object.__setattr__(self, "gain", scalar_or_each("Consensus", "gain", gain, least=0.0))
+        object.__setattr__(self, "weights", weights)
+        object.__setattr__(self, "weighted", bool(weighted))
+        object.__setattr__(self, "functional", bool(functional))
+        object.__setattr__(self, "over", over)
+
+    @property
+    def parameters(self) -> dict[str, Value]:
+        """The gain, and the pair weights where there are any."""
+        return {"gain": self.gain} | ({"weights": self.weights} if self.weights is not None else {})
+
+    @property
+    def structure(self) -> tuple[object, ...]:
+        """Which factors the coefficient has."""
+        return ("Consensus", self.weights is not None, self.weighted, self.functional)
+
+    @property
+    def symmetries(self) -> frozenset[str]:
+        """All, but momentum only when the coefficient is the same for (i, j) and (j, i)."""
+        uneven = np.ndim(self.gain) > 0 or self.functional or not (self.weights is None or self.weights.symmetric)
+        fixed = np.ndim(self.gain) > 0 or self.weights is not None
+        return SYMMETRIES - ({"momentum"} if uneven else set()) - ({"relabelling"} if fixed else set())
+
+    def drag(self, x: PairSymbols) -> sympy.Expr:
+        """The product of gain, pair weight, graph weight and graph functional."""
+        value = x.parameter("gain")
+        if self.weights is not None:
+            value = value * x.parameter("weights")
+        if self.weighted:
+            value = value * x.weight
+        if self.functional:
+            value = value * x.functional
+        return value
+
+    def dissipation(self, x: PairSymbols) -> sympy.Expr:
+        """w_ij |p_j - p_i|^2: with equal weights both ways, the sum over links is p^T L p (Tanner (9), Zhou (14))."""
+        return self.drag(x) * x.speed2
+
+
+__all__ = ["SYMMETRIES", "Consensus", "Gradient", "HashedWeights", "MatrixWeights", "PairTerm", "Term", "Value"]

@@ -1,0 +1,116 @@
+"""Pair weights w_ij: an explicit matrix, or a hash of the pair for large groups."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array, array, integer, number
+
+
+class PairWeights(ABC):
+    """A weight for every ordered pair of agents."""
+
+    symmetric: bool
+    """Whether w_ij = w_ji for all pairs."""
+
+    @abstractmethod
+    def matrix(self, n: int) -> Array:
+        """All weights as a matrix, shape (n, n)."""
+
+
+@dataclass(frozen=True, eq=False)
+class MatrixWeights(PairWeights):
+    """Weights given as a matrix.
+
+    Parameters
+    ----------
+    values
+        Weights w_ij that agent i gives to agent j, shape (N, N); not negative.
+
+    Raises
+    ------
+    InvalidInput
+        When the matrix is not square, or a weight is negative or not finite.
+    """
+
+    values: Array
+
+    def __post_init__(self) -> None:
+        values = array("Consensus", "weights", self.values, ndim=2)
+        if values.shape[0] != values.shape[1]:
+            raise InvalidInput("Consensus", "weights", "must be a square matrix", f"shape {values.shape}")
+        if (values < 0).any():
+            raise InvalidInput("Consensus", "weights", "must not be negative", float(values.min()))
+        object.__setattr__(self, "values", values)
+
+    @property
+    def symmetric(self) -> bool:  # type: ignore[override]
+        """Whether the matrix is symmetric."""
+        return bool((self.values == self.values.T).all())
+
+    def matrix(self, n: int) -> Array:
+        """The matrix itself.
+
+        Raises
+        ------
+        InvalidInput
+            When it was made for another number of agents than ``n``.
+        """
+        if len(self.values) != n:
+            raise InvalidInput(
+                "Consensus", "weights", f"must have shape ({n}, {n}) for {n} agents", f"shape {self.values.shape}"
+            )
+        return self.values
+
+
+@dataclass(frozen=True)
+class HashedWeights(PairWeights):
+    """Symmetric weights drawn from [low, high) by a hash of the pair: nothing is stored.
+
+    Parameters
+    ----------
+    low, high
+        Range of the weights, 0 <= low <= high.
+    seed
+        Seed of the hash; the same seed gives the same weights for any number of agents.
+
+    Raises
+    ------
+    InvalidInput
+        When the range is empty or negative.
+    """
+
+    low: float
+    high: float
+    seed: int
+    symmetric = True
+
+    def __post_init__(self) -> None:
+        low = number("HashedWeights", "low", self.low, least=0.0)
+        number("HashedWeights", "high", self.high, least=low)
+        integer("HashedWeights", "seed", self.seed, least=0)
+
+    def matrix(self, n: int) -> Array:
+        """All weights, shape (n, n), with a zero diagonal."""
+        i, j = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
+        values = self.low + (self.high - self.low) * pair_uniform(self.seed, i, j)
+        np.fill_diagonal(values, 0.0)
+        return np.asarray(values)
+
+
+def pair_uniform(seed: int, i: np.ndarray, j: np.ndarray) -> Array:  # type: ignore[type-arg]
+    """Numbers in [0, 1) that depend on the seed and the unordered pair alone (splitmix64)."""
+    low = np.minimum(i, j).astype(np.uint64)
+    high = np.maximum(i, j).astype(np.uint64)
+    with np.errstate(over="ignore"):
+        z = (high << np.uint64(32)) + low + np.uint64(seed % 2**64) * np.uint64(0x9E3779B97F4A7C15)
+        for _ in range(2):
+            z = z + np.uint64(0x9E3779B97F4A7C15)
+            z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+            z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+            z = z ^ (z >> np.uint64(31))
+    return np.asarray((z >> np.uint64(11)).astype(np.float64) / 2.0**53)

@@ -1,0 +1,31 @@
+"""The papers: scenarios, claims, figures and equation tables, one folder each."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from types import ModuleType
+from typing import Any
+
+KEYS = ("tanner-2003-fixed", "tanner-2003-dynamic", "zhou-2015")
+"""Keys of the papers, in the order they are reproduced."""
+
+
+def paper(key: str) -> ModuleType:
+    """Module of a paper by its key.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no such paper.
+    """
+    if key not in KEYS:
+        from flocking.errors import InvalidInput
+
+        raise InvalidInput("papers", "key", f"must be one of {', '.join(KEYS)}", key)
+    return import_module(f"flocking.papers.{key.replace('-', '_')}")
+
+
+def __getattr__(name: str) -> Any:
+    if name.replace("_", "-") in KEYS:
+        return paper(name.replace("_", "-"))
+    raise AttributeError(f"module 'flocking.papers' has no attribute {name!r}")

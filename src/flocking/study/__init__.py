@@ -1,0 +1,1 @@
+"""WHAT IT MEANS: nets, claims, audits, scenario files."""
