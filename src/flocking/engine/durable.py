@@ -1,0 +1,115 @@
+"""Files that survive a kill: every one appears whole or not at all, and one writer at a time."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from flocking.errors import StorageError
+
+PARTIAL = ".partial"
+"""Ending of a file that is still being written; a kill may leave one behind, and nothing ever reads it."""
+
+
+def put(path: Path, data: bytes) -> None:
+    """Write a file so that a reader finds the old content or the new, never a part."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f"{path.name}.{os.getpid()}{PARTIAL}")
+    try:
+        with open(partial, "wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(partial, path)
+    except BaseException:
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
+        raise
+
+
+def settle(folders: set[Path]) -> None:
+    """Make the names of new files in ``folders`` survive a power cut."""
+    for folder in folders:
+        with suppress(OSError):  # Windows cannot open a folder
+            handle = os.open(folder, os.O_RDONLY)
+            try:
+                os.fsync(handle)
+            finally:
+                os.close(handle)
+    folders.clear()
+
+
+def sweep(folder: Path) -> None:
+    """Remove what an earlier kill left half written."""
+    for path in folder.rglob(f"*{PARTIAL}"):
+        path.unlink(missing_ok=True)
+
+
+def durable_store(folder: Path) -> Any:
+    """A Zarr store in ``folder`` whose files are written by `put`; ``touched`` collects the folders of new ones."""
+    from zarr.storage import LocalStore
+
+    class DurableStore(LocalStore):  # type: ignore[misc]
+        """LocalStore with whole-file, synchronised writes."""
+
+        touched: set[Path]
+
+        async def set(self, key: str, value: Any) -> None:
+            """Write one file."""
+            self._check_writable()
+            path = folder / key
+            self.touched.add(path.parent)
+            await asyncio.to_thread(put, path, value.to_bytes())
+
+    store = DurableStore(folder)
+    store.touched = set()
+    return store
+
+
+@contextmanager
+def told(folder: Path, doing: str) -> Iterator[None]:
+    """Turn failures of the file system into a `StorageError` that says what to do."""
+    try:
+        yield
+    except OSError as error:
+        raise StorageError(f"{folder}: cannot {doing}: {_reason(error)}") from error
+
+
+def _reason(error: OSError) -> str:
+    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        return (
+            f"no room left ({error.strerror}). What was committed before stays readable; "
+            "free some space and go on with `flocking resume`."
+        )
+    if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+        return f"no permission ({error.strerror}). Choose another folder or change its rights."
+    return f"{error.strerror or error}."
+
+
+@contextmanager
+def only_writer(folder: Path) -> Iterator[None]:
+    """Hold the folder's lock; the system frees it when the process dies.
+
+    Raises
+    ------
+    StorageError
+        When another process writes to the folder.
+    """
+    try:
+        import fcntl
+    except ImportError:  # Windows: nothing to lock with
+        yield
+        return
+    with open(folder / ".lock", "ab") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise StorageError(
+                f"{folder}: another process is writing this run; wait for it or choose another folder."
+            ) from None
+        yield

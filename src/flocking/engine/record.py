@@ -1,0 +1,83 @@
+"""The record of a run on disk: what its last commit holds, sealed by a checksum."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from pathlib import Path
+from typing import Any
+
+from flocking.engine.durable import put, settle
+from flocking.errors import StorageError
+
+FORMAT = 1
+"""Version of the layout on disk; a reader refuses newer ones."""
+
+RECORD = "zarr.json"
+SCENARIO = "scenario.json"
+UNFINISHED = "unfinished"
+"""Status of a run whose writer has not said how it ended: it runs still, or was killed."""
+
+
+def read_record(folder: str | Path) -> dict[str, Any]:
+    """Record of the last commit of a run: its status, counts, checksums and checkpoint.
+
+    Raises
+    ------
+    StorageError
+        When there is no run, its record is damaged, or a newer version wrote it.
+    """
+    folder = Path(folder)
+    path = folder / RECORD
+    try:
+        attributes = json.loads(path.read_bytes())["attributes"]
+        record = attributes["flocking"]
+    except (FileNotFoundError, NotADirectoryError):
+        raise StorageError(f"{folder}: no run here. A run is a folder with a {RECORD}.") from None
+    except OSError as error:
+        raise StorageError(f"{folder}: cannot read the run: {error.strerror}.") from None
+    except (ValueError, KeyError, TypeError):
+        raise StorageError(f"{path}: no record of a run: the file was damaged or comes from elsewhere.") from None
+    if not isinstance(record, dict) or not isinstance(record.get("format"), int):
+        raise StorageError(f"{path}: no record of a run: the file was damaged or comes from elsewhere.")
+    if record["format"] > FORMAT:
+        raise StorageError(
+            f"{folder}: written by a newer version of flocking (format {record['format']}; this one reads {FORMAT}). "
+            "Update flocking to read it."
+        )
+    return _unsealed(record, path)
+
+
+def write_record(folder: Path, record: dict[str, Any], provenance: dict[str, Any]) -> None:
+    """Replace the record of a run, and with it the shapes a reader sees, in one step."""
+    metadata = {name: json.loads((folder / name / RECORD).read_bytes()) for name in record["arrays"]}
+    attributes = {
+        "title": record["title"],
+        "provenance": json.loads(json.dumps(provenance, default=str)),
+        "flocking": _sealed(record),
+    }
+    root = {
+        "zarr_format": 3, "node_type": "group", "attributes": attributes,
+        "consolidated_metadata": {"kind": "inline", "must_understand": False, "metadata": metadata},
+    }  # fmt: skip
+    put(folder / RECORD, json.dumps(root).encode())
+    settle({folder})
+
+
+def _sealed(record: dict[str, Any]) -> dict[str, Any]:
+    """A record with its own checksum."""
+    return {**record, "seal": zlib.crc32(json.dumps(record, sort_keys=True).encode())}
+
+
+def _unsealed(record: dict[str, Any], what: Path) -> dict[str, Any]:
+    """A record without its checksum, once that was found right.
+
+    Raises
+    ------
+    StorageError
+        When the record was changed since it was sealed.
+    """
+    inner = {k: v for k, v in record.items() if k != "seal"}
+    if _sealed(inner)["seal"] != record.get("seal"):
+        raise StorageError(f"{what}: the record of the run does not match its checksum; the file was damaged.")
+    return inner

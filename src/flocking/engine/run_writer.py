@@ -1,0 +1,225 @@
+"""Writing a run to disk while it goes on: append, then commit."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import zlib
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.columns import LEDGER, Dimensions, frame_checksums, ledger_rows, switch_columns
+from flocking.engine.durable import durable_store, only_writer, put, settle, sweep, told
+from flocking.engine.record import FORMAT, RECORD, SCENARIO, UNFINISHED, read_record, write_record
+from flocking.engine.run import Closest
+from flocking.errors import StorageError
+from flocking.model.law import Law, Scenario
+from flocking.model.serial import ForeignPart, to_data
+
+
+class RunWriter:
+    """Appends frames, switches and ledger rows to a run on disk and commits them.
+
+    Use `create` for a new folder and `reopen` to go on after the last commit. Nothing that was appended
+    counts before `commit`. Use it in a ``with`` block.
+    """
+
+    def __init__(self, folder: Path, record: dict[str, Any]) -> None:
+        self.folder = folder
+        self.record = record
+        self._closing = ExitStack()
+        with told(folder, "write the run"):
+            self._closing.enter_context(only_writer(folder))
+            self._store = durable_store(folder)
+            self._arrays = self._open_arrays()
+        self._counts = dict(record["counts"])
+        self._sums = dict(record["checksums"])
+
+    @classmethod
+    def create(
+        cls, folder: str | Path, scenario: Scenario, *, plant: Law | None = None, with_links: bool = True
+    ) -> RunWriter:
+        """Start a run in a new or empty folder; its first commit, without frames, is made at once.
+
+        Parameters
+        ----------
+        folder
+            Where; it appears only once it holds a readable run.
+        scenario
+            What is simulated. One with a part from outside this library is left out; then reading needs it again.
+        plant
+            The law the agents really obey, where it is another.
+        with_links
+            Whether frames hold link matrices.
+
+        Raises
+        ------
+        StorageError
+            When the folder holds something already or cannot be written.
+        """
+        folder = Path(folder)
+        _check_free(folder)
+        size = Dimensions(scenario.start.n, scenario.start.dimension, with_links)
+        fresh = folder.with_name(f".{folder.name}.{os.getpid()}.partial")
+        with told(folder, "create the run"):
+            try:
+                fresh.mkdir(parents=True)
+                text, reason = _scenario_text(scenario, plant)
+                put(fresh / SCENARIO, text)
+                store = durable_store(fresh)
+                for name in size.names():
+                    size.create(store, name)
+                record: dict[str, Any] = {
+                    "format": FORMAT, "title": scenario.name, "arrays": list(size.names()), "status": UNFINISHED, "n": size.n, "dimension": size.m, "links": with_links,
+                    "counts": {"time": 0, "switch": 0, "step": 0}, "checksums": {}, "closest": [None, None],
+                    "scenario": {"checksum": zlib.crc32(text), "left_out": reason}, "checkpoint": None, "commits": 0,
+                }  # fmt: skip
+                write_record(fresh, record, {})
+                with suppress(FileNotFoundError):
+                    folder.rmdir()
+                os.rename(fresh, folder)
+            finally:
+                shutil.rmtree(fresh, ignore_errors=True)
+        return cls(folder, record)
+
+    @classmethod
+    def reopen(cls, folder: str | Path) -> RunWriter:
+        """Go on after the last commit of a run; what was appended after it is dropped.
+
+        Raises
+        ------
+        StorageError
+            When there is no run, or another process is writing it.
+        """
+        return cls(Path(folder), read_record(folder))
+
+    def __enter__(self) -> RunWriter:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._closing.close()
+
+    def _open_arrays(self) -> dict[str, Any]:
+        """The arrays as of the last commit, whatever happened to their own metadata since."""
+        import zarr
+
+        sweep(self.folder)
+        committed = json.loads((self.folder / RECORD).read_bytes())["consolidated_metadata"]["metadata"]
+        for name, metadata in committed.items():
+            put(self.folder / name / RECORD, json.dumps(metadata).encode())
+        return {name: zarr.open_array(self._store, path=name, mode="r+") for name in committed}
+
+    def append(self, t: Any, q: Any, p: Any, links: Any = None) -> None:
+        """Append frames: times (F,), positions and velocities (F, N, m), links (F, N, N).
+
+        Raises
+        ------
+        StorageError
+            When the disk is full or gone; what was committed stays.
+        """
+        parts = {"time": np.asarray(t, dtype="f8"), "position": np.asarray(q, "f8"), "velocity": np.asarray(p, "f8")}
+        if self.record["links"]:
+            parts["links"] = np.asarray(links, dtype=bool)
+        if len(parts["time"]):
+            parts["checksum"] = frame_checksums(parts)
+            self._extend("time", parts)
+
+    def append_records(self, switches: np.ndarray[Any, Any], trace: np.ndarray[Any, Any]) -> None:
+        """Append switches, fields `SWITCH_FIELDS`, and ledger rows, fields `TRACE_FIELDS`.
+
+        Raises
+        ------
+        StorageError
+            When the disk is full or gone; what was committed stays.
+        """
+        if len(switches):
+            columns = switch_columns(switches)
+            self._sum(columns)
+            self._extend("switch", columns)
+        if len(trace):
+            ledger = {LEDGER: ledger_rows(trace)}
+            self._sum(ledger)
+            self._extend("step", ledger)
+
+    def _sum(self, columns: dict[str, Any]) -> None:
+        for name, values in columns.items():
+            self._sums[name] = zlib.crc32(np.ascontiguousarray(values).tobytes(), self._sums.get(name, 0))
+
+    def _extend(self, dimension: str, parts: dict[str, Any]) -> None:
+        old = self._counts[dimension]
+        new = old + len(next(iter(parts.values())))
+        with told(self.folder, "append to the run"):
+            for name, values in parts.items():
+                array = self._arrays[name]
+                array.resize((new, *array.shape[1:]))
+                array[old:new] = values
+        self._counts[dimension] = new
+
+    def commit(
+        self,
+        status: str = UNFINISHED,
+        *,
+        closest: tuple[Closest, Closest] = (Closest(), Closest()),
+        provenance: dict[str, Any] | None = None,
+        checkpoint: bytes | None = None,
+    ) -> None:
+        """Make everything appended so far part of the run, in one step.
+
+        Parameters
+        ----------
+        status
+            How the run stands.
+        closest
+            Closest linked and unlinked pair so far.
+        provenance
+            Where the run comes from.
+        checkpoint
+            What `resume` needs to go on from the last frame appended; absent when the run cannot go on.
+
+        Raises
+        ------
+        StorageError
+            When the disk is full or gone; the commit before stays.
+        """
+        number = self.record["commits"] + 1
+        record = {
+            **self.record, "status": status, "counts": dict(self._counts), "checksums": dict(self._sums),
+            "closest": [_closest_data(c) for c in closest], "commits": number, "checkpoint": None,
+        }  # fmt: skip
+        with told(self.folder, "commit to the run"):
+            if checkpoint is not None:
+                name = f"checkpoint-{number:06d}.npz"
+                put(self.folder / name, checkpoint)
+                record["checkpoint"] = {"file": name, "checksum": zlib.crc32(checkpoint)}
+            settle(self._store.touched | {self.folder})
+            write_record(self.folder, record, provenance or {})
+        self.record = record
+        self._store.touched.clear()
+        for old in self.folder.glob("checkpoint-*.npz"):
+            if record["checkpoint"] is None or old.name != record["checkpoint"]["file"]:
+                old.unlink(missing_ok=True)
+
+
+def _check_free(folder: Path) -> None:
+    with told(folder, "create the run"):
+        if (folder / RECORD).exists():
+            raise StorageError(
+                f"{folder}: holds a run already. Choose another folder, go on with `flocking resume`, or delete it."
+            )
+        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise StorageError(f"{folder}: not an empty folder. Choose another one; nothing is ever overwritten.")
+
+
+def _scenario_text(scenario: Scenario, plant: Law | None) -> tuple[bytes, str | None]:
+    try:
+        return json.dumps(to_data([scenario, plant])).encode(), None
+    except ForeignPart as error:
+        return b"null", str(error)
+
+
+def _closest_data(found: Closest) -> list[Any] | None:
+    return [found.distance, found.time, list(found.pair)] if np.isfinite(found.distance) else None

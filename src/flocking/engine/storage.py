@@ -1,0 +1,144 @@
+"""Runs on disk: a Zarr 3 group that grows by commits, each of them whole or absent.
+
+The folder of a run is the group itself, so that ``xarray.open_zarr(folder)`` shows labelled arrays. Its
+``zarr.json`` holds the record of the last commit together with the metadata of all arrays, and it is
+replaced last, in one step: whatever a reader opens, it finds the frames of that commit and no others.
+"""
+
+from __future__ import annotations
+
+import json
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.columns import ARRAYS, FRAME_PARTS, LEDGER, SWITCHES, frame_checksums, ledger_table, switch_table
+from flocking.engine.durable import told
+from flocking.engine.record import SCENARIO, read_record
+from flocking.engine.run import Closest, Run
+from flocking.engine.run_writer import RunWriter
+from flocking.errors import InvalidInput, StorageError
+from flocking.model.law import Law, Scenario
+from flocking.model.serial import from_data
+
+
+def write_run(run: Run, folder: str | Path) -> Path:
+    """Write a finished run to a new or empty folder.
+
+    Raises
+    ------
+    StorageError
+        When the folder holds something already or cannot be written.
+    """
+    links = run.links.shape[1:] == (run.n, run.n)
+    with RunWriter.create(folder, run.scenario, with_links=links) as writer:
+        writer.append(run.t, run.q, run.p, run.links)
+        writer.append_records(run.switches, run.trace)
+        writer.commit(run.status, closest=(run.closest_linked, run.closest_unlinked), provenance=run.provenance)
+    return Path(folder)
+
+
+def read_run(folder: str | Path, *, scenario: Scenario | None = None, frames: int | None = None) -> Run:
+    """Read the committed part of a run.
+
+    Parameters
+    ----------
+    folder
+        Where it is.
+    scenario
+        Its scenario, for a run whose scenario could not be stored.
+    frames
+        Read only so many frames, for example those before a damaged one.
+
+    Raises
+    ------
+    StorageError
+        When there is no run, it was written by a newer version, or data do not match their checksums.
+    """
+    folder = Path(folder)
+    record = read_record(folder)
+    if scenario is None:
+        scenario, _ = read_scenario_of(folder)
+    with told(folder, "read the run"):
+        import zarr
+
+        group = zarr.open_group(str(folder), mode="r", use_consolidated=True)
+        arrays = {name: group[name] for name in group.attrs["flocking"]["arrays"]}
+    count = record["counts"]["time"] if frames is None else min(frames, record["counts"]["time"])
+    parts = {name: _read(folder, arrays[name], name, count) for name in (*FRAME_PARTS, "checksum") if name in arrays}
+    _check_frames(folder, parts)
+    tables = {name: _read(folder, arrays[name], name, arrays[name].shape[0]) for name in (*SWITCHES, LEDGER)}
+    for name, values in tables.items():
+        if len(values) and zlib.crc32(values.tobytes()) != record["checksums"].get(name):
+            raise StorageError(f"{folder}: the table {name!r} does not match its checksum; the file was damaged.")
+    provenance = dict(group.attrs["provenance"])
+    linked, unlinked = (_closest_of(c) for c in record["closest"])
+    return Run(
+        scenario, parts["time"], parts["position"], parts["velocity"],
+        parts["links"] if record["links"] else np.zeros((count, 0, 0), dtype=bool),
+        switch_table(tables), ledger_table(tables[LEDGER]), linked, unlinked, record["status"], provenance,
+    )  # fmt: skip
+
+
+def read_scenario_of(folder: str | Path) -> tuple[Scenario, Law | None]:
+    """Scenario of a run on disk, and its plant where it has one.
+
+    Raises
+    ------
+    StorageError
+        When the scenario was not stored or is damaged.
+    """
+    folder = Path(folder)
+    about = read_record(folder)["scenario"]
+    if about["left_out"]:
+        raise StorageError(
+            f"{folder}: the run holds no scenario ({about['left_out']}). "
+            "Give it when reading: read_run(folder, scenario=...)."
+        )
+    with told(folder, "read the scenario"):
+        text = (folder / SCENARIO).read_bytes()
+    if zlib.crc32(text) != about["checksum"]:
+        raise StorageError(f"{folder / SCENARIO}: the scenario does not match its checksum; the file was damaged.")
+    try:
+        scenario, plant = from_data(json.loads(text))
+    except (InvalidInput, ValueError, TypeError) as error:
+        raise StorageError(f"{folder / SCENARIO}: no scenario that this version can build: {error}") from None
+    if not isinstance(scenario, Scenario) or not isinstance(plant, Law | None):
+        raise StorageError(f"{folder / SCENARIO}: holds no scenario.")
+    return scenario, plant
+
+
+def _read(folder: Path, array: Any, name: str, count: int) -> np.ndarray[Any, Any]:
+    """First ``count`` rows; a chunk that cannot be decoded is named by its rows."""
+    try:
+        return np.asarray(array[:count])
+    except Exception as fault:  # each codec has errors of its own
+        size = array.chunks[0]
+        for first in range(0, count, size):
+            try:
+                array[first : first + size]
+            except Exception:
+                last = min(first + size, count) - 1
+                rows = f"frames {first} to {last}" if name in ARRAYS else f"rows {first} to {last}"
+                raise StorageError(
+                    f"{folder}: a chunk of {name!r} is damaged ({rows}): {fault}. "
+                    f"The frames before can be read with read_run(folder, frames={first})."
+                ) from None
+        raise StorageError(f"{folder}: the array {name!r} cannot be read: {fault}") from None
+
+
+def _check_frames(folder: Path, parts: dict[str, Any]) -> None:
+    found = frame_checksums(parts)
+    for k, row in enumerate(np.atleast_2d(found != parts["checksum"])):
+        if row.any():
+            name = [n for n in FRAME_PARTS[1:] if n in parts][int(np.argmax(row))]
+            raise StorageError(
+                f"{folder}: frame {k} of {name!r} (t = {parts['time'][k]:.9g}) does not match its checksum; the file "
+                f"was damaged. The frames before can be read with read_run(folder, frames={k})."
+            )
+
+
+def _closest_of(data: list[Any] | None) -> Closest:
+    return Closest() if data is None else Closest(float(data[0]), float(data[1]), (data[2][0], data[2][1]))
