@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from flocking.model.tracking import Track as Track
     from flocking.model.weights import HashedWeights as HashedWeights
     from flocking.model.weights import MatrixWeights as MatrixWeights
-    from flocking.study.audit import audit as audit
+    from flocking.papers.auditing import audit as audit
     from flocking.study.potential_check import check_potential as check_potential
     from flocking.study.scenario_file import read_scenario as read_scenario
     from flocking.study.scenario_file import write_scenario as write_scenario
@@ -66,7 +66,7 @@ _HOMES = {
     "MatrixWeights": "model.weights", "PairTerm": "model.terms", "Path": "model.leaders",
     "Potential": "model.potentials", "Proximity": "model.graphs", "Run": "engine.run", "Scenario": "model.law",
     "SimulationError": "errors", "Sink": "model.leaders", "State": "model.state", "Track": "model.tracking",
-    "Velocity": "model.leaders", "audit": "study.audit", "check_potential": "study.potential_check",
+    "Velocity": "model.leaders", "audit": "papers.auditing", "check_potential": "study.potential_check",
     "control": "engine.reference", "control_of": "engine.reference", "evaluate": "engine.reference",
     "read_run": "engine.storage", "read_scenario": "study.scenario_file", "simulate": "engine.simulate",
     "start": "engine.starting", "write_run": "engine.storage", "write_scenario": "study.scenario_file",

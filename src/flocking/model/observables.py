@@ -1,0 +1,64 @@
+"""Quantities of one state: headings, means, spreads, order and the closest pair."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flocking.model.checks import Array
+from flocking.model.connectivity import Links, components
+from flocking.model.state import State
+
+
+def headings(state: State) -> Array:
+    """Heading angle of each agent's velocity in the plane, in (-pi, pi], 0 at rest (Tanner (2)); shape (N,)."""
+    return np.asarray(np.arctan2(state.p[:, 1], state.p[:, 0]))
+
+
+def mean_position(state: State, masses: Array | float = 1.0) -> Array:
+    """Centre of mass, shape (m,) (Olfati-Saber (22), Zhou (11), Shi's x*)."""
+    w = np.broadcast_to(np.asarray(masses, dtype=np.float64), state.n)
+    return np.asarray(w @ state.q / w.sum())
+
+
+def mean_velocity(state: State, masses: Array | float = 1.0) -> Array:
+    """Velocity of the centre of mass, shape (m,) (Olfati-Saber (22), Zhou (11), Shi's v*)."""
+    w = np.broadcast_to(np.asarray(masses, dtype=np.float64), state.n)
+    return np.asarray(w @ state.p / w.sum())
+
+
+def velocity_spread(state: State) -> float:
+    """Largest |p_i - mean p|."""
+    return float(np.linalg.norm(state.p - state.p.mean(axis=0), axis=1).max())
+
+
+def order(state: State) -> float:
+    """Polarisation: length of the mean unit velocity, 1 when all agents head the same way (Vicsek)."""
+    speed = np.linalg.norm(state.p, axis=1, keepdims=True)
+    moving = speed[:, 0] > 0
+    if not moving.any():
+        return 0.0
+    return float(np.linalg.norm((state.p[moving] / speed[moving]).mean(axis=0)))
+
+
+def flocks(links: Links) -> int:
+    """Number of weakly connected components of a link matrix (Olfati-Saber, Definition 1)."""
+    return int(components(links).max()) + 1
+
+
+def density(links: Links) -> float:
+    """Share of the agents in the largest flock (Olfati-Saber (7))."""
+    return float(np.bincount(components(links)).max()) / len(links)
+
+
+def closest_pair(state: State) -> tuple[float, tuple[int, int]]:
+    """Smallest distance of two agents and who they are; infinite for one agent."""
+    if state.n < 2:
+        return np.inf, (-1, -1)
+    from scipy.spatial import cKDTree
+
+    distance, index = cKDTree(state.q).query(state.q, k=2)
+    # Coinciding agents may list each other first: take whichever entry is not the agent itself.
+    own = index[:, 1] == np.arange(state.n)
+    nearest = np.where(own, index[:, 0], index[:, 1])
+    i = int(np.argmin(distance[:, 1]))
+    return float(distance[i, 1]), (min(i, int(nearest[i])), max(i, int(nearest[i])))

@@ -1,0 +1,35 @@
+"""Audits that know the papers: a run of a paper's scenario is held against that paper's claims."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from flocking.engine.run import Run
+from flocking.papers import KEYS, paper
+from flocking.study.audit import Report
+from flocking.study.audit import audit as audit_claims
+from flocking.study.claims import Claim
+
+
+def audit(run: Run, claims: Sequence[Claim] | None = None) -> Report:
+    """Hold claims against a run.
+
+    Parameters
+    ----------
+    run
+        The run.
+    claims
+        The claims. When absent: those of the paper whose scenario the run has by name, else those that make
+        sense for any law; each says why it does not apply where it does not.
+    """
+    return audit_claims(run, paper_claims(run.scenario.name) if claims is None else claims)
+
+
+def paper_claims(scenario: str) -> tuple[Claim, ...] | None:
+    """Claims about a paper's scenario by its name; None for any other name."""
+    for key in KEYS:
+        if scenario.startswith(key):
+            found = paper(key)
+            if scenario in found.scenarios():
+                return tuple(found.claims(scenario))
+    return None

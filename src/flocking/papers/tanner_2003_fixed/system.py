@@ -1,0 +1,59 @@
+"""The simulated system of Tanner I, sec. V."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from flocking.model import starts
+from flocking.model.graphs import Fixed
+from flocking.model.law import Law, Scenario
+from flocking.model.potentials import Potential
+from flocking.model.terms import Consensus, Gradient
+
+KEY = "tanner-2003-fixed"
+COMPLETE = "tanner-2003-fixed-complete"
+"""The same system with every agent linked to every other (Remark IV.5)."""
+AGENTS = 10
+START_RADIUS = 2.5
+LARGEST_SPEED = 1.0
+DURATION = 100.0
+LINK_PROBABILITY = 0.3
+"""Not in the paper, which says only that the graph is random and connected."""
+PRINTED_TIMES = (2.22842, 5.21464, 22.8931, 55.0766)
+"""Times under Fig. 4-7."""
+
+
+def potential() -> Potential:
+    """The potential of Fig. 2. The paper gives no formula; Part II gives this one, used here without cut-off."""
+    return Potential("1/r**2 + log(r**2)")
+
+
+def scenario(figure: int | None = None, seed: int = 0, *, complete: bool = False, gain: float = 1.0) -> Scenario:
+    """The simulation of sec. V: ten agents in a ball, a random connected graph, 100 seconds.
+
+    Parameters
+    ----------
+    figure
+        Number of the figure it is for; all figures show the same run.
+    seed
+        Seed of the graph and of the start.
+    complete
+        Link all agents instead, as Remark IV.5 asks for.
+    gain
+        Consensus gain; 1 in (5).
+    """
+    graph = Fixed.complete(AGENTS) if complete else Fixed.random_connected(AGENTS, LINK_PROBABILITY, seed)
+    start = starts.ball(AGENTS, radius=START_RADIUS, speed=LARGEST_SPEED, seed=seed)
+    law = Law(graph, (Gradient(potential()), Consensus(gain)))
+    name = COMPLETE if complete else KEY
+    return Scenario(law, start, t_end=DURATION, frames=frame_times(), name=name, seed=seed)
+
+
+def frame_times() -> tuple[float, ...]:
+    """Even times, and the times the paper prints."""
+    return tuple(sorted({*(k * 0.5 for k in range(201)), *PRINTED_TIMES}))
+
+
+def scenarios() -> dict[str, Callable[[int], Scenario]]:
+    """Scenarios of this paper by name, each a function of the seed."""
+    return {KEY: lambda seed: scenario(seed=seed), COMPLETE: lambda seed: scenario(seed=seed, complete=True)}

@@ -1,0 +1,73 @@
+"""What Tanner I claims, and what is expected of each claim before any run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flocking.papers.tanner_2003_fixed.system import COMPLETE, KEY
+from flocking.study import general_claims as general
+from flocking.study.claims import Claim, Measure, Verdict, below
+from flocking.study.evidence import Evidence
+
+THEOREM = "Theorem IV.4"
+
+
+def distances_bounded(e: Evidence) -> Measure:
+    """Largest distance against (N-1) V^-1(c), the larger branch of the inverse, along a path of links."""
+    from scipy.optimize import brentq
+
+    psi = e.equilibrium.potentials[0]
+    c = float(e.run.trace["energy"][0])
+    reach = brentq(lambda s: float(psi(np.exp(s))) - c, 0.0, 50.0 + c)
+    bound = (e.run.n - 1) * float(np.exp(reach))
+    return below(float(e.diameter.max()), bound, f"largest distance {e.diameter.max():.3g}, bound {bound:.3g}")
+
+
+def claims(scenario: str = KEY) -> Sequence[Claim]:
+    """Claims of the paper about one of its systems.
+
+    Parameters
+    ----------
+    scenario
+        ``"tanner-2003-fixed"``, or ``"tanner-2003-fixed-complete"`` for the complete graph of Remark IV.5.
+    """
+    complete = scenario == COMPLETE
+    connected = general.starts_connected
+    fails, holds = Verdict.FAILS, Verdict.HOLDS
+    too_rigid = "Stationary only: in the plane ten agents cannot all be 1 apart."
+    flexible = "Holds because the drawn graphs are sparse; with all agents linked it fails."
+    unseen = "Unlinked agents do not see each other; some end at the same point."
+    return (
+        Claim("energy", "(9)", "dW/dt = -v^T (L x I) v: the dissipation is the Laplacian form.",
+              general.ledger_residual, dynamic=False),
+        Claim("energy-falls", "(8)-(9)", "W never rises.", general.energy_rise),
+        Claim("velocities-agree", THEOREM, "All velocities become the same.", general.velocities_agree, connected),
+        Claim("linked-apart", THEOREM, "Collisions between linked agents are avoided.", general.linked_apart, connected),
+        Claim("all-apart", "Remark IV.5", "No two agents collide, linked or not.",
+              general.all_apart if complete else unlinked_keep_distance,
+              expected=holds if complete else fails, reason="" if complete else unseen),
+        Claim("stationary", THEOREM, "The limit is stationary: the forces of every agent balance.",
+              general.forces_vanish, connected),
+        Claim("minimal", THEOREM, "The limit minimises every agent's potential V_i.", general.agents_at_their_minimum,
+              connected, expected=fails if complete else holds, reason=too_rigid if complete else flexible),
+        Claim("local-minimum", THEOREM, "The limit is a local minimum of the total potential.",
+              general.potential_is_minimal, connected),
+        Claim("speed-bound", "after (6)", "No speed exceeds sqrt(2 c), c the initial W.", general.speeds_bounded(2.0)),
+        Claim("distance-bound", "after (6)", "No distance exceeds (N-1) V^-1(c), the larger branch.", distances_bounded,
+              connected),
+        Claim("momentum", "not stated", "The common velocity is the mean of the initial ones.", general.momentum_drift),
+    )  # fmt: skip
+
+
+def unlinked_keep_distance(e: Evidence) -> Measure:
+    """Closest unlinked pair against the distance the energy forbids to linked ones."""
+    from scipy.optimize import brentq
+
+    psi = e.equilibrium.potentials[0]
+    c = float(e.run.trace["energy"][0])
+    forbidden = float(np.exp(brentq(lambda s: float(psi(np.exp(s))) - c, -40.0, 0.0)))
+    found = e.run.closest_unlinked
+    note = f"unlinked agents {found.pair[0]}, {found.pair[1]} at {found.distance:.2g}; linked ones never below {forbidden:.2g}"
+    return Measure(found.distance - forbidden, 0.0, note)

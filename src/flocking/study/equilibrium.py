@@ -1,0 +1,78 @@
+"""Equilibria of the pair potentials: the forces at a configuration, and whether it is a minimum."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from flocking.model.checks import Array
+from flocking.model.law import Law
+from flocking.model.state import State
+from flocking.model.terms import Gradient
+
+
+class Equilibrium:
+    """Pair potentials of a law at one state: each agent's V_i, the forces and the Hessian.
+
+    Only `Gradient` terms over the law's own graph count, with link weight 1.
+
+    Parameters
+    ----------
+    law
+        The control law.
+    state
+        The state; its links decide who are neighbours.
+    """
+
+    def __init__(self, law: Law, state: State) -> None:
+        self.state = state
+        links = state.links if state.links is not None else law.graph.initial(state.q)
+        self.i, self.j = np.nonzero(links)
+        d = state.q[self.j] - state.q[self.i]
+        self.r = np.linalg.norm(d, axis=1)
+        self.direction = d / np.where(self.r > 0, self.r, 1.0)[:, None]
+        self.potentials = [t.potential for t in law.pair_terms if isinstance(t, Gradient) and t.over is None]
+
+    def _sum(self, which: str) -> Array:
+        total = np.zeros(len(self.r))
+        for potential in self.potentials:
+            evaluate = potential if which == "value" else getattr(potential, which)
+            total += evaluate(self.r)
+        return total
+
+    @cached_property
+    def agent_potentials(self) -> Array:
+        """V_i = sum over neighbours of psi(r_ij), shape (N,)."""
+        return np.bincount(self.i, weights=self._sum("value"), minlength=self.state.n).astype(np.float64)
+
+    @cached_property
+    def forces(self) -> Array:
+        """-grad V_i of each agent, shape (N, m)."""
+        found = np.zeros_like(self.state.q)
+        np.add.at(found, self.i, self._sum("slope")[:, None] * self.direction)
+        return found
+
+    @cached_property
+    def force_scale(self) -> float:
+        """Largest sum over neighbours of |psi'(r_ij)| of an agent: the scale the forces cancel from."""
+        totals = np.bincount(self.i, weights=np.abs(self._sum("slope")), minlength=self.state.n)
+        return float(totals.max(initial=0.0))
+
+    @cached_property
+    def hessian(self) -> Array:
+        """Second derivative of the total potential, one psi per link, shape (N m, N m)."""
+        n, m = self.state.q.shape
+        curvature, tension = self._sum("curvature"), self._sum("slope") / np.where(self.r > 0, self.r, 1.0)
+        across = np.eye(m)[None] - self.direction[:, :, None] * self.direction[:, None, :]
+        along = self.direction[:, :, None] * self.direction[:, None, :]
+        blocks = curvature[:, None, None] * along + tension[:, None, None] * across
+        found = np.zeros((n, m, n, m))
+        np.add.at(found, (self.i, slice(None), self.i, slice(None)), blocks)
+        np.add.at(found, (self.i, slice(None), self.j, slice(None)), -blocks)
+        return found.reshape(n * m, n * m)
+
+    @cached_property
+    def stiffness(self) -> Array:
+        """Eigenvalues of the Hessian, ascending: negative ones are directions in which the potential falls."""
+        return np.asarray(np.linalg.eigvalsh(self.hessian))

@@ -1,0 +1,153 @@
+"""What claims look at: quantities computed once from a run."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.run import Run
+from flocking.model.checks import Array
+from flocking.model.connectivity import Links, components, is_connected
+from flocking.model.law import Law
+from flocking.study.equilibrium import Equilibrium
+
+LEDGER_FACTOR = 100.0
+"""The ledger must close to this many tolerances times the total energy moved."""
+
+
+class Evidence:
+    """Measured quantities of a run, each computed when first asked for.
+
+    Parameters
+    ----------
+    run
+        The run.
+    """
+
+    def __init__(self, run: Run) -> None:
+        self.run = run
+
+    @property
+    def law(self) -> Law:
+        """The declared law."""
+        return self.run.scenario.law
+
+    @property
+    def masses(self) -> Array:
+        """Mass of each agent, shape (N,)."""
+        return np.broadcast_to(np.asarray(self.run.scenario.agents.masses, dtype=np.float64), self.run.n)
+
+    @cached_property
+    def ledger_bound(self) -> float:
+        """How large the ledger's residual may be: 100 tolerances times the energy moved, plus rounding."""
+        tolerance = float(self.run.provenance.get("tolerance", self.run.scenario.tolerance))
+        size = float(np.abs(self.run.trace["energy"]).max(initial=0.0))
+        return LEDGER_FACTOR * tolerance * self.run.turnover + 1e-12 * size + 1e-14
+
+    @cached_property
+    def residual(self) -> float:
+        """Largest absolute residual of the energy ledger over the run."""
+        return float(np.abs(self.run.residual).max(initial=0.0))
+
+    @property
+    def ledger_closes(self) -> bool:
+        """Whether the declared law explains the energy of the computed motion."""
+        return self.residual <= self.ledger_bound
+
+    @property
+    def ledger_note(self) -> str:
+        """The residual and its bound in words."""
+        return f"ledger residual {self.residual:.2e}, allowed {self.ledger_bound:.2e}"
+
+    @cached_property
+    def mean_velocity(self) -> Array:
+        """Velocity of the centre of mass at the frames, shape (F, m)."""
+        return np.asarray(np.einsum("i,fik->fk", self.masses, self.run.p) / self.masses.sum())
+
+    @cached_property
+    def velocity_spread(self) -> Array:
+        """Largest |p_i - mean| at each frame, shape (F,)."""
+        offsets = self.run.p - self.mean_velocity[:, None, :]
+        return np.asarray(np.linalg.norm(offsets, axis=2).max(axis=1))
+
+    @cached_property
+    def speeds(self) -> Array:
+        """Largest speed at each frame, shape (F,)."""
+        return np.asarray(np.linalg.norm(self.run.p, axis=2).max(axis=1))
+
+    @cached_property
+    def diameter(self) -> Array:
+        """Largest distance of two agents at each frame, shape (F,)."""
+        found = []
+        for q in self.run.q:
+            offsets = q[None] - q[:, None]
+            found.append(float(np.sqrt((offsets**2).sum(axis=2).max())))
+        return np.array(found)
+
+    @cached_property
+    def distance_rate(self) -> float:
+        """Largest rate of change of a pair distance at the last frame."""
+        q, p = self.run.q[-1], self.run.p[-1]
+        i, j = np.triu_indices(self.run.n, 1)
+        if len(i) == 0:
+            return 0.0
+        d, v = q[j] - q[i], p[j] - p[i]
+        r = np.linalg.norm(d, axis=1)
+        return float(np.abs((d * v).sum(axis=1) / np.where(r > 0, r, 1.0)).max())
+
+    @cached_property
+    def link_history(self) -> list[tuple[float, Links]]:
+        """Link matrix of the law's graph from each time it changed on, the first at the start."""
+        links = np.array(self.run.links[0])
+        history = [(float(self.run.t[0]), links.copy())]
+        directed = self.law.graph.directed
+        for row in self.link_switches:
+            i, j = int(row["i"]), int(row["j"])
+            value = row["kind"] == "appear"
+            links[i, j] = value
+            if not directed:
+                links[j, i] = value
+            if float(row["time"]) == history[-1][0]:
+                history[-1] = (history[-1][0], links.copy())
+            else:
+                history.append((float(row["time"]), links.copy()))
+        return history
+
+    @cached_property
+    def link_switches(self) -> np.ndarray[Any, Any]:
+        """Switches of links of the law's own graph."""
+        s = self.run.switches
+        return s[(s["graph"] == 0) & ((s["kind"] == "appear") | (s["kind"] == "break"))]
+
+    @cached_property
+    def first_disconnected(self) -> float:
+        """First time at which the graph is not connected; infinite when it always is."""
+        return next((t for t, links in self.link_history if not is_connected(links)), np.inf)
+
+    @cached_property
+    def flocks_at_end(self) -> int:
+        """Number of flocks at the end."""
+        return int(components(self.link_history[-1][1]).max()) + 1
+
+    @property
+    def links_created(self) -> int:
+        """Number of links that appeared."""
+        return int((self.link_switches["kind"] == "appear").sum())
+
+    @property
+    def links_lost(self) -> int:
+        """Number of links that broke."""
+        return int((self.link_switches["kind"] == "break").sum())
+
+    @cached_property
+    def last_switch(self) -> float:
+        """Time of the last link switch; the start when there was none."""
+        switches = self.link_switches
+        return float(switches["time"][-1]) if len(switches) else float(self.run.t[0])
+
+    @cached_property
+    def equilibrium(self) -> Equilibrium:
+        """Forces and stiffness of the potentials at the last frame."""
+        return Equilibrium(self.law, self.run.state(-1))
