@@ -23,7 +23,10 @@ FUNCTIONS: dict[str, int] = {
 CONSTANTS: dict[str, float] = {"pi": math.pi}
 """Names with a fixed value."""
 
-LONGEST_TEXT = 2000
+RESERVED = frozenset({"math", "numpy"})
+"""Names generated code needs for itself."""
+
+LONGEST_TEXT = 10_000
 DEEPEST_NESTING = 60
 MOST_NODES = 600
 LARGEST_EXPONENT = 64
@@ -133,7 +136,7 @@ def _convert(node: ast.expr, text: str, owner: str) -> Node:
                 raise _reject(owner, text, "must have finite numbers below 1e100")
             return ("number", value)
         case ast.Name(id=name):
-            if name.startswith("_"):
+            if name.startswith("_") or name in RESERVED:
                 raise _reject(owner, text, f"must not use the name {name!r}")
             if name in FUNCTIONS:
                 raise _reject(owner, text, f"uses the function {name} without arguments")
@@ -147,6 +150,8 @@ def _convert(node: ast.expr, text: str, owner: str) -> Node:
             pair = (sign, _convert(left, text, owner), _convert(right, text, owner))
             if sign == "**":
                 _check_exponent(pair[2], text, owner)
+            if sign == "/" and constant_value(pair[2]) == 0:
+                raise _reject(owner, text, "must not divide by zero")
             return pair
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in FUNCTIONS:
             return _convert_call(name, arguments, text, owner)

@@ -18,15 +18,28 @@ def to_sympy(formula: Formula, values: Mapping[str, sympy.Expr]) -> sympy.Expr:
     Raises
     ------
     FormulaError
-        When the formula has a name that ``values`` lacks.
+        When the formula has a name that ``values`` lacks, or contains a number that is not real and finite.
     """
+    import sympy
+
     missing = formula.names - set(values)
     if missing:
         raise FormulaError(
             formula.owner, "formula", f"uses the undefined name {sorted(missing)[0]!r}", formula.text,
             "Give every parameter a value, as in Potential('1/r + 1/(R - r)', R=4).",
         )  # fmt: skip
-    return _build(formula.tree, values)
+    try:
+        result = _build(formula.tree, values)
+    except (TypeError, ValueError, ArithmeticError):  # a comparison with such a number
+        result = sympy.nan
+    powers = [p for p in result.atoms(sympy.Pow) if p.is_number]
+    unreal = any(p.base.is_negative and p.exp.is_integer is False for p in powers)
+    if unreal or result.has(sympy.I, sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
+        raise FormulaError(
+            formula.owner, "formula", "contains something that is not a real finite number", formula.text,
+            "Look for a division by zero, or the root, power or logarithm of something negative.",
+        )  # fmt: skip
+    return result
 
 
 def _build(node: Node, values: Mapping[str, sympy.Expr]) -> sympy.Expr:
@@ -50,7 +63,9 @@ def _build(node: Node, values: Mapping[str, sympy.Expr]) -> sympy.Expr:
             condition = relation(_build(left, values), _build(right, values))
             return sympy.Piecewise((_build(yes, values), condition), (_build(no, values), True))
         case ("call", "abs", tuple() as argument):
-            return sympy.Abs(_build(argument, values))
+            # Two pieces: the border between them is a kink, and their slope has no delta function.
+            inside = _build(argument, values)
+            return sympy.Piecewise((inside, inside >= 0), (-inside, True))
         case ("call", str() as name, tuple() as argument):
             return getattr(sympy, name)(_build(argument, values))
         case (str() as sign, tuple() as left, tuple() as right):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,10 @@ from flocking.model.checks import parameters as checked_parameters
 
 if TYPE_CHECKING:
     import sympy
+
+
+MOST_BORDERS = 64
+"""Borders kept of a condition such as sin(r) < 0, which has one after the other."""
 
 
 @dataclass(frozen=True, init=False)
@@ -153,50 +157,65 @@ class Potential:
         """The potential times a cosine bump: 1 until ``onset``, 0 from ``radius`` on (continuous slope)."""
         outer = number("Potential.smoothed", "radius", radius, above=0.0)
         inner = number("Potential.smoothed", "onset", onset, above=0.0, below=outer)
-        bump = "where(r < fade, 1, where(r < fade_end, (1 + cos(pi*(r - fade)/(fade_end - fade)))/2, 0))"
-        return self._wrap(f"{bump} * PSI", fade=inner, fade_end=outer)
+        bump = "(1 + cos(pi*(r - fade)/(fade_end - fade)))/2"
+        return self._wrap(f"where(r < fade, PSI, where(r < fade_end, {bump} * PSI, 0))", fade=inner, fade_end=outer)
 
     def _wrap(self, pattern: str, **new: float) -> Potential:
         from flocking.formula.grammar import render
 
-        taken = set(self.parameters)
+        inner = render(self.formula.tree)
         names = {}
+        words = {"PSI": f"({inner})"}
         for name in new:
             free = name
-            while free in taken:
+            while free in self.parameters:
                 free += "_2"
-            names[name] = free
-        inner = render(self.formula.tree)
-        text = pattern
-        for name, free in names.items():
-            text = text.replace(f"PSI_AT_{name}", f"({_substitute(self.formula, free)})")
-            text = _rename(text, name, free)
-        text = text.replace("PSI", f"({inner})")
-        return Potential(text, **self.parameters, **{names[k]: v for k, v in new.items()})
+            names[name] = words[name] = free
+            words[f"PSI_AT_{name}"] = f"({_rename(inner, {'r': free})})"
+        values = {**self.parameters, **{names[k]: v for k, v in new.items()}}
+        return Potential(_rename(pattern, words), **values)
 
 
 def _rebuild(text: str, parameters: dict[str, float]) -> Potential:
     return Potential(text, **parameters)
 
 
-def _rename(text: str, name: str, free: str) -> str:
+def _rename(text: str, words: Mapping[str, str]) -> str:
+    """Replace whole words, all at once: what one puts in, no other one touches."""
     import re
 
-    return re.sub(rf"\b{name}\b", free, text)
-
-
-def _substitute(formula: Formula, name: str) -> str:
-    return _rename(formula.structure, "r", name)
+    return re.sub(r"[^\W\d]\w*", lambda found: words.get(found.group(), found.group()), text)
 
 
 def piece_borders(potential: Potential) -> tuple[float, ...]:
-    """Distances where pieces of the formula meet: read from its conditions, without SymPy where none."""
-    if "where(" not in potential.formula.structure:
+    """Distances where pieces of the formula meet, ascending: read from its conditions, without SymPy where none.
+
+    Borders that are roots of a polynomial of degree 2 or less are exact; others are searched on
+    [1e-6, 1e6], and at most `MOST_BORDERS` are kept.
+    """
+    if not any(f"{name}(" in potential.formula.structure for name in ("where", "abs")):
         return ()
     names = tuple(potential.parameters)
     module = generated_module(("borders", potential.formula.structure, names), lambda: _border_source(potential))
-    found = {float(b) for b in module.borders(*potential.parameters.values())}
+    values = [np.float64(v) for v in potential.parameters.values()]
+    with np.errstate(all="ignore"):
+        found = {float(b) for b in module.exact(*values)}
+        for gap in module.gaps:
+            found |= set(_sign_changes(gap, values))
     return tuple(sorted(b for b in found if np.isfinite(b) and b > 0))
+
+
+def _sign_changes(gap: Callable[..., Any], values: list[np.float64]) -> list[float]:
+    from scipy.optimize import brentq
+
+    grid = np.geomspace(1e-6, 1e6, 12001)
+    signs = np.sign(gap(grid, *values) + np.zeros_like(grid))
+    found = [float(r) for r in grid[signs == 0]]
+    for k in np.flatnonzero(signs[:-1] * signs[1:] < 0):
+        found.append(float(brentq(lambda r: float(gap(np.float64(r), *values)), grid[k], grid[k + 1], rtol=1e-15)))
+        if len(found) >= MOST_BORDERS:
+            break
+    return sorted(found)[:MOST_BORDERS]
 
 
 def _array_source(potential: Potential) -> str:
@@ -220,9 +239,19 @@ def _border_source(potential: Potential) -> str:
     from flocking.formula.printing import code
 
     r, psi = potential.symbolic()
-    roots: set[Any] = set()
+    exact, gaps = [], []
     for relation in psi.atoms(sympy.core.relational.Relational):
-        roots |= set(sympy.solve(relation.lhs - relation.rhs, r))
-    texts = sorted(code(root, arrays=False) for root in roots if root.free_symbols <= psi.free_symbols - {r})
+        gap = relation.lhs - relation.rhs
+        if r not in gap.free_symbols:
+            continue
+        if gap.is_polynomial(r) and sympy.degree(gap, r) <= 2:
+            exact += sympy.solve(gap, r)
+        else:
+            gaps.append(gap)
     arguments = ", ".join(potential.parameters)
-    return f"import math\n\ndef borders({arguments}):\n    return [{', '.join(texts)}]\n"
+    lines = ["import numpy", "", f"def exact({arguments}):"]
+    lines += [f"    return [{', '.join(sorted(code(b, arrays=True) for b in exact if not b.has(sympy.I)))}]", ""]
+    for k, gap in enumerate(sorted(gaps, key=str)):
+        lines += [f"def gap{k}({', '.join(['r', *potential.parameters])}):", f"    return {code(gap, arrays=True)}", ""]
+    lines += [f"gaps = [{', '.join(f'gap{k}' for k in range(len(gaps)))}]"]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,112 @@
+"""SymPy expressions evaluated with many digits and unbounded exponents: for limits that floats cannot reach."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import sympy
+
+DIGITS = 600
+LONGEST_NUMBER = 20_000
+"""Bits of an argument beyond which a function is not evaluated: its value would need all of them."""
+
+Number = Any
+"""An ``mpmath.mpf``; NaN where the expression has no real value, infinite where it is too large to write."""
+
+
+def evaluator(expression: sympy.Expr, symbol: sympy.Symbol) -> Callable[[Number], Number]:
+    """Function of ``symbol`` that evaluates ``expression`` with `DIGITS` digits.
+
+    No value takes long: arguments too large for a function give an infinity or NaN instead.
+    """
+    import mpmath
+    import sympy
+
+    context = mpmath.mp.clone()
+    context.dps = DIGITS
+    nan, inf, zero = context.nan, context.inf, context.mpf(0)
+
+    def large(x: Number, bits: int) -> bool:
+        return bool(context.isinf(x)) or (x != 0 and int(context.mag(x)) > bits)
+
+    def growth(x: Number) -> Number:
+        if context.isnan(x) or not large(x, 60):
+            return context.exp(x)
+        return inf if x > 0 else zero
+
+    def wave(name: str, x: Number) -> Number:
+        return nan if large(x, LONGEST_NUMBER) else getattr(context, name)(x)
+
+    def power(base: Number, exponent: Number) -> Number:
+        if context.isnan(base) or context.isnan(exponent):
+            return nan
+        if base == 0:
+            return inf if exponent < 0 else context.mpf(1) if exponent == 0 else zero
+        if context.isint(exponent) and abs(exponent) <= 4096 and not context.isinf(base):
+            return base ** int(exponent)
+        return growth(exponent * context.log(base)) if base > 0 else nan
+
+    def bend(name: str, x: Number) -> Number:
+        if name in {"sinh", "cosh"}:
+            up, down = growth(x), growth(-x)
+            return (up - down if name == "sinh" else up + down) / 2
+        if large(x, 60):
+            return (context.pi / 2 if name == "atan" else context.mpf(1)) * (1 if x > 0 else -1)
+        return getattr(context, name)(x)
+
+    def at(value: Number) -> Number:
+        known: dict[Any, Any] = {symbol: context.mpf(value)}
+
+        def holds(condition: Any) -> bool:
+            if condition in (sympy.true, sympy.false):
+                return bool(condition)
+            if isinstance(condition, sympy.Rel):
+                a, b = compute(condition.lhs), compute(condition.rhs)
+                return {"<": a < b, "<=": a <= b, ">": a > b, ">=": a >= b, "==": a == b, "!=": a != b}[
+                    condition.rel_op
+                ]
+            if isinstance(condition, sympy.Not):
+                return not holds(condition.args[0])
+            if isinstance(condition, sympy.ITE):
+                test, yes, no = condition.args
+                return holds(yes) if holds(test) else holds(no)
+            return (all if isinstance(condition, sympy.And) else any)(holds(a) for a in condition.args)
+
+        def compute(node: Any) -> Number:
+            if node not in known:
+                known[node] = fresh(node)
+            return known[node]
+
+        def fresh(node: Any) -> Number:
+            if node.is_Rational:
+                return context.mpf(int(node.p)) / int(node.q)
+            if node.is_number and not node.args:
+                return context.mpf(node._to_mpmath(context.prec))
+            if node.is_Add:
+                return sum((compute(a) for a in node.args), zero)
+            if node.is_Mul:
+                result = context.mpf(1)
+                for factor in node.args:
+                    result *= compute(factor)
+                return result
+            if node.is_Pow:
+                return power(compute(node.base), compute(node.exp))
+            if isinstance(node, sympy.Piecewise):
+                return next((compute(v) for v, condition in node.args if holds(condition)), nan)
+            name = node.func.__name__
+            inside = compute(node.args[0])
+            if name == "exp":
+                return growth(inside)
+            if name == "log":
+                return context.log(inside) if inside > 0 else -inf if inside == 0 else nan
+            if name in {"sin", "cos", "tan"}:
+                return wave(name, inside)
+            if name in {"atan", "tanh", "sinh", "cosh"}:
+                return bend(name, inside)
+            return nan
+
+        return compute(expression)
+
+    return at
