@@ -88,7 +88,9 @@ class CacheError(FlockingError):
 
 
 class StorageError(FlockingError):
-    """A run on disk cannot be read or written."""
+    """A run on disk cannot be read or written; ``run`` holds what a simulation had computed until then."""
+
+    run: Run | None = None
 
 
 class UnsupportedLaw(FlockingError):

@@ -317,11 +317,12 @@ class ExactSession:
             (self._segment.t1, self.energy, self.kinetic, work, dissipated, supplied, self.jumped)
         )
 
-    def snapshot(self) -> Snapshot:
-        """Everything needed to go on bit for bit; see `resume`."""
+    def snapshot(self, *, records: bool = True) -> Snapshot:
+        """Everything needed to go on bit for bit; see `resume`. Without ``records`` the recorder is not copied."""
+        recorder = copy.deepcopy(self.recorder) if records else self.recorder
         return Snapshot(
             self.scenario, self.time, self._stepper.memory, self._segment, list(self._pending),
-            self._links.memory(), copy.deepcopy(self.recorder), self.energy, self.jumped, self.steps,
+            self._links.memory(), recorder, self.energy, self.jumped, self.steps,
         )  # fmt: skip
 
     @classmethod
@@ -365,11 +366,14 @@ class ExactSession:
         self.jumped += self.energy - before
         self._record_trace()
 
+    @property
+    def about(self) -> dict[str, Any]:
+        """Where the records come from: versions, engine, tolerance and counts."""
+        return provenance(self.engine, self.scenario) | {"steps": self.steps, "tolerance": self.scenario.tolerance}
+
     def run(self, status: str = "finished") -> Run:
         """What was computed so far."""
-        about = provenance(self.engine, self.scenario)
-        about |= {"steps": self.steps, "tolerance": self.scenario.tolerance}
-        return Run(self.scenario, status=status, provenance=about, **self.recorder.tables())
+        return Run(self.scenario, status=status, provenance=self.about, **self.recorder.tables())
 
 
 def _has_barrier(law: Law, graph: Graph) -> bool:

@@ -28,16 +28,18 @@ class RunWriter:
     counts before `commit`. Use it in a ``with`` block.
     """
 
-    def __init__(self, folder: Path, record: dict[str, Any]) -> None:
+    def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.record = record
+        read_record(folder)
         self._closing = ExitStack()
         with told(folder, "write the run"):
             self._closing.enter_context(only_writer(folder))
+            self.record = read_record(folder)
             self._store = durable_store(folder)
             self._arrays = self._open_arrays()
-        self._counts = dict(record["counts"])
-        self._sums = dict(record["checksums"])
+        self._counts = dict(self.record["counts"])
+        self._sums = dict(self.record["checksums"])
+        self._provenance: dict[str, Any] = {}
 
     @classmethod
     def create(
@@ -74,9 +76,10 @@ class RunWriter:
                 for name in size.names():
                     size.create(store, name)
                 record: dict[str, Any] = {
-                    "format": FORMAT, "title": scenario.name, "arrays": list(size.names()), "status": UNFINISHED, "n": size.n, "dimension": size.m, "links": with_links,
+                    "format": FORMAT, "title": scenario.name, "status": UNFINISHED, "commits": 0, "checkpoint": None,
+                    "n": size.n, "dimension": size.m, "links": with_links, "arrays": list(size.names()),
                     "counts": {"time": 0, "switch": 0, "step": 0}, "checksums": {}, "closest": [None, None],
-                    "scenario": {"checksum": zlib.crc32(text), "left_out": reason}, "checkpoint": None, "commits": 0,
+                    "scenario": {"checksum": zlib.crc32(text), "left_out": reason},
                 }  # fmt: skip
                 write_record(fresh, record, {})
                 with suppress(FileNotFoundError):
@@ -84,7 +87,7 @@ class RunWriter:
                 os.rename(fresh, folder)
             finally:
                 shutil.rmtree(fresh, ignore_errors=True)
-        return cls(folder, record)
+        return cls(folder)
 
     @classmethod
     def reopen(cls, folder: str | Path) -> RunWriter:
@@ -95,13 +98,22 @@ class RunWriter:
         StorageError
             When there is no run, or another process is writing it.
         """
-        return cls(Path(folder), read_record(folder))
+        return cls(Path(folder))
 
     def __enter__(self) -> RunWriter:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let other processes write; what was appended since the last commit does not count."""
         self._closing.close()
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Rows appended so far along ``time``, ``switch`` and ``step``."""
+        return dict(self._counts)
 
     def _open_arrays(self) -> dict[str, Any]:
         """The arrays as of the last commit, whatever happened to their own metadata since."""
@@ -196,12 +208,26 @@ class RunWriter:
                 put(self.folder / name, checkpoint)
                 record["checkpoint"] = {"file": name, "checksum": zlib.crc32(checkpoint)}
             settle(self._store.touched | {self.folder})
-            write_record(self.folder, record, provenance or {})
+            self._provenance = dict(provenance or {})
+            write_record(self.folder, record, self._provenance)
         self.record = record
         self._store.touched.clear()
         for old in self.folder.glob("checkpoint-*.npz"):
             if record["checkpoint"] is None or old.name != record["checkpoint"]["file"]:
                 old.unlink(missing_ok=True)
+
+    def mark(self, status: str) -> None:
+        """Say how the run stands, leaving the last commit as it is.
+
+        Raises
+        ------
+        StorageError
+            When the disk is full or gone.
+        """
+        record = {**self.record, "status": status}
+        with told(self.folder, "mark the run"):
+            write_record(self.folder, record, self._provenance)
+        self.record = record
 
 
 def _check_free(folder: Path) -> None:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flocking.engine.exact import ExactSession
 from flocking.engine.run import Run
-from flocking.errors import InvalidInput
+from flocking.errors import InvalidInput, SimulationError, StorageError
 from flocking.model.law import Law, Scenario
+
+if TYPE_CHECKING:
+    from flocking.engine.saving import Saving
 
 ENGINES = ("auto", "exact")
 QUIET_SECONDS = 2.0
@@ -58,7 +61,8 @@ def simulate(
     engine
         ``"exact"``, or ``"auto"`` to choose.
     save
-        Folder to write the run to; nothing is written when absent.
+        New or empty folder to write the run to while it goes on, see `flocking.engine.resuming.resume`;
+        nothing is written when absent.
     progress
         Show a progress bar once the run takes longer than two seconds.
     plant
@@ -75,27 +79,56 @@ def simulate(
         When the run cannot go on; its ``run`` holds what was computed until then.
     InvalidInput
         When the scenario cannot be started.
+    StorageError
+        When the run cannot be saved; its ``run`` holds what was computed until then.
     """
     session = start(scenario, engine, plant=plant)
+    if save is None:
+        return drive(session, progress=progress)
+    from flocking.engine.saving import Saving
+
+    with Saving.create(save, session) as saving:
+        return drive(session, progress=progress, saving=saving)
+
+
+def drive(session: ExactSession, *, progress: bool, saving: Saving | None = None) -> Run:
+    """Advance a session to the end of its scenario, and save it on the way.
+
+    Raises
+    ------
+    SimulationError, StorageError
+        When the run cannot go on or cannot be saved; ``run`` of the error holds what was computed until then.
+    """
+    scenario = session.scenario
     status = "finished"
     try:
         with _Progress(progress, scenario) as bar:
-            for t in _stops(scenario):
+            for t in _stops(scenario, session.time, often=saving is not None):
                 session.advance(t)
                 bar.show(t)
+                if saving is not None and t < scenario.t_end:
+                    saving.keep()
+        if saving is not None:
+            saving.finish(status)
     except KeyboardInterrupt:
         status = f"interrupted at t = {session.time:.9g}"
-    run = session.run(status)
-    if save is not None:
-        from flocking.engine.storage import write_run
+        if saving is not None:
+            saving.interrupt(status)
+    except SimulationError as error:
+        if saving is not None:
+            saving.finish(str(error))
+        raise
+    except StorageError as error:
+        error.run = session.run(str(error))
+        raise
+    return session.run(status)
 
-        write_run(run, save)
-    return run
 
-
-def _stops(scenario: Scenario) -> list[float]:
+def _stops(scenario: Scenario, now: float, *, often: bool) -> list[float]:
     times = np.linspace(scenario.start.t, scenario.t_end, 101)
-    return [float(t) for t in times[1:-1]] + [scenario.t_end]
+    if often:
+        times = np.union1d(times, scenario.frame_times)
+    return [float(t) for t in times if now < t < scenario.t_end] + [scenario.t_end]
 
 
 class _Progress:

@@ -1,0 +1,107 @@
+"""Checkpoints: all a session needs to go on bit for bit, but its records, as arrays and numbers in one file."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.exact import ExactSession, Snapshot
+from flocking.engine.recorder import Recorder
+from flocking.engine.run import Run
+from flocking.engine.segment import Segment
+from flocking.engine.stepper import StepperMemory
+from flocking.engine.switching import Crossing
+from flocking.errors import StorageError
+from flocking.model.law import Law, Scenario
+
+Arrays = dict[str, np.ndarray[Any, Any]]
+"""Arrays of a checkpoint by name."""
+
+
+def pack(session: ExactSession) -> bytes:
+    """State of a session as the bytes of an ``.npz`` file: arrays, and one JSON text of numbers."""
+    numbers, arrays = _FORMS[session.engine][0](session.snapshot(records=False))
+    text = json.dumps({"engine": session.engine, **numbers}).encode()
+    file = io.BytesIO()
+    whole: dict[str, Any] = {"numbers": np.frombuffer(text, dtype=np.uint8), **arrays}
+    np.savez(file, **whole)
+    return file.getvalue()
+
+
+def unpack(data: bytes, records: Run, plant: Law | None, where: Path) -> ExactSession:
+    """The session that was packed, with its records from a run read back.
+
+    Parameters
+    ----------
+    data
+        What `pack` gave.
+    records
+        The run as of the same commit.
+    plant
+        The law the agents really obey, where it is not the scenario's.
+    where
+        Where the data come from, for messages.
+
+    Raises
+    ------
+    StorageError
+        When the data are no checkpoint.
+    """
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+        numbers = json.loads(arrays.pop("numbers").tobytes())
+        restore = _FORMS[numbers["engine"]][1]
+        return restore(numbers, arrays, records, plant)
+    except (ValueError, KeyError, TypeError, IndexError, OSError, EOFError, zipfile.BadZipFile) as error:
+        raise StorageError(f"{where}: no checkpoint this version can go on from ({error}).") from None
+
+
+def _pack_exact(snapshot: Snapshot) -> tuple[dict[str, Any], Arrays]:
+    links, near = snapshot.links
+    numbers = {
+        "time": snapshot.time, "energy": snapshot.energy, "jumped": snapshot.jumped, "steps": snapshot.steps,
+        "stepper": [snapshot.stepper.t, snapshot.stepper.step], "segment": [snapshot.segment.t0, snapshot.segment.t1],
+        "pending": [c.watch for c in snapshot.pending], "graphs": len(links), "watches": len(near),
+    }  # fmt: skip
+    arrays = {"y": snapshot.stepper.y, "slope": snapshot.stepper.slope, "coefficients": snapshot.segment.coefficients}
+    arrays |= {f"pending{k}": c.pairs for k, c in enumerate(snapshot.pending)}
+    arrays |= {f"links{k}": x for k, x in enumerate(links)} | {f"near{k}": x for k, x in enumerate(near)}
+    return numbers, arrays
+
+
+def _restore_exact(numbers: dict[str, Any], arrays: Arrays, records: Run, plant: Law | None) -> ExactSession:
+    (t, step), (t0, t1) = numbers["stepper"], numbers["segment"]
+    snapshot = Snapshot(
+        records.scenario, numbers["time"], StepperMemory(t, arrays["y"], arrays["slope"], step),
+        Segment(t0, t1, arrays["coefficients"]),
+        [Crossing(watch, arrays[f"pending{k}"]) for k, watch in enumerate(numbers["pending"])],
+        ([arrays[f"links{k}"] for k in range(numbers["graphs"])],
+         [arrays[f"near{k}"] for k in range(numbers["watches"])]),
+        recorder_of(records), numbers["energy"], numbers["jumped"], numbers["steps"],
+    )  # fmt: skip
+    return ExactSession.resume(snapshot, plant=plant)
+
+
+def recorder_of(run: Run) -> Recorder:
+    """A recorder that holds the records of a run and goes on with them."""
+    scenario: Scenario = run.scenario
+    recorder = Recorder(scenario.frame_times, scenario.start.n, scenario.start.dimension)
+    recorder.t = [float(t) for t in run.t]
+    recorder.q, recorder.p, recorder.links = list(run.q), list(run.p), list(run.links)
+    recorder.switches = run.switches.tolist()
+    recorder.trace = run.trace.tolist()
+    recorder.closest_linked, recorder.closest_unlinked = run.closest_linked, run.closest_unlinked
+    return recorder
+
+
+_FORMS: dict[str, tuple[Callable[[Any], tuple[dict[str, Any], Arrays]], Callable[..., ExactSession]]] = {
+    "exact": (_pack_exact, _restore_exact),
+}
+"""How the sessions of each engine are packed and restored."""

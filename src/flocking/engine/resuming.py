@@ -1,0 +1,62 @@
+"""Going on with a run on disk that was killed or interrupted."""
+
+from __future__ import annotations
+
+import zlib
+from pathlib import Path
+
+from flocking.engine.checkpoint import unpack
+from flocking.engine.durable import told
+from flocking.engine.run import Run
+from flocking.engine.run_writer import RunWriter
+from flocking.engine.saving import Saving
+from flocking.engine.simulate import drive, start
+from flocking.engine.storage import read_run, read_scenario_of
+from flocking.errors import StorageError
+from flocking.model.law import Law, Scenario
+
+
+def resume(
+    folder: str | Path, *, scenario: Scenario | None = None, plant: Law | None = None, progress: bool = True
+) -> Run:
+    """Go on with a run on disk from its last commit to the end of its scenario.
+
+    The result equals that of a run never stopped, bit for bit, on the same machine and versions.
+    A run that is finished already is read and returned.
+
+    Parameters
+    ----------
+    folder
+        Where the run is.
+    scenario, plant
+        Its scenario and plant, for a run whose scenario could not be stored.
+    progress
+        Show a progress bar once it takes longer than two seconds.
+
+    Raises
+    ------
+    StorageError
+        When there is no run, it is damaged, another process writes it, or it ended in a way that cannot go on.
+    SimulationError
+        When the run cannot go on; its ``run`` holds what was computed until then.
+    """
+    folder = Path(folder)
+    with RunWriter.reopen(folder) as writer:
+        if scenario is None:
+            scenario, plant = read_scenario_of(folder)
+        records = read_run(folder, scenario=scenario)
+        if records.finished:
+            return records
+        kept = writer.record["checkpoint"]
+        if kept is not None:
+            path = folder / kept["file"]
+            with told(folder, "read the checkpoint"):
+                data = path.read_bytes()
+            if zlib.crc32(data) != kept["checksum"]:
+                raise StorageError(f"{path}: the checkpoint does not match its checksum; the file was damaged.")
+            session = unpack(data, records, plant, path)
+        elif writer.record["commits"] == 0:
+            session = start(scenario, plant=plant)
+        else:
+            raise StorageError(f"{folder}: this run cannot go on, it ended: {records.status}")
+        return drive(session, progress=progress, saving=Saving(writer, session))
