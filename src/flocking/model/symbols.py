@@ -52,8 +52,8 @@ class BodySymbols:
         m_i and k_i.
     mean_q, mean_p
         Centre of mass and its velocity; using them makes a term not distributed.
-    frame_p
-        Velocity of the frame in which the energy is taken.
+    frame_q, frame_p
+        Origin of the frame in which the energy is taken, and its velocity. The origin of the lab frame is None.
     leader_q, leader_p, leader_a
         Position, velocity and acceleration of the term's leader, m expressions each.
     parameter
@@ -67,6 +67,7 @@ class BodySymbols:
     damping: sympy.Expr
     mean_q: Sequence[sympy.Expr]
     mean_p: Sequence[sympy.Expr]
+    frame_q: Sequence[sympy.Expr] | None
     frame_p: Sequence[sympy.Expr]
     leader_q: Sequence[sympy.Expr]
     leader_p: Sequence[sympy.Expr]

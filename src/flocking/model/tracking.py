@@ -152,17 +152,21 @@ class Track(BodyTerm):
         return [f - c1 * e for f, e in zip(result, position, strict=True)] if position else result
 
     def storage(self, x: BodySymbols) -> sympy.Expr:
-        """c1 |q - x0|^2 / 2 about a sink, where the feedback is the agent's own and linear; else 0."""
+        """c1 |q - o|^2 / 2 where the feedback is the agent's own and linear, else 0.
+
+        o is the sink, or the origin of a moving frame (the leader, or the centre of mass in Shi's J for (15)).
+        """
         import sympy
 
-        if not self._stores:
+        origin = self._origin(x)
+        if origin is None:
             return sympy.Integer(0)
-        position, _ = self._errors(x)
-        return self._gain(x, "position_gain") * sum(e**2 for e in position) / 2
+        return self._gain(x, "position_gain") * sum((a - b) ** 2 for a, b in zip(x.q, origin, strict=True)) / 2
 
-    @property
-    def _stores(self) -> bool:
-        return isinstance(self.leader, Sink) and "position_gain" in self._active and not (self.shared or self.saturated)
+    def _origin(self, x: BodySymbols) -> Sequence[sympy.Expr] | None:
+        if "position_gain" not in self._active or self.shared or self.saturated:
+            return None
+        return x.leader_q if isinstance(self.leader, Sink) else x.frame_q
 
     def balance(self, x: BodySymbols) -> tuple[sympy.Expr, sympy.Expr]:
         """Linear velocity feedback dissipates c2 |p - frame|^2; the rest of its power is supplied."""
@@ -176,10 +180,12 @@ class Track(BodyTerm):
             dissipated = c2 * sum(v**2 for v in relative)
             force = [f + c2 * v for f, v in zip(force, relative, strict=True)]
         supplied = sum((sympy.expand(f) * v for f, v in zip(force, relative, strict=True)), sympy.Integer(0))
-        if self._stores:
+        origin = self._origin(x)
+        if origin is not None:
+            # The stored energy changes with q - o, whose rate is p for a sink and p - frame for a moving origin.
+            rate = x.p if isinstance(self.leader, Sink) else relative
             c1 = self._gain(x, "position_gain")
-            position, _ = self._errors(x)
-            supplied += sum(c1 * e * v for e, v in zip(position, x.p, strict=True))
+            supplied += sum(c1 * (a - b) * v for a, b, v in zip(x.q, origin, rate, strict=True))
         return dissipated, sympy.expand(supplied)
 
 

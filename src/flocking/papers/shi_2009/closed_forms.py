@@ -1,0 +1,107 @@
+"""Closed forms for the centre of mass: (9), (13), (16) with v0 = (sin t, cos t), and Examples 1-3.
+
+All follow from one linear equation for the centre of mass, (16) with an acceleration feed-forward g:
+x'' = -h0 (x' - v0) - r0 (x - x0) + g a0. It is solved exactly by superposing the homogeneous solution and,
+for a sinusoidal leader, its steady response.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flocking.model.checks import Array
+from flocking.papers.shi_2009.system import POSITION_GAIN, VELOCITY_GAIN
+
+
+def feedback(law: int) -> tuple[float, float, float]:
+    """Gains (h0, r0, g) of the centre of mass under law (8), (12) or (15)."""
+    return VELOCITY_GAIN, POSITION_GAIN if law == 15 else 0.0, 1.0 if law == 8 else 0.0
+
+
+def steady_velocity_error(law: int, h0: float | None = None, r0: float | None = None) -> float:
+    """Steady |v* - v0| for v0 = (sin t, cos t): 1/sqrt(1 + h0^2) under (12), 1/sqrt((r0 - 1)^2 + h0^2) under (15).
+
+    Parameters
+    ----------
+    law
+        8, 12 or 15.
+    h0, r0
+        Gains; those of the simulations when absent.
+    """
+    h, r, g = feedback(law)
+    h = h if h0 is None else h0
+    r = r if r0 is None else r0
+    return float(abs(_response(h, r, g) - 1.0))
+
+
+def _response(h0: float, r0: float, g: float) -> complex:
+    """Steady v*/v0 for v0 = exp(i t): the transfer function of the centre of mass at unit frequency."""
+    s = 1j
+    return complex(s * (g * s + h0 + r0 / s) / (s * s + h0 * s + r0))
+
+
+def centre_motion(law: int, t: Array, x_start: Array, v_start: Array) -> tuple[Array, Array]:
+    """Position and velocity of the centre of mass for v0 = (sin t, cos t), start at t = 0 and x0(0) = 0.
+
+    Parameters
+    ----------
+    law
+        8, 12 or 15.
+    t
+        Times, shape (F,).
+    x_start, v_start
+        Where it starts and how fast, shape (2,) each.
+
+    Returns
+    -------
+    tuple of Array
+        Positions and velocities, shape (F, 2) each.
+    """
+    h0, r0, g = feedback(law)
+    # sin t = Re(-i e^{it}), cos t = Re(e^{it}); x0 = (1 - cos t, sin t) has a constant part (1, 0).
+    phases = np.array([-1j, 1.0])
+    turning = np.exp(1j * t)[:, None] * phases
+    ratio = _response(h0, r0, g)
+    v_steady = ratio * turning
+    x_steady = v_steady / 1j
+    constant = np.array([1.0, 0.0]) if r0 else np.zeros(2)
+    x_rest = x_start - x_steady[0].real - constant
+    v_rest = v_start - v_steady[0].real
+    x_free, v_free = _free_motion(h0, r0, t, x_rest, v_rest)
+    return x_steady.real + constant + x_free, v_steady.real + v_free
+
+
+def _free_motion(h0: float, r0: float, t: Array, x: Array, v: Array) -> tuple[Array, Array]:
+    """Solution of x'' = -h0 x' - r0 x, by the eigenvalues of the matrix A of (16)."""
+    time = t[:, None]
+    root = np.sqrt(complex(h0 * h0 - 4 * r0))
+    first, second = (-h0 + root) / 2, (-h0 - root) / 2
+    if abs(root) < 1e-12:
+        slope = v - first.real * x
+        decay = np.exp(first.real * time)
+        return decay * (x + slope * time), decay * (v + first.real * slope * time)
+    a = (v - second * x) / (first - second)
+    b = x - a
+    place = a * np.exp(first * time) + b * np.exp(second * time)
+    speed = first * a * np.exp(first * time) + second * b * np.exp(second * time)
+    return place.real, speed.real
+
+
+def free_motion(h0: float, r0: float, t: Array, x: Array, v: Array) -> tuple[Array, Array]:
+    """Motion of x'' = -h0 x' - r0 x, the homogeneous part of (16).
+
+    Parameters
+    ----------
+    h0, r0
+        Gains.
+    t
+        Times, shape (F,).
+    x, v
+        Start, shape (m,) each.
+
+    Returns
+    -------
+    tuple of Array
+        Positions and velocities, shape (F, m) each.
+    """
+    return _free_motion(h0, r0, t, x, v)

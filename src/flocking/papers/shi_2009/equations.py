@@ -1,0 +1,107 @@
+"""Equation table of Shi, Wang, Chu: where each numbered statement lives and how it is read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from flocking.papers.shi_2009 import examples
+from flocking.papers.shi_2009.system import KEY, SETTINGS
+from flocking.study.equations import Row
+
+PAPER = "flocking.papers.shi_2009"
+
+
+def equations() -> Sequence[Row]:
+    """Every numbered statement of the paper, its examples, the rows of its table and its figures."""
+
+    def row(number: str, kind: str, title: str, home: str, build: Any, **more: Any) -> Row:
+        return Row(KEY, number, kind, title, home, build, **more)
+
+    law, energy = "flocking.model.law.Law", "flocking.model.energy.Energy"
+    track, forms = "flocking.model.tracking.Track", f"{PAPER}.closed_forms"
+    claims, figures = f"{PAPER}.theorems.claims", f"{PAPER}.figures.figures"
+    beta = "The alignment term is -sum w_ij (v^i - v^j); the printed sign drives velocities apart."
+    table = [
+        row(f"Table 1 Fig. {setting.figure}", "table", f"law ({setting.law}), velocity known to {setting.velocity}, acceleration "
+            f"to {setting.acceleration}, {'connected' if setting.connected else 'disconnected'}", claims,
+            examples.table_row(name))
+        for name, setting in SETTINGS.items() if setting.figure
+    ]  # fmt: skip
+    return (
+        row("(1)", "equation", "m_i dv_i/dt = u_i - k_i v_i", "flocking.model.state.Agents", examples.acceleration),
+        row("(2)", "equation", "u = alpha + beta + gamma + delta", law, examples.parts),
+        row("Definition 1", "definition", "neighbouring graph, within R", "flocking.model.graphs.Proximity", examples.links),
+        row("Definition 2", "definition", "potential function", "flocking.study.potential_check.check_potential",
+            examples.slope_beyond),
+        row("(3)", "equation", "the potential", f"{PAPER}.system.potential", examples.potential,
+            reading="C1 only: the curvature jumps at sqrt(b/a) and at R. The cosine well is 2 deep whatever a is."),
+        row("depth of (3)", "remark", "depth of the well of (3)", f"{PAPER}.system.potential", examples.well_depth,
+            demonstration=examples.depth_is_two),
+        row("V^i", "equation", "total potential of agent i, with V(R) for every stranger", energy, examples.total_potential),
+        row("(4)", "equation", "law with weights, informed agents and compensation", law, examples.law_4),
+        row("(5)", "equation", "closed loop as a differential inclusion", "flocking.engine.exact.ExactSession",
+            examples.closed_loop),
+        row("Theorem 1", "theorem", "velocities approach v0, no collisions", claims, examples.theorem(KEY),
+            demonstration=examples.not_minimal),
+        row("(6)", "equation", "error dynamics in the leader's frame", energy, examples.leader_frame_kinetic),
+        row("(7)", "equation", "the law in the leader's frame", law, examples.law_in_leader_frame),
+        row("Theorem 2", "theorem", "errors approach zero", claims, examples.theorem(KEY)),
+        row("J", "equation", "J in the leader's frame", energy, examples.energy_leader),
+        row("dJ", "equation", "dJ/dt = -e^T (L + H) e", "flocking.engine.reference.evaluate", examples.dissipation_leader),
+        row("Remark 1", "remark", "with every h_i > 0 no connectivity is needed", claims,
+            examples.theorem(f"{KEY}-disconnected"), reading="Proved by Barbalat's lemma: J falls at rate e^T H e at least."),
+        row("Remark 2", "remark", "alignment may be left out when all are informed", claims, examples.without_alignment),
+        row("Remark 3", "remark", "asymmetric weights with a left eigenvector", "flocking.model.terms.Consensus",
+            examples.remark_3, reading="The coefficient is xi_i w_ij, not xi_j; the sign as in (4).",
+            demonstration=examples.wrong_index),
+        row("(8)", "equation", "law with a common gain h_0", law, examples.law_8, reading=beta,
+            demonstration=examples.wrong_sign),
+        row("x*, v*", "equation", "centre of mass and its velocity", "flocking.model.observables.mean_position",
+            examples.centre),
+        row("(9)", "equation", "centre of mass under (8)", f"{forms}.centre_motion", examples.centre_under(8)),
+        row("after (9)", "equation", "v* approaches v0 as exp(-h_0 t)", f"{forms}.free_motion", examples.decay,
+            reading="The time constant is 1/h_0, not h_0.", demonstration=examples.time_constant),
+        row("Theorem 3", "theorem", "limit of the position difference", f"{forms}.centre_motion", examples.limit_difference,
+            reading="The offset is (v* - v0)/h_0; one line prints a product.", demonstration=examples.offset_divided),
+        row("(10)", "equation", "error dynamics in the centre-of-mass frame", energy, examples.centre_frame_kinetic),
+        row("(11)", "equation", "J in the centre-of-mass frame", energy, examples.energy_centre),
+        row("Remark 4", "remark", "unequal gains disturb the centre of mass", forms, examples.unequal_gains),
+        row("(12)", "equation", "law without the acceleration", law, examples.law_12),
+        row("Theorem 4", "theorem", "velocities become the same", claims, examples.theorem(f"{KEY}-velocity-only")),
+        row("(13)", "equation", "centre of mass under (12)", f"{forms}.centre_motion", examples.centre_under(12)),
+        row("(14)", "equation", "(12) in the centre-of-mass frame", law, examples.law_in_centre_frame),
+        row("Theorem 5", "theorem", "errors approach zero", claims, examples.theorem(f"{KEY}-velocity-only")),
+        row("Example 1", "example", "a constant leader is tracked under (12)", f"{forms}.free_motion", examples.example_1),
+        row("Example 2", "example", "v0 = alpha t is not tracked under (12)", "flocking.engine.simulate.simulate",
+            examples.example_2, reading="The limit alpha/h_0 is that of e_v*; the text prints e_p*."),
+        row("(15)", "equation", "law with the leader's position", law, examples.law_15),
+        row("J of (15)", "equation", "J with r_0 m |e_p|^2", energy, examples.energy_position),
+        row("(16)", "equation", "centre of mass under (15)", f"{forms}.centre_motion", examples.centre_under(15)),
+        row("Example 3 (i)", "example", "exponential leader, distinct eigenvalues", "flocking.engine.simulate.simulate",
+            examples.example_3(distinct=True)),
+        row("Example 3 (ii)", "example", "exponential leader, equal eigenvalues", "flocking.engine.simulate.simulate",
+            examples.example_3(distinct=False)),
+        row("steady error (12)", "equation", "|v* - v0| -> 1/sqrt(1 + h_0^2)", f"{forms}.steady_velocity_error",
+            examples.steady(12)),
+        row("steady error (15)", "equation", "|v* - v0| -> 1/sqrt((r_0 - 1)^2 + h_0^2)", f"{forms}.steady_velocity_error",
+            examples.steady(15)),
+        row("Remark 5", "remark", "without a0 the leader's frame gives no falling energy",
+            "flocking.engine.reference.evaluate", examples.supply_without_acceleration),
+        row("Remark 6", "remark", "a0 known to some only: no flocking", claims, examples.theorem(f"{KEY}-partial")),
+        row("sec. 4", "example", "numbers of the simulations", f"{PAPER}.scenario", examples.numbers,
+            reading="Masses from [0.05, 1]; five of ten informed; besides the paper's start of radius 10 a compact one of"
+                    " radius 3."),
+        *table,
+        row("Fig. 1", "figure", "the potential for a = b = 1, R = 2", figures, examples.figure_1),
+        row("Fig. 2", "figure", "desired velocity", figures, examples.figure_2),
+        row("Fig. 3", "figure", "initial state", figures, examples.numbers),
+        *(row(f"Fig. {k}", "figure", f"errors and final state, law ({SETTINGS[n].law})", figures, examples.figure_numbers(n))
+          for n, s in SETTINGS.items() if (k := s.figure) in {"4", "5", "6", "7", "8"}),
+        row("Fig. 9", "figure", "velocity errors about the centre of mass", figures,
+            examples.figure_numbers(f"{KEY}-velocity-only")),
+        *(row(f"Fig. {k}", "figure", "errors when some know a0", figures, examples.figure_numbers(n))
+          for n, s in SETTINGS.items() if (k := s.figure) in {"10", "11"}),
+        row("Fig. 12", "figure", "velocity errors about the centre of mass", figures,
+            examples.figure_numbers(f"{KEY}-partial")),
+    )  # fmt: skip

@@ -1,0 +1,159 @@
+"""The simulated systems of Shi, Wang, Chu, sec. 4, and the two starts they are run from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from flocking.model import starts
+from flocking.model.energy import Energy
+from flocking.model.graphs import Proximity
+from flocking.model.law import Law, Scenario
+from flocking.model.leaders import Path
+from flocking.model.potentials import Potential
+from flocking.model.state import Agents, State
+from flocking.model.terms import Consensus, Gradient, Term
+from flocking.model.tracking import Compensate, Track
+
+KEY = "shi-2009"
+AGENTS = 10
+SENSING_RADIUS = 4.0
+STRENGTH = 0.05
+"""a = b in (3)."""
+START_RADIUS = 10.0
+LARGEST_SPEED = 4.0
+COMPACT_RADIUS = 3.0
+"""Radius of the second start: a connected draw of the paper's own size is rare."""
+COMPACT_SPEED = 1.0
+SMALLEST_MASS = 0.05
+"""The paper draws masses from (0, 1]; very light agents would make the system needlessly stiff."""
+INFORMED = 5
+"""How many of the ten know the velocity (Fig. 4) or the acceleration (Fig. 10, 11); the paper says some."""
+VELOCITY_GAIN = 1.0
+"""h_0 in (8), (12), (15)."""
+POSITION_GAIN = 1.0
+"""r_0 in (15)."""
+DURATION = 100.0
+LEADER_VELOCITY = ("sin(t)", "cos(t)")
+
+
+def potential(a: float = STRENGTH, b: float = STRENGTH, R: float = SENSING_RADIUS) -> Potential:
+    """Potential (3): singular at 0, smallest at sqrt(b/a), a cosine well out to R, constant beyond."""
+    inner = "a*log(r**2) + b/r**2"
+    well = "a*(1 + log(b/a)) + cos((1 + (r**2 - b/a)/(R**2 - b/a))*pi) + 1"
+    return Potential(f"where(r <= sqrt(b/a), {inner}, where(r <= R, {well}, a*(1 + log(b/a)) + 2))", a=a, b=b, R=R)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One row of Table 1, as simulated.
+
+    Parameters
+    ----------
+    figure
+        Its figure.
+    law
+        Which control law: 4, 8, 12 or 15.
+    velocity
+        Who knows the desired velocity: ``"all"`` or ``"some"``.
+    acceleration
+        Who knows its acceleration: ``"all"``, ``"some"`` or ``"none"``.
+    connected
+        Whether the start is redrawn until the graph is connected.
+    """
+
+    figure: str
+    law: int
+    velocity: str = "all"
+    acceleration: str = "all"
+    connected: bool = True
+
+
+SETTINGS: dict[str, Setting] = {
+    KEY: Setting("4", 4, velocity="some"),
+    f"{KEY}-all-informed": Setting("5", 4),
+    f"{KEY}-disconnected": Setting("6", 4, connected=False),
+    f"{KEY}-uniform": Setting("", 8),
+    f"{KEY}-velocity-only": Setting("7", 12, acceleration="none"),
+    f"{KEY}-position": Setting("8", 15, acceleration="none"),
+    f"{KEY}-partial": Setting("10", 4, acceleration="some"),
+    f"{KEY}-partial-disconnected": Setting("11", 4, acceleration="some", connected=False),
+}
+"""Scenarios by name; ``-uniform`` is law (8), which Theorem 3 is about and the paper does not simulate."""
+
+
+def scenario(figure: int | None = None, seed: int = 0, *, name: str = KEY, compact: bool = True) -> Scenario:
+    """One of the paper's simulations.
+
+    Parameters
+    ----------
+    figure
+        Number of a figure, 4 to 12; picks the scenario that shows it.
+    seed
+        Seed of the start, the masses, the gains and who is informed.
+    name
+        Name of the scenario, where no figure is given.
+    compact
+        Start within radius 3 at speeds up to 1; otherwise the paper's radius 10 and speeds up to 4.
+    """
+    if figure is not None:
+        shown = {9: "7", 12: "10"}.get(figure, str(figure))
+        name = next((n for n, s in SETTINGS.items() if s.figure == shown), KEY)
+    setting = SETTINGS[name]
+    graph = Proximity(SENSING_RADIUS, closed=True)
+    begin = start(seed, setting.connected, compact=compact)
+    rng = np.random.default_rng([seed, 2009])
+    masses = rng.uniform(SMALLEST_MASS, 1.0, AGENTS)
+    damping = rng.uniform(0.0, 1.0, AGENTS)
+    gains = rng.uniform(0.0, 1.0, AGENTS)
+    weights = np.triu(rng.uniform(0.0, 1.0, (AGENTS, AGENTS)), 1)
+    chosen = rng.permutation(AGENTS)[:INFORMED]
+    leader = Path(LEADER_VELOCITY)
+    follow = _track(setting, leader, gains, chosen)
+    terms: tuple[Term, ...] = (Gradient(potential()), Consensus(weights=weights + weights.T), follow, Compensate())
+    shares_frame = setting.law in (4, 8) and setting.acceleration == "all"
+    plateau = float(potential()(SENSING_RADIUS))
+    frame = "leader" if shares_frame else "centre of mass"
+    energy = Energy(frame, leader=leader if shares_frame else None, unlinked=plateau, name="J")
+    return Scenario(
+        Law(graph, terms),
+        begin,
+        t_end=DURATION,
+        agents=Agents(masses, damping),
+        frames=401,
+        energy=energy,
+        name=name,
+        seed=seed,
+    )
+
+
+def _track(setting: Setting, leader: Path, gains: np.ndarray, chosen: np.ndarray) -> Track:  # type: ignore[type-arg]
+    informed = np.isin(np.arange(AGENTS), chosen).astype(float)
+    acceleration = {"all": 1.0, "some": informed, "none": 0.0}[setting.acceleration]
+    if setting.law == 4:
+        velocity = gains * informed if setting.velocity == "some" else gains
+        return Track(leader, velocity_gain=velocity, acceleration_gain=acceleration, per_mass=True)
+    position = POSITION_GAIN if setting.law == 15 else 0.0
+    return Track(leader, position, VELOCITY_GAIN, acceleration, per_mass=True)
+
+
+def start(seed: int, connected: bool, *, compact: bool) -> State:
+    """A start: agents in a disc with random velocities, redrawn until connected or, for Fig. 6 and 11, until not."""
+    radius, speed = (COMPACT_RADIUS, COMPACT_SPEED) if compact and connected else (START_RADIUS, LARGEST_SPEED)
+    graph = Proximity(SENSING_RADIUS, closed=True)
+    if connected:
+        return starts.ball(AGENTS, radius=radius, speed=speed, seed=seed, connected_under=graph)
+    from flocking.model.connectivity import is_connected
+
+    for attempt in range(1000):
+        state = starts.ball(AGENTS, radius=radius, speed=speed, seed=seed + 1_000_000 * attempt)
+        if not is_connected(graph.initial(state.q)):
+            break
+    return state
+
+
+def scenarios() -> dict[str, Callable[[int], Scenario]]:
+    """Scenarios of this paper by name, each a function of the seed; connected ones start compact."""
+    return {name: lambda seed, name=name: scenario(seed=seed, name=name) for name in SETTINGS}
