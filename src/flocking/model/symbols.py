@@ -73,3 +73,46 @@ class BodySymbols:
     leader_p: Sequence[sympy.Expr]
     leader_a: Sequence[sympy.Expr]
     parameter: Callable[[str], sympy.Expr]
+
+
+@dataclass(frozen=True)
+class ObstacleSymbols:
+    """What a term may use about agent i and one obstacle within its range.
+
+    Parameters
+    ----------
+    q, p
+        Position and velocity of the agent, m expressions each.
+    t
+        Time.
+    mass
+        m_i.
+    distance
+        Signed distance of the agent from the boundary.
+    normal
+        Unit normal at the nearest boundary point, away from the obstacle.
+    boundary
+        Velocity of the nearest boundary point as agent and obstacle move (Olfati-Saber (56)).
+    anchor
+        Middle b_k of the obstacle, or None.
+    frame_p
+        Velocity of the frame in which the energy is taken.
+    leader_q, leader_p, leader_a
+        Position, velocity and acceleration of the term's leader, m expressions each.
+    parameter
+        Symbol of one of the term's own parameters, by name.
+    """
+
+    q: Sequence[sympy.Expr]
+    p: Sequence[sympy.Expr]
+    t: sympy.Expr
+    mass: sympy.Expr
+    distance: sympy.Expr
+    normal: Sequence[sympy.Expr]
+    boundary: Sequence[sympy.Expr]
+    anchor: Sequence[sympy.Expr] | None
+    frame_p: Sequence[sympy.Expr]
+    leader_q: Sequence[sympy.Expr]
+    leader_p: Sequence[sympy.Expr]
+    leader_a: Sequence[sympy.Expr]
+    parameter: Callable[[str], sympy.Expr]

@@ -1,0 +1,130 @@
+"""Bump functions rho(z): 1 up to an onset, 0 from 1 on, falling smoothly between (Olfati-Saber (16))."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flocking.errors import InvalidInput
+from flocking.formula.compiled import generated_module
+from flocking.formula.grammar import Formula
+from flocking.model.checks import Array, number
+
+if TYPE_CHECKING:
+    import sympy
+
+
+@dataclass(frozen=True)
+class Bump:
+    """A bump function rho(z; k0), one formula in ``z`` and ``k0``; its slope is derived.
+
+    Parameters
+    ----------
+    name
+        What to call it.
+    formula
+        Text in the formula grammar with the names ``z`` and ``k0``.
+
+    Raises
+    ------
+    FormulaError
+        When the text is not in the grammar.
+    InvalidInput
+        When it uses another name than ``z`` and ``k0``.
+    """
+
+    name: str
+    formula: Formula
+
+    def __init__(self, name: str, formula: str | Formula) -> None:
+        checked = formula if isinstance(formula, Formula) else Formula(formula, "Bump")
+        if checked.names != {"z", "k0"}:
+            raise InvalidInput("Bump", "formula", "must use exactly the names z and k0", checked.text)
+        object.__setattr__(self, "name", name)
+        object.__setattr__(self, "formula", checked)
+
+    @property
+    def structure(self) -> str:
+        """The formula in canonical form."""
+        return self.formula.structure
+
+    def expression(self, z: sympy.Expr, k0: sympy.Expr) -> sympy.Expr:
+        """SymPy form at ``z`` with onset ``k0``."""
+        from flocking.formula.symbolic import to_sympy
+
+        return to_sympy(self.formula, {"z": z, "k0": k0})
+
+    def __call__(self, z: ArrayLike, k0: float) -> Array:
+        """Values rho(z; k0); shape of ``z``."""
+        return self._evaluate("value", z, k0)
+
+    def slope(self, z: ArrayLike, k0: float) -> Array:
+        """Slopes rho'(z; k0); shape of ``z``."""
+        return self._evaluate("slope", z, k0)
+
+    def steepest(self, k0: float) -> float:
+        """L_rho, the largest |rho'(z; k0)| (Olfati-Saber, after (36)); found on a grid and refined."""
+        from scipy.optimize import minimize_scalar
+
+        onset = number("Bump", "k0", k0, least=0.0, below=1.0)
+        grid = np.linspace(onset, 1.0, 2001)
+        slopes = np.abs(self.slope(grid, onset))
+        best = int(np.argmax(slopes))
+        low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
+        found = minimize_scalar(
+            lambda z: -abs(float(self.slope(z, onset))), bounds=(low, high), method="bounded", options={"xatol": 1e-12}
+        )
+        return max(float(slopes[best]), -float(found.fun))
+
+    def _evaluate(self, which: str, z: ArrayLike, k0: float) -> Array:
+        module = generated_module(("bump", self.structure), lambda: _array_source(self))
+        points = np.asarray(z, dtype=np.float64)
+        with np.errstate(all="ignore"):
+            values = getattr(module, which)(points, float(k0))
+        return np.asarray(values, dtype=np.float64) + np.zeros_like(points)
+
+
+def _array_source(bump: Bump) -> str:
+    import sympy
+
+    from flocking.formula.printing import code
+
+    z, k0 = sympy.Symbol("z", real=True), sympy.Symbol("k0", real=True)
+    rho = bump.expression(z, k0)
+    lines = ["import numpy", ""]
+    for name, expression in (("value", rho), ("slope", sympy.diff(rho, z))):
+        lines += [f"def {name}(z, k0):", f"    return {code(expression, arrays=True)}", ""]
+    return "\n".join(lines)
+
+
+BUMPS = {
+    "cosine": Bump("cosine", "where(z <= k0, 1, where(z < 1, (1 + cos(pi*(z - k0)/(1 - k0)))/2, 0))"),
+    "quintic": Bump(
+        "quintic",
+        "where(z <= k0, 1, where(z < 1,"
+        " ((1 - z)/(1 - k0))**3*(1 + 3*(z - k0)/(1 - k0) + 6*((z - k0)/(1 - k0))**2), 0))",
+    ),
+    "infinite": Bump(
+        "infinite",
+        "where(z <= k0, 1, where(z < 1, (1 - tanh(((1 - k0)/(1 - z) - (1 - k0)/(z - k0))/2))/2, 0))",
+    ),
+}
+"""Bumps by name: ``cosine`` has one continuous derivative, ``quintic`` two, ``infinite`` all."""
+
+
+def bump_named(owner: str, bump: str | Bump) -> Bump:
+    """The bump of that name, or the bump itself.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no bump of that name.
+    """
+    if isinstance(bump, Bump):
+        return bump
+    if bump not in BUMPS:
+        raise InvalidInput(owner, "bump", f"must be one of {', '.join(BUMPS)} or a Bump", bump)
+    return BUMPS[bump]
