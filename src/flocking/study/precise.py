@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -16,16 +17,24 @@ Number = Any
 """An ``mpmath.mpf``; NaN where the expression has no real value, infinite where it is too large to write."""
 
 
+@cache
+def wide_context() -> Any:
+    """The ``mpmath`` context whose numbers have `DIGITS` digits."""
+    import mpmath  # type: ignore[import-untyped]
+
+    context = mpmath.mp.clone()
+    context.dps = DIGITS
+    return context
+
+
 def evaluator(expression: sympy.Expr, symbol: sympy.Symbol) -> Callable[[Number], Number]:
     """Function of ``symbol`` that evaluates ``expression`` with `DIGITS` digits.
 
     No value takes long: arguments too large for a function give an infinity or NaN instead.
     """
-    import mpmath
     import sympy
 
-    context = mpmath.mp.clone()
-    context.dps = DIGITS
+    context = wide_context()
     nan, inf, zero = context.nan, context.inf, context.mpf(0)
 
     def large(x: Number, bits: int) -> bool:
@@ -64,9 +73,8 @@ def evaluator(expression: sympy.Expr, symbol: sympy.Symbol) -> Callable[[Number]
                 return bool(condition)
             if isinstance(condition, sympy.Rel):
                 a, b = compute(condition.lhs), compute(condition.rhs)
-                return {"<": a < b, "<=": a <= b, ">": a > b, ">=": a >= b, "==": a == b, "!=": a != b}[
-                    condition.rel_op
-                ]
+                order = {"<": a < b, "<=": a <= b, ">": a > b, ">=": a >= b, "==": a == b, "!=": a != b}
+                return bool(order[condition.rel_op])
             if isinstance(condition, sympy.Not):
                 return not holds(condition.args[0])
             if isinstance(condition, sympy.ITE):
