@@ -69,8 +69,11 @@ def _pack_exact(snapshot: Snapshot) -> tuple[dict[str, Any], Arrays]:
         "time": snapshot.time, "energy": snapshot.energy, "jumped": snapshot.jumped, "steps": snapshot.steps,
         "stepper": [snapshot.stepper.t, snapshot.stepper.step], "segment": [snapshot.segment.t0, snapshot.segment.t1],
         "pending": [c.watch for c in snapshot.pending], "graphs": len(links), "watches": len(near),
+        "sliding": [[*pair, *values] for pair, values in snapshot.sliding.items()],
     }  # fmt: skip
     arrays = {"y": snapshot.stepper.y, "slope": snapshot.stepper.slope, "coefficients": snapshot.segment.coefficients}
+    if snapshot.tolerance is not None:
+        arrays["tolerance"] = snapshot.tolerance
     arrays |= {f"pending{k}": c.pairs for k, c in enumerate(snapshot.pending)}
     arrays |= {f"links{k}": x for k, x in enumerate(links)} | {f"near{k}": x for k, x in enumerate(near)}
     return numbers, arrays
@@ -85,6 +88,7 @@ def _restore_exact(numbers: dict[str, Any], arrays: Arrays, records: Run, plant:
         ([arrays[f"links{k}"] for k in range(numbers["graphs"])],
          [arrays[f"near{k}"] for k in range(numbers["watches"])]),
         recorder_of(records), numbers["energy"], numbers["jumped"], numbers["steps"],
+        arrays["tolerance"], {(w, i, j): (time, speed, count) for w, i, j, time, speed, count in numbers["sliding"]},
     )  # fmt: skip
     return ExactSession.resume(snapshot, plant=plant)
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from types import ModuleType
 from typing import TYPE_CHECKING
 
+from flocking.engine.encounter_formulas import encounter_functions, encounter_loop
 from flocking.engine.layout import MASS, Layout
 from flocking.formula.compiled import generated_module
 
@@ -24,8 +25,8 @@ def compiled_kernels(layout: Layout, dimension: int, order: int) -> ModuleType:
     """Numba kernels of a law.
 
     Functions of the module: ``rhs(t, y, n, senders, sensed, offsets, P, A, W, S)`` gives dy/dt of the exact
-    engine's state vector; ``control(t, q, p, ..., u, rates)`` fills the forces and the `RATES`; ``energies(t, q, p, ...)`` gives pair
-    storage, body storage and kinetic energy in the frame of the energy.
+    engine's state vector; ``control(t, q, p, ..., u, rates)`` fills the forces and the `RATES`;
+    ``energies(t, q, p, ...)`` gives pair storage, body storage and kinetic energy in the frame of the energy.
 
     Parameters
     ----------
@@ -87,15 +88,20 @@ ARGUMENTS = "t, q, p, senders, sensed, offsets, P, A, W, S"
 
 def _scalar_module(formulas: LawFormulas, order: int) -> str:
     m = formulas.dimension
-    return _HEADER + _control_source(formulas) + _energies_source(formulas) + _rhs_source(m, order)
+    return _HEADER + _control_source(formulas, order) + _energies_source(formulas, order) + _rhs_source(m, order)
 
 
 def _unpack(names: Names, depth: int) -> str:
     return _indented((f"{n} = P[{n[1:]}]" for n in names.scalars), depth)
 
 
-def _pair_loop(number: int, pair: PairFormulas, wanted: dict[str, str], m: int, tail: list[str]) -> str:
-    """Loop over the ordered pairs of one graph, computing the ``wanted`` formulas, then the ``tail`` lines."""
+def _pair_loop(
+    number: int, pair: PairFormulas, wanted: dict[str, str], m: int, tail: list[str], velocity: str = "p"
+) -> str:
+    """Loop over the ordered pairs of one graph, computing the ``wanted`` formulas, then the ``tail`` lines.
+
+    ``velocity`` names the array of velocities: ``u`` for the power of first-order agents.
+    """
     from flocking.formula.printing import statements
 
     chosen = {name: getattr(pair, source) for name, source in wanted.items()}
@@ -105,15 +111,15 @@ def _pair_loop(number: int, pair: PairFormulas, wanted: dict[str, str], m: int, 
     axes = range(m)
     body = ["i = senders[e]", "j = sensed[e]"]
     body += [f"d{k} = q[j, {k}] - q[i, {k}]" for k in axes]
-    body += [f"v{k} = p[j, {k}] - p[i, {k}]" for k in axes]
+    body += [f"v{k} = {velocity}[j, {k}] - {velocity}[i, {k}]" for k in axes]
     body += ["r = math.sqrt(" + " + ".join(f"d{k} * d{k}" for k in axes) + ")"]
     if "speed2" in names.others:
         body += ["speed2 = " + " + ".join(f"v{k} * v{k}" for k in axes)]
     if "radial" in names.others:
-        body += ["radial = (" + " + ".join(f"d{k} * v{k}" for k in axes) + ") / r"]
-    relative = [f"(p[i, {k}] - frame{k})" for k in axes]
+        body += ["radial = (" + " + ".join(f"d{k} * v{k}" for k in axes) + ") / r if r > 0.0 else 0.0"]
+    relative = [f"(p[i, {k}] - frame{k})" if velocity == "p" else f"{velocity}[i, {k}]" for k in axes]
     if "push" in names.others:
-        body += ["push = (" + " + ".join(f"d{k} * {f}" for k, f in enumerate(relative)) + ") / r"]
+        body += ["push = (" + " + ".join(f"d{k} * {f}" for k, f in enumerate(relative)) + ") / r if r > 0.0 else 0.0"]
     if "pull" in names.others:
         body += ["pull = " + " + ".join(f"v{k} * {f}" for k, f in enumerate(relative))]
     if "functional" in names.others:
@@ -142,7 +148,7 @@ def _means(body: BodyFormulas, m: int) -> str:
     return _indented(lines, 1) + frame
 
 
-def _body_values(body: BodyFormulas, results: dict[str, sympy.Expr], m: int) -> list[str]:
+def _body_values(results: dict[str, sympy.Expr], m: int) -> list[str]:
     from flocking.formula.printing import statements
 
     names = free_names(results.values())
@@ -151,9 +157,10 @@ def _body_values(body: BodyFormulas, results: dict[str, sympy.Expr], m: int) -> 
     return lines + statements(results, arrays=False, prefix="b_")
 
 
-def _control_source(formulas: LawFormulas) -> str:
+def _control_source(formulas: LawFormulas, order: int) -> str:
     m, body = formulas.dimension, formulas.body
-    everything = [e for p in formulas.pairs for e in p.named().values()] + [*body.named().values(), *body.frame]
+    everything = [e for p in formulas.pairs for e in (*p.named().values(), p.flow)]
+    everything += [*body.named().values(), *body.frame, body.flow]
     source = '@numba.njit(cache=True, error_model="numpy", nogil=True)\n'
     source += "def control(t, q, p, senders, sensed, offsets, P, A, W, S, u, rates):\n"
     source += _indented(["n = q.shape[0]"], 1) + _unpack(free_names(everything), 1)
@@ -161,22 +168,46 @@ def _control_source(formulas: LawFormulas) -> str:
     source += _indented(["for i in range(n):"], 1) + _indented([f"u[i, {k}] = 0.0" for k in range(m)], 2)
     tail = ["scale = along / r if r > 0.0 else along * 0.0"]
     tail += [f"u[i, {k}] += scale * d{k} + drag * v{k}" for k in range(m)]
-    tail += ["dissipated += 0.5 * dissipation", "supplied += 0.5 * supply"]
-    wanted = {name: name for name in ("along", "drag", "dissipation", "supply")}
+    wanted = {name: name for name in ("along", "drag")}
+    if order == 2:
+        tail += ["dissipated += 0.5 * dissipation", "supplied += 0.5 * supply"]
+        wanted |= {name: name for name in ("dissipation", "supply")}
     for number, pair in enumerate(formulas.pairs):
         source += _pair_loop(number, pair, wanted, m, tail)
+    push = [f"u[i, {k}] += force{k}" for k in range(m)]
+    if order == 2:
+        push += ["dissipated += dissipation", "supplied += supply"]
+    for number, encounter in enumerate(formulas.encounters):
+        source += encounter_loop(number, len(formulas.pairs), encounter, m, push)
     source += _indented(["for i in range(n):"], 1)
-    results = {k: v for k, v in body.named().items() if k != "storage"}
-    source += _indented(_body_values(body, results, m), 2)
-    power = [f"u[i, {k}] += force{k}" for k in range(m)]
-    power += ["power = " + " + ".join(f"u[i, {k}] * p{k}" for k in range(m))]
-    power += ["work += power", "dissipated += dissipation", "supplied += supply"]
-    source += _indented(power, 2)
+    unwanted = {"storage"} if order == 2 else {"storage", "dissipation", "supply"}
+    results = {k: v for k, v in body.named().items() if k not in unwanted}
+    source += _indented(_body_values(results, m), 2)
+    source += _indented((f"u[i, {k}] += force{k}" for k in range(m)), 2)
+    if order == 2:
+        source += _indented(["work += " + " + ".join(f"u[i, {k}] * p{k}" for k in range(m))], 2)
+        source += _indented(["dissipated += dissipation", "supplied += supply"], 2)
+    else:
+        source += _flow_source(formulas)
     source += _indented([f"rates[{k}] = {name}" for k, name in enumerate(RATES)], 1)
     return source + "\n\n"
 
 
-def _energies_source(formulas: LawFormulas) -> str:
+def _flow_source(formulas: LawFormulas) -> str:
+    """Ledger of first-order agents: a gradient flow dissipates |u|^2; what else changes the storage is supplied."""
+    m, source = formulas.dimension, ""
+    for number, pair in enumerate(formulas.pairs):
+        source += _pair_loop(number, pair, {"supply": "flow"}, m, ["supplied += 0.5 * supply"], velocity="u")
+    power = ["supplied += " + " + ".join(f"force{k} * u[i, {k}]" for k in range(m))]
+    for number, encounter in enumerate(formulas.encounters):
+        source += encounter_loop(number, len(formulas.pairs), encounter, m, power)
+    source += _indented(["for i in range(n):"], 1)
+    lines = [f"u{k} = u[i, {k}]" for k in range(m)] + _body_values({"supply": formulas.body.flow}, m)
+    lines += ["work += " + " + ".join(f"u{k} * u{k}" for k in range(m)), "supplied += supply"]
+    return source + _indented(lines, 2) + _indented(["dissipated = work"], 1)
+
+
+def _energies_source(formulas: LawFormulas, order: int) -> str:
     m, body = formulas.dimension, formulas.body
     everything = [p.storage for p in formulas.pairs] + [*body.named().values(), *body.frame]
     source = '@numba.njit(cache=True, error_model="numpy", nogil=True)\n'
@@ -186,9 +217,12 @@ def _energies_source(formulas: LawFormulas) -> str:
     for number, pair in enumerate(formulas.pairs):
         source += _pair_loop(number, pair, {"storage": "storage"}, m, ["pairs += 0.5 * storage"])
     source += _indented(["for i in range(n):"], 1)
-    source += _indented(_body_values(body, {"storage": body.storage}, m), 2)
+    source += _indented(_body_values({"storage": body.storage}, m), 2)
     squares = " + ".join(f"(p{k} - frame{k}) ** 2" for k in range(m))
-    source += _indented(["bodies += storage", f"kinetic += 0.5 * {MASS.replace('0', '[0, i]')} * ({squares})"], 2)
+    source += _indented(["bodies += storage"], 2)
+    # First-order agents have no inertia and so no kinetic energy.
+    if order == 2:
+        source += _indented([f"kinetic += 0.5 * {MASS.replace('0', '[0, i]')} * ({squares})"], 2)
     return source + "    return pairs, bodies, kinetic\n\n\n"
 
 
@@ -214,11 +248,15 @@ def _rhs_source(m: int, order: int) -> str:
 def _array_module(formulas: LawFormulas) -> str:
     source = "import numpy\n\n\n"
     for number, pair in enumerate(formulas.pairs):
-        source += _array_function(f"pair{number}", pair.named(), "pair")
-    return source + _array_function("body", formulas.body.named(), "agent")
+        source += _array_function(f"pair{number}", pair.named())
+        source += _array_function(f"pair_flow{number}", {"supply": pair.flow})
+    for number, encounter in enumerate(formulas.encounters):
+        source += encounter_functions(number, encounter)
+    source += _array_function("body", formulas.body.named())
+    return source + _array_function("body_flow", {"supply": formulas.body.flow})
 
 
-def _array_function(name: str, results: dict[str, sympy.Expr], what: str) -> str:
+def _array_function(name: str, results: dict[str, sympy.Expr]) -> str:
     from flocking.formula.printing import statements
 
     names = free_names(results.values())
@@ -227,6 +265,3 @@ def _array_function(name: str, results: dict[str, sympy.Expr], what: str) -> str
     source += _indented((f"{n} = values[{n!r}]" for n in wanted), 1)
     source += _indented(statements(results, arrays=True, prefix="x_"), 1)
     return source + _indented(["return {" + ", ".join(f"{k!r}: {k}" for k in results) + "}"], 1) + "\n\n"
-
-
-Rhs = Callable[..., object]

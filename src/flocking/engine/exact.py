@@ -3,53 +3,36 @@
 from __future__ import annotations
 
 import copy
-from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from flocking.engine.codegen import compiled_kernels
+from flocking.engine.guards import deepest_dip, reach
 from flocking.engine.layout import Layout
 from flocking.engine.provenance import provenance
 from flocking.engine.recorder import Recorder
 from flocking.engine.run import Run
 from flocking.engine.segment import Segment
+from flocking.engine.snapshot import Snapshot as Snapshot
 from flocking.engine.stepper import Stepper, StepperMemory
-from flocking.engine.switching import Crossing, LinkState
+from flocking.engine.switching import Crossing, LinkState, has_barrier
 from flocking.errors import Chattering, InvalidInput, LinkLost, NotFinite, SimulationError
 from flocking.model.checks import Array
-from flocking.model.graphs import Graph
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
-from flocking.model.terms import Gradient
 
 TANGENTIAL = 1e-6
 """A crossing slower than this fraction of the pair's relative speed is flagged as tangential."""
 
-MOST_INSTANT_SWITCHES = 200
-INSTANT = 1e-9
-"""So many switching instants within so little time make a session say that the motion chatters."""
+LEDGER_GAP = 1e5
+DIP_GAP = 1e-2
+"""A step whose energy its ledger misses by more than this, in tolerances at its end and relatively at a close
+encounter inside it, jumped over a barrier."""
 
 RETRIES = 30
 """How often a step that cannot be right is retried, four times smaller each time."""
-
-
-@dataclass(frozen=True, eq=False)
-class Snapshot:
-    """Everything a session of the exact engine needs to go on bit for bit."""
-
-    scenario: Scenario
-    time: float
-    stepper: StepperMemory
-    segment: Segment
-    pending: list[Crossing]
-    links: Any
-    recorder: Recorder
-    energy: float
-    jumped: float
-    steps: int
 
 
 class ExactSession:
@@ -74,21 +57,21 @@ class ExactSession:
     def __init__(self, scenario: Scenario, *, plant: Law | None = None) -> None:
         self.scenario = scenario
         self.plant = plant
-        self.time = scenario.start.t
-        n, m = scenario.start.q.shape
-        self.recorder = Recorder(scenario.frame_times, n, m)
+        start = scenario.start
+        self.time = start.t
+        self.recorder = Recorder(scenario.frame_times, start.n, start.dimension)
         self.steps = 0
         self.jumped = 0.0
-        self._instants: deque[float] = deque(maxlen=MOST_INSTANT_SWITCHES)
         self._tail = np.zeros(3)
-        self._set_up(scenario, scenario.start)
+        self._prepare(start.n, start.dimension)
+        self._begin(start, LinkState(plant or scenario.law, start.q, start.links))
         self._record_frames()
         self._record_trace()
 
-    def _set_up(self, scenario: Scenario, state: State) -> None:
-        n, m = state.q.shape
+    def _prepare(self, n: int, m: int) -> None:
+        """Kernels and parameters: all that depends on the law but not on the state."""
         self.n, self.m = n, m
-        law = self.plant or scenario.law
+        law, scenario = self.plant or self.scenario.law, self.scenario
         law.check_count(n, m)
         self._order = scenario.agents.order
         self._layout = Layout(law, scenario.energy)
@@ -96,11 +79,20 @@ class ExactSession:
         self._slots = self._layout.values(scenario.agents, n)
         self._ledger = None
         if self.plant is not None:
+            if len(law.graphs) != len(scenario.law.graphs):
+                raise InvalidInput(
+                    "ExactSession", "plant", "must have as many graphs as the declared law",
+                    f"{len(law.graphs)} instead of {len(scenario.law.graphs)}",
+                )  # fmt: skip
             declared = Layout(scenario.law, scenario.energy)
             self._ledger = (compiled_kernels(declared, m, self._order), declared.values(scenario.agents, n))
-        self._links = LinkState(law, state.q, state.links)
-        self._barriers = [_has_barrier(law, g) for g in law.graphs]
-        self._pairs = self._links.pairs()
+        self._barriers = [has_barrier(law, g) for g in law.graphs]
+        self._singular = law.singular_at_zero()
+
+    def _begin(self, state: State, links: LinkState) -> None:
+        """Stand at ``state`` with the proposed step still to be found."""
+        self._links = links
+        self._relink()
         parts = [state.q.ravel(), state.p.ravel()] if self._order == 2 else [state.q.ravel()]
         y = np.concatenate([*parts, self._tail])
         self.energy, self.kinetic = self._energy(state.t, y)
@@ -109,12 +101,17 @@ class ExactSession:
                 "Scenario", "start", "must have a finite energy", self.energy,
                 "Two agents sit where the potential is infinite; move them apart or inside its range.",
             )  # fmt: skip
-        self._stepper = Stepper(self._right_hand_side(), state.t, y, self._tolerances(state))
-        if not np.isfinite(self._stepper.memory.slope).all():
+        slope = self._right_hand_side()
+        memory = StepperMemory(state.t, y, slope(state.t, y), 0.0)
+        if not np.isfinite(memory.slope).all():
             raise NotFinite("The control at the start is infinite or NaN.", time=state.t)
-        self._segment = Segment(state.t, state.t, np.repeat(y[None], 8, axis=0))
+        self._stepper = Stepper(slope, self._tolerances(state), memory)
+        self._segment = Segment.resting(state.t, y)
         self._pending: list[Crossing] = []
-        self._left_at = 0.0
+
+    def _relink(self) -> None:
+        self._pairs = self._links.pairs()
+        self._functionals = self._links.functionals()
 
     def _tolerances(self, state: State) -> Array:
         spread = float(np.abs(state.q - state.q.mean(axis=0)).max(initial=0.0))
@@ -129,12 +126,11 @@ class ExactSession:
     def _right_hand_side(self) -> Callable[[float, Array], Array]:
         rhs, n, count = self._kernels.rhs, self.n, self.n * self.m
         P, A, W = self._slots
-        S = np.zeros((len(self._links.graphs), n))
         if self._ledger is None:
 
             def slope(t: float, y: Array) -> Array:
                 senders, sensed, offsets = self._pairs
-                return np.asarray(rhs(t, y, n, senders, sensed, offsets, P, A, W, S))
+                return np.asarray(rhs(t, y, n, senders, sensed, offsets, P, A, W, self._functionals))
 
             return slope
         module, (P2, A2, W2) = self._ledger
@@ -142,6 +138,7 @@ class ExactSession:
 
         def mutated(t: float, y: Array) -> Array:
             senders, sensed, offsets = self._pairs
+            S = self._functionals
             dy = np.asarray(rhs(t, y, n, senders, sensed, offsets, P, A, W, S))
             q = y[:count].reshape(n, m)
             p = y[count : 2 * count].reshape(n, m) if order == 2 else np.zeros_like(q)
@@ -155,8 +152,7 @@ class ExactSession:
     def _energy(self, t: float, y: Array) -> tuple[float, float]:
         module, (P, A, W) = self._ledger or (self._kernels, self._slots)
         q, p, _ = self._split(y)
-        S = np.zeros((len(self._links.graphs), self.n))
-        pairs, bodies, kinetic = module.energies(t, q, p, *self._pairs, P, A, W, S)
+        pairs, bodies, kinetic = module.energies(t, q, p, *self._pairs, P, A, W, self._functionals)
         unlinked = 0.0
         if self.scenario.energy.unlinked:
             count = np.count_nonzero(self._links.links[0])
@@ -200,22 +196,34 @@ class ExactSession:
             raise
 
     def _bound(self) -> float:
+        """Where the next step must end: the end of the run, or the last moment before a term switches."""
         now = self._segment.t1
-        times = [self.scenario.t_end] if now < self.scenario.t_end else []
-        for term in self._layout.law.body_terms:
-            times += [s for s in term.switch_times(now, np.inf) if s > now]
-        return min(times, default=np.inf)
+        end = self.scenario.t_end if now < self.scenario.t_end else np.inf
+        times = [float(np.nextafter(s, -np.inf)) for term in self._layout.law.body_terms
+                 for s in term.switch_times(now, np.inf) if s < end]  # fmt: skip
+        return min((t for t in times if t > now), default=end)
 
     def _take_step(self) -> None:
         before = self._stepper.memory
+        try:
+            self._segment, self._pending = self._found_step(before)
+        except BaseException:
+            self._stepper.recall(before)
+            raise
+        self.steps += 1
+
+    def _found_step(self, before: StepperMemory) -> tuple[Segment, list[Crossing]]:
+        """The next segment, up to the first crossing, with what crosses at its end."""
+        bound = self._bound()
         longest = np.inf
         for _ in range(RETRIES):
-            segment = self._stepper.step(self._bound(), longest)
-            where, crossings = self._links.next_crossings(segment, self.n, self.m)
+            whole = self._stepper.step(bound, longest)
+            where, crossings = self._links.next_crossings(whole, self.n, self.m)
+            segment = whole.cut(where) if crossings else whole
             lost = self._lost_link(crossings)
-            if lost is None and not self._ledger_breaks(segment, where):
+            if lost is None and not self._jumps_barrier(segment, crossings):
                 break
-            longest = (segment.t1 - segment.t0) * min(where, 1.0) / 4
+            longest = (segment.t1 - segment.t0) / 4
             if longest <= 64 * np.finfo(float).eps * max(1.0, abs(before.t)):
                 break
             self._stepper.recall(before)
@@ -225,23 +233,31 @@ class ExactSession:
                 "The energy of the start is not finite or the tolerance is too coarse; lower Scenario.tolerance.",
                 time=before.t, agents=lost,
             )  # fmt: skip
-        if crossings:
-            segment = segment.until(segment.t0 + min(where, 1.0) * (segment.t1 - segment.t0))
-        self._segment, self._pending = segment, crossings
-        self.steps += 1
+        return segment, crossings
 
-    def _ledger_breaks(self, segment: Segment, where: float) -> bool:
-        """Whether a step changes the energy by far more than its ledger explains: it jumped over a barrier."""
+    def _jumps_barrier(self, segment: Segment, crossings: list[Crossing]) -> bool:
+        """Whether a step changes the energy by far more than its ledger explains."""
         if self.plant is not None:
             return False
-        y = segment.coefficients[-1]
-        if where <= 1.0:
-            y = segment.at(segment.t0 + where * (segment.t1 - segment.t0))
-        tail = y[self._order * self.n * self.m :]
-        energy, _ = self._energy(segment.t1, y)
-        gap = energy - self.energy + (tail[1] - self._tail[1]) - (tail[2] - self._tail[2])
-        scale = max(1.0, abs(energy), abs(self.energy), abs(tail[2] - self._tail[2]))
-        return not abs(gap) <= 1e5 * self.scenario.tolerance * scale
+        risen = self._links.rise(crossings)
+        if self._ledger_gap(segment.t1, segment.coefficients[-1], risen) > LEDGER_GAP * self.scenario.tolerance:
+            return True
+        if not self._singular:
+            return False
+        B = segment.coefficients[:, : self.n * self.m].reshape(-1, self.n, self.m)
+        x = deepest_dip(B, reach(B), self._pairs[0], self._pairs[1])
+        if x > 1.0:
+            return False
+        inside = segment.cut(x)
+        return self._ledger_gap(inside.t1, inside.coefficients[-1], 0.0) > DIP_GAP
+
+    def _ledger_gap(self, t: float, y: Array, risen: float) -> float:
+        """What the ledger misses between the start of the step and ``y``, relative to the energies."""
+        _, dissipated, supplied = y[self._order * self.n * self.m :] - self._tail
+        energy, _ = self._energy(t, y)
+        gap = abs(energy - risen - self.energy + dissipated - supplied)
+        gap /= max(1.0, abs(self.energy), abs(supplied))
+        return float(gap) if np.isfinite(gap) else np.inf
 
     def _lost_link(self, crossings: list[Crossing]) -> tuple[int, ...] | None:
         for crossing in crossings:
@@ -255,56 +271,71 @@ class ExactSession:
     def _leave_segment(self) -> None:
         """Put the current segment on record and switch what crosses at its end."""
         segment = self._segment
-        if segment.t1 > segment.t0:
+        t, y = segment.t1, segment.coefficients[-1]
+        if t > segment.t0:
             self.recorder.approach(segment, self._links.links[0])
-            self._tail = np.array(segment.coefficients[-1][self._order * self.n * self.m :])
-            y = segment.coefficients[-1]
-            self.energy, self.kinetic = self._energy(segment.t1, y)
-            self.time = segment.t1
+            self._tail = np.array(y[self._order * self.n * self.m :])
+            self.energy, self.kinetic = self._energy(t, y)
+            self.jumped += self._links.rise(self._pending)
+            self.time = t
             self._record_frames()
             self._record_trace()
-        elif not self.recorder.trace:
-            self._record_trace()
-        if self._pending:
-            self._switch()
-        self._segment = Segment(segment.t1, segment.t1, np.repeat(segment.coefficients[-1][None], 8, axis=0))
+        error = self._switch() if self._pending else None
+        after = float(np.nextafter(t, np.inf))
+        if any(after in term.switch_times(t, np.nextafter(after, np.inf)) for term in self._layout.law.body_terms):
+            t = after
+            self._stepper.restart(t, y)
+        self._segment = Segment.resting(t, y)
+        if error is not None:
+            raise error
 
-    def _switch(self) -> None:
-        segment, crossings = self._segment, self._pending
-        self._pending = []
-        y = segment.coefficients[-1]
+    def _switch(self) -> SimulationError | None:
+        """Toggle what crosses at the end of the segment; why the run cannot go on, if it cannot."""
+        crossings, self._pending = self._pending, []
+        t, y = self._segment.t1, self._segment.coefficients[-1]
         q, p, _ = self._split(y)
-        self._instants.append(segment.t1)
-        if len(self._instants) == MOST_INSTANT_SWITCHES and segment.t1 - self._instants[0] <= INSTANT * max(
-            1.0, abs(segment.t1)
-        ):
-            i, j = crossings[0].pairs[0]
-            raise Chattering(
-                "A link switches on and off without time passing (a Filippov sliding mode). "
-                "Use Hysteresis with a gap, or a potential that vanishes smoothly at the radius.",
-                time=segment.t1, agents=(int(i), int(j)),
-            )  # fmt: skip
+        if self._order == 1:
+            p = np.asarray(self._right_hand_side()(t, y))[: self.n * self.m].reshape(q.shape)
+        chattering: tuple[int, ...] = ()
         for crossing in crossings:
-            self._write_switch(crossing, segment.t1, q, p)
+            chattering = self._write_switch(crossing, t, q, p) or chattering
             self._links.apply(crossing)
+        error: SimulationError | None = None
+        if chattering:
+            error = Chattering(
+                "A pair crosses the same distance to and fro and does not leave it (a Filippov sliding mode). "
+                "Use Hysteresis with a gap, or a potential that vanishes smoothly at the radius.",
+                time=t, agents=chattering,
+            )  # fmt: skip
         if any(self._links.watches[c.watch].kind == "link" for c in crossings):
-            self._pairs = self._links.pairs()
+            self._relink()
             before = self.energy
-            self.energy, self.kinetic = self._energy(segment.t1, y)
+            self.energy, self.kinetic = self._energy(t, y)
+            if not np.isfinite(self.energy):
+                i, j = crossings[0].pairs[0]
+                error = NotFinite(
+                    "A link appeared where its potential is infinite. Use Hysteresis with a gap.",
+                    time=t, agents=(int(i), int(j)),
+                )  # fmt: skip
             self.jumped += self.energy - before
             self._record_trace()
-        self._stepper.restart(segment.t1, np.array(y))
+        self._stepper.restart(t, np.array(y))
+        return error
 
-    def _write_switch(self, crossing: Crossing, t: float, q: Array, p: Array) -> None:
+    def _write_switch(self, crossing: Crossing, t: float, q: Array, p: Array) -> tuple[int, ...]:
+        """Record the switches of a crossing; the pair that chatters, if one does."""
         watch = self._links.watches[crossing.watch]
         near = self._links.near[crossing.watch]
-        for i, j in crossing.pairs:
+        chattering: tuple[int, ...] = ()
+        for k, (i, j) in enumerate(crossing.pairs):
             d, v = q[j] - q[i], p[j] - p[i]
             speed = float(d @ v / np.linalg.norm(d)) if d.any() else 0.0
-            scale = max(float(np.linalg.norm(v)), 1e-12)
+            slow = abs(speed) < TANGENTIAL * max(float(np.linalg.norm(v)), 1e-12)
             kind = "kink" if watch.kind == "kink" else "break" if near[i, j] else "appear"
-            slow = self._order == 2 and abs(speed) < TANGENTIAL * scale
             self.recorder.switches.append((t, int(i), int(j), kind, watch.graph, speed, slow))
+            if self._links.slides(crossing, k, t, speed):
+                chattering = (int(i), int(j))
+        return chattering
 
     def _record_frames(self) -> None:
         for t in self.recorder.due(self.time):
@@ -323,46 +354,73 @@ class ExactSession:
         return Snapshot(
             self.scenario, self.time, self._stepper.memory, self._segment, list(self._pending),
             self._links.memory(), recorder, self.energy, self.jumped, self.steps,
+            self._stepper.tolerance, dict(self._links.sliding), self.plant,
         )  # fmt: skip
 
     @classmethod
     def resume(cls, snapshot: Snapshot, *, plant: Law | None = None) -> ExactSession:
         """A session that goes on exactly as the one the snapshot was taken of."""
-        session = cls(snapshot.scenario, plant=plant)
+        scenario = snapshot.scenario
+        session = cls.__new__(cls)
+        session.scenario, session.plant = scenario, plant or snapshot.plant
         session.recorder = copy.deepcopy(snapshot.recorder)
         session.time, session.energy = snapshot.time, snapshot.energy
         session.jumped, session.steps = snapshot.jumped, snapshot.steps
         session._segment, session._pending = snapshot.segment, list(snapshot.pending)
+        session._prepare(scenario.start.n, scenario.start.dimension)
+        q, _, session._tail = (np.array(x) for x in session._split(snapshot.segment.coefficients[0]))
+        session._links = LinkState(session._layout.law, q)
         session._links.recall(snapshot.links)
-        session._pairs = session._links.pairs()
-        session._stepper.recall(snapshot.stepper)
-        start = snapshot.segment.coefficients[0]
-        session._tail = np.array(start[session._order * session.n * session.m :])
+        session._links.sliding = dict(snapshot.sliding)
+        session._relink()
+        session.kinetic = session._energy(snapshot.segment.t0, snapshot.segment.coefficients[0])[1]
+        tolerance = snapshot.tolerance
+        if tolerance is None:
+            tolerance = session._tolerances(scenario.start)
+        session._stepper = Stepper(session._right_hand_side(), tolerance, snapshot.stepper)
         return session
 
     def replace(self, *, law: Law | None = None, state: State | None = None) -> None:
         """Put another law or state in force from the session's time on.
 
-        The change of energy counts as a jump of the ledger.
+        The change of energy counts as a jump of the ledger. A law over the same graphs keeps their link memory;
+        a state that brings links sets that of the law's graph. A new law takes the place of a plant, too.
 
         Raises
         ------
         InvalidInput
-            When law and state disagree, or the new energy is not finite.
+            When law and state disagree, or the new energy is not finite; the session then goes on as before.
         """
+        if self.time == self._segment.t1:
+            self._leave_segment()
         old = self.state
-        new = state if state is not None else old
-        new = State(new.q, new.p, self.time, new.links if law is None else None)
-        scenario = self.scenario.with_(law=law or self.scenario.law, start=State(new.q, new.p, self.time))
-        self._segment = self._segment.until(self.time)
-        if self._segment.t1 > self._segment.t0:
-            self.recorder.approach(self._segment, self._links.links[0])
-        y = self._segment.coefficients[-1]
-        self._tail = np.array(y[self._order * self.n * self.m :])
+        new = State(old.q, old.p, self.time) if state is None else State(state.q, state.p, self.time, state.links)
+        if new.q.shape != old.q.shape:
+            raise InvalidInput("ExactSession", "state", f"must have the shape {old.q.shape}", new.q.shape)
+        declared = law or self.scenario.law
+        end = max(self.scenario.t_end, self.time)
+        self.scenario.with_(law=declared, start=new, t_end=end, frames=1)
+        plant = self.plant if law is None else None
+        acting = plant or declared
+        links = LinkState(acting, new.q, new.links)
+        if state is None and acting.graphs == self._links.graphs:
+            for matrix, kept_links in zip(links.links, self._links.links, strict=True):
+                matrix[:] = kept_links
+        segment = self._segment.until(self.time)
+        y = segment.coefficients[-1]
         before, _ = self._energy(self.time, y)
-        keep = self.scenario
-        self.scenario = keep.with_(law=scenario.law, t_end=max(keep.t_end, self.time))
-        self._set_up(self.scenario, new)
+        kept = dict(vars(self))
+        try:
+            self.plant = plant
+            self.scenario = self.scenario.with_(law=declared, t_end=end)
+            self._tail = np.array(y[self._order * self.n * self.m :])
+            self._prepare(self.n, self.m)
+            self._begin(new, links)
+        except Exception:
+            vars(self).update(kept)
+            raise
+        if segment.t1 > segment.t0:
+            self.recorder.approach(segment, kept["_links"].links[0])
         self.jumped += self.energy - before
         self._record_trace()
 
@@ -374,16 +432,3 @@ class ExactSession:
     def run(self, status: str = "finished") -> Run:
         """What was computed so far."""
         return Run(self.scenario, status=status, provenance=self.about, **self.recorder.tables())
-
-
-def _has_barrier(law: Law, graph: Graph) -> bool:
-    """Whether a potential over ``graph`` is infinite where its links break."""
-    radius = np.max(np.asarray(graph.break_radius))
-    if not np.isfinite(radius):
-        return False
-    numbers = [k for k, g in enumerate(law.graphs) if g is graph]
-    return any(
-        not np.isfinite(term.potential(radius))
-        for term in law.pair_terms
-        if isinstance(term, Gradient) and law.graph_number(term) in numbers
-    )

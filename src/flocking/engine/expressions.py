@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from flocking.engine.encounter_formulas import EncounterFormulas, encounter_formulas
 from flocking.engine.layout import DAMPING, MASS, Layout
 from flocking.errors import UnsupportedLaw
 from flocking.model.leaders import Leader
@@ -17,13 +18,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PairFormulas:
-    """Sum of all pair terms over one graph, per ordered pair."""
+    """Sum of all pair terms over one graph, per ordered pair.
+
+    ``flow`` is the supply of first-order agents, whose velocity is their control.
+    """
 
     along: sympy.Expr
     drag: sympy.Expr
     storage: sympy.Expr
     dissipation: sympy.Expr
     supply: sympy.Expr
+    flow: sympy.Expr
 
     def named(self) -> dict[str, sympy.Expr]:
         """The formulas by name."""
@@ -32,13 +37,17 @@ class PairFormulas:
 
 @dataclass(frozen=True)
 class BodyFormulas:
-    """Sum of all body terms, per agent."""
+    """Sum of all body terms, per agent.
+
+    ``flow`` is the supply of first-order agents, in terms of their velocity ``u0...``.
+    """
 
     force: tuple[sympy.Expr, ...]
     storage: sympy.Expr
     dissipation: sympy.Expr
     supply: sympy.Expr
     frame: tuple[sympy.Expr, ...]
+    flow: sympy.Expr
 
     def named(self) -> dict[str, sympy.Expr]:
         """The formulas by name."""
@@ -53,6 +62,7 @@ class LawFormulas:
     dimension: int
     pairs: tuple[PairFormulas, ...]
     body: BodyFormulas
+    encounters: tuple[EncounterFormulas, ...] = ()
 
 
 def _symbol(name: str) -> sympy.Symbol:
@@ -68,15 +78,19 @@ def _vector(name: str, dimension: int) -> list[sympy.Symbol]:
 def law_formulas(layout: Layout, dimension: int) -> LawFormulas:
     """Collect the formulas of a law from its parts.
 
-    Symbols: ``r``, ``speed2``, ``radial``, ``functional``, ``push`` and ``pull`` of a pair; ``q0...``, ``p0...``, ``t``, ``mean_q0...``,
-    ``mean_p0...`` of an agent; the slots of `Layout` for parameters.
+    Symbols: ``r``, ``speed2``, ``radial``, ``functional``, ``push`` and ``pull`` of a pair; ``q0...``, ``p0...``,
+    ``t``, ``mean_q0...``, ``mean_p0...`` of an agent; the slots of `Layout` for parameters.
 
     Raises
     ------
     UnsupportedLaw
         When a leader's position is needed and has no closed form.
     """
-    return LawFormulas(dimension, tuple(_pair_formulas(layout)), _body_formulas(layout, dimension))
+    body = _body_formulas(layout, dimension)
+    leaders = (None, *layout.leaders())
+    motions = {layout.leader_number(x): _leader_motion(layout, x, dimension) for x in leaders}
+    encounters = encounter_formulas(layout, dimension, body.frame, motions)
+    return LawFormulas(dimension, tuple(_pair_formulas(layout)), body, encounters)
 
 
 def _parameters(layout: Layout, owner: str) -> Callable[[str], sympy.Expr]:
@@ -102,7 +116,8 @@ def _pair_formulas(layout: Layout) -> list[PairFormulas]:
             for name in total:
                 total[name] += getattr(term, name)(x)
             paired = paired and "momentum" in term.symmetries
-        found.append(PairFormulas(**total, supply=_undeclared_power(total, r, paired)))
+        supply, flow = _undeclared_power(total, r, paired), _undeclared_flow(total, r, paired)
+        found.append(PairFormulas(**total, supply=supply, flow=flow))
     return found
 
 
@@ -120,6 +135,16 @@ def _undeclared_power(total: dict[str, sympy.Expr], r: sympy.Symbol, paired: boo
             total["dissipation"] - total["drag"] * _symbol("speed2")
         )
     return 2 * (total["along"] * _symbol("push") + total["drag"] * _symbol("pull")) + rate + total["dissipation"]
+
+
+def _undeclared_flow(total: dict[str, sympy.Expr], r: sympy.Symbol, paired: bool) -> sympy.Expr:
+    """Supply of first-order agents, dq/dt = u: what the storage gains beyond -|u|^2, the rate of a gradient flow."""
+    import sympy
+
+    rate = sympy.diff(total["storage"], r) * _symbol("radial")
+    if paired:
+        return sympy.simplify(rate - total["along"] * _symbol("radial"))
+    return 2 * total["along"] * _symbol("push") + rate
 
 
 def _leader_motion(
@@ -147,7 +172,8 @@ def _body_formulas(layout: Layout, dimension: int) -> BodyFormulas:
     q, p = _vector("q", dimension), _vector("p", dimension)
     mean_p = _vector("mean_p", dimension)
     mass, damping = _symbol(MASS), _symbol(DAMPING)
-    _, frame_velocity, frame_acceleration = _leader_motion(layout, energy.leader, dimension)
+    frame_place, frame_velocity, frame_acceleration = _leader_motion(layout, energy.leader, dimension)
+    origin = {"lab": None, "leader": frame_place, "centre of mass": _vector("mean_q", dimension)}[energy.frame]
     frame: Sequence[sympy.Expr] = mean_p if energy.frame == "centre of mass" else frame_velocity
     force: list[sympy.Expr] = [sympy.Integer(0)] * dimension
     storage = sympy.Integer(0)
@@ -160,7 +186,7 @@ def _body_formulas(layout: Layout, dimension: int) -> BodyFormulas:
     for term in layout.law.body_terms:
         place, velocity, acceleration = _leader_motion(layout, term.leader, dimension)
         x = BodySymbols(
-            q, p, _symbol("t"), mass, damping, _vector("mean_q", dimension), mean_p, frame,
+            q, p, _symbol("t"), mass, damping, _vector("mean_q", dimension), mean_p, origin, frame,
             place, velocity, acceleration, _parameters(layout, layout.term_owner(term)),
         )  # fmt: skip
         force = [a + b for a, b in zip(force, term.force(x), strict=True)]
@@ -168,7 +194,14 @@ def _body_formulas(layout: Layout, dimension: int) -> BodyFormulas:
         dissipated, supplied = term.balance(x)
         dissipation += dissipated
         supply += supplied
-    body = BodyFormulas(tuple(force), storage, dissipation, sympy.expand(supply), tuple(frame))
+    flow = sympy.diff(storage, _symbol("t")) + sum(
+        (
+            sympy.expand(f + sympy.diff(storage, x)) * u
+            for f, x, u in zip(force, q, _vector("u", dimension), strict=True)
+        ),
+        sympy.Integer(0),
+    )
+    body = BodyFormulas(tuple(force), storage, dissipation, sympy.expand(supply), tuple(frame), flow)
     unknown = [s for f in (*force, storage, supply) for s in f.free_symbols if str(s).startswith("leader_position")]
     if unknown:
         raise UnsupportedLaw(

@@ -8,6 +8,7 @@ closes in on the first one. Nothing between two samples can be missed.
 from __future__ import annotations
 
 from math import comb
+from typing import Any
 
 import numba
 import numpy as np
@@ -130,8 +131,8 @@ def reach(B: Array) -> Array:
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def crossings(
-    B: Array, far: Array, near: Array, active: Array, enter: Array, leave: Array, directed: bool, slack: float
-) -> tuple[Array, Array]:
+    B: Array, far: Array, near: Any, active: Any, enter: Array, leave: Array, directed: bool, slack: float
+) -> tuple[Array, Any]:
     """First crossing of every pair that crosses its distance on the segment.
 
     Parameters
@@ -197,7 +198,7 @@ def crossings(
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def closest(B: Array, far: Array, linked: Array, best_linked: float, best_free: float) -> Array:
+def closest(B: Array, far: Array, linked: Any, best_linked: float, best_free: float) -> Array:
     """Closest approach on the segment of a linked and of an unlinked pair, where closer than the best so far.
 
     Returns
@@ -223,3 +224,28 @@ def closest(B: Array, far: Array, linked: Array, best_linked: float, best_free: 
             if x <= 1.0:
                 found[row] = (max(value, 0.0), x, float(i), float(j))
     return found
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def deepest_dip(B: Array, far: Array, senders: Any, sensed: Any) -> float:
+    """Where on the segment a linked pair comes much closer than at both its ends, deepest first; or `NEVER`.
+
+    A step that jumps over a close encounter shows as such a dip: its ends know nothing of the force between.
+    """
+    deepest, where = 0.25, NEVER
+    square = np.empty(15)
+    for e in range(senders.shape[0]):
+        i, j = senders[e], sensed[e]
+        d2 = 0.0
+        for k in range(B.shape[2]):
+            d2 += (B[0, j, k] - B[0, i, k]) ** 2
+        if 4.0 * (far[i] + far[j]) ** 2 < d2:
+            continue
+        squared_distance(B, i, j, square)
+        ends = min(square[0], square[14])
+        if ends <= 0.0:
+            continue
+        value, x = smallest_value(square, deepest * ends)
+        if x <= 1.0:
+            deepest, where = max(value, 0.0) / ends, x
+    return where

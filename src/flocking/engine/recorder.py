@@ -38,10 +38,12 @@ class Recorder:
 
     def frame(self, t: float, q: Array, p: Array, links: Links) -> None:
         """Store a frame."""
+        # The time comes last: a frame counts once it has one, so an interrupt in between loses nothing else.
+        count = len(self.t)
+        self.q[count:] = [q.copy()]
+        self.p[count:] = [p.copy()]
+        self.links[count:] = [links.copy()]
         self.t.append(t)
-        self.q.append(np.array(q))
-        self.p.append(np.array(p))
-        self.links.append(links.copy())
 
     def due(self, until: float) -> list[float]:
         """Frame times not yet stored, up to ``until``."""
@@ -67,11 +69,12 @@ class Recorder:
     def tables(self) -> dict[str, Any]:
         """All records as arrays, by the names of `Run`."""
         shape = (0, self.n, self.m)
+        count = len(self.t)
         return {
             "t": np.array(self.t),
-            "q": np.array(self.q) if self.q else np.zeros(shape),
-            "p": np.array(self.p) if self.p else np.zeros(shape),
-            "links": np.array(self.links) if self.links else np.zeros((0, self.n, self.n), dtype=bool),
+            "q": np.array(self.q[:count]) if count else np.zeros(shape),
+            "p": np.array(self.p[:count]) if count else np.zeros(shape),
+            "links": np.array(self.links[:count]) if count else np.zeros((0, self.n, self.n), dtype=bool),
             "switches": np.array(self.switches, dtype=SWITCH_FIELDS),
             "trace": np.array(self.trace, dtype=TRACE_FIELDS),
             "closest_linked": self.closest_linked,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from flocking.model.energy import Energy
 from flocking.model.graphs import Graph
 from flocking.model.law import Law
 from flocking.model.state import Agents, State
-from flocking.model.weights import PairWeights
+from flocking.model.weights import MatrixWeights
 
 __all__ = ["Agent", "Evaluation", "control", "control_of", "evaluate", "free_names"]
 
@@ -25,6 +25,9 @@ __all__ = ["Agent", "Evaluation", "control", "control_of", "evaluate", "free_nam
 @dataclass(frozen=True)
 class Evaluation:
     """Everything a law says about one state.
+
+    First-order agents move with velocity u and have no kinetic energy; their dissipation is that of a gradient
+    flow, the sum of |u_i|^2.
 
     Parameters
     ----------
@@ -104,6 +107,8 @@ def evaluate(law: Law, state: State, *, agents: Agents | None = None, energy: En
     n, m = state.q.shape
     agents = agents or Agents()
     agents.check_count(n)
+    if agents.order == 1:
+        state = replace(state, p=np.zeros_like(state.q))
     law.check_count(n, m)
     energy = energy or Energy()
     layout = Layout(law, energy)
@@ -113,9 +118,9 @@ def evaluate(law: Law, state: State, *, agents: Agents | None = None, energy: En
     force_sum = np.zeros(n)
     frame = frame_velocity(energy, state, A[0])
     storage = dissipation = supply = 0.0
-    for number, links in enumerate(graph_links(law, state)):
-        i, j = np.nonzero(links)
-        functional = law.graphs[number].functional(links) if hasattr(law.graphs[number], "functional") else None
+    pairs = [np.nonzero(links) for links in graph_links(law, state)]
+    for number, (i, j) in enumerate(pairs):
+        functional = _functional(law, number, (i, j), n)
         values, force = _pair_forces(module, number, state, (i, j), (P, A, W), functional, frame)
         np.add.at(u, i, force)
         np.add.at(force_sum, i, np.linalg.norm(force, axis=1))
@@ -128,11 +133,27 @@ def evaluate(law: Law, state: State, *, agents: Agents | None = None, energy: En
         given |= {f"q{k}": state.q[:, k], f"p{k}": state.p[:, k], f"mean_q{k}": mean_q[k], f"mean_p{k}": mean_p[k]}
     body = {k: v * np.ones(n) for k, v in module.body(P, given).items()}
     u += np.stack([body[f"force{k}"] for k in range(m)], axis=1)
+    storage += float(body["storage"].sum())
+    if agents.order == 1:
+        supply = float(np.sum(module.body_flow(P, given | {f"u{k}": u[:, k] for k in range(m)})["supply"] * np.ones(n)))
+        for number, (i, j) in enumerate(pairs):
+            seen = _pair_values(state.q, u, (i, j), (A, W), np.zeros(m))
+            flow = getattr(module, f"pair_flow{number}")(P, seen)["supply"]
+            supply += 0.5 * float(np.sum(flow * np.ones(len(i))))
+        return Evaluation(u, storage, 0.0, float((u**2).sum()), supply, force_sum)
     kinetic = 0.5 * float(np.sum(A[0][:, None] * (state.p - frame) ** 2))
-    return Evaluation(
-        u, storage + float(body["storage"].sum()), kinetic,
-        dissipation + float(body["dissipation"].sum()), supply + float(body["supply"].sum()), force_sum,
-    )  # fmt: skip
+    dissipation, supply = dissipation + float(body["dissipation"].sum()), supply + float(body["supply"].sum())
+    return Evaluation(u, storage, kinetic, dissipation, supply, force_sum)
+
+
+def _functional(law: Law, number: int, pairs: tuple[Any, Any], n: int) -> Array | None:
+    if not any(getattr(t, "functional", False) for t in law.pair_terms):
+        return None
+    from flocking.model.functionals import graph_functional
+
+    links = np.zeros((n, n), dtype=bool)
+    links[pairs] = True
+    return graph_functional(law, number, links)
 
 
 def frame_velocity(energy: Energy, state: State, masses: Array) -> Array:
@@ -153,25 +174,40 @@ def _pair_forces(
     functional: Array | None,
     frame: Array,
 ) -> tuple[dict[str, Any], Array]:
-    i, j = pairs
+    i, _ = pairs
     P, A, W = slots
-    d = state.q[j] - state.q[i]
-    v = state.p[j] - state.p[i]
-    r = np.sqrt((d**2).sum(axis=1))
-    given = {"r": r, "speed2": (v**2).sum(axis=1)}
+    given = _pair_values(state.q, state.p, pairs, (A, W), frame)
+    if functional is not None:
+        given["functional"] = functional[i]
+    r, d, v = given["r"], given.pop("d"), given.pop("v")
     with np.errstate(all="ignore"):
-        given["radial"] = (d * v).sum(axis=1) / r
-        given["push"] = (d * (state.p[i] - frame)).sum(axis=1) / r
-        given["pull"] = (v * (state.p[i] - frame)).sum(axis=1)
-        given |= {f"A{k}": row[i] for k, row in enumerate(A)}
-        given |= {f"W{k}": matrix[i, j] for k, matrix in enumerate(W)}
-        if functional is not None:
-            given["functional"] = functional[i]
         values = getattr(module, f"pair{number}")(P, given)
         along = np.broadcast_to(values["along"], r.shape)
         direction = np.where(r[:, None] > 0, d / r[:, None], 0.0)
-    drag = np.broadcast_to(values["drag"], r.shape)
-    return values, along[:, None] * direction + drag[:, None] * v
+        drag = np.broadcast_to(values["drag"], r.shape)
+        return values, along[:, None] * direction + drag[:, None] * v
+
+
+def _pair_values(
+    q: Array, p: Array, pairs: tuple[Any, Any], slots: tuple[Array, Array], frame: Array
+) -> dict[str, Any]:
+    """What pair formulas may use about each ordered pair, and the vectors d and v between the two."""
+    i, j = pairs
+    A, W = slots
+    d, v = q[j] - q[i], p[j] - p[i]
+    r = np.sqrt((d**2).sum(axis=1))
+    length = np.where(r > 0, r, 1.0)
+    given: dict[str, Any] = {
+        "r": r,
+        "d": d,
+        "v": v,
+        "speed2": (v**2).sum(axis=1),
+        "radial": (d * v).sum(axis=1) / length,
+    }
+    given["push"] = (d * (p[i] - frame)).sum(axis=1) / length
+    given["pull"] = (v * (p[i] - frame)).sum(axis=1)
+    given |= {f"A{k}": row[i] for k, row in enumerate(A)}
+    return given | {f"W{k}": matrix[i, j] for k, matrix in enumerate(W)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,12 +310,10 @@ def _known_slots(
 ) -> tuple[Array, Array, Array]:
     """Parameter arrays that reach at least to the largest index the agent has met."""
     sizes = [
-        len(value.matrix(count))
-        if isinstance(value, PairWeights) and not hasattr(value, "values")
-        else np.shape(getattr(value, "values", value))[0]
+        len(value.values if isinstance(value, MatrixWeights) else value)
         for _, owned in layout.owners()
         for value in owned.values()
-        if isinstance(value, PairWeights) or np.ndim(value)
+        if isinstance(value, MatrixWeights | np.ndarray)
     ]
     total = max([count, *sizes])
     masses, dampings = np.ones(total), np.zeros(total)

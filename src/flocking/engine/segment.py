@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from math import comb
 
@@ -13,8 +12,6 @@ from flocking.model.checks import Array
 DEGREE = 7
 """Degree of DOP853's dense output."""
 
-_NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)
-
 
 def bernstein_basis(x: Array) -> Array:
     """Values of the Bernstein polynomials of degree 7 at ``x``, shape (len(x), 8)."""
@@ -23,7 +20,18 @@ def bernstein_basis(x: Array) -> Array:
     return np.asarray(binomials * x[:, None] ** k * (1.0 - x[:, None]) ** (DEGREE - k))
 
 
-_TO_BERNSTEIN = np.linalg.inv(bernstein_basis(_NODES))
+def _dense_to_bernstein() -> Array:
+    """DOP853's dense output is y0 + sum over k of F[k] x^a (1 - x)^b: Bernstein coefficients of these, shape (8, 7)."""
+    columns = np.zeros((DEGREE + 1, DEGREE))
+    for power in range(DEGREE):
+        a, b = power // 2 + 1, (power + 1) // 2
+        rest = DEGREE - a - b
+        for j in range(rest + 1):
+            columns[a + j, power] = comb(rest, j) / comb(DEGREE, a + j)
+    return columns
+
+
+_TO_BERNSTEIN = _dense_to_bernstein()
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +51,16 @@ class Segment:
     coefficients: Array
 
     @classmethod
-    def from_dense_output(cls, t0: float, t1: float, y0: Array, y1: Array, dense: Callable[[Array], Array]) -> Segment:
-        """Convert a dense output, a function from times (k,) to states (size, k)."""
-        values = dense(t0 + (t1 - t0) * _NODES).T
-        coefficients = y0 + _TO_BERNSTEIN @ (values - y0)
+    def from_dense_output(cls, t0: float, t1: float, y0: Array, y1: Array, powers: Array) -> Segment:
+        """Convert the dense output of a step from ``y0`` to ``y1``: SciPy's array F, shape (7, size)."""
+        coefficients = y0 + _TO_BERNSTEIN @ powers
         coefficients[0], coefficients[-1] = y0, y1
         return cls(t0, t1, coefficients)
+
+    @classmethod
+    def resting(cls, t: float, y: Array) -> Segment:
+        """The segment of no length at ``y``."""
+        return cls(t, t, np.repeat(y[None], DEGREE + 1, axis=0))
 
     def at(self, t: float) -> Array:
         """State vector at time ``t``."""
@@ -58,15 +70,18 @@ class Segment:
         start = self.coefficients[0]
         return np.asarray(start + bernstein_basis(np.array([x]))[0] @ (self.coefficients - start))
 
-    def until(self, t: float) -> Segment:
-        """The part of the segment on [t0, t]."""
-        if t == self.t1:
-            return self
-        x = (t - self.t0) / (self.t1 - self.t0) if self.t1 > self.t0 else 0.0
+    def cut(self, x: float) -> Segment:
+        """The first fraction ``x`` of the segment. Its end is at ``x`` exactly; only its time is rounded."""
         left = np.empty_like(self.coefficients)
         work = self.coefficients.copy()
         for k in range(DEGREE + 1):
             left[k] = work[0]
             work = work[:-1] + x * (work[1:] - work[:-1])
-        left[-1] = self.at(t)
-        return Segment(self.t0, t, left)
+        return Segment(self.t0, self.t0 + x * (self.t1 - self.t0), left)
+
+    def until(self, t: float) -> Segment:
+        """The part of the segment on [t0, t]."""
+        if t >= self.t1:
+            return self
+        part = self.cut((t - self.t0) / (self.t1 - self.t0))
+        return Segment(self.t0, t, part.coefficients)

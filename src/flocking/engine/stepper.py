@@ -33,27 +33,45 @@ class Stepper:
     ----------
     slope
         Right-hand side, a function of (t, y).
-    t, y
-        Where to start.
     tolerance
-        Absolute error tolerance per component, shape of ``y``.
+        Absolute error tolerance per component of the state vector.
+    memory
+        Where to go on.
     """
 
-    def __init__(self, slope: Callable[[float, Array], Array], t: float, y: Array, tolerance: Array) -> None:
+    def __init__(self, slope: Callable[[float, Array], Array], tolerance: Array, memory: StepperMemory) -> None:
         self._slope = slope
-        self._tolerance = tolerance
+        self.tolerance = tolerance
         self._solver: Any = None
-        self.memory = StepperMemory(t, y, slope(t, y), 0.0)
+        self.memory = memory
 
     def restart(self, t: float, y: Array) -> None:
         """Go on from another state, keeping the proposed step."""
         self.memory = StepperMemory(t, y, self._slope(t, y), self.memory.step)
-        self._solver = None
 
     def recall(self, memory: StepperMemory) -> None:
         """Go on exactly as when ``memory`` was taken."""
         self.memory = memory
-        self._solver = None
+
+    def _prepared(self, bound: float, longest: float) -> Any:
+        """SciPy's solver, put where the memory is; all it keeps between steps is in there."""
+        from scipy.integrate import DOP853
+
+        before = self.memory
+        if self._solver is None or before.step == 0.0:
+            room = bound - before.t
+            first = min(before.step, room) if before.step > 0 else None
+            solver_type: Any = DOP853
+            self._solver = solver_type(
+                self._slope, before.t, before.y, bound,
+                max_step=longest, rtol=RELATIVE, atol=self.tolerance, first_step=first,
+            )  # fmt: skip
+        solver = self._solver
+        solver.t, solver.y, solver.f = before.t, before.y, before.slope
+        solver.t_bound, solver.max_step, solver.status = bound, longest, "running"
+        if before.step > 0:
+            solver.h_abs = before.step
+        return solver
 
     def step(self, bound: float, longest: float = np.inf) -> Segment:
         """Take one step, not beyond time ``bound`` nor longer than ``longest``.
@@ -62,30 +80,12 @@ class Stepper:
         ------
         StepTooSmall
             When the step shrinks to rounding.
+        NotFinite
+            When the state becomes infinite or NaN.
         """
-        from scipy.integrate import DOP853
-
         before = self.memory
-        if self._solver is None or self._solver.t_bound != bound or longest < np.inf:
-            room = bound - before.t
-            first = min(before.step, room, longest) if before.step > 0 else None
-            if first is None and longest < np.inf:
-                first = min(longest, room)
-            with np.errstate(all="ignore"):
-                solver = DOP853(
-                    self._slope,
-                    before.t,
-                    before.y,
-                    bound,
-                    max_step=longest,
-                    rtol=RELATIVE,
-                    atol=self._tolerance,
-                    first_step=first,
-                )
-            solver.f = before.slope
-            self._solver = solver
-        solver = self._solver
         with np.errstate(all="ignore"):
+            solver = self._prepared(bound, longest)
             message = solver.step()
         if solver.status == "failed":
             raise StepTooSmall(
@@ -93,15 +93,14 @@ class Stepper:
                 "raise the start distances, soften the potential or lower the gains.",
                 time=before.t,
             )  # fmt: skip
-        dense = solver.dense_output()
-        segment = Segment.from_dense_output(before.t, solver.t, before.y, solver.y, dense)
+        if not np.isfinite(solver.y).all():
+            raise NotFinite("The state became infinite or NaN.", time=before.t)
+        with np.errstate(all="ignore"):
+            dense = solver.dense_output()
+        segment = Segment.from_dense_output(before.t, float(solver.t), before.y, solver.y, dense.F)
         proposed = float(solver.h_abs)
         if solver.t == bound:
             # The last step before a bound is cut short; it says nothing about the next one.
             proposed = max(proposed, before.step)
         self.memory = StepperMemory(float(solver.t), solver.y, solver.f, proposed)
-        if longest < np.inf:
-            self._solver = None
-        if not np.isfinite(solver.y).all():
-            raise NotFinite("The state became infinite or NaN.", time=before.t)
         return segment

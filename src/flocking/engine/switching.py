@@ -13,6 +13,13 @@ from flocking.model.checks import Array
 from flocking.model.connectivity import Links
 from flocking.model.graphs import Graph
 from flocking.model.law import Law
+from flocking.model.terms import Gradient, PairTerm
+
+SLIDE = 1e-9
+"""A pair that crosses back and has moved less than this fraction of the distance has not really left it."""
+
+MOST_SLIDES = 200
+"""So many such crossings in a row make a session say that the motion chatters."""
 
 TIE = 1e-12
 """Crossings closer than this fraction of a step count as one instant."""
@@ -30,12 +37,15 @@ class Watch:
         ``"link"`` or ``"kink"``.
     enter, leave
         Distances per sensing agent, shape (N,).
+    rise
+        By how much the stored energy of a pair jumps up as it leaves: not zero where pieces of a formula do not meet.
     """
 
     graph: int
     kind: str
     enter: Array
     leave: Array
+    rise: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,12 +78,15 @@ class LinkState:
     """
 
     def __init__(self, law: Law, q: Array, links: Links | None = None) -> None:
+        self._law = law
         self.graphs: tuple[Graph, ...] = law.graphs
         self.links: list[Links] = [np.array(g.initial(q)) for g in self.graphs]
         if links is not None:
             self.links[0] = np.array(links)
         self.watches = _watches(law, len(q))
         self.near: list[Links] = [self._near_at(q, w) for w in self.watches]
+        self.sliding: dict[tuple[int, int, int], tuple[float, float, int]] = {}
+        self._everyone = np.ones((len(q), len(q)), dtype=bool)
 
     def _near_at(self, q: Array, watch: Watch) -> Links:
         if watch.kind == "link":
@@ -87,6 +100,30 @@ class LinkState:
         offsets = np.cumsum([0, *(len(i) for i, _ in found)])
         return np.concatenate([i for i, _ in found]), np.concatenate([j for _, j in found]), offsets
 
+    def functionals(self) -> Array:
+        """Functional s_i of each graph for each agent, shape (graphs, N); zeros where no term uses one."""
+        found = np.zeros((len(self.graphs), len(self._everyone)))
+        if not any(getattr(t, "functional", False) for t in self._law.pair_terms):
+            return found
+        from flocking.model.functionals import graph_functional
+
+        for number, links in enumerate(self.links):
+            values = graph_functional(self._law, number, links)
+            if values is not None:
+                found[number] = values
+        return found
+
+    def rise(self, crossings: Sequence[Crossing]) -> float:
+        """Energy that jumps into links at crossings of a kink where the pieces of a potential do not meet."""
+        total = 0.0
+        for crossing in crossings:
+            watch = self.watches[crossing.watch]
+            if watch.rise:
+                i, j = crossing.pairs.T
+                share = 0.5 if self.graphs[watch.graph].directed else 1.0
+                total += share * watch.rise * float(np.where(self.near[crossing.watch][i, j], 1.0, -1.0).sum())
+        return total
+
     def next_crossings(self, segment: Segment, n: int, m: int) -> tuple[float, list[Crossing]]:
         """Earliest crossing on a segment as a fraction of it, with all crossings of that instant; 2.0 when none."""
         B = segment.coefficients[:, : n * m].reshape(-1, n, m)
@@ -94,7 +131,7 @@ class LinkState:
         size = float(np.abs(B).max(initial=0.0))
         found: list[tuple[int, Array, Array]] = []
         for number, watch in enumerate(self.watches):
-            active = self.links[watch.graph] if watch.kind == "kink" else _everyone(n)
+            active = self.links[watch.graph] if watch.kind == "kink" else self._everyone
             directed = self.graphs[watch.graph].directed
             slack = 1e-13 * float(np.max(watch.leave)) + 16 * np.finfo(float).eps * size
             when, who = crossings(B, far, self.near[number], active, watch.enter, watch.leave, directed, slack)
@@ -127,6 +164,17 @@ class LinkState:
                     at = link_watch.enter[i] if self.links[graph][i, j] else link_watch.leave[i]
                     self.near[number][i, j] = self.near[number][j, i] = at < watch.leave[i]
 
+    def slides(self, crossing: Crossing, k: int, time: float, speed: float) -> bool:
+        """Note that pair ``k`` of a crossing crosses at ``time`` with ``speed``; whether it slides."""
+        watch = self.watches[crossing.watch]
+        i, j = (int(x) for x in crossing.pairs[k])
+        before, fast, count = self.sliding.get((crossing.watch, i, j), (-np.inf, 1.0, 0))
+        # It went no further than its speed took it.
+        still = (time - before) * max(fast, abs(speed)) <= SLIDE * float(watch.leave[i])
+        count = count + 1 if still else 0
+        self.sliding[crossing.watch, i, j] = (time, abs(speed), count)
+        return count >= MOST_SLIDES
+
     def memory(self) -> tuple[list[Links], list[Links]]:
         """Copies of all matrices."""
         return [x.copy() for x in self.links], [x.copy() for x in self.near]
@@ -138,10 +186,6 @@ class LinkState:
         self.near = [
             self.links[w.graph] if w.kind == "link" else x.copy() for w, x in zip(self.watches, near, strict=True)
         ]
-
-
-def _everyone(n: int) -> Links:
-    return np.ones((n, n), dtype=bool)
 
 
 def _watches(law: Law, n: int) -> list[Watch]:
@@ -156,5 +200,27 @@ def _watches(law: Law, n: int) -> list[Watch]:
             if law.graph_number(term) == number:
                 kinks |= set(term.kinks())
         for distance in sorted(k for k in kinks if k < float(leave.max())):
-            found.append(Watch(number, "kink", np.full(n, distance), np.full(n, distance)))
+            rise = sum(_rise(t, distance) for t in law.pair_terms if law.graph_number(t) == number)
+            found.append(Watch(number, "kink", np.full(n, distance), np.full(n, distance), rise))
     return found
+
+
+def _rise(term: PairTerm, distance: float) -> float:
+    if not isinstance(term, Gradient):
+        return 0.0
+    inside, outside = term.potential(distance * (1 + np.array([-1e-12, 1e-12])))
+    rise = float(outside - inside)
+    return rise if abs(rise) > 1e-9 * max(1.0, abs(float(inside)), abs(float(outside))) else 0.0
+
+
+def has_barrier(law: Law, graph: Graph) -> bool:
+    """Whether a potential over ``graph`` is infinite where its links break."""
+    radius = np.max(np.asarray(graph.break_radius))
+    if not np.isfinite(radius):
+        return False
+    numbers = [k for k, g in enumerate(law.graphs) if g is graph]
+    return any(
+        not np.isfinite(term.potential(radius))
+        for term in law.pair_terms
+        if isinstance(term, Gradient) and law.graph_number(term) in numbers
+    )
