@@ -132,7 +132,7 @@ def _convert(node: ast.expr, text: str, owner: str) -> Node:
         case ast.Constant(value=bool()):
             raise _reject(owner, text, "must not contain True or False")
         case ast.Constant(value=(int() | float()) as value):
-            if not math.isfinite(value) or abs(value) > 1e100:
+            if not abs(value) <= 1e100:  # NaN and integers beyond floats included
                 raise _reject(owner, text, "must have finite numbers below 1e100")
             return ("number", value)
         case ast.Name(id=name):

@@ -204,6 +204,10 @@ class Path(Leader):
         self.start_time = float(start_time)
         self.values = checked_parameters("Path", parameters)
         needed = frozenset[str]().union(*(f.names for f in self.formulas)) - {"t"}
+        if taken := sorted(n for n in needed if n.startswith("start_")):
+            raise InvalidInput(
+                "Path", taken[0], "must not begin with start_", velocity, "Those names are the leader's own."
+            )
         if needed != set(self.values):
             odd = sorted(needed ^ set(self.values))[0]
             raise InvalidInput("Path", odd, "must be both used in a formula and given a value", self.values)

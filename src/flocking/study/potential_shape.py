@@ -152,8 +152,10 @@ def shape_of(potential: Potential, radius: float | None = None) -> Shape:
     for c in points:
         sides = [tuple(limit([f(c * (1 + sign * x)) for x in tiny]) for f in functions) for sign in (-1, 1)]
         breaks.append(Break(float(c), sides[0], sides[1]))  # type: ignore[arg-type]
-    zero = limit([functions[0](x) for x in tiny])
-    infinity = limit([functions[0](1 / x) for x in tiny])
+    # At 0 and infinity no digits cancel: exponents alone reach further, and slow powers show their limit.
+    far = [context.mpf(10) ** (2**k) for k in range(14)]
+    zero = limit([functions[0](1 / x) for x in far])
+    infinity = limit([functions[0](x) for x in far])
     stretches = list(_pieces(points))
     minima = _minima(potential, functions, stretches, breaks)
     lows = [(m.at, m.value) for m in minima]

@@ -1,0 +1,63 @@
+from __future__ import annotations
+
+import os
+import stat
+
+import pytest
+
+import flocking as fk
+from flocking.errors import CacheError
+from flocking.formula import compiled
+from flocking.formula.printing import statements
+
+
+def test_a_module_is_made_once_and_found_by_structure(tmp_path, monkeypatch):
+    monkeypatch.setenv("FLOCKING_CACHE", str(tmp_path))
+    calls = []
+
+    def source():
+        calls.append(1)
+        return "value = 7\n"
+
+    structure = ("test", os.fspath(tmp_path))
+    assert compiled.generated_module(structure, source).value == 7
+    assert compiled.generated_module(structure, source).value == 7
+    assert len(calls) == 1
+    assert len(list(tmp_path.glob("flocking_generated_*.py"))) == 1
+
+
+def test_a_damaged_module_is_named(tmp_path, monkeypatch):
+    monkeypatch.setenv("FLOCKING_CACHE", str(tmp_path))
+    with pytest.raises(CacheError, match="Delete it"):
+        compiled.generated_module(("damaged", str(tmp_path)), lambda: "1 +")
+
+
+def test_a_folder_that_cannot_be_made_is_explained(tmp_path, monkeypatch):
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    monkeypatch.setenv("FLOCKING_CACHE", str(blocked / "below"))
+    with pytest.raises(CacheError, match="FLOCKING_CACHE"):
+        compiled.cache_folder()
+
+
+def test_written_modules_are_readable_files(tmp_path, monkeypatch):
+    monkeypatch.setenv("FLOCKING_CACHE", str(tmp_path))
+    fk.Potential("1/r + 13*r")(1.0)
+    (path,) = tmp_path.glob("*.py")
+    assert stat.S_ISREG(path.stat().st_mode)
+    assert "def slope(r)" in path.read_text()
+
+
+def test_shared_parts_are_computed_once_and_branches_stay_inside():
+    import sympy
+
+    r = sympy.Symbol("r", positive=True)
+    bump = sympy.Piecewise((1 / (r - 2), r < 2), (0, True))
+    lines = statements({"a": bump + sympy.sin(r), "b": bump * sympy.sin(r)}, arrays=False, prefix="x")
+    assert sum("if" in line for line in lines) == 1
+    assert sum("math.sin" in line for line in lines) == 1
+    space = {"math": __import__("math"), "r": 2.0}
+    for line in lines:
+        name, text = line.split(" = ", 1)
+        space[name] = eval(text, space)
+    assert space["b"] == 0

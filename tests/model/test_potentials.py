@@ -1,0 +1,149 @@
+from __future__ import annotations
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import flocking as fk
+from flocking.errors import FormulaError, InvalidInput
+
+TANNER = fk.Potential("1/r^2 + log(r^2)")
+ZHOU = fk.Potential("1/r + 1/(R - r)", R=4)
+SHI = fk.Potential(
+    "where(r^2 <= b/a, a*log(r^2) + b/r^2, where(r <= R, a*(1 + log(b/a)) + "
+    "cos((1 + (r^2 - b/a)/(R^2 - b/a))*pi) + 1, a*(1 + log(b/a)) + 2))",
+    a=1, b=1.5, R=3,
+)  # fmt: skip
+LENNARD = fk.Potential("4*e*((s/r)^12 - (s/r)^6)", e=0.7, s=1.1)
+POTENTIALS = {
+    "tanner": TANNER, "zhou": ZHOU, "shi": SHI, "lennard-jones": LENNARD,
+    "spring": fk.Potential("k*(r - d)^2/2", k=3, d=1.2), "abs": fk.Potential("abs(r - 1.3)"),
+    "constant": fk.Potential("7"), "wave": fk.Potential("sin(3*r)/r"), "cut": TANNER.cut(2.5),
+    "capped": TANNER.capped(2.5), "shifted": TANNER.shifted(2.5), "smoothed": TANNER.smoothed(3, 1.5),
+    "twice capped": TANNER.capped(2.5).capped(2), "zhou smoothed": ZHOU.smoothed(3, 2),
+    "all": LENNARD.shifted(2).capped(2).smoothed(1.9, 1.4).cut(1.8),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", POTENTIALS)
+def test_slope_and_curvature_are_the_derivatives(name):
+    psi = POTENTIALS[name]
+    r = np.linspace(0.31, 3.7, 173)
+    h = 1e-6
+    for kink in psi.kinks():
+        r = r[abs(r - kink) > 10 * h]
+    slope = (psi(r + h) - psi(r - h)) / (2 * h)
+    assert psi.slope(r) == pytest.approx(slope, rel=2e-6, abs=1e-7)
+    curvature = (psi.slope(r + h) - psi.slope(r - h)) / (2 * h)
+    assert psi.curvature(r) == pytest.approx(curvature, rel=2e-6, abs=1e-7)
+
+
+@pytest.mark.parametrize("name", POTENTIALS)
+def test_equality_hash_pickle_and_copy(name):
+    psi = POTENTIALS[name]
+    for twin in (pickle.loads(pickle.dumps(psi)), copy.deepcopy(psi), fk.Potential(psi.formula, **psi.parameters)):
+        assert twin == psi
+        assert hash(twin) == hash(psi)
+        assert twin(1.234) == psi(1.234)
+    assert psi != fk.Potential("1/r^3")
+
+
+@pytest.mark.parametrize("name", POTENTIALS)
+def test_latex_is_written(name):
+    psi = POTENTIALS[name]
+    assert psi.latex()
+    assert psi.slope_latex()
+    assert all(parameter.split("_")[0] in psi.latex() for parameter in psi.parameters)
+
+
+def test_latex_of_a_known_formula():
+    assert ZHOU.latex() == r"\frac{1}{R - r} + \frac{1}{r}"
+    assert ZHOU.slope_latex() == r"\frac{1}{\left(R - r\right)^{2}} - \frac{1}{r^{2}}"
+
+
+def test_values_at_known_points():
+    assert TANNER(1.0) == 1.0
+    assert TANNER.slope(1.0) == 0.0
+    assert ZHOU([1.0, 2.0]).tolist() == [1 + 1 / 3, 1.0]
+    assert np.isinf(ZHOU(0.0))
+    assert np.isinf(ZHOU(4.0))
+    assert POTENTIALS["constant"](np.ones((2, 3))).shape == (2, 3)
+
+
+@given(st.floats(0.5, 5), st.floats(0.2, 6))
+def test_wrappers_do_what_they_say(radius, r):
+    value = float(TANNER(r))
+    assert TANNER.cut(radius)(r) == pytest.approx(value if r < radius else 0.0)
+    assert TANNER.capped(radius)(r) == pytest.approx(value if r < radius else float(TANNER(radius)))
+    assert TANNER.shifted(radius)(r) == pytest.approx(value - float(TANNER(radius)))
+    smooth = TANNER.smoothed(radius, radius / 2)
+    bump = np.clip((r - radius / 2) / (radius / 2), 0, 1)
+    assert smooth(r) == pytest.approx(value * (1 + np.cos(np.pi * bump)) / 2, abs=1e-12)
+
+
+def test_wrapping_twice_keeps_both_radii():
+    twice = TANNER.capped(3).capped(2)
+    assert twice(2.5) == TANNER(2.0)
+    assert TANNER.capped(2).capped(3)(2.5) == TANNER(2.0)
+    assert TANNER.cut(2).cut(3)(2.5) == 0
+
+
+def test_wrapping_leaves_parameters_of_any_name_alone():
+    odd = fk.Potential("PSI/r + cap + PSI_AT_cap*r", PSI=2, cap=3, PSI_AT_cap=5)
+    wrapped = odd.capped(4)
+    assert wrapped(2.0) == odd(2.0)
+    assert wrapped(9.0) == odd(4.0)
+    assert wrapped.kinks() == (4.0,)
+
+
+def test_smoothing_hides_a_singularity_beyond_it():
+    assert ZHOU.smoothed(3, 2)([4.0, 5.0]).tolist() == [0, 0]
+
+
+def test_kinks():
+    assert TANNER.kinks() == ()
+    assert SHI.kinks() == (pytest.approx(1.5**0.5), 3.0)
+    assert SHI.with_parameters(R=2.5).kinks()[1] == 2.5
+    assert fk.Potential("abs(r - 1.5)").kinks() == (1.5,)
+    assert fk.Potential("where(r^5 - r < 1, r, 2)").kinks() == (pytest.approx(1.1673039782614187, rel=1e-14),)
+    assert fk.Potential("where(r^2 + b < 0, r, 2)", b=1).kinks() == ()
+    assert fk.Potential("where(b*r < 0, r, 2)", b=0).kinks() == ()
+    assert fk.Potential("where(b < 3, r, 2)", b=0).kinks() == ()
+    sines = fk.Potential("where(sin(r) < 0, r, 2)").kinks()
+    assert sines[:3] == pytest.approx([np.pi, 2 * np.pi, 3 * np.pi])
+    assert len(sines) == 64
+    assert fk.Potential("where(log(r) < b, where(exp(r) < 2, 1, r), 3)", b=1.0).kinks() == pytest.approx(
+        [np.log(2), np.e], rel=1e-14
+    )
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: fk.Potential("1/r + R"), "uses 'R', which has no value"),
+        (lambda: fk.Potential("1/r", R=3), "is not in the formula"),
+        (lambda: fk.Potential("1/r", r=3), "is the distance"),
+        (lambda: fk.Potential("R/r", R=float("nan")), "R must be finite"),
+        (lambda: fk.Potential("R/r", R="3"), "R must be a number"),
+        (lambda: fk.Potential("R/r", R=True), "R must be a number"),
+        (lambda: fk.Potential("r.real"), "Attribute"),
+        (lambda: TANNER.cut(-1), "radius must be greater than 0"),
+        (lambda: TANNER.capped(0), "radius must be greater than 0"),
+        (lambda: TANNER.shifted(np.inf), "distance must be finite"),
+        (lambda: TANNER.smoothed(1, 2), "onset must be less than 1"),
+    ],
+)
+def test_bad_input_is_explained(make, words):
+    with pytest.raises((FormulaError, InvalidInput), match=words):
+        make()
+
+
+def test_parameters_cannot_be_changed_in_place():
+    with pytest.raises(TypeError):
+        ZHOU.parameters["R"] = 5  # type: ignore[index]
+    assert ZHOU.with_parameters(R=5).parameters["R"] == 5
+    assert "R=4" in repr(ZHOU)
