@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from flocking.engine.encounter_formulas import encounter_functions, encounter_loop
+from flocking.engine.encounter_formulas import encounter_function, encounter_loop
 from flocking.engine.layout import MASS, Layout
 from flocking.formula.compiled import generated_module
 
@@ -251,7 +251,7 @@ def _array_module(formulas: LawFormulas) -> str:
         source += _array_function(f"pair{number}", pair.named())
         source += _array_function(f"pair_flow{number}", {"supply": pair.flow})
     for number, encounter in enumerate(formulas.encounters):
-        source += encounter_functions(number, encounter)
+        source += encounter_function(number, encounter)
     source += _array_function("body", formulas.body.named())
     return source + _array_function("body_flow", {"supply": formulas.body.flow})
 

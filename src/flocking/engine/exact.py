@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -64,7 +65,7 @@ class ExactSession:
         self.jumped = 0.0
         self._tail = np.zeros(3)
         self._prepare(start.n, start.dimension)
-        self._begin(start, LinkState(plant or scenario.law, start.q, start.links))
+        self._begin(start, LinkState(plant or scenario.law, start.q, start.links, start.t))
         self._record_frames()
         self._record_trace()
 
@@ -76,8 +77,7 @@ class ExactSession:
         self._order = scenario.agents.order
         self._layout = Layout(law, scenario.energy)
         self._kernels = compiled_kernels(self._layout, m, self._order)
-        self._slots = self._layout.values(scenario.agents, n)
-        self._ledger = None
+        self._declared: tuple[ModuleType, Layout] | None = None
         if self.plant is not None:
             if len(law.graphs) != len(scenario.law.graphs):
                 raise InvalidInput(
@@ -85,12 +85,22 @@ class ExactSession:
                     f"{len(law.graphs)} instead of {len(scenario.law.graphs)}",
                 )  # fmt: skip
             declared = Layout(scenario.law, scenario.energy)
-            self._ledger = (compiled_kernels(declared, m, self._order), declared.values(scenario.agents, n))
+            self._declared = (compiled_kernels(declared, m, self._order), declared)
         self._barriers = [has_barrier(law, g) for g in law.graphs]
         self._singular = law.singular_at_zero()
 
+    def _repack(self, t: float) -> None:
+        """Parameters as they are from time ``t`` on."""
+        agents = self.scenario.agents
+        self._slots = self._layout.values(agents, self.n, t)
+        self._ledger = None
+        if self._declared is not None:
+            module, layout = self._declared
+            self._ledger = (module, layout.values(agents, self.n, t))
+
     def _begin(self, state: State, links: LinkState) -> None:
         """Stand at ``state`` with the proposed step still to be found."""
+        self._repack(state.t)
         self._links = links
         self._relink()
         parts = [state.q.ravel(), state.p.ravel()] if self._order == 2 else [state.q.ravel()]
@@ -125,20 +135,22 @@ class ExactSession:
 
     def _right_hand_side(self) -> Callable[[float, Array], Array]:
         rhs, n, count = self._kernels.rhs, self.n, self.n * self.m
-        P, A, W = self._slots
         if self._ledger is None:
 
             def slope(t: float, y: Array) -> Array:
+                P, A, W = self._slots
                 senders, sensed, offsets = self._pairs
                 return np.asarray(rhs(t, y, n, senders, sensed, offsets, P, A, W, self._functionals))
 
             return slope
-        module, (P2, A2, W2) = self._ledger
         m, order = self.m, self._order
 
         def mutated(t: float, y: Array) -> Array:
             senders, sensed, offsets = self._pairs
             S = self._functionals
+            P, A, W = self._slots
+            assert self._ledger is not None
+            module, (P2, A2, W2) = self._ledger
             dy = np.asarray(rhs(t, y, n, senders, sensed, offsets, P, A, W, S))
             q = y[:count].reshape(n, m)
             p = y[count : 2 * count].reshape(n, m) if order == 2 else np.zeros_like(q)
@@ -284,6 +296,10 @@ class ExactSession:
         after = float(np.nextafter(t, np.inf))
         if any(after in term.switch_times(t, np.nextafter(after, np.inf)) for term in self._layout.law.body_terms):
             t = after
+            self._repack(t)
+            before = self.energy
+            self.energy, self.kinetic = self._energy(t, y)
+            self.jumped += self.energy - before
             self._stepper.restart(t, y)
         self._segment = Segment.resting(t, y)
         if error is not None:
@@ -307,7 +323,7 @@ class ExactSession:
                 "Use Hysteresis with a gap, or a potential that vanishes smoothly at the radius.",
                 time=t, agents=chattering,
             )  # fmt: skip
-        if any(self._links.watches[c.watch].kind == "link" for c in crossings):
+        if any(self._links.watches[c.watch].kind in ("link", "obstacle") for c in crossings):
             self._relink()
             before = self.energy
             self.energy, self.kinetic = self._energy(t, y)
@@ -328,6 +344,13 @@ class ExactSession:
         near = self._links.near[crossing.watch]
         chattering: tuple[int, ...] = ()
         for k, (i, j) in enumerate(crossing.pairs):
+            if watch.kind in ("obstacle", "rim"):
+                record = self._links.encounters.record(watch.graph - len(self._links.graphs), t, q, p, (i, j))
+                if watch.kind == "obstacle":
+                    self.recorder.switches.append(record)
+                if self._links.slides(crossing, k, t, record[5]):
+                    chattering = (int(i),)
+                continue
             d, v = q[j] - q[i], p[j] - p[i]
             speed = float(d @ v / np.linalg.norm(d)) if d.any() else 0.0
             slow = abs(speed) < TANGENTIAL * max(float(np.linalg.norm(v)), 1e-12)
@@ -369,7 +392,8 @@ class ExactSession:
         session._segment, session._pending = snapshot.segment, list(snapshot.pending)
         session._prepare(scenario.start.n, scenario.start.dimension)
         q, _, session._tail = (np.array(x) for x in session._split(snapshot.segment.coefficients[0]))
-        session._links = LinkState(session._layout.law, q)
+        session._links = LinkState(session._layout.law, q, t=snapshot.segment.t0)
+        session._repack(snapshot.segment.t1)
         session._links.recall(snapshot.links)
         session._links.sliding = dict(snapshot.sliding)
         session._relink()
@@ -402,7 +426,7 @@ class ExactSession:
         self.scenario.with_(law=declared, start=new, t_end=end, frames=1)
         plant = self.plant if law is None else None
         acting = plant or declared
-        links = LinkState(acting, new.q, new.links)
+        links = LinkState(acting, new.q, new.links, self.time)
         if state is None and acting.graphs == self._links.graphs:
             for matrix, kept_links in zip(links.links, self._links.links, strict=True):
                 matrix[:] = kept_links

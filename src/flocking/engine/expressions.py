@@ -11,6 +11,7 @@ from flocking.engine.layout import DAMPING, MASS, Layout
 from flocking.errors import UnsupportedLaw
 from flocking.model.leaders import Leader
 from flocking.model.symbols import BodySymbols, PairSymbols
+from flocking.model.tracking import Compensate
 
 if TYPE_CHECKING:
     import sympy
@@ -178,11 +179,15 @@ def _body_formulas(layout: Layout, dimension: int) -> BodyFormulas:
     force: list[sympy.Expr] = [sympy.Integer(0)] * dimension
     storage = sympy.Integer(0)
     relative = [a - b for a, b in zip(p, frame, strict=True)]
-    dissipation: sympy.Expr = sum((damping * v * w for v, w in zip(p, relative, strict=True)), sympy.Integer(0))
+    damped: sympy.Expr = sum((damping * v * w for v, w in zip(p, relative, strict=True)), sympy.Integer(0))
+    # Damping that the law compensates is no dissipation of the theorem's: the two cancel within the supply.
+    compensated = any(isinstance(t, Compensate) for t in layout.law.body_terms)
+    dissipation: sympy.Expr = sympy.Integer(0) if compensated else damped
     # A frame that accelerates adds an inertial force; in the centre of mass it cancels over the group.
     supply: sympy.Expr = -mass * sum(
         (a * w for a, w in zip(frame_acceleration, relative, strict=True)), sympy.Integer(0)
     )
+    supply -= damped if compensated else sympy.Integer(0)
     for term in layout.law.body_terms:
         place, velocity, acceleration = _leader_motion(layout, term.leader, dimension)
         x = BodySymbols(

@@ -8,10 +8,12 @@ from functools import cached_property
 
 import numpy as np
 
+from flocking.model.avoidance import ObstacleGroup, ObstacleTerm, PerObstacle
 from flocking.model.checks import Array
 from flocking.model.energy import Energy
 from flocking.model.law import Law
 from flocking.model.leaders import Leader
+from flocking.model.schedules import Schedule
 from flocking.model.state import Agents
 from flocking.model.terms import Term, Value
 from flocking.model.weights import PairWeights
@@ -41,25 +43,43 @@ class Layout:
             found.append(self.energy.leader)
         return tuple(found)
 
-    def owners(self) -> list[tuple[str, dict[str, Value]]]:
+    def encounters(self) -> tuple[tuple[ObstacleTerm, ObstacleGroup], ...]:
+        """Every group of obstacles with its term, in the order of the terms."""
+        return self._encounters
+
+    @cached_property
+    def _encounters(self) -> tuple[tuple[ObstacleTerm, ObstacleGroup], ...]:
+        return tuple((t, g) for t in self.law.body_terms if isinstance(t, ObstacleTerm) for g in t.groups)
+
+    def owners(self) -> list[tuple[str, dict[str, Value | PerObstacle]]]:
         """Every owner of parameters with what it owns, in slot order."""
-        found: list[tuple[str, dict[str, Value]]] = []
+        found: list[tuple[str, dict[str, Value | PerObstacle]]] = []
         found += [(f"graph{k}", dict(g.parameters)) for k, g in enumerate(self.law.graphs)]
-        found += [(f"term{k}", t.parameters) for k, t in enumerate(self.law.terms)]
+        found += [(f"term{k}", dict(t.parameters)) for k, t in enumerate(self.law.terms)]
         found += [(f"leader{k}", dict(x.parameters)) for k, x in enumerate(self.leaders())]
+        found += [(f"obstacles{k}", dict(group.rows)) for k, (_, group) in enumerate(self.encounters())]
         return found
 
     @cached_property
     def slots(self) -> dict[tuple[str, str], str]:
-        """Symbol of each (owner, parameter): ``P0``, ``P1``... one number, ``A2``... per agent, ``W0``... per pair."""
-        counts = {"P": 0, "A": 2, "W": 0}
+        """Symbol of each (owner, parameter).
+
+        ``P0``, ``P1``... one number, ``A2``... one per agent, ``W0``... one per pair, ``O0``... one per obstacle.
+        """
+        counts = {"P": 0, "A": 2, "W": 0, "O": 0}
         found = {}
         for owner, values in self.owners():
             for name, value in values.items():
-                kind = "W" if isinstance(value, PairWeights) else "A" if np.ndim(value) else "P"
+                kind = _kind(value)
                 found[owner, name] = f"{kind}{counts[kind]}"
                 counts[kind] += 1
         return found
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Numbers of slots for single numbers and for rows of obstacles."""
+        kinds = [slot[0] for slot in self.slots.values()]
+        return kinds.count("P"), kinds.count("O")
 
     def slot(self, owner: str, name: str) -> str:
         """Symbol of one parameter."""
@@ -78,6 +98,7 @@ class Layout:
             self.energy.structure,
             tuple(self.slots.items()),
             tuple(_foreign_source(part) for part in (*law.graphs, *law.terms, *self.leaders())),
+            tuple(_foreign_source(group.obstacles[0]) for _, group in self.encounters()),
         )
 
     def leader_number(self, leader: Leader | None) -> int | None:
@@ -88,13 +109,20 @@ class Layout:
         """Owner name of a term."""
         return f"term{next(k for k, t in enumerate(self.law.terms) if t is term)}"
 
-    def values(self, agents: Agents, n: int) -> tuple[Array, Array, Array]:
-        """Numbers for the slots: P of shape (scalars,), A of shape (rows, n) and W of shape (matrices, n, n)."""
+    def values(self, agents: Agents, n: int, t: float = 0.0) -> tuple[Array, Array, Array]:
+        """Numbers for the slots at time ``t``.
+
+        P has the single numbers, then the rows of `obstacle_rows`; A has shape (rows, n), W (matrices, n, n).
+        """
         scalars: list[float] = []
         rows: list[Array] = [np.broadcast_to(agents.masses, n), np.broadcast_to(agents.damping, n)]
         matrices: list[Array] = []
         for _, owned in self.owners():
             for value in owned.values():
+                if isinstance(value, PerObstacle):
+                    continue
+                if isinstance(value, Schedule):
+                    value = value.at(t)
                 if isinstance(value, PairWeights):
                     matrices.append(value.matrix(n))
                 elif np.ndim(value):
@@ -102,7 +130,27 @@ class Layout:
                 else:
                     scalars.append(float(value))
         pairs = np.array(matrices) if matrices else np.zeros((0, 1, 1))
-        return np.array(scalars, dtype=np.float64), np.array(rows, dtype=np.float64), pairs
+        P = np.concatenate([np.array(scalars, dtype=np.float64), self.obstacle_rows().ravel()])
+        return P, np.array(rows, dtype=np.float64), pairs
+
+    def obstacle_rows(self) -> Array:
+        """Numbers for the slots per obstacle, shape (rows, K): K is that of the largest group, the rest is NaN."""
+        rows = [v.values for _, owned in self.owners() for v in owned.values() if isinstance(v, PerObstacle)]
+        table = np.full((len(rows), max(map(len, rows), default=0)), np.nan)
+        for row, values in zip(table, rows, strict=True):
+            row[: len(values)] = values
+        return table
+
+
+def _kind(value: Value | PerObstacle) -> str:
+    """Letter of the slots for a parameter."""
+    if isinstance(value, PairWeights):
+        return "W"
+    if isinstance(value, PerObstacle):
+        return "O"
+    if isinstance(value, Schedule):
+        return "A" if value.per_agent else "P"
+    return "A" if np.ndim(value) else "P"
 
 
 def _foreign_source(part: object) -> str:

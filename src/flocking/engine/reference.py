@@ -16,6 +16,7 @@ from flocking.model.connectivity import Links
 from flocking.model.energy import Energy
 from flocking.model.graphs import Graph
 from flocking.model.law import Law
+from flocking.model.schedules import Schedule
 from flocking.model.state import Agents, State
 from flocking.model.weights import MatrixWeights
 
@@ -113,7 +114,7 @@ def evaluate(law: Law, state: State, *, agents: Agents | None = None, energy: En
     energy = energy or Energy()
     layout = Layout(law, energy)
     module = array_kernels(layout, m)
-    P, A, W = layout.values(agents, n)
+    P, A, W = layout.values(agents, n, state.t)
     u = np.zeros((n, m))
     force_sum = np.zeros(n)
     frame = frame_velocity(energy, state, A[0])
@@ -132,6 +133,11 @@ def evaluate(law: Law, state: State, *, agents: Agents | None = None, energy: En
     for k in range(m):
         given |= {f"q{k}": state.q[:, k], f"p{k}": state.p[:, k], f"mean_q{k}": mean_q[k], f"mean_p{k}": mean_p[k]}
     body = {k: v * np.ones(n) for k, v in module.body(P, given).items()}
+    near = _encounters(law, layout, module, state.q, P, given)
+    for i, values in near:
+        np.add.at(u, i, np.stack([values[f"force{k}"] for k in range(m)], axis=1))
+        dissipation += float(values["dissipation"].sum())
+        supply += float(values["supply"].sum())
     u += np.stack([body[f"force{k}"] for k in range(m)], axis=1)
     storage += float(body["storage"].sum())
     if agents.order == 1:
@@ -140,10 +146,31 @@ def evaluate(law: Law, state: State, *, agents: Agents | None = None, energy: En
             seen = _pair_values(state.q, u, (i, j), (A, W), np.zeros(m))
             flow = getattr(module, f"pair_flow{number}")(P, seen)["supply"]
             supply += 0.5 * float(np.sum(flow * np.ones(len(i))))
+        for i, values in near:
+            supply += float(sum((values[f"force{k}"] * u[i, k]).sum() for k in range(m)))
         return Evaluation(u, storage, 0.0, float((u**2).sum()), supply, force_sum)
     kinetic = 0.5 * float(np.sum(A[0][:, None] * (state.p - frame) ** 2))
     dissipation, supply = dissipation + float(body["dissipation"].sum()), supply + float(body["supply"].sum())
     return Evaluation(u, storage, kinetic, dissipation, supply, force_sum)
+
+
+def _encounters(
+    law: Law, layout: Layout, module: Any, q: Array, P: Array, given: Mapping[str, Any]
+) -> list[tuple[Any, dict[str, Array]]]:
+    """For every group of obstacles: the agents within range, once for each obstacle, and what it does to them."""
+    from flocking.engine.encounters import Encounters
+
+    rows, found = layout.obstacle_rows(), []
+    encounters = Encounters(law)
+    for level in encounters.levels:
+        if level.kind == "obstacle":
+            i, o = np.nonzero(encounters.within(level, q, given["t"]))
+            values = {k: v[i] if np.ndim(v) else v for k, v in given.items()}
+            values |= {f"O{k}": row[o] for k, row in enumerate(rows)}
+            with np.errstate(all="ignore"):
+                result = getattr(module, f"encounter{level.group}")(P, values)
+            found.append((i, {k: v * np.ones(len(i)) for k, v in result.items()}))
+    return found
 
 
 def _functional(law: Law, number: int, pairs: tuple[Any, Any], n: int) -> Array | None:
@@ -283,7 +310,7 @@ def control_of(
     module = array_kernels(layout, m)
     lists = neighbours if isinstance(neighbours, Mapping) else {law.graph: neighbours}
     count = 1 + max([agent.index, *(b.index for group in lists.values() for b in group)])
-    P, A, W = _known_slots(law, layout, agent, count, mass, damping)
+    P, A, W = _known_slots(law, layout, agent, count, mass, damping, t)
     u = np.zeros(m)
     for number, graph in enumerate(law.graphs):
         seen = list(lists.get(graph, []))
@@ -302,20 +329,24 @@ def control_of(
     given |= {f"q{k}": agent.q[k] for k in range(m)} | {f"p{k}": agent.p[k] for k in range(m)}
     given |= {f"mean_{letter}{k}": np.nan for letter in "qp" for k in range(m)}
     body = module.body(P, given)
-    return u + np.array([body[f"force{k}"] for k in range(m)], dtype=np.float64)
+    u += np.array([body[f"force{k}"] for k in range(m)], dtype=np.float64)
+    alone = {k: np.reshape(v, 1) if k != "t" else v for k, v in given.items()}
+    for _, values in _encounters(law, layout, module, agent.q[None], P, alone):
+        u += np.array([values[f"force{k}"].sum() for k in range(m)])
+    return u
 
 
 def _known_slots(
-    law: Law, layout: Layout, agent: Agent, count: int, mass: float, damping: float
+    law: Law, layout: Layout, agent: Agent, count: int, mass: float, damping: float, t: float
 ) -> tuple[Array, Array, Array]:
     """Parameter arrays that reach at least to the largest index the agent has met."""
     sizes = [
-        len(value.values if isinstance(value, MatrixWeights) else value)
+        len(value.values if isinstance(value, MatrixWeights) else np.atleast_1d(value))
         for _, owned in layout.owners()
-        for value in owned.values()
-        if isinstance(value, MatrixWeights | np.ndarray)
+        for given in owned.values()
+        if isinstance(value := given.at(t) if isinstance(given, Schedule) else given, MatrixWeights | np.ndarray)
     ]
     total = max([count, *sizes])
     masses, dampings = np.ones(total), np.zeros(total)
     masses[agent.index], dampings[agent.index] = mass, damping
-    return layout.values(Agents(masses, dampings), total)
+    return layout.values(Agents(masses, dampings), total, t)

@@ -7,19 +7,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flocking.engine.encounters import Encounters
 from flocking.engine.guards import crossings, reach
 from flocking.engine.segment import Segment
 from flocking.model.checks import Array
 from flocking.model.connectivity import Links
 from flocking.model.graphs import Graph
 from flocking.model.law import Law
-from flocking.model.terms import Gradient, PairTerm
+from flocking.model.terms import Consensus, Gradient, PairTerm
 
 SLIDE = 1e-9
 """A pair that crosses back and has moved less than this fraction of the distance has not really left it."""
 
 MOST_SLIDES = 200
 """So many such crossings in a row make a session say that the motion chatters."""
+
+GRAZE = 1e-9
+"""How far, as a fraction of the distance, a pair must pass a kink with continuous force for it to be a crossing."""
 
 TIE = 1e-12
 """Crossings closer than this fraction of a step count as one instant."""
@@ -34,11 +38,15 @@ class Watch:
     graph
         Number of the graph.
     kind
-        ``"link"`` or ``"kink"``.
+        ``"link"`` or ``"kink"``; ``"obstacle"`` or ``"rim"`` for pairs (agent, obstacle), see `Level`. Groups of
+        obstacles are numbered after the graphs.
     enter, leave
         Distances per sensing agent, shape (N,).
     rise
         By how much the stored energy of a pair jumps up as it leaves: not zero where pieces of a formula do not meet.
+    smooth
+        Whether the force is continuous there: then nothing can slide, and a crossing by less than `GRAZE` of the
+        distance changes the force by less than the tolerance.
     """
 
     graph: int
@@ -46,6 +54,7 @@ class Watch:
     enter: Array
     leave: Array
     rise: float = 0.0
+    smooth: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,9 +84,11 @@ class LinkState:
         Positions at the start, shape (N, m).
     links
         Link memory of the law's own graph; its initial rule decides when absent.
+    t
+        Time at the start.
     """
 
-    def __init__(self, law: Law, q: Array, links: Links | None = None) -> None:
+    def __init__(self, law: Law, q: Array, links: Links | None = None, t: float = 0.0) -> None:
         self._law = law
         self.graphs: tuple[Graph, ...] = law.graphs
         self.links: list[Links] = [np.array(g.initial(q)) for g in self.graphs]
@@ -85,6 +96,12 @@ class LinkState:
             self.links[0] = np.array(links)
         self.watches = _watches(law, len(q))
         self.near: list[Links] = [self._near_at(q, w) for w in self.watches]
+        self.encounters = Encounters(law)
+        self._first_level = len(self.watches)
+        for level in self.encounters.levels:
+            distance = np.full(len(q), level.distance)
+            self.watches.append(Watch(len(self.graphs) + level.group, level.kind, distance, distance))
+            self.near.append(self.encounters.within(level, q, t))
         self.sliding: dict[tuple[int, int, int], tuple[float, float, int]] = {}
         self._everyone = np.ones((len(q), len(q)), dtype=bool)
 
@@ -95,10 +112,17 @@ class LinkState:
         return np.asarray((offsets**2).sum(axis=-1) < watch.leave[:, None] ** 2)
 
     def pairs(self) -> tuple[Array, Array, Array]:
-        """Ordered pairs of all graphs, one after the other: sensing agents, sensed agents, offsets."""
-        found = [np.nonzero(links) for links in self.links]
+        """Ordered pairs of all graphs, one after the other: sensing agents, sensed agents, offsets.
+
+        Pairs (agent, obstacle) within range follow, one group of obstacles after the other.
+        """
+        found = [np.nonzero(links) for links in [*self.links, *self.active()]]
         offsets = np.cumsum([0, *(len(i) for i, _ in found)])
         return np.concatenate([i for i, _ in found]), np.concatenate([j for _, j in found]), offsets
+
+    def active(self) -> list[Links]:
+        """Which agents are within range of which obstacles, shape (N, K) for each group."""
+        return [x for w, x in zip(self.watches, self.near, strict=True) if w.kind == "obstacle"]
 
     def functionals(self) -> Array:
         """Functional s_i of each graph for each agent, shape (graphs, N); zeros where no term uses one."""
@@ -130,13 +154,18 @@ class LinkState:
         far = reach(B)
         size = float(np.abs(B).max(initial=0.0))
         found: list[tuple[int, Array, Array]] = []
-        for number, watch in enumerate(self.watches):
+        for number, watch in enumerate(self.watches[: self._first_level]):
             active = self.links[watch.graph] if watch.kind == "kink" else self._everyone
             directed = self.graphs[watch.graph].directed
-            slack = 1e-13 * float(np.max(watch.leave)) + 16 * np.finfo(float).eps * size
+            graze = GRAZE if watch.smooth else 1e-13
+            slack = graze * float(np.max(watch.leave)) + 16 * np.finfo(float).eps * size
             when, who = crossings(B, far, self.near[number], active, watch.enter, watch.leave, directed, slack)
             if len(when):
                 found.append((number, when, who))
+        if self.encounters.levels:
+            near = self.near[self._first_level :]
+            for level, when, who in self.encounters.next_crossings(segment, B, near, self.active()):
+                found.append((self._first_level + level, when, who))
         if not found:
             return 2.0, []
         first = min(float(when.min()) for _, when, _ in found)
@@ -150,6 +179,8 @@ class LinkState:
         matrix = self.near[crossing.watch]
         i, j = crossing.pairs.T
         matrix[i, j] = ~matrix[i, j]
+        if watch.kind in ("obstacle", "rim"):
+            return
         if watch.kind == "kink" or not self.graphs[watch.graph].directed:
             matrix[j, i] = matrix[i, j]
         if watch.kind == "link":
@@ -167,6 +198,8 @@ class LinkState:
     def slides(self, crossing: Crossing, k: int, time: float, speed: float) -> bool:
         """Note that pair ``k`` of a crossing crosses at ``time`` with ``speed``; whether it slides."""
         watch = self.watches[crossing.watch]
+        if watch.smooth:
+            return False
         i, j = (int(x) for x in crossing.pairs[k])
         before, fast, count = self.sliding.get((crossing.watch, i, j), (-np.inf, 1.0, 0))
         # It went no further than its speed took it.
@@ -200,8 +233,10 @@ def _watches(law: Law, n: int) -> list[Watch]:
             if law.graph_number(term) == number:
                 kinks |= set(term.kinks())
         for distance in sorted(k for k in kinks if k < float(leave.max())):
-            rise = sum(_rise(t, distance) for t in law.pair_terms if law.graph_number(t) == number)
-            found.append(Watch(number, "kink", np.full(n, distance), np.full(n, distance), rise))
+            terms = [t for t in law.pair_terms if law.graph_number(t) == number]
+            rise = sum(_rise(t, distance) for t in terms)
+            smooth = not rise and all(_meets(t, distance) for t in terms)
+            found.append(Watch(number, "kink", np.full(n, distance), np.full(n, distance), rise, smooth))
     return found
 
 
@@ -211,6 +246,14 @@ def _rise(term: PairTerm, distance: float) -> float:
     inside, outside = term.potential(distance * (1 + np.array([-1e-12, 1e-12])))
     rise = float(outside - inside)
     return rise if abs(rise) > 1e-9 * max(1.0, abs(float(inside)), abs(float(outside))) else 0.0
+
+
+def _meets(term: PairTerm, distance: float) -> bool:
+    """Whether the force of a term is continuous at a kink of its own formulas; graph weights always are."""
+    if not isinstance(term, Gradient) or distance not in term.kinks():
+        return isinstance(term, Gradient | Consensus)
+    inside, outside = term.potential.slope(distance * (1 + np.array([-1e-9, 1e-9])))
+    return bool(abs(outside - inside) <= 1e-6 * max(1.0, abs(float(inside)), abs(float(outside))))
 
 
 def has_barrier(law: Law, graph: Graph) -> bool:

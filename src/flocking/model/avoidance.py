@@ -27,6 +27,19 @@ REPULSION = "sqrt(1 + (r - d)**2) - (r - d)"
 
 
 @dataclass(frozen=True)
+class PerObstacle:
+    """A parameter with one value per obstacle of a group.
+
+    Parameters
+    ----------
+    values
+        The values.
+    """
+
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True)
 class ObstacleGroup:
     """Obstacles of one structure: their formulas are the same, their parameters are the columns of a table.
 
@@ -47,10 +60,10 @@ class ObstacleGroup:
         return self.obstacles[0].structure
 
     @cached_property
-    def rows(self) -> dict[str, tuple[float, ...]]:
+    def rows(self) -> dict[str, PerObstacle]:
         """One value per obstacle for every parameter."""
         owned = [x.parameters for x in self.obstacles]
-        return {name: tuple(values[name] for values in owned) for name in owned[0]}
+        return {name: PerObstacle(tuple(values[name] for values in owned)) for name in owned[0]}
 
 
 class ObstacleTerm(BodyTerm):

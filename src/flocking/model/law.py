@@ -132,6 +132,7 @@ class Law:
             graph.check_count(n)
         for term in self.terms:
             term.check_count(n)
+            term.check_dimension(dimension)
         for leader in self.leaders:
             if leader.dimension != dimension:
                 raise InvalidInput(

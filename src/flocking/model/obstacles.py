@@ -61,6 +61,11 @@ class Obstacle(ABC):
     ) -> Sequence[Piece]:
         """Signed distance s of ``q`` from the boundary at time ``t``, negative inside. The only thing it states."""
 
+    @property
+    def mover(self) -> Leader | None:
+        """The leader it moves with, or None when it stands still."""
+        return None
+
     def anchor(self, t: sympy.Expr, parameter: Callable[[str], sympy.Expr]) -> Sequence[sympy.Expr] | None:
         """The point b_k that gamma-agents are set off from; None for a body without a middle."""
         return None
@@ -147,6 +152,23 @@ class Obstacle(ABC):
         }
         return {"distance": np.asarray(found["distance"] * one), **vectors}
 
+    def distances(self, q: Array, t: Array, values: Sequence[Array]) -> Array:
+        """Signed distances where every position has its own time and its own obstacle of this structure.
+
+        Parameters
+        ----------
+        q
+            Positions, shape (k, m).
+        t
+            Times, shape (k,).
+        values
+            Values of `parameters`, in their order, shape (k,) each.
+        """
+        names = tuple(self.parameters)
+        module = generated_module(("obstacle", self.structure, names), lambda: _array_source(self, names))
+        with np.errstate(all="ignore"):
+            return np.asarray(module.distance(*q.T, t, *values) + np.zeros(len(q)))
+
     def distance(self, q: Array, t: float = 0.0) -> Array:
         """Signed distances of positions ``q`` of shape (N, m) from the boundary, shape (N,)."""
         return self.at(q, t=t)["distance"]
@@ -201,6 +223,11 @@ class Ball(Obstacle):
     def __post_init__(self) -> None:
         object.__setattr__(self, "centre", _placed("Ball", "centre", self.centre))
         object.__setattr__(self, "radius", number("Ball", "radius", self.radius, above=0.0))
+
+    @property
+    def mover(self) -> Leader:
+        """The leader the centre moves with."""
+        return self.centre
 
     @property
     def dimension(self) -> int:
@@ -274,6 +301,11 @@ class Wall(Obstacle):
         object.__setattr__(self, "extent", number("Wall", "extent", self.extent, above=0.0))
 
     @property
+    def mover(self) -> Leader:
+        """The leader the point moves with."""
+        return self.point
+
+    @property
     def dimension(self) -> int:
         """Dimension of the point."""
         return self.point.dimension
@@ -336,8 +368,16 @@ def _array_source(obstacle: Obstacle, names: tuple[str, ...]) -> str:
 
     q, p, t = vector("q"), vector("p"), sympy.Symbol("t", real=True)
     stages = obstacle.geometry(q, p, t, lambda name: sympy.Symbol(name, real=True))
-    lines = [line for k, stage in enumerate(stages) for line in statements(stage, arrays=True, prefix=f"stage{k}_")]
+
+    def function(name: str, arguments: Sequence[Any], steps: Sequence[dict[str, Any]], result: str) -> str:
+        lines = [s for k, stage in enumerate(steps) for s in statements(stage, arrays=True, prefix=f"stage{k}_")]
+        body = "".join(f"    {line}\n" for line in [*lines, f"return {result}"])
+        return f"def {name}({', '.join(map(str, [*arguments, 't', *names]))}):\n{body}\n\n"
+
     results = ", ".join(f"{name!r}: {name}" for stage in stages for name in stage)
-    arguments = ", ".join([*map(str, q), *map(str, p), "t", *names])
-    body = "".join(f"    {line}\n" for line in [*lines, f"return {{{results}}}"])
-    return f"import numpy\n\ndef geometry({arguments}):\n{body}"
+    alone = [{k: v for k, v in stage.items() if k in ("feature", "distance")} for stage in stages[:-1]]
+    return (
+        "import numpy\n\n\n"
+        + function("geometry", [*q, *p], stages, f"{{{results}}}")
+        + function("distance", q, alone, "distance")
+    )

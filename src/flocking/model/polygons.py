@@ -60,6 +60,11 @@ class ConvexPolygon(Obstacle):
             raise InvalidInput("ConvexPolygon", "motion", "must be a leader in the plane", self.motion)
 
     @property
+    def mover(self) -> Leader | None:
+        """The leader it moves with."""
+        return self.motion
+
+    @property
     def dimension(self) -> int:
         """Two."""
         return 2

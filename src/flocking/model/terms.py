@@ -12,14 +12,15 @@ from flocking.errors import InvalidInput
 from flocking.model.checks import Array, scalar_or_each
 from flocking.model.graphs import Graph
 from flocking.model.potentials import Potential
+from flocking.model.schedules import Schedule
 from flocking.model.symbols import PairSymbols
 from flocking.model.weights import HashedWeights, MatrixWeights, PairWeights
 
 if TYPE_CHECKING:
     import sympy
 
-Value = float | Array | PairWeights
-"""A parameter: one number, one number per agent, or one per pair."""
+Value = float | Array | PairWeights | Schedule
+"""A parameter: one number, one number per agent, or one per pair; the first two possibly changing at given times."""
 
 SYMMETRIES = frozenset({"momentum", "rotation", "relabelling", "galilean", "locality"})
 """Symmetries a pair term may declare; each has a contract test."""
@@ -54,6 +55,8 @@ class Term(ABC):
         for name, value in self.parameters.items():
             if isinstance(value, PairWeights):
                 value.matrix(n)
+            elif isinstance(value, Schedule):
+                value.check_count(type(self).__name__, name, n)
             elif np.ndim(value) and len(np.asarray(value)) != n:
                 raise InvalidInput(
                     type(self).__name__,
@@ -61,6 +64,9 @@ class Term(ABC):
                     f"must have one value for each of the {n} agents",
                     f"{np.size(value)} values",
                 )
+
+    def check_dimension(self, dimension: int) -> None:
+        """Check that the term fits ``dimension`` space dimensions."""
 
 
 class PairTerm(Term):

@@ -10,6 +10,7 @@ import numpy as np
 
 from flocking.model.checks import Array, scalar_or_each
 from flocking.model.leaders import Leader, Sink, Velocity
+from flocking.model.schedules import Schedule
 from flocking.model.symbols import BodySymbols
 from flocking.model.terms import SYMMETRIES, Term, Value
 
@@ -68,7 +69,7 @@ class Track(BodyTerm):
     leader
         Whom to follow. A vector is read as a leader with that constant velocity.
     position_gain
-        c1, for all or per agent; not negative.
+        c1, for all or per agent; not negative. Each gain may be a `Schedule`, to change at given times.
     velocity_gain
         c2, for all or per agent; not negative. An agent with gain 0 is not informed.
     acceleration_gain
@@ -87,9 +88,9 @@ class Track(BodyTerm):
     """
 
     leader: Leader
-    position_gain: float | Array = 0.0
-    velocity_gain: float | Array = 1.0
-    acceleration_gain: float | Array = 0.0
+    position_gain: float | Array | Schedule = 0.0
+    velocity_gain: float | Array | Schedule = 1.0
+    acceleration_gain: float | Array | Schedule = 0.0
     per_mass: bool = False
     shared: bool = False
     saturated: bool = False
@@ -98,15 +99,25 @@ class Track(BodyTerm):
         if not isinstance(self.leader, Leader):
             object.__setattr__(self, "leader", Velocity(self.leader))
         for name in ("position_gain", "velocity_gain", "acceleration_gain"):
-            object.__setattr__(self, name, scalar_or_each("Track", name, getattr(self, name), least=0.0))
+            value = getattr(self, name)
+            if isinstance(value, Schedule):
+                for each in value.values:
+                    scalar_or_each("Track", name, each, least=0.0)
+            else:
+                object.__setattr__(self, name, scalar_or_each("Track", name, value, least=0.0))
 
     @property
     def uses_means(self) -> bool:  # type: ignore[override]
         """True for shared feedback, which needs the centre of mass."""
         return self.shared
 
+    def switch_times(self, start: float, end: float) -> tuple[float, ...]:
+        """Times in (start, end) at which a scheduled gain changes."""
+        gains = [g for g in self._active.values() if isinstance(g, Schedule)]
+        return tuple(sorted({s for g in gains for s in g.switch_times(start, end)}))
+
     @property
-    def _active(self) -> dict[str, float | Array]:
+    def _active(self) -> dict[str, float | Array | Schedule]:
         names = ("position_gain", "velocity_gain", "acceleration_gain")
         return {name: value for name in names if np.any(np.asarray(value := getattr(self, name)) != 0)}
 
@@ -123,7 +134,9 @@ class Track(BodyTerm):
     @property
     def symmetries(self) -> frozenset[str]:
         """Locality, and relabelling unless gains differ between agents; shared feedback is not local."""
-        uneven = any(np.ndim(value) for value in self._active.values())
+        uneven = any(
+            value.per_agent if isinstance(value, Schedule) else np.ndim(value) for value in self._active.values()
+        )
         return (
             frozenset({"relabelling", "locality"})
             - ({"relabelling"} if uneven else set())

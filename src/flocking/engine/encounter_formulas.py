@@ -1,0 +1,136 @@
+"""Formulas of agents that meet obstacles, and the loops of the kernels that are printed from them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from flocking.engine.layout import MASS, Layout
+from flocking.model.symbols import ObstacleSymbols
+
+if TYPE_CHECKING:
+    import sympy
+
+Motion = tuple[Sequence["sympy.Expr"], Sequence["sympy.Expr"], Sequence["sympy.Expr"]]
+"""Position, velocity and acceleration of a leader."""
+
+
+@dataclass(frozen=True)
+class EncounterFormulas:
+    """What one group of obstacles does to an agent within range.
+
+    Parameters
+    ----------
+    geometry
+        Stages of named formulas; see `Obstacle.geometry`.
+    force
+        Force on the agent, m expressions.
+    dissipation, supply
+        Powers of the ledger.
+    counts
+        Numbers of slots; see `Layout.counts`.
+    """
+
+    geometry: tuple[dict[str, sympy.Expr], ...]
+    force: tuple[sympy.Expr, ...]
+    dissipation: sympy.Expr
+    supply: sympy.Expr
+    counts: tuple[int, int]
+
+    def stages(self) -> list[dict[str, sympy.Expr]]:
+        """All formulas in the order in which they must be computed."""
+        forces = {f"force{k}": f for k, f in enumerate(self.force)}
+        return [*self.geometry, {**forces, "dissipation": self.dissipation, "supply": self.supply}]
+
+
+def encounter_formulas(
+    layout: Layout, dimension: int, frame: Sequence[sympy.Expr], motions: dict[int | None, Motion]
+) -> tuple[EncounterFormulas, ...]:
+    """Formulas of every group of obstacles of a law.
+
+    Parameters
+    ----------
+    layout
+        The law and its slots.
+    dimension
+        Number of axes m.
+    frame
+        Velocity of the frame of the energy, m expressions.
+    motions
+        Motion of each leader by its number in the layout, and zeros for None.
+    """
+    import sympy
+
+    def symbol(name: str) -> sympy.Symbol:
+        return sympy.Symbol(name, real=True)
+
+    q, p = ([symbol(f"{letter}{k}") for k in range(dimension)] for letter in "qp")
+    t = symbol("t")
+    found = []
+    for number, (term, group) in enumerate(layout.encounters()):
+        obstacle = group.obstacles[0]
+
+        def owned(name: str, owner: str = f"obstacles{number}") -> sympy.Symbol:
+            return symbol(layout.slot(owner, name))
+
+        def parameter(name: str, owner: str = layout.term_owner(term)) -> sympy.Symbol:
+            return symbol(layout.slot(owner, name))
+
+        x = ObstacleSymbols(
+            q, p, t, symbol(MASS), symbol("distance"), [symbol(f"normal{k}") for k in range(dimension)],
+            [symbol(f"boundary{k}") for k in range(dimension)], obstacle.anchor(t, owned), frame,
+            *motions[layout.leader_number(term.leader)], parameter,
+        )  # fmt: skip
+        dissipated, supplied = term.encounter_balance(x)
+        geometry = tuple(obstacle.geometry(q, p, t, owned))
+        found.append(EncounterFormulas(geometry, tuple(term.encounter(x)), dissipated, supplied, layout.counts))
+    return tuple(found)
+
+
+def _slots(stages: Iterable[dict[str, sympy.Expr]], letter: str) -> list[str]:
+    names = {str(s) for stage in stages for e in stage.values() for s in e.free_symbols}
+    return sorted((n for n in names if re.fullmatch(letter + r"\d+", n)), key=lambda n: int(n[1:]))
+
+
+def _statements(stages: Sequence[dict[str, sympy.Expr]], arrays: bool, prefix: str) -> list[str]:
+    from flocking.formula.printing import statements
+
+    return [
+        line
+        for k, stage in enumerate(stages)
+        for line in statements(stage, arrays=arrays, prefix=f"{prefix}{k}_")
+    ]  # fmt: skip
+
+
+def encounter_loop(number: int, first: int, formulas: EncounterFormulas, m: int, tail: Sequence[str]) -> str:
+    """Source of the loop over the active pairs (agent, obstacle) of one group, then the ``tail`` lines.
+
+    The pairs follow those of the ``first`` graphs in ``senders`` and ``sensed``.
+    """
+    stages = formulas.stages()
+    scalars, rows = formulas.counts
+    lines = [f"    {n} = P[{n[1:]}]" for n in _slots(stages, "P")]
+    if rows:
+        lines += [f"    columns = (P.shape[0] - {scalars}) // {rows}"]
+    lines += [f"    for e in range(offsets[{first + number}], offsets[{first + number + 1}]):"]
+    body = ["i = senders[e]", "o = sensed[e]"]
+    body += [f"q{k} = q[i, {k}]" for k in range(m)] + [f"p{k} = p[i, {k}]" for k in range(m)]
+    body += [f"{n} = A[{n[1:]}, i]" for n in _slots(stages, "A")]
+    body += [f"{n} = P[{scalars} + {n[1:]} * columns + o]" for n in _slots(stages, "O")]
+    body += [*_statements(stages, False, f"o{number}_"), *tail]
+    return "\n".join([*lines, *(f"        {line}" for line in body)]) + "\n"
+
+
+def encounter_function(number: int, formulas: EncounterFormulas) -> str:
+    """Source of the NumPy function ``encounter<number>``: force, dissipation and supply of many active pairs."""
+    stages = formulas.stages()
+    own = {key for stage in stages for key in stage}
+    free = {str(s) for stage in stages for e in stage.values() for s in e.free_symbols} - own
+    scalars = _slots(stages, "P")
+    lines = [f"{n} = P[{n[1:]}]" for n in scalars]
+    lines += [f"{n} = values[{n!r}]" for n in sorted(free - set(scalars))]
+    lines += _statements(stages, True, "x")
+    lines += ["return {" + ", ".join(f"{k!r}: {k}" for k in stages[-1]) + "}"]
+    return f"def encounter{number}(P, values):\n" + "".join(f"    {line}\n" for line in lines) + "\n\n"
