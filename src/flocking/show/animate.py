@@ -1,0 +1,129 @@
+"""Animations of runs, as MP4 where ffmpeg is installed, else as GIF."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.run import Run
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array, integer, number
+from flocking.show.plane import net
+from flocking.show.style import figure, in_style, themed
+
+SUFFIXES = (".mp4", ".gif")
+
+
+def animate(
+    run: Run,
+    path: str | Path,
+    *,
+    fps: int = 20,
+    seconds: float | None = None,
+    follow: bool = False,
+    size: float = 4.0,
+    dpi: int = 120,
+    theme: str = "light",
+    **options: Any,
+) -> Path:
+    """Write the stored frames of a run as a film.
+
+    Parameters
+    ----------
+    run
+        The run.
+    path
+        Where to: ``.mp4`` needs ffmpeg, ``.gif`` does not; without a suffix the better one at hand is chosen.
+    fps
+        Pictures per second of the film.
+    seconds
+        Length of the film: frames are left out or shown again to fit; every frame once when absent.
+    follow
+        Let the picture move with the centre of the group.
+    size
+        Width and height in inches.
+    dpi
+        Dots per inch.
+    theme
+        ``"light"`` or ``"dark"``.
+    options
+        Further options of `flocking.show.plane.net`, such as ``trails=True``.
+
+    Returns
+    -------
+    Path
+        The file written.
+
+    Raises
+    ------
+    InvalidInput
+        When the suffix is unknown, ffmpeg is needed and missing, or a number is out of range.
+    """
+    fps = integer("animate", "fps", fps, least=1)
+    dpi = integer("animate", "dpi", dpi, least=10)
+    size = number("animate", "size", size, above=0.0)
+    if not isinstance(run, Run) or len(run.t) == 0:
+        raise InvalidInput("animate", "run", "must be a Run with at least one frame", run)
+    if seconds is None:
+        frames = np.arange(len(run.t))
+    else:
+        count = max(1, round(number("animate", "seconds", seconds, above=0.0) * fps))
+        frames = np.rint(np.linspace(0, len(run.t) - 1, count)).astype(np.intp)
+    target = _target(Path(path))
+    with themed(theme):
+        _film(run, target, frames, fps, follow, size, dpi, options)
+    return target
+
+
+def _target(path: Path) -> Path:
+    from matplotlib.animation import FFMpegWriter
+
+    film = FFMpegWriter.isAvailable()
+    if path.suffix == "":
+        path = path.with_suffix(".mp4" if film else ".gif")
+    if path.suffix not in SUFFIXES:
+        raise InvalidInput("animate", "path", f"must end in {' or '.join(SUFFIXES)}", str(path))
+    if path.suffix == ".mp4" and not film:
+        raise InvalidInput(
+            "animate", "path", "can end in .mp4 only where ffmpeg is installed", str(path),
+            "Install ffmpeg, or write a .gif.",
+        )  # fmt: skip
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InvalidInput("animate", "path", f"must be writable ({error.strerror})", str(path)) from None
+    return path
+
+
+@in_style
+def _film(
+    run: Run, path: Path, frames: Any, fps: int, follow: bool, size: float, dpi: int, options: dict[str, Any]
+) -> None:
+    from matplotlib.animation import FFMpegWriter, PillowWriter
+
+    made = figure(size, size)
+    writer = FFMpegWriter(fps=fps) if path.suffix == ".mp4" else PillowWriter(fps=fps)
+    space = run.q.shape[2] == 3
+    limits = None if "limits" in options else _limits(run, follow)
+    with writer.saving(made, str(path), dpi):
+        for k in frames:
+            made.clear()
+            axes = made.add_subplot(projection="3d" if space else None)
+            # A picture that breathes with every frame hides the motion: the window is fixed before the first.
+            window = {} if limits is None else {"limits": tuple(limits[:, k])}
+            net(run, frame=int(k), axes=axes, **{**window, **options})
+            writer.grab_frame()
+
+
+def _limits(run: Run, follow: bool) -> Array:
+    """Lowest and highest corner of the picture at every frame, shape (2, F, m)."""
+    q = run.q if run.q.shape[2] > 1 else np.concatenate([run.q, np.zeros_like(run.q)], axis=2)
+    centre = (q.min(axis=1) + q.max(axis=1)) / 2
+    half = np.ptp(q, axis=1).max(axis=0) / 2
+    if not follow:
+        low, high = q.min(axis=(0, 1)), q.max(axis=(0, 1))
+        centre, half = np.broadcast_to((low + high) / 2, centre.shape), (high - low) / 2
+    half = half + (0.1 * float(half.max()) or 1.0)
+    return np.stack([centre - half, centre + half])

@@ -1,0 +1,113 @@
+"""Figures of papers as data: a number, a caption, and what to draw from a run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from flocking.engine.run import Run
+from flocking.errors import InvalidInput
+from flocking.model.potentials import Potential
+from flocking.show import curves, plane, series
+from flocking.show.sheet import panel, sheet
+from flocking.show.style import COLUMN, PAGE
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Picture
+
+Draw = Callable[[Run], "Picture"]
+"""What draws a figure from a run."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of a paper.
+
+    Parameters
+    ----------
+    number
+        Its number in the paper, for example ``"4"`` or ``"7a"``.
+    caption
+        What it shows, in the project's own words.
+    draw
+        Draws it from a run.
+    scenario
+        Name of the paper's scenario it shows; the paper's first when empty.
+
+    Raises
+    ------
+    InvalidInput
+        When number or caption is no text, or ``draw`` cannot be called.
+    """
+
+    number: str
+    caption: str
+    draw: Draw
+    scenario: str = ""
+
+    def __post_init__(self) -> None:
+        for name in ("number", "caption"):
+            value = getattr(self, name)
+            if not isinstance(value, str) or not value.strip():
+                raise InvalidInput("Figure", name, "must be a text that is not empty", value)
+        if not callable(self.draw):
+            raise InvalidInput("Figure", "draw", "must be a function of a run", self.draw, "Use snapshot(time).")
+
+
+def snapshot(time: float | None = None, **options: Any) -> Draw:
+    """The net at one time, the last when absent; options are those of `flocking.show.plane.net`."""
+    return lambda run: plane.net(run, time=time, **options).figure
+
+
+def snapshots(times: Sequence[float], columns: int = 2, **options: Any) -> Draw:
+    """The net at several times on one sheet, read row by row."""
+    chosen = tuple(float(t) for t in times)
+    return lambda run: sheet([panel(plane.net, run, time=t, **options) for t in chosen], columns=columns)
+
+
+def velocities(axis: int | Sequence[int] = (0, 1), **options: Any) -> Draw:
+    """Velocity components over time, one panel per axis."""
+    return _per_axis(series.velocities, axis, options)
+
+
+def positions(axis: int | Sequence[int] = (0, 1), **options: Any) -> Draw:
+    """Position components over time, one panel per axis."""
+    return _per_axis(series.positions, axis, options)
+
+
+def velocity_errors(axis: int | Sequence[int] = (0, 1), **options: Any) -> Draw:
+    """Velocity errors over time, one panel per axis."""
+    return _per_axis(series.velocity_errors, axis, options)
+
+
+def potential(psi: Potential, **options: Any) -> Draw:
+    """A potential and its slope; options are those of `flocking.show.curves.potential`."""
+    return lambda run: curves.potential(psi, **options).figure
+
+
+def initial(**options: Any) -> Draw:
+    """The net at the first frame."""
+    return lambda run: plane.net(run, frame=0, **options).figure
+
+
+def final(**options: Any) -> Draw:
+    """The net at the last frame."""
+    return lambda run: plane.net(run, frame=-1, **options).figure
+
+
+def paths_and_final(**options: Any) -> Draw:
+    """The net at the last frame with the dotted paths that led there."""
+    return lambda run: plane.net(run, frame=-1, trails=True, **options).figure
+
+
+def _per_axis(function: Callable[..., Any], axis: int | Sequence[int], options: dict[str, Any]) -> Draw:
+    numbers = (axis,) if isinstance(axis, int) else tuple(axis)
+
+    def draw(run: Run) -> Picture:
+        return sheet(
+            [panel(function, run, k, **options) for k in numbers], columns=len(numbers),
+            width=PAGE if len(numbers) > 1 else COLUMN, ratio=0.75,
+        )  # fmt: skip
+
+    return draw

@@ -1,0 +1,73 @@
+"""Which stored frame a picture shows, and where the leader is at its time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flocking.engine.run import Run
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array, number
+from flocking.model.leaders import Leader
+
+
+def frame_at(run: Run, time: float | None = None, frame: int | None = None) -> int:
+    """Number of the stored frame nearest to ``time``, or of ``frame`` counted from the end when negative.
+
+    Parameters
+    ----------
+    run
+        The run.
+    time, frame
+        At most one of the two; the last frame when both are absent.
+
+    Raises
+    ------
+    InvalidInput
+        When both are given, the run has no frame, or the frame or time lies outside the run.
+    """
+    count = len(run.t)
+    if count == 0:
+        raise InvalidInput("show", "run", "must hold at least one frame", run.status)
+    if time is not None and frame is not None:
+        raise InvalidInput("show", "frame", "must be absent where a time is given", frame)
+    if time is not None:
+        time = number("show", "time", time)
+        slack = 1e-9 * max(1.0, abs(time))
+        if not run.t[0] - slack <= time <= run.t[-1] + slack:
+            raise InvalidInput("show", "time", f"must lie in the run, from {run.t[0]:g} to {run.t[-1]:g}", time)
+        return int(np.argmin(np.abs(run.t - time)))
+    frame = -1 if frame is None else frame
+    if not -count <= frame < count:
+        raise InvalidInput("show", "frame", f"must be one of the {count} stored frames", frame)
+    return frame % count
+
+
+def leader_at(leader: Leader, time: float) -> tuple[Array, Array]:
+    """Position and velocity of a leader, shape (m,) each; position NaN where it has no closed form."""
+    q, p, _ = leader.at(time)
+    return q, p
+
+
+def leader_track(leader: Leader, times: Array) -> tuple[Array, Array]:
+    """Positions and velocities of a leader at many times, shape (F, m) each."""
+    both = [leader_at(leader, float(t)) for t in times]
+    return np.array([q for q, _ in both]), np.array([p for _, p in both])
+
+
+def dimension_name(axis: int) -> str:
+    """Letter of an axis: x, y, z, then x_4 and on."""
+    return "xyz"[axis] if axis < 3 else f"x_{{{axis + 1}}}"
+
+
+def checked_axis(run: Run, axis: int) -> int:
+    """``axis``, when the run has it.
+
+    Raises
+    ------
+    InvalidInput
+        When it has not.
+    """
+    m = run.q.shape[2]
+    if isinstance(axis, bool) or not isinstance(axis, int | np.integer) or not 0 <= axis < m:
+        raise InvalidInput("show", "axis", f"must be one of 0..{m - 1}", axis)
+    return int(axis)

@@ -1,0 +1,206 @@
+"""Numbers of the whole group over time: spread of velocities, connectivity, closest pair, links made and lost."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flocking.engine.run import Run
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array
+from flocking.model.connectivity import components
+from flocking.show.plane import pairs_of
+from flocking.show.series import time_axis
+from flocking.show.style import BLUE, COLUMN, GREEN, ORANGE, SKY, VERMILION, axes_or_new, in_style, theme
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+MOST_FOR_SPECTRUM = 600
+"""Largest group whose algebraic connectivity is computed for a picture."""
+
+
+@in_style
+def spread(run: Run, *, axes: Axes | None = None) -> Any:
+    """Spread of the velocities over time on a logarithmic scale: the largest and the mean-square deviation.
+
+    Parameters
+    ----------
+    run
+        The run.
+    axes
+        Where to draw; a new figure when absent.
+    """
+    away = np.linalg.norm(run.p - run.p.mean(axis=1, keepdims=True), axis=2)
+    axes = axes_or_new(axes)
+    # A logarithm has no place for an exact zero.
+    curves = [(away.max(axis=1), BLUE, "largest"), (np.sqrt((away**2).mean(axis=1)), ORANGE, "root mean square")]
+    for values, color, label in curves:
+        axes.plot(run.t, np.where(values > 0, values, np.nan), color=color, label=label)
+    axes.set_ylabel(r"$|p_i - \bar{p}|$")
+    if (away > 0).any():
+        axes.set_yscale("log")
+        axes.legend()
+    return time_axis(axes, run.t)
+
+
+@in_style
+def connectivity(run: Run, *, axes: Axes | None = None) -> Any:
+    """Algebraic connectivity and number of flocks over the frames, the latter on its own axis.
+
+    Parameters
+    ----------
+    run
+        The run. One-way links count half; beyond 600 agents only the flocks are counted.
+    axes
+        Where to draw; a new figure when absent.
+    """
+    axes = axes_or_new(axes)
+    matrices = [run.links_at(k) for k in range(len(run.t))]
+    flocks = np.array([int(components(links).max()) + 1 for links in matrices])
+    counts = axes.twinx() if 1 < run.n <= MOST_FOR_SPECTRUM else axes
+    if counts is not axes:
+        axes.plot(run.t, [_fiedler(links) for links in matrices], color=BLUE, gid="algebraic connectivity")
+        axes.set_ylim(bottom=0.0)
+        axes.set_ylabel(r"$\lambda_2$", color=BLUE)
+        counts.spines["right"].set_visible(True)
+    counts.step(run.t, flocks, where="post", color=VERMILION, lw=1.0, gid="flocks")
+    counts.set_ylim(0, int(flocks.max()) + 1)
+    counts.yaxis.set_major_locator(_whole())
+    counts.set_ylabel("flocks", color=VERMILION)
+    return time_axis(axes, run.t)
+
+
+@in_style
+def closest(run: Run, *, axes: Axes | None = None) -> Any:
+    """Distance of the closest pair over the frames, with the run's certified minima marked.
+
+    Parameters
+    ----------
+    run
+        The run; at least two agents.
+    axes
+        Where to draw; a new figure when absent.
+
+    Raises
+    ------
+    InvalidInput
+        When there is only one agent.
+    """
+    if run.n < 2:
+        raise InvalidInput("closest", "run", "must have at least two agents", run.n)
+    axes = axes_or_new(axes)
+    axes.plot(run.t, [_nearest(q) for q in run.q], color=BLUE, label="at the frames", gid="frames")
+    for found, marker, name in ((run.closest_linked, "v", "linked"), (run.closest_unlinked, "^", "not linked")):
+        if np.isfinite(found.distance):
+            pair = f"{found.pair[0]}–{found.pair[1]}"
+            axes.plot(found.time, found.distance, marker, color=VERMILION if name == "linked" else GREEN, ms=5,
+                      ls="none", clip_on=False, zorder=4, label=f"closest {name}: {found.distance:.3g} ({pair})",
+                      gid=f"certified {name}")  # fmt: skip
+    axes.set_ylim(bottom=0.0)
+    axes.set_ylabel(r"$\min\,|q_i - q_j|$")
+    axes.legend()
+    return time_axis(axes, run.t)
+
+
+@in_style
+def links(run: Run, *, axes: Axes | None = None) -> Any:
+    """Number of links over the frames, with a rug of the links made and lost between them.
+
+    Parameters
+    ----------
+    run
+        The run.
+    axes
+        Where to draw; a new figure when absent.
+    """
+    axes = axes_or_new(axes)
+    counts = [len(pairs_of(run.links_at(k))) for k in range(len(run.t))]
+    axes.step(run.t, counts, where="post", color=theme().ink, lw=1.0, gid="count")
+    for kind, color, word, low in (("appear", GREEN, "made", 0.04), ("break", VERMILION, "lost", 0.0)):
+        times = np.unique(_switch_times(run, kind), axis=0)[:, 0]
+        axes.vlines(times, low, low + 0.035, transform=axes.get_xaxis_transform(), colors=color, lw=0.8,
+                    label=f"{len(times)} {word}", gid=word)  # fmt: skip
+    top = max([1, *counts])
+    axes.set_ylim(-0.12 * top, 1.08 * top)
+    axes.yaxis.set_major_locator(_whole())
+    axes.set_ylabel("links")
+    axes.legend(loc="center right", handlelength=1.0)
+    return time_axis(axes, run.t)
+
+
+@in_style
+def energy(run: Run, *, axes: Axes | None = None) -> Any:
+    """The energy ledger over time, with what it leaves unexplained on an axis of its own below.
+
+    Parameters
+    ----------
+    run
+        The run.
+    axes
+        Where to draw; a new figure when absent. The residual is drawn on the figure's next axes.
+    """
+    axes = axes_or_new(axes, width=COLUMN, height=0.9 * COLUMN)
+    trace = run.trace
+    name = run.scenario.energy.name
+    for field, label, color, line in (
+        ("energy", f"energy ${name}$", BLUE, "-"), ("kinetic", "kinetic", SKY, "-"),
+        ("dissipated", "dissipated", VERMILION, "--"), ("supplied", "supplied", GREEN, "-."),
+        ("jumped", "jumps at switches", ORANGE, ":"),
+    ):  # fmt: skip
+        if field in ("energy", "kinetic", "dissipated") or np.any(trace[field] != 0):
+            axes.plot(trace["time"], trace[field], color=color, ls=line, label=label, gid=field)
+    axes.legend(ncols=2)
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + 0.25 * (high - low))
+    axes.set_ylabel("energy")
+    axes.tick_params(labelbottom=False)
+    below = _axes_below(axes)
+    below.axhline(0.0, color=theme().faint, lw=0.6)
+    residual = run.residual if len(trace) else trace["energy"]
+    below.plot(trace["time"], residual, color=theme().ink, lw=0.8, gid="residual")
+    below.ticklabel_format(axis="y", style="sci", scilimits=(-2, 2))
+    below.yaxis.get_offset_text().set_size(6)
+    below.set_ylabel("residual")
+    times = trace["time"] if len(trace) else run.t
+    time_axis(below, times)
+    time_axis(axes, times)
+    axes.set_xlabel("")
+    return axes
+
+
+def _axes_below(axes: Any) -> Any:
+    """New axes under given ones, within the place that those had."""
+    place = axes.get_subplotspec()
+    if place is None:
+        return axes.inset_axes((0.0, -0.42, 1.0, 0.3))
+    upper, lower = place.subgridspec(2, 1, height_ratios=(3, 1))
+    axes.set_subplotspec(upper)
+    return axes.figure.add_subplot(lower)
+
+
+def _whole() -> Any:
+    from matplotlib.ticker import MaxNLocator
+
+    return MaxNLocator(6, integer=True)
+
+
+def _switch_times(run: Run, kind: str) -> Array:
+    """Times and pairs of the switches of a kind of the law's own graph, each pair once, shape (K, 3)."""
+    chosen = run.switches[(run.switches["kind"] == kind) & (run.switches["graph"] == 0)]
+    first, second = np.minimum(chosen["i"], chosen["j"]), np.maximum(chosen["i"], chosen["j"])
+    return np.stack([chosen["time"], first, second], axis=1).astype(np.float64)
+
+
+def _nearest(q: Array) -> float:
+    from scipy.spatial import KDTree
+
+    distance = np.asarray(KDTree(q).query(q, k=2)[0])
+    return float(distance[:, 1].min())
+
+
+def _fiedler(links: Any) -> float:
+    weights = (links.astype(np.float64) + links.T) / 2
+    laplacian = np.diag(weights.sum(axis=1)) - weights
+    return float(max(np.linalg.eigvalsh(laplacian)[1], 0.0))

@@ -1,0 +1,81 @@
+"""Colours of the agents of a net: one for all, by flock, by speed or by heading."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array
+from flocking.model.connectivity import components
+from flocking.show.style import BLUE, GREEN, GREY, ORANGE, PALETTE, PURPLE, VERMILION, theme
+
+CHOICES = ("plain", "flock", "speed", "heading")
+
+
+def net_colors(axes: Any, q: Array, p: Array, links: Any, choice: str, size: float) -> None:
+    """Draw the agents' dots in the colours of ``choice``, with a colour bar where they are numbers.
+
+    Parameters
+    ----------
+    axes
+        Where to draw.
+    q, p
+        Positions and velocities, shape (N, 2) or (N, 3).
+    links
+        Link matrix, shape (N, N), or None.
+    choice
+        One of `CHOICES`.
+    size
+        Area of a dot in square points.
+
+    Raises
+    ------
+    InvalidInput
+        When the choice is unknown, or flocks are asked for without links.
+    """
+    if choice not in CHOICES:
+        raise InvalidInput("net", "color", f"must be one of {', '.join(CHOICES)}", choice)
+    look: dict[str, Any] = {"s": size, "linewidths": 0, "gid": "agents"}
+    if axes.name == "3d":
+        look["depthshade"] = False
+    else:
+        look["zorder"] = 2
+    if choice == "plain":
+        axes.scatter(*q.T, color=theme().agent, **look)
+    elif choice == "flock":
+        axes.scatter(*q.T, c=flock_colors(links), **look)
+    elif choice == "speed":
+        speed = np.sqrt((p**2).sum(axis=1))
+        dots = axes.scatter(*q.T, c=speed, cmap="viridis", vmin=0.0, vmax=float(speed.max()) or 1.0, **look)
+        axes.figure.colorbar(dots, ax=axes, label="speed", shrink=0.8, pad=0.02)
+    else:
+        heading = np.arctan2(p[:, 1], p[:, 0])
+        dots = axes.scatter(*q.T, c=heading, cmap=_wheel(), vmin=-np.pi, vmax=np.pi, **look)
+        bar = axes.figure.colorbar(dots, ax=axes, label="heading", shrink=0.8, pad=0.02)
+        bar.set_ticks([-np.pi, 0.0, np.pi], labels=[r"$-\pi$", "$0$", r"$\pi$"])
+
+
+def _wheel() -> Any:
+    """A closed circle of hues, none of which is pale enough to vanish on a light ground."""
+    from matplotlib.colors import LinearSegmentedColormap
+
+    return LinearSegmentedColormap.from_list("heading", [BLUE, GREEN, ORANGE, VERMILION, PURPLE, BLUE])
+
+
+def flock_colors(links: Any) -> list[str]:
+    """One colour per agent: flocks by size, largest first; agents alone are grey.
+
+    Raises
+    ------
+    InvalidInput
+        When there are no links.
+    """
+    if links is None:
+        raise InvalidInput("net", "color", "can be 'flock' only where links are known", None, "Draw a run.")
+    labels = components(links)
+    sizes = np.bincount(labels)
+    place = np.empty(len(sizes), dtype=np.intp)
+    place[np.argsort(-sizes, kind="stable")] = np.arange(len(sizes))
+    return [PALETTE[place[k] % len(PALETTE)] if sizes[k] > 1 else GREY for k in labels]

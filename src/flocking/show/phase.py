@@ -1,0 +1,92 @@
+"""Phase portrait of one pair: its distance and how fast it changes, above the potential it moves in."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flocking.engine.run import Run
+from flocking.errors import InvalidInput
+from flocking.model.potentials import Potential
+from flocking.model.terms import Gradient
+from flocking.show.style import BLUE, ORANGE, axes_or_new, in_style, theme
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@in_style
+def phase(run: Run, pair: tuple[int, int] | None = None, *, axes: Axes | None = None) -> Any:
+    """Draw (r, dr/dt) of a pair over the frames, with the shape of the law's potential behind it.
+
+    Parameters
+    ----------
+    run
+        The run; at least two agents.
+    pair
+        The two agents; the pair that came closest among the linked when absent.
+    axes
+        Where to draw; a new figure when absent. Values of the potential are on its twin axis.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no such pair.
+    """
+    i, j = _checked_pair(run, pair)
+    apart, relative = run.q[:, j] - run.q[:, i], run.p[:, j] - run.p[:, i]
+    r = np.linalg.norm(apart, axis=1)
+    rate = np.divide((apart * relative).sum(axis=1), r, out=np.full_like(r, np.nan), where=r > 0)
+    axes = axes_or_new(axes)
+    potential = next((t.potential for t in run.scenario.law.pair_terms if isinstance(t, Gradient)), None)
+    low, high = float(r.min()), float(r.max())
+    margin = 0.08 * (high - low) or 0.5
+    low, high = max(low - margin, 0.0), high + margin
+    if potential is not None:
+        _well(axes, potential, low, high, run)
+    axes.axhline(0.0, color=theme().faint, lw=0.6)
+    axes.plot(r, rate, color=BLUE, lw=1.1, zorder=3, gid="path")
+    axes.plot(r[:1], rate[:1], "o", color=BLUE, mfc=theme().ground, ms=5, zorder=4, label="start")
+    axes.plot(r[-1:], rate[-1:], "o", color=BLUE, ms=5, zorder=4, label=f"$t = {run.t[-1]:.6g}$")
+    axes.set_xlim(low, high)
+    axes.set_xlabel(f"$r_{{{i},{j}}}$")
+    axes.set_ylabel(r"$\dot{r}$")
+    axes.legend()
+    return axes
+
+
+def _checked_pair(run: Run, pair: tuple[int, int] | None) -> tuple[int, int]:
+    if run.n < 2:
+        raise InvalidInput("phase", "run", "must have at least two agents", run.n)
+    if pair is None:
+        found = run.closest_linked if np.isfinite(run.closest_linked.distance) else run.closest
+        pair = found.pair if np.isfinite(found.distance) else (0, 1)
+    i, j = (int(k) for k in pair)
+    if i == j or not (0 <= i < run.n and 0 <= j < run.n):
+        raise InvalidInput("phase", "pair", f"must be two different agents of 0..{run.n - 1}", pair)
+    return i, j
+
+
+def _well(axes: Any, potential: Potential, low: float, high: float, run: Run) -> None:
+    radius = float(np.max(run.scenario.law.graph.break_radius))
+    r = np.linspace(low, high, 600)
+    inside = r < radius
+    if not inside.any():
+        return
+    values = np.where(inside, potential(r), np.nan)
+    values[~np.isfinite(values)] = np.nan
+    if np.isnan(values).all():
+        return
+    behind = axes.twinx()
+    behind.set_zorder(axes.get_zorder() - 1)
+    axes.patch.set_visible(False)
+    bottom, top = float(np.nanmin(values)), float(np.nanquantile(values, 0.9))
+    top = top if top > bottom else bottom + 1.0
+    behind.fill_between(r, bottom, np.minimum(values, bottom + 4 * (top - bottom)), color=ORANGE, alpha=0.15, lw=0)
+    behind.plot(r, values, color=ORANGE, lw=0.9, gid="potential")
+    behind.set_ylim(bottom, bottom + 1.3 * (top - bottom))
+    behind.spines["right"].set_visible(True)
+    behind.set_ylabel(r"$\psi(r)$", color=ORANGE)
+    if radius < high:
+        behind.axvline(radius, color=theme().faint, lw=0.8, ls=":")

@@ -1,0 +1,291 @@
+"""Nets in the plane and in space: agents as dots, links as segments, velocities as arrows, paths as dotted trails."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flocking.engine.run import Run
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array, number
+from flocking.model.leaders import Leader
+from flocking.model.state import State
+from flocking.show.frames import frame_at, leader_at
+from flocking.show.net_colors import net_colors
+from flocking.show.style import COLUMN, PURPLE, axes_or_new, in_style, theme
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+LINK_BUDGET, ARROW_BUDGET, TRAIL_BUDGET = 20_000, 2_500, 400
+"""Most links, arrows and trails drawn; of more, an even selection is drawn and the axes say so."""
+
+ARROW_SHARE = 0.14
+"""Length of the fastest arrow as a share of the picture's span; of a crowd, the spacing of its agents."""
+
+REST_SHARE = 0.04
+"""Below this share of the run's highest speed arrows shrink."""
+
+
+class Outlined(Protocol):
+    """Anything with an outline: an obstacle."""
+
+    def outline(self, count: int) -> Array:
+        """Points around it, shape (count, 2)."""
+
+
+@in_style
+def net(
+    what: Run | State,
+    *,
+    time: float | None = None,
+    frame: int | None = None,
+    axes: Axes | None = None,
+    links: bool = True,
+    arrows: bool = True,
+    trails: bool = False,
+    obstacles: Sequence[Outlined] = (),
+    leader: bool | Leader = True,
+    color: str = "plain",
+    title: str | bool = True,
+    limits: tuple[Sequence[float], Sequence[float]] | None = None,
+    seconds_per_arrow: float | None = None,
+    budget: int = LINK_BUDGET,
+) -> Any:
+    """Draw a net at one time.
+
+    Parameters
+    ----------
+    what
+        A run, or a single state.
+    time, frame
+        Which stored frame of a run: the one nearest to ``time``, or its number; the last when both are absent.
+    axes
+        Where to draw; a new figure when absent. Agents in space need axes with ``projection="3d"``.
+    links, arrows, trails
+        Draw links, velocities, and the paths travelled up to that frame.
+    obstacles
+        Objects with a method ``outline(count)`` that gives points of shape (count, 2); drawn in the plane only.
+    leader
+        True to draw the leaders of the run's law, a leader to draw that one, False for none.
+    color
+        ``"plain"``, ``"flock"``, ``"speed"`` or ``"heading"`` (angle of the velocity in its first two axes).
+    title
+        True for the time, a text, or False for none.
+    limits
+        Lowest and highest corner of the picture; everything drawn when absent.
+    seconds_per_arrow
+        An arrow is the way travelled in this time; chosen from the frame's highest speed when absent.
+    budget
+        Most links to draw.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes; agents have the label (gid) ``agents``, and so have ``links``, ``velocities`` and ``trails``.
+
+    Raises
+    ------
+    InvalidInput
+        When the frame does not exist, agents live in more than three dimensions, or axes do not fit.
+    """
+    state, past, top_speed = _choose(what, time, frame)
+    m = state.dimension
+    if m > 3:
+        raise InvalidInput("net", "what", "must live in at most 3 dimensions", m, "Draw a projection of the state.")
+    space = m == 3
+    axes = axes_or_new(axes, width=COLUMN, height=COLUMN, projection="3d" if space else None)
+    if space != (axes.name == "3d"):
+        need = 'agents in space need projection="3d"' if space else 'agents in the plane need axes without "3d"'
+        raise InvalidInput("net", "axes", "must fit the dimension of the agents", axes.name, f"{need}.")
+    q, p = _lift(state.q), _lift(state.p)
+    followed = _leaders(what, state, leader)
+    top_speed = max([top_speed, *(float(np.linalg.norm(v)) for _, v in followed)])
+
+    paths = _lift(past) if trails and len(past) > 1 else None
+    outlines = [] if space else [np.asarray(o.outline(181), dtype=np.float64) for o in obstacles]
+    points = [
+        q,
+        *(x[None] for x, _ in followed),
+        *outlines,
+        *([] if paths is None else [paths.reshape(-1, q.shape[1])]),
+    ]
+    span = _span(points)
+    if seconds_per_arrow is not None:
+        seconds = number("net", "seconds_per_arrow", seconds_per_arrow, above=0.0)
+    else:
+        seconds = min(ARROW_SHARE, 1.0 / np.sqrt(state.n)) * span / top_speed if top_speed > 0 else 0.0
+    notes: list[str] = []
+    for outline in outlines:
+        axes.fill(*outline.T, facecolor=theme().faint, edgecolor=theme().ink, alpha=0.45, lw=0.6, zorder=0.5)
+    if paths is not None:
+        _draw_trails(axes, paths, notes)
+    if links and state.links is not None:
+        _draw_links(axes, q, state.links, budget, notes)
+    moving = arrows and seconds > 0
+    if moving:
+        points.append(_draw_arrows(axes, q, p, seconds, notes))
+        points.extend((x + seconds * v)[None] for x, v in followed)
+    net_colors(axes, q, p, state.links, color, _dot_size(state.n))
+    for x, v in followed:
+        _draw_leader(axes, x, v, seconds if moving else 0.0)
+    _frame_axes(axes, points, limits)
+    if title is not False:
+        axes.set_title(f"$t = {state.t:.6g}$" if title is True else title)
+    if notes:
+        axes.annotate("\n".join(notes), (0.02, 0.02), xycoords="axes fraction", fontsize=6, color=theme().ink,
+                      va="bottom", gid="notes", zorder=9,
+                      bbox={"facecolor": theme().ground, "edgecolor": "none", "alpha": 0.85, "pad": 1.5})  # fmt: skip
+    return axes
+
+
+def pairs_of(links: Any) -> NDArray[np.intp]:
+    """Linked pairs (i, j) with i < j, each once whichever way it is linked, shape (K, 2)."""
+    i, j = links.nonzero()
+    n = links.shape[0]
+    keys = np.unique(np.minimum(i, j).astype(np.int64) * n + np.maximum(i, j))
+    return np.stack([keys // n, keys % n], axis=1).astype(np.intp)
+
+
+def _choose(what: Run | State, time: float | None, frame: int | None) -> tuple[State, Array, float]:
+    if isinstance(what, State):
+        if time is not None or frame is not None:
+            raise InvalidInput("net", "time", "must be absent for a single state", time if frame is None else frame)
+        return what, what.q[None], float(np.linalg.norm(what.p, axis=1).max())
+    if not isinstance(what, Run):
+        raise InvalidInput("net", "what", "must be a Run or a State", what)
+    k = frame_at(what, time, frame)
+    speeds = np.sqrt((what.p**2).sum(axis=-1))
+    # Slow agents keep a visible arrow, but what is nearly at rest does not look fast.
+    return what.state(k), what.q[: k + 1], float(max(speeds[k].max(), REST_SHARE * speeds.max()))
+
+
+def _lift(x: Array) -> Array:
+    """Agents on a line are drawn on the horizontal axis."""
+    return x if x.shape[-1] > 1 else np.concatenate([x, np.zeros_like(x)], axis=-1)
+
+
+def _leaders(what: Run | State, state: State, leader: bool | Leader) -> list[tuple[Array, Array]]:
+    chosen: tuple[Leader, ...] = ()
+    if isinstance(leader, Leader):
+        chosen = (leader,)
+    elif leader and isinstance(what, Run):
+        chosen = what.scenario.law.leaders
+    placed = [leader_at(one, state.t) for one in chosen if one.dimension == state.dimension]
+    return [(_lift(q), _lift(p)) for q, p in placed if np.isfinite(q).all()]
+
+
+def _span(points: Sequence[Array]) -> float:
+    every = np.concatenate(points)
+    width = float(np.ptp(every, axis=0).max())
+    return width if width > 0 else 1.0
+
+
+def _dot_size(n: int) -> float:
+    return float(np.clip(26.0 * (10.0 / max(n, 10)) ** 0.6, 1.0, 26.0))
+
+
+def _line_collection(axes: Any, segments: Any, **look: Any) -> None:
+    if axes.name == "3d":
+        from mpl_toolkits.mplot3d.art3d import Line3DCollection
+
+        axes.add_collection3d(Line3DCollection(segments, **look))
+    else:
+        from matplotlib.collections import LineCollection
+
+        axes.add_collection(LineCollection(segments, **look), autolim=False)
+
+
+def _evenly(count: int, most: int) -> NDArray[np.intp]:
+    return np.asarray(np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.intp)))
+
+
+def _draw_links(axes: Any, q: Array, links: Any, budget: int, notes: list[str]) -> None:
+    pairs = pairs_of(links)
+    if len(pairs) == 0:
+        return
+    shown = pairs[_evenly(len(pairs), budget)]
+    if len(shown) < len(pairs):
+        notes.append(f"{len(shown):,} of {len(pairs):,} links drawn")
+    width = float(np.clip(0.7 * (60.0 / max(len(shown), 60)) ** 0.35, 0.15, 0.7))
+    _line_collection(axes, q[shown], colors=theme().faint, linewidths=width, zorder=1, gid="links")
+
+
+def _draw_trails(axes: Any, paths: Array, notes: list[str]) -> None:
+    n = paths.shape[1]
+    agents = _evenly(n, TRAIL_BUDGET)
+    if len(agents) < n:
+        notes.append(f"{len(agents):,} of {n:,} trails drawn")
+    _line_collection(axes, np.moveaxis(paths[:, agents], 1, 0), colors=theme().agent, linewidths=0.7,
+                     linestyles=[(0, (1.0, 1.6))], alpha=0.75, zorder=0.8, gid="trails")  # fmt: skip
+
+
+def _draw_arrows(axes: Any, q: Array, p: Array, seconds: float, notes: list[str]) -> Array:
+    agents = _evenly(len(q), ARROW_BUDGET)
+    if len(agents) < len(q):
+        notes.append(f"{len(agents):,} of {len(q):,} velocities drawn")
+    base, way = q[agents], seconds * p[agents]
+    if axes.name == "3d":
+        axes.quiver(*base.T, *way.T, color=theme().ink, linewidth=0.7, arrow_length_ratio=0.28, gid="velocities")
+    else:
+        width = float(np.clip(0.0045 * (30.0 / len(agents)) ** 0.4, 0.001, 0.0045))
+        axes.quiver(*base.T, *way.T, color=theme().ink, angles="xy", scale_units="xy", scale=1.0,
+                    width=width, headwidth=4, headlength=5, headaxislength=4.5,
+                    minlength=0.5, zorder=3, gid="velocities")  # fmt: skip
+    return base + way
+
+
+def _draw_leader(axes: Any, x: Array, v: Array, seconds: float) -> None:
+    look = {"marker": "h", "s": 70, "color": PURPLE, "edgecolors": theme().ink, "linewidths": 0.6, "gid": "leader"}
+    if axes.name == "3d":
+        axes.scatter(*x[:, None], **look)
+        if seconds > 0:
+            axes.quiver(*x, *(seconds * v), color=PURPLE, linewidth=1.3, arrow_length_ratio=0.28, gid="leader velocity")
+        return
+    axes.scatter(*x[:, None], zorder=5, **look)
+    if seconds > 0 and v.any():
+        axes.quiver(*x[:, None], *(seconds * v)[:, None], color=PURPLE, angles="xy", scale_units="xy", scale=1.0,
+                    width=0.008, zorder=4.5, gid="leader velocity")  # fmt: skip
+
+
+def _frame_axes(axes: Any, points: Sequence[Array], limits: tuple[Sequence[float], Sequence[float]] | None) -> None:
+    if limits is not None:
+        low, high = (np.asarray(corner, dtype=np.float64) for corner in limits)
+    else:
+        every = np.concatenate(points)
+        low, high = every.min(axis=0), every.max(axis=0)
+        margin = 0.06 * _span(points) if np.ptp(every, axis=0).any() else 1.0
+        low, high = _even(low - margin, high + margin)
+    if axes.name == "3d":
+        middle, half = (low + high) / 2, float((high - low).max()) / 2
+        for k, name in enumerate("xyz"):
+            getattr(axes, f"set_{name}lim")(middle[k] - half, middle[k] + half)
+            getattr(axes, f"set_{name}label")(f"${name}$", labelpad=-6)
+            side = getattr(axes, f"{name}axis")
+            side.set_pane_color((0, 0, 0, 0))
+            side.set_major_locator(_few_ticks())
+        axes.tick_params(pad=-2)
+        axes.set_box_aspect((1, 1, 1))
+        return
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+    axes.set_aspect("equal", adjustable="box")
+    axes.set_xlabel("$x$")
+    axes.set_ylabel("$y$")
+
+
+def _even(low: Array, high: Array) -> tuple[Array, Array]:
+    """The same window made square, or at least half as high as wide where the net is long and thin."""
+    size = high - low
+    size = np.maximum(size, size.max() * (1.0 if size.min() > 0.55 * size.max() else 0.5))
+    middle = (low + high) / 2
+    return middle - size / 2, middle + size / 2
+
+
+def _few_ticks() -> Any:
+    from matplotlib.ticker import MaxNLocator
+
+    return MaxNLocator(4)

@@ -1,0 +1,122 @@
+"""One entry to the pictures of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from flocking.engine.run import Run
+from flocking.errors import InvalidInput
+from flocking.show import group_series, phase, plane, series
+from flocking.show.sheet import panel, sheet
+from flocking.show.style import COLUMN, PAGE, save, themed
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_SINGLE: dict[str, Callable[..., Any]] = {
+    "net": plane.net,
+    "energy": group_series.energy,
+    "phase": phase.phase,
+    "spread": group_series.spread,
+    "connectivity": group_series.connectivity,
+    "closest": group_series.closest,
+    "links": group_series.links,
+}
+
+_PER_AXIS: dict[str, Callable[..., Any]] = {
+    "velocities": series.velocities,
+    "positions": series.positions,
+    "errors": series.velocity_errors,
+}
+
+KINDS = (*_SINGLE, *_PER_AXIS, "series")
+"""What `plot` can draw."""
+
+
+def plot(
+    run: Run, kind: str = "net", *, save_as: str | Path | None = None, theme: str = "light", **options: Any
+) -> Figure:
+    """Draw a run.
+
+    Parameters
+    ----------
+    run
+        The run.
+    kind
+        ``"net"`` at one time, ``"energy"`` (the ledger), ``"velocities"``, ``"positions"`` or ``"errors"`` (one panel
+        per axis, or ``axis=``), ``"phase"`` of a pair, ``"spread"`` of velocities, ``"connectivity"``, ``"closest"``
+        pair, ``"links"`` made and lost, or ``"series"``, which puts the last four, the velocities and the ledger on
+        one sheet.
+    save_as
+        Path without suffix to write as SVG and PNG; nothing is written when absent.
+    theme
+        ``"light"`` or ``"dark"``.
+    options
+        Options of the function that draws this kind, for example ``time=3.0, trails=True`` for a net.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure.
+
+    Raises
+    ------
+    InvalidInput
+        When the kind is unknown, or an option does not fit it.
+
+    Examples
+    --------
+    >>> import flocking as fk
+    >>> law = fk.Law(fk.Proximity(2.0), [fk.Consensus(1.0)])
+    >>> run = fk.simulate(fk.Scenario(law, fk.start.box(3, side=1, seed=0), t_end=0))
+    >>> fk.plot(run).axes[0].get_title()
+    '$t = 0$'
+    """
+    if not isinstance(run, Run):
+        raise InvalidInput("plot", "run", "must be a Run", run, "Use fk.simulate(scenario).")
+    if kind not in KINDS:
+        raise InvalidInput("plot", "kind", f"must be one of {', '.join(KINDS)}", kind)
+    _check_options(kind, options)
+    with themed(theme):
+        made = _draw(run, kind, options)
+        if save_as is not None:
+            save(made, save_as)
+    return made
+
+
+def _check_options(kind: str, options: dict[str, Any]) -> None:
+    from inspect import signature
+
+    function = _SINGLE.get(kind) or _PER_AXIS.get(kind)
+    known = set(signature(function).parameters) - {"run", "what", "axes"} if function is not None else set()
+    for name in sorted(set(options) - known):
+        allowed = ", ".join(sorted(known)) or "none"
+        raise InvalidInput("plot", name, f"must be an option of kind {kind!r} ({allowed})", options[name])
+
+
+def _figure_of(axes: Any) -> Figure:
+    made: Figure = axes.figure
+    return made
+
+
+def _draw(run: Run, kind: str, options: dict[str, Any]) -> Figure:
+    if kind in _SINGLE:
+        return _figure_of(_SINGLE[kind](run, **options))
+    if kind in _PER_AXIS:
+        function = _PER_AXIS[kind]
+        if "axis" in options:
+            return _figure_of(function(run, **options))
+        count = run.q.shape[2]
+        return sheet(
+            [panel(function, run, axis, **options) for axis in range(count)], columns=count,
+            width=PAGE if count > 1 else COLUMN, ratio=0.75,
+        )  # fmt: skip
+    pair = [panel(group_series.closest, run)] if run.n > 1 else []
+    panels = [
+        panel(series.velocities, run, 0), *([panel(series.velocities, run, 1)] if run.q.shape[2] > 1 else []),
+        panel(group_series.spread, run), panel(group_series.connectivity, run), *pair,
+        panel(group_series.links, run),
+    ]  # fmt: skip
+    return sheet(panels, columns=2, ratio=0.62)

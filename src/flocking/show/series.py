@@ -1,0 +1,204 @@
+"""Components over time: positions, velocities and their errors, one line per agent."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flocking.engine.run import Run
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array
+from flocking.model.leaders import Leader
+from flocking.show.frames import checked_axis, dimension_name, leader_track
+from flocking.show.style import PALETTE, VERMILION, axes_or_new, in_style, theme
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+LEADER_LINES = {"solid": "-", "dashed": (0, (5, 2)), "none": None}
+ABOUT = ("leader", "mean")
+
+
+@in_style
+def velocities(run: Run, axis: int = 0, *, axes: Axes | None = None, leader: str = "dashed") -> Any:
+    """Velocity component of every agent over time (Zhou, Figs. 4, 5, 11, 12).
+
+    Parameters
+    ----------
+    run
+        The run.
+    axis
+        Which component.
+    axes
+        Where to draw; a new figure when absent.
+    leader
+        Line of the leader, where the law has one: ``"dashed"``, ``"solid"`` or ``"none"``.
+
+    Raises
+    ------
+    InvalidInput
+        When the run has no such axis or the line is unknown.
+    """
+    axis = checked_axis(run, axis)
+    return _components(run, run.p[:, :, axis], 1, axis, f"$p_{{{dimension_name(axis)}}}$", axes, leader)
+
+
+@in_style
+def positions(run: Run, axis: int = 0, *, axes: Axes | None = None, leader: str = "dashed") -> Any:
+    """Position component of every agent over time (Zhou, Figs. 6, 7, 13, 14).
+
+    Parameters
+    ----------
+    run
+        The run.
+    axis
+        Which component.
+    axes
+        Where to draw; a new figure when absent.
+    leader
+        Line of the leader, where the law has one: ``"dashed"``, ``"solid"`` or ``"none"``.
+
+    Raises
+    ------
+    InvalidInput
+        When the run has no such axis or the line is unknown.
+    """
+    axis = checked_axis(run, axis)
+    return _components(run, run.q[:, :, axis], 0, axis, f"$q_{{{dimension_name(axis)}}}$", axes, leader)
+
+
+@in_style
+def velocity_errors(run: Run, axis: int = 0, *, about: str | None = None, axes: Axes | None = None) -> Any:
+    """Velocity of every agent minus a reference over time (Shi, Figs. 4 to 12).
+
+    Parameters
+    ----------
+    run
+        The run.
+    axis
+        Which component.
+    about
+        ``"leader"``, or ``"mean"`` for the centre of mass; the leader where the law has one when absent.
+    axes
+        Where to draw; a new figure when absent.
+
+    Raises
+    ------
+    InvalidInput
+        When the run has no such axis, or no leader.
+    """
+    axis = checked_axis(run, axis)
+    about = about if about is not None else ("mean" if only_leader(run) is None else "leader")
+    reference = _reference(run, about)[1][:, axis]
+    name = dimension_name(axis)
+    zero = f"v_{{0,{name}}}" if about == "leader" else rf"\bar{{p}}_{{{name}}}"
+    axes = axes_or_new(axes)
+    axes.axhline(0.0, color=theme().ink, lw=0.7, ls=LEADER_LINES["dashed"], gid="zero")
+    return agent_lines(axes, run.t, run.p[:, :, axis] - reference[:, None], f"$p_{{i,{name}}} - {zero}$")
+
+
+@in_style
+def centre_errors(run: Run, *, quantity: str = "velocity", axes: Axes | None = None) -> Any:
+    """Centre of mass minus leader over time, one line per axis (Shi, panels c and d of Figs. 4 to 12).
+
+    Parameters
+    ----------
+    run
+        The run.
+    quantity
+        ``"velocity"`` or ``"position"``.
+    axes
+        Where to draw; a new figure when absent.
+
+    Raises
+    ------
+    InvalidInput
+        When the run has no leader, the leader no position in closed form, or the quantity is unknown.
+    """
+    if quantity not in ("velocity", "position"):
+        raise InvalidInput("centre_errors", "quantity", "must be 'velocity' or 'position'", quantity)
+    which = int(quantity == "velocity")
+    error = _reference(run, "mean")[which] - _reference(run, "leader")[which]
+    if not np.isfinite(error).all():
+        raise InvalidInput("centre_errors", "quantity", "can be 'position' only where the leader's is known", quantity)
+    axes = axes_or_new(axes)
+    axes.axhline(0.0, color=theme().ink, lw=0.7, ls=LEADER_LINES["dashed"], gid="zero")
+    for k in range(error.shape[1]):
+        axes.plot(run.t, error[:, k], color=PALETTE[k % len(PALETTE)], label=f"${dimension_name(k)}$")
+    axes.legend()
+    axes.set_ylabel(r"$\bar{p} - v_0$" if which else r"$\bar{q} - q_0$")
+    return time_axis(axes, run.t)
+
+
+def agent_lines(axes: Any, t: Array, values: Array, label: str) -> Any:
+    """Draw one line per agent, ``values`` of shape (F, N), as one collection with the gid ``agents``."""
+    from matplotlib.collections import LineCollection
+
+    n = values.shape[1]
+    lines = np.empty((n, len(t), 2))
+    lines[:, :, 0], lines[:, :, 1] = t, values.T
+    # A handful of agents can be told apart by hue; of a crowd only the density matters.
+    few = n <= 3 * len(PALETTE)
+    colors = [PALETTE[k % len(PALETTE)] for k in range(n)] if few else theme().agent
+    axes.add_collection(
+        LineCollection(
+            list(lines), colors=colors, linewidths=1.0 if few else 0.6,
+            alpha=1.0 if few else float(np.clip(12 / n, 0.06, 0.7)), gid="agents", rasterized=n > 500,
+        ),
+        autolim=False,
+    )  # fmt: skip
+    _cover(axes, values)
+    axes.set_ylabel(label)
+    return time_axis(axes, t)
+
+
+def time_axis(axes: Any, t: Array) -> Any:
+    """Label the horizontal axis as time and let it span the run."""
+    low, high = float(t[0]), float(t[-1])
+    axes.set_xlim(low, high if high > low else low + 1.0)
+    axes.set_xlabel("$t$")
+    return axes
+
+
+def only_leader(run: Run) -> Leader | None:
+    """First leader of the run's law, or None."""
+    return next(iter(run.scenario.law.leaders), None)
+
+
+def _components(run: Run, values: Array, which: int, axis: int, label: str, axes: Any, line: str) -> Any:
+    if line not in LEADER_LINES:
+        raise InvalidInput("show", "leader", f"must be one of {', '.join(LEADER_LINES)}", line)
+    axes = agent_lines(axes_or_new(axes), run.t, values, label)
+    leader = only_leader(run)
+    if leader is None or line == "none":
+        return axes
+    track = leader_track(leader, run.t)[which][:, axis]
+    if np.isfinite(track).all():
+        axes.plot(run.t, track, color=VERMILION, lw=1.8, ls=LEADER_LINES[line], label="leader", gid="leader", zorder=4)
+        _cover(axes, np.concatenate([values.ravel(), track]))
+        axes.legend()
+    return axes
+
+
+def _cover(axes: Any, values: Array) -> None:
+    finite = values[np.isfinite(values)]
+    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
+    # Rounding must not be blown up into a picture.
+    margin = max(0.05 * (high - low), 1e-9 * max(abs(low), abs(high)), 1e-12)
+    if high - low < 1e-9 * max(1.0, abs(low), abs(high)):
+        margin = 0.5
+    axes.set_ylim(low - margin, high + margin)
+
+
+def _reference(run: Run, about: str) -> tuple[Array, Array]:
+    if about not in ABOUT:
+        raise InvalidInput("show", "about", f"must be one of {', '.join(ABOUT)}", about)
+    if about == "mean":
+        masses = np.broadcast_to(np.asarray(run.scenario.agents.masses, dtype=np.float64), (run.n,))
+        share = masses / masses.sum()
+        return np.einsum("i,fik->fk", share, run.q), np.einsum("i,fik->fk", share, run.p)
+    leader = only_leader(run)
+    if leader is None:
+        raise InvalidInput("show", "about", "can be 'leader' only where the law has one", about, "Use about='mean'.")
+    return leader_track(leader, run.t)

@@ -1,0 +1,99 @@
+"""Sheets: several panels in one figure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from flocking.errors import InvalidInput
+from flocking.model.checks import integer
+from flocking.show.style import PAGE, figure, in_style
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from flocking.engine.run import Run
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One part of a sheet.
+
+    Parameters
+    ----------
+    draw
+        Draws on the axes it is given.
+    space
+        Whether it needs axes in three dimensions.
+    """
+
+    draw: Callable[[Any], Any]
+    space: bool = False
+
+
+def panel(function: Callable[..., Any], run: Run, *args: Any, **options: Any) -> Panel:
+    """Panel that calls a drawing function of this floor on a run.
+
+    Parameters
+    ----------
+    function
+        For example ``plane.net`` or ``series.velocities``.
+    run
+        The run.
+    args, options
+        Further arguments of the function.
+    """
+    from flocking.show.plane import net
+
+    space = function is net and run.q.shape[2] == 3
+    return Panel(lambda axes: function(run, *args, axes=axes, **options), space=space)
+
+
+@in_style
+def sheet(
+    panels: Sequence[Panel | Callable[[Any], Any]],
+    columns: int = 2,
+    *,
+    width: float = PAGE,
+    ratio: float = 0.85,
+    letters: bool = True,
+) -> Figure:
+    """Compose panels, row by row, into one figure.
+
+    Parameters
+    ----------
+    panels
+        What to draw: panels, or functions of the axes.
+    columns
+        How many stand side by side.
+    width
+        Width of the figure in inches.
+    ratio
+        Height of a panel over its width.
+    letters
+        Put (a), (b), ... before the panels.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no panel or no column.
+    """
+    columns = integer("sheet", "columns", columns, least=1)
+    if len(panels) == 0:
+        raise InvalidInput("sheet", "panels", "must hold at least one panel", panels)
+    columns = min(columns, len(panels))
+    rows = -(-len(panels) // columns)
+    made = figure(width, rows * ratio * width / columns)
+    grid = made.add_gridspec(rows, columns)
+    for k, one in enumerate(panels):
+        one = one if isinstance(one, Panel) else Panel(one)
+        axes: Any = made.add_subplot(grid[k // columns, k % columns], projection="3d" if one.space else None)
+        one.draw(axes)
+        if letters and len(panels) > 1:
+            mark = f"({chr(ord('a') + k)})" if k < 26 else f"({k + 1})"
+            if one.space:
+                axes.text2D(0.0, 1.02, mark, fontweight="bold", transform=axes.transAxes)
+            else:
+                axes.set_title(mark, loc="left", fontweight="bold")
+    return made

@@ -1,0 +1,213 @@
+"""The one style sheet: colours safe for colour-blind readers, sizes fit for print, a light and a dark theme."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+from functools import wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+
+from flocking.errors import InvalidInput
+from flocking.model.checks import number
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+BLUE, VERMILION, GREEN, ORANGE = "#0072B2", "#D55E00", "#009E73", "#E69F00"
+SKY, PURPLE, GREY = "#56B4E9", "#CC79A7", "#7F7F7F"
+
+PALETTE = (BLUE, VERMILION, GREEN, ORANGE, SKY, PURPLE)
+"""Hues of Okabe and Ito without yellow and black, each of which vanishes on one of the two grounds."""
+
+COLUMN, PAGE = 3.4, 7.0
+"""Widths in inches of one column and of a full page of a journal."""
+
+FORMATS = ("svg", "png", "pdf")
+
+
+@dataclass(frozen=True)
+class Theme:
+    """Colours that depend on the ground.
+
+    Parameters
+    ----------
+    ground
+        Colour behind everything.
+    ink
+        Text, axes and outlines.
+    faint
+        Links, grids and other things that stay behind.
+    agent
+        Dots of agents that carry no other meaning in their colour.
+    """
+
+    ground: str
+    ink: str
+    faint: str
+    agent: str
+
+
+THEMES = {
+    "light": Theme(ground="#FFFFFF", ink="#1A1A1A", faint="#9A9A9A", agent=BLUE),
+    "dark": Theme(ground="#15181C", ink="#E8E8E8", faint="#7D858E", agent=SKY),
+}
+
+_current: ContextVar[str] = ContextVar("flocking_theme", default="light")
+
+
+def theme() -> Theme:
+    """Theme that pictures are drawn in."""
+    return THEMES[_current.get()]
+
+
+@contextmanager
+def themed(name: str) -> Iterator[Theme]:
+    """Draw in another theme for as long as the context lasts.
+
+    Parameters
+    ----------
+    name
+        ``"light"`` or ``"dark"``.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no such theme.
+    """
+    if name not in THEMES:
+        raise InvalidInput("style", "theme", f"must be one of {', '.join(THEMES)}", name)
+    token = _current.set(name)
+    try:
+        yield THEMES[name]
+    finally:
+        _current.reset(token)
+
+
+def settings() -> dict[str, Any]:
+    """The style sheet as matplotlib settings, in the colours of the current theme."""
+    from cycler import cycler
+
+    now = theme()
+    return {
+        "font.family": "sans-serif", "font.sans-serif": ["DejaVu Sans"], "mathtext.fontset": "dejavusans",
+        "font.size": 8, "axes.titlesize": 8, "axes.labelsize": 8, "legend.fontsize": 7,
+        "xtick.labelsize": 7, "ytick.labelsize": 7, "axes.titlepad": 5,
+        "figure.facecolor": now.ground, "savefig.facecolor": now.ground, "axes.facecolor": now.ground,
+        "text.color": now.ink, "axes.labelcolor": now.ink, "axes.titlecolor": now.ink, "axes.edgecolor": now.ink,
+        "xtick.color": now.ink, "ytick.color": now.ink, "legend.labelcolor": now.ink, "grid.color": now.faint,
+        "axes.prop_cycle": cycler(color=PALETTE), "axes.linewidth": 0.7, "lines.linewidth": 1.2,
+        "axes.spines.top": False, "axes.spines.right": False, "axes.axisbelow": True, "axes.grid": False,
+        "grid.linewidth": 0.4, "grid.alpha": 0.5, "axes.formatter.useoffset": False,
+        "xtick.direction": "out", "ytick.direction": "out", "xtick.major.width": 0.7, "ytick.major.width": 0.7,
+        "xtick.major.size": 3, "ytick.major.size": 3, "xtick.minor.size": 1.5, "ytick.minor.size": 1.5,
+        "legend.frameon": False, "legend.handlelength": 1.8, "legend.borderaxespad": 0.3,
+        "figure.dpi": 100, "savefig.dpi": 220, "svg.hashsalt": "flocking", "svg.fonttype": "path",
+        "pdf.fonttype": 42, "path.simplify": True, "axes.unicode_minus": True,
+    }  # fmt: skip
+
+
+@contextmanager
+def styled() -> Iterator[Theme]:
+    """Matplotlib settings of the style sheet, put back on leaving."""
+    import matplotlib
+
+    with matplotlib.rc_context(settings()):
+        yield theme()
+
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+def in_style(function: Callable[P, T]) -> Callable[P, T]:
+    """Run a drawing function under the style sheet."""
+
+    @wraps(function)
+    def drawing(*args: P.args, **kwargs: P.kwargs) -> T:
+        with styled():
+            return function(*args, **kwargs)
+
+    return drawing
+
+
+@in_style
+def figure(width: float = COLUMN, height: float | None = None) -> Figure:
+    """An empty figure in the style, outside any global list of figures.
+
+    Parameters
+    ----------
+    width, height
+        Size in inches; 0.72 of the width high when no height is given.
+
+    Raises
+    ------
+    InvalidInput
+        When a size is not positive.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    width = number("figure", "width", width, above=0.0)
+    height = 0.72 * width if height is None else number("figure", "height", height, above=0.0)
+    made = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(made)
+    return made
+
+
+@in_style
+def axes_or_new(
+    axes: Axes | None, *, width: float = COLUMN, height: float | None = None, projection: Any = None
+) -> Any:
+    """``axes``, or the axes of a new figure when there are none."""
+    if axes is not None:
+        return axes
+    return figure(width, height).add_subplot(projection=projection)
+
+
+@in_style
+def save(picture: Figure, path: str | Path, formats: Sequence[str] = ("svg", "png")) -> tuple[Path, ...]:
+    """Write a figure; the same figure always gives the same bytes.
+
+    Parameters
+    ----------
+    picture
+        Figure to write.
+    path
+        Where to, without a suffix; missing folders are made.
+    formats
+        Any of ``"svg"``, ``"png"`` and ``"pdf"``.
+
+    Returns
+    -------
+    tuple of Path
+        The files written, in the order of ``formats``.
+
+    Raises
+    ------
+    InvalidInput
+        When a format is unknown or the folder cannot be written.
+    """
+    nothing: dict[str, dict[str, None]] = {
+        "svg": {"Date": None, "Creator": None},
+        "png": {"Software": None},
+        "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+    }
+    formats = (formats,) if isinstance(formats, str) else tuple(formats)
+    for name in formats:
+        if name not in FORMATS:
+            raise InvalidInput("save", "formats", f"must be among {', '.join(FORMATS)}", name)
+    base = Path(path)
+    written = tuple(base.parent / f"{base.name}.{name}" for name in formats)
+    try:
+        base.parent.mkdir(parents=True, exist_ok=True)
+        for name, target in zip(formats, written, strict=True):
+            picture.savefig(target, format=name, metadata=nothing[name], facecolor=picture.get_facecolor())
+    except OSError as error:
+        raise InvalidInput(
+            "save", "path", f"must be writable ({error.strerror})", str(path), "Choose another folder."
+        ) from None
+    return written
