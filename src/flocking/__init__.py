@@ -16,19 +16,24 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from flocking import papers as papers
+    from flocking.engine.compare import first_difference as first_difference
     from flocking.engine.exact import ExactSession as ExactSession
+    from flocking.engine.exchange import export_run as export_run
     from flocking.engine.reference import Agent as Agent
     from flocking.engine.reference import control as control
     from flocking.engine.reference import control_of as control_of
     from flocking.engine.reference import evaluate as evaluate
+    from flocking.engine.resuming import resume as resume
     from flocking.engine.run import Run as Run
     from flocking.engine.simulate import simulate as simulate
+    from flocking.engine.start_files import read_start as read_start
     from flocking.engine.starting import start as start
     from flocking.engine.storage import read_run as read_run
     from flocking.engine.storage import write_run as write_run
     from flocking.errors import FlockingError as FlockingError
     from flocking.errors import InvalidInput as InvalidInput
     from flocking.errors import SimulationError as SimulationError
+    from flocking.errors import StorageError as StorageError
     from flocking.model.energy import Energy as Energy
     from flocking.model.graphs import Fixed as Fixed
     from flocking.model.graphs import Graph as Graph
@@ -52,6 +57,8 @@ if TYPE_CHECKING:
     from flocking.model.weights import HashedWeights as HashedWeights
     from flocking.model.weights import MatrixWeights as MatrixWeights
     from flocking.papers.auditing import audit as audit
+    from flocking.show.animate import animate as animate
+    from flocking.show.plot import plot as plot
     from flocking.study.potential_check import check_potential as check_potential
     from flocking.study.scenario_file import read_scenario as read_scenario
     from flocking.study.scenario_file import write_scenario as write_scenario
@@ -68,8 +75,11 @@ _HOMES = {
     "SimulationError": "errors", "Sink": "model.leaders", "State": "model.state", "Track": "model.tracking",
     "Velocity": "model.leaders", "audit": "papers.auditing", "check_potential": "study.potential_check",
     "control": "engine.reference", "control_of": "engine.reference", "evaluate": "engine.reference",
+    "animate": "show.animate", "plot": "show.plot",
     "read_run": "engine.storage", "read_scenario": "study.scenario_file", "simulate": "engine.simulate",
-    "start": "engine.starting", "write_run": "engine.storage", "write_scenario": "study.scenario_file",
+    "start": "engine.starting", "resume": "engine.resuming", "export_run": "engine.exchange",
+    "read_start": "engine.start_files", "first_difference": "engine.compare", "StorageError": "errors",
+    "write_run": "engine.storage", "write_scenario": "study.scenario_file",
 }  # fmt: skip
 
 __all__ = [*sorted(_HOMES), "papers"]

@@ -30,8 +30,8 @@ def read_record(folder: str | Path) -> dict[str, Any]:
     folder = Path(folder)
     path = folder / RECORD
     try:
-        attributes = json.loads(path.read_bytes())["attributes"]
-        record = attributes["flocking"]
+        root = json.loads(path.read_bytes())
+        record = root["attributes"]["flocking"]
     except (FileNotFoundError, NotADirectoryError):
         raise StorageError(f"{folder}: no run here. A run is a folder with a {RECORD}.") from None
     except OSError as error:
@@ -45,39 +45,26 @@ def read_record(folder: str | Path) -> dict[str, Any]:
             f"{folder}: written by a newer version of flocking (format {record['format']}; this one reads {FORMAT}). "
             "Update flocking to read it."
         )
-    return _unsealed(record, path)
+    if record.pop("seal", None) != _seal(root):
+        raise StorageError(f"{path}: the record of the run does not match its checksum; the file was damaged.")
+    return record
 
 
 def write_record(folder: Path, record: dict[str, Any], provenance: dict[str, Any]) -> None:
     """Replace the record of a run, and with it the shapes a reader sees, in one step."""
     metadata = {name: json.loads((folder / name / RECORD).read_bytes()) for name in record["arrays"]}
-    attributes = {
-        "title": record["title"],
-        "provenance": json.loads(json.dumps(provenance, default=str)),
-        "flocking": _sealed(record),
-    }
-    root = {
-        "zarr_format": 3, "node_type": "group", "attributes": attributes,
+    root: dict[str, Any] = {
+        "zarr_format": 3, "node_type": "group",
+        "attributes": {
+            "title": record["title"], "provenance": json.loads(json.dumps(provenance, default=str)), "flocking": record,
+        },
         "consolidated_metadata": {"kind": "inline", "must_understand": False, "metadata": metadata},
     }  # fmt: skip
+    root["attributes"]["flocking"] = {**record, "seal": _seal(root)}
     put(folder / RECORD, json.dumps(root).encode())
     settle({folder})
 
 
-def _sealed(record: dict[str, Any]) -> dict[str, Any]:
-    """A record with its own checksum."""
-    return {**record, "seal": zlib.crc32(json.dumps(record, sort_keys=True).encode())}
-
-
-def _unsealed(record: dict[str, Any], what: Path) -> dict[str, Any]:
-    """A record without its checksum, once that was found right.
-
-    Raises
-    ------
-    StorageError
-        When the record was changed since it was sealed.
-    """
-    inner = {k: v for k, v in record.items() if k != "seal"}
-    if _sealed(inner)["seal"] != record.get("seal"):
-        raise StorageError(f"{what}: the record of the run does not match its checksum; the file was damaged.")
-    return inner
+def _seal(root: dict[str, Any]) -> int:
+    """Checksum of all that the file says."""
+    return zlib.crc32(json.dumps(root, sort_keys=True).encode())

@@ -31,12 +31,12 @@ class RunWriter:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         read_record(folder)
-        self._closing = ExitStack()
-        with told(folder, "write the run"):
-            self._closing.enter_context(only_writer(folder))
+        with told(folder, "write the run"), ExitStack() as opening:
+            opening.enter_context(only_writer(folder))
             self.record = read_record(folder)
             self._store = durable_store(folder)
             self._arrays = self._open_arrays()
+            self._closing = opening.pop_all()
         self._counts = dict(self.record["counts"])
         self._sums = dict(self.record["checksums"])
         self._provenance: dict[str, Any] = {}
@@ -63,7 +63,7 @@ class RunWriter:
         StorageError
             When the folder holds something already or cannot be written.
         """
-        folder = Path(folder)
+        folder = Path(folder).resolve()
         _check_free(folder)
         size = Dimensions(scenario.start.n, scenario.start.dimension, with_links)
         fresh = folder.with_name(f".{folder.name}.{os.getpid()}.partial")
@@ -150,12 +150,12 @@ class RunWriter:
         """
         if len(switches):
             columns = switch_columns(switches)
-            self._sum(columns)
             self._extend("switch", columns)
+            self._sum(columns)
         if len(trace):
             ledger = {LEDGER: ledger_rows(trace)}
-            self._sum(ledger)
             self._extend("step", ledger)
+            self._sum(ledger)
 
     def _sum(self, columns: dict[str, Any]) -> None:
         for name, values in columns.items():

@@ -26,17 +26,17 @@ class Saving:
     session
         The running simulation; the run holds its records up to now.
     every
-        Wall time between two commits, in seconds.
+        Wall time between two commits, in seconds; `COMMIT_SECONDS` when absent.
     """
 
-    def __init__(self, writer: RunWriter, session: ExactSession, every: float = COMMIT_SECONDS) -> None:
+    def __init__(self, writer: RunWriter, session: ExactSession, every: float | None = None) -> None:
         self._writer = writer
         self._session = session
-        self._every = every
+        self._every = COMMIT_SECONDS if every is None else every
         self._last = time.monotonic()
 
     @classmethod
-    def create(cls, folder: str | Path, session: ExactSession, every: float = COMMIT_SECONDS) -> Saving:
+    def create(cls, folder: str | Path, session: ExactSession, every: float | None = None) -> Saving:
         """Save a new session to a new or empty folder.
 
         Raises

@@ -20,6 +20,7 @@ from flocking.engine.record import SCENARIO, read_record
 from flocking.engine.run import Closest, Run
 from flocking.engine.run_writer import RunWriter
 from flocking.errors import InvalidInput, StorageError
+from flocking.model.checks import integer
 from flocking.model.law import Law, Scenario
 from flocking.model.serial import from_data
 
@@ -59,6 +60,8 @@ def read_run(folder: str | Path, *, scenario: Scenario | None = None, frames: in
     """
     folder = Path(folder)
     record = read_record(folder)
+    if frames is not None:
+        integer("read_run", "frames", frames, least=0)
     if scenario is None:
         scenario, _ = read_scenario_of(folder)
     with told(folder, "read the run"):
@@ -69,7 +72,8 @@ def read_run(folder: str | Path, *, scenario: Scenario | None = None, frames: in
     count = record["counts"]["time"] if frames is None else min(frames, record["counts"]["time"])
     parts = {name: _read(folder, arrays[name], name, count) for name in (*FRAME_PARTS, "checksum") if name in arrays}
     _check_frames(folder, parts)
-    tables = {name: _read(folder, arrays[name], name, arrays[name].shape[0]) for name in (*SWITCHES, LEDGER)}
+    rows = dict.fromkeys(SWITCHES, record["counts"]["switch"]) | {LEDGER: record["counts"]["step"]}
+    tables = {name: _read(folder, arrays[name], name, length) for name, length in rows.items()}
     for name, values in tables.items():
         if len(values) and zlib.crc32(values.tobytes()) != record["checksums"].get(name):
             raise StorageError(f"{folder}: the table {name!r} does not match its checksum; the file was damaged.")
@@ -113,6 +117,8 @@ def read_scenario_of(folder: str | Path) -> tuple[Scenario, Law | None]:
 def _read(folder: Path, array: Any, name: str, count: int) -> np.ndarray[Any, Any]:
     """First ``count`` rows; a chunk that cannot be decoded is named by its rows."""
     try:
+        if array.shape[0] < count:
+            raise ValueError(f"{array.shape[0]} rows instead of {count}")
         return np.asarray(array[:count])
     except Exception as fault:  # each codec has errors of its own
         size = array.chunks[0]

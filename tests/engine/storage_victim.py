@@ -1,0 +1,71 @@
+"""Forks writers of runs, to be killed by the tests: one line of JSON in, one process id out."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+from pathlib import Path
+
+import flocking as fk
+import numpy as np
+import zarr  # noqa: F401 - imported before forking, so that a writer starts at once
+from flocking.engine import saving
+from flocking.engine.run_writer import RunWriter
+from flocking.model.checks import Array
+
+AGENTS = 20_000
+
+
+def frame(k: int) -> tuple[Array, Array]:
+    """Positions and velocities of frame ``k``: noise that does not compress, known to writer and reader."""
+    q = np.random.default_rng(k).random((AGENTS, 2))
+    return q, -q[::-1]
+
+
+def large() -> fk.Scenario:
+    """A scenario whose frames take 640 kB."""
+    return fk.Scenario(fk.Law(fk.Proximity(0.01), [fk.Consensus(1.0)]), fk.State(frame(0)[0]), t_end=1e6)
+
+
+def write_frames(folder: Path, first: int = 0, most: int = 10**6) -> None:
+    """Append frames, one or two to a commit; after each commit the count goes to a file of its own."""
+    if first == 0:
+        writer = RunWriter.create(folder, large(), with_links=False)
+    else:
+        writer = RunWriter.reopen(folder)
+    told = os.open(folder.with_suffix(".told"), os.O_CREAT | os.O_WRONLY | os.O_APPEND)
+    k = first
+    with writer:
+        while k < first + most:
+            several = range(k, k + 1 + k % 2)
+            q, p = (np.array(x) for x in zip(*map(frame, several), strict=True))
+            writer.append(np.array(several, dtype=float), q, p)
+            writer.commit()
+            k = several.stop
+            os.write(told, b"%d\n" % k)
+
+
+def simulate(folder: Path) -> None:
+    """Run the tests' scenario with a commit at every stop."""
+    from tests.engine.stored_runs import scenario
+
+    saving.COMMIT_SECONDS = 0.0
+    fk.simulate(scenario(), save=folder, progress=False)
+
+
+def main() -> None:
+    """Answer until the input ends."""
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    for line in sys.stdin:
+        what, folder = json.loads(line)
+        child = os.fork()
+        if child == 0:
+            {"frames": write_frames, "simulate": simulate}[what](Path(folder))
+            os._exit(0)
+        print(child, flush=True)
+
+
+if __name__ == "__main__":
+    main()

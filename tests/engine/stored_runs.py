@@ -1,0 +1,35 @@
+"""Small runs for the tests of storage, and what it means for two of them to be equal."""
+
+from __future__ import annotations
+
+import functools
+
+import flocking as fk
+from flocking.engine.run import Run
+
+
+@functools.cache
+def scenario(t_end: float = 2.0) -> fk.Scenario:
+    """Ten agents under hysteresis: links appear, none breaks."""
+    law = fk.Law(
+        fk.Hysteresis(radius=4, gap=0.1), [fk.Gradient(fk.Potential("1/r + 1/(R - r)", R=4)), fk.Consensus(1.0)]
+    )
+    begin = fk.start.box(10, side=8, speed=4, seed=1, connected_under=law.graph)
+    return fk.Scenario(law, begin, t_end=t_end, frames=21, name="ten agents", seed=1)
+
+
+@functools.cache
+def finished(t_end: float = 2.0) -> Run:
+    """That scenario, run to its end in memory."""
+    return fk.simulate(scenario(t_end), progress=False)
+
+
+def assert_same(one: Run, two: Run) -> None:
+    """Equal in every bit of every record."""
+    for name in ("t", "q", "p", "links", "switches", "trace"):
+        x, y = getattr(one, name), getattr(two, name)
+        assert x.dtype == y.dtype, name
+        assert x.shape == y.shape, name
+        assert x.tobytes() == y.tobytes(), name
+    for name in ("closest_linked", "closest_unlinked", "status", "provenance"):
+        assert getattr(one, name) == getattr(two, name), name

@@ -1,0 +1,153 @@
+"""Writers killed without warning at random instants: what was committed is there and right, and nothing else."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import flocking as fk
+import numpy as np
+import pytest
+import xarray
+from flocking.engine.durable import PARTIAL
+from flocking.engine.run_writer import RunWriter
+from flocking.engine.storage import read_run
+from flocking.errors import StorageError
+
+from tests.engine import storage_victim
+from tests.engine.stored_runs import assert_same, finished
+
+Start = Callable[[str, Path], int]
+
+
+@pytest.fixture(scope="module")
+def start() -> Iterator[Start]:
+    """Start a writer and tell its process id."""
+    root = Path(__file__).parents[2]
+    with subprocess.Popen(
+        [sys.executable, "-m", "tests.engine.storage_victim"], cwd=root, text=True,
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+    ) as server:  # fmt: skip
+
+        def ask(what: str, folder: Path) -> int:
+            assert server.stdin is not None
+            assert server.stdout is not None
+            server.stdin.write(json.dumps([what, str(folder)]) + "\n")
+            server.stdin.flush()
+            return int(server.stdout.readline())
+
+        yield ask
+        assert server.stdin is not None
+        server.stdin.close()
+
+
+def kill(process: int) -> None:
+    """Kill and wait until it is gone."""
+    os.kill(process, signal.SIGKILL)
+    while True:
+        try:
+            os.kill(process, 0)
+        except ProcessLookupError:
+            return
+        time.sleep(0.001)
+
+
+def committed(folder: Path) -> int:
+    """How many frames the dead writer knew to be committed."""
+    told = folder.with_suffix(".told")
+    lines = told.read_text().split("\n")[:-1] if told.exists() else []
+    return int(lines[-1]) if lines else 0
+
+
+def check_frames(folder: Path, least: int) -> int:
+    """Every committed frame is right, by every way of reading; how many there are."""
+    run = read_run(folder)
+    count = len(run.t)
+    assert least <= count <= least + 2, "one commit at most may be done and not told"
+    assert run.t.tolist() == list(range(count))
+    data = xarray.open_zarr(folder)
+    assert data.sizes["time"] == count, "a plain reader of Zarr sees no more"
+    for k in range(count):
+        q, p = storage_victim.frame(k)
+        assert run.q[k].tobytes() == q.tobytes()
+        assert run.p[k].tobytes() == p.tobytes()
+        assert data.position[k].values.tobytes() == q.tobytes()
+    return count
+
+
+def kill_while_frames_are_written(start: Start, place: Path, instants: int, seed: int) -> list[tuple[int, int]]:
+    """Kill so many writers; how many frames each had committed, and how many unread traces of others there were."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for k in range(instants):
+        folder = place / f"run{k}"
+        process = start("frames", folder)
+        time.sleep(rng.uniform(0.0, 0.8))
+        kill(process)
+        if not folder.exists():
+            assert committed(folder) == 0
+            with pytest.raises(StorageError, match="no run here"):
+                read_run(folder)
+            found.append((0, 0))
+            continue
+        count = check_frames(folder, committed(folder))
+        traces = len(list(folder.rglob("*" + PARTIAL)))
+        shape = json.loads((folder / "position" / "zarr.json").read_text())["shape"][0]
+        found.append((count, traces + (shape > count)))
+        folder.with_suffix(".told").unlink(missing_ok=True)
+        if count:
+            storage_victim.write_frames(folder, first=count, most=3)
+            assert check_frames(folder, committed(folder)) >= count + 3
+        else:
+            RunWriter.reopen(folder).close()
+        assert not list(folder.rglob("*" + PARTIAL))
+    return found
+
+
+def kill_while_a_session_runs(start: Start, place: Path, instants: int, seed: int) -> list[int]:
+    """Kill so many simulations and go on with each; how many frames each had committed."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for k in range(instants):
+        folder = place / f"session{k}"
+        process = start("simulate", folder)
+        while not folder.exists():
+            time.sleep(0.001)
+        time.sleep(rng.uniform(0.0, 1.5))
+        kill(process)
+        stored = read_run(folder)
+        for name in ("t", "q", "p", "links", "switches", "trace"):
+            part, whole = getattr(stored, name), getattr(finished(), name)
+            assert part.tobytes() == whole[: len(part)].tobytes(), name
+        found.append(len(stored.t))
+        assert_same(fk.resume(folder, progress=False), finished())
+        assert_same(read_run(folder), finished())
+    return found
+
+
+def test_killed_while_writing_at_10_instants(start: Start, tmp_path: Path) -> None:
+    found = kill_while_frames_are_written(start, tmp_path, 10, seed=11)
+    assert max(count for count, _ in found) > 3, "some writer came far enough to be interesting"
+    assert any(traces for _, traces in found), "some kill fell between two commits"
+
+
+def test_killed_simulations_go_on(start: Start, tmp_path: Path) -> None:
+    kill_while_a_session_runs(start, tmp_path, 2, seed=12)
+
+
+@pytest.mark.slow
+def test_killed_while_writing_at_200_instants(start: Start, tmp_path: Path) -> None:
+    found = kill_while_frames_are_written(start, tmp_path, 200, seed=13)
+    assert sum(traces > 0 for _, traces in found) > 50
+    assert len({count for count, _ in found}) > 5
+
+
+@pytest.mark.slow
+def test_20_killed_simulations_go_on(start: Start, tmp_path: Path) -> None:
+    assert len(set(kill_while_a_session_runs(start, tmp_path, 20, seed=14))) > 5
