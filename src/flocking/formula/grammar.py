@@ -30,6 +30,7 @@ LONGEST_TEXT = 10_000
 DEEPEST_NESTING = 60
 MOST_NODES = 600
 LARGEST_EXPONENT = 64
+LARGEST_NESTED_EXPONENT = 256
 
 _BINARY = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
 _COMPARISON = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
@@ -150,6 +151,9 @@ def _convert(node: ast.expr, text: str, owner: str) -> Node:
             pair = (sign, _convert(left, text, owner), _convert(right, text, owner))
             if sign == "**":
                 _check_exponent(pair[2], text, owner)
+                if _total_exponent(pair) > LARGEST_NESTED_EXPONENT:
+                    rule = f"must have powers of powers that multiply to at most {LARGEST_NESTED_EXPONENT}"
+                    raise _reject(owner, text, rule)
             if sign == "/" and constant_value(pair[2]) == 0:
                 raise _reject(owner, text, "must not divide by zero")
             return pair
@@ -186,6 +190,13 @@ def _check_exponent(node: Node, text: str, owner: str) -> None:
         raise _reject(owner, text, f"must have exponents of at most {LARGEST_EXPONENT}")
     if value is None and any(part[0] == "**" for part in _walk(node)):
         raise _reject(owner, text, "must not have powers inside an exponent")
+
+
+def _total_exponent(node: Node) -> float:
+    """Largest product of exponents on a path: exact arithmetic takes time and memory in proportion to it."""
+    inner = max((_total_exponent(child) for child in node if isinstance(child, tuple)), default=1.0)
+    value = constant_value(node[2]) if node[0] == "**" and isinstance(node[2], tuple) else None
+    return inner if value is None else inner * max(1.0, abs(value))
 
 
 def constant_value(node: Node) -> float | None:

@@ -16,14 +16,16 @@ import numpy as np
 from flocking.errors import InvalidInput
 
 HOMES: dict[str, str] = {
-    "Agents": "state", "Compensate": "tracking", "Consensus": "terms", "Energy": "energy", "Fixed": "graphs",
-    "Gradient": "terms", "HashedWeights": "weights", "Hysteresis": "graphs", "Law": "law", "MatrixWeights": "weights",
-    "Path": "leaders", "Potential": "potentials", "Proximity": "graphs", "Scenario": "law", "Sink": "leaders",
-    "State": "state", "Track": "tracking", "Velocity": "leaders",
+    "Agents": "state", "Avoid": "avoidance", "Ball": "obstacles", "Compensate": "tracking", "Consensus": "terms",
+    "ConvexPolygon": "polygons", "Energy": "energy", "Fixed": "graphs", "Gradient": "terms",
+    "HashedWeights": "weights", "Hysteresis": "graphs", "Law": "law", "MatrixWeights": "weights", "Path": "leaders",
+    "PerAgentRadii": "smooth_graphs", "Potential": "potentials", "Proximity": "graphs", "Scenario": "law",
+    "Sink": "leaders", "Smooth": "smooth_graphs", "State": "state", "Track": "tracking", "Velocity": "leaders",
+    "Wall": "obstacles",
 }  # fmt: skip
 """Module under `flocking.model` of every part that data may name. A new dataclass part needs its line here only."""
 
-SHARED = frozenset({"graphs", "leaders", "obstacles"})
+SHARED = frozenset({"graphs", "leaders", "obstacles", "polygons", "smooth_graphs"})
 """Modules whose parts keep their identity: two terms that look at one leader still do after a round trip."""
 
 LONGEST_LIST = 1000
