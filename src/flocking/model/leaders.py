@@ -12,7 +12,7 @@ import numpy as np
 from flocking.errors import InvalidInput
 from flocking.formula.compiled import generated_module
 from flocking.formula.grammar import Formula
-from flocking.model.checks import Array, array
+from flocking.model.checks import Array, array, number
 from flocking.model.checks import parameters as checked_parameters
 
 if TYPE_CHECKING:
@@ -51,7 +51,12 @@ class Leader(ABC):
         """Position x0(t): the integral of the velocity, or None where SymPy finds no closed form."""
         import sympy
 
-        integrals = [sympy.integrate(v, t) for v in self.velocity(t, parameter)]
+        velocity = self.velocity(t, parameter)
+        # Parameters that are zero were written as 0, so that an integral may divide by the others.
+        names = {s for v in velocity for s in v.free_symbols} - {t}
+        nonzero = {s: sympy.Dummy(s.name, real=True, nonzero=True) for s in names}
+        back = {dummy: symbol for symbol, dummy in nonzero.items()}
+        integrals = [sympy.integrate(v.xreplace(nonzero), t).xreplace(back) for v in velocity]
         if any(value.has(sympy.Integral) or value.has(sympy.Piecewise) for value in integrals):
             return None
         return [
@@ -141,6 +146,7 @@ class Velocity(Leader):
         start = array("Velocity", "start", np.zeros_like(value) if self.start is None else self.start, ndim=1)
         if start.shape != value.shape:
             raise InvalidInput("Velocity", "start", f"must have {len(value)} coordinates", self.start)
+        object.__setattr__(self, "start_time", number("Velocity", "start_time", self.start_time))
         object.__setattr__(self, "value", value)
         object.__setattr__(self, "start", start)
 
@@ -195,13 +201,15 @@ class Path(Leader):
         start_time: float = 0.0,
         **parameters: float,
     ) -> None:
+        if isinstance(velocity, str):
+            raise InvalidInput("Path", "velocity", "must have one formula per axis", velocity, f"Write [{velocity!r}].")
         self.formulas = tuple(Formula(text, "Path") for text in velocity)
         if not self.formulas:
             raise InvalidInput("Path", "velocity", "must have one formula per axis", velocity)
         self.start = array("Path", "start", np.zeros(len(self.formulas)) if start is None else start, ndim=1)
         if len(self.start) != len(self.formulas):
             raise InvalidInput("Path", "start", f"must have {len(self.formulas)} coordinates", start)
-        self.start_time = float(start_time)
+        self.start_time = number("Path", "start_time", start_time)
         self.values = checked_parameters("Path", parameters)
         needed = frozenset[str]().union(*(f.names for f in self.formulas)) - {"t"}
         if taken := sorted(n for n in needed if n.startswith("start_")):
@@ -229,13 +237,20 @@ class Path(Leader):
     @property
     def structure(self) -> tuple[object, ...]:
         """The formulas."""
-        return ("path", *(f.structure for f in self.formulas))
+        return ("path", *(f.structure for f in self.formulas), self._zeros)
+
+    @property
+    def _zeros(self) -> tuple[str, ...]:
+        return tuple(name for name, value in self.values.items() if value == 0.0)
 
     def velocity(self, t: sympy.Expr, parameter: Callable[[str], sympy.Expr]) -> Sequence[sympy.Expr]:
         """The formulas, with their names replaced by symbols."""
+        import sympy
+
         from flocking.formula.symbolic import to_sympy
 
-        return [to_sympy(f, {**{n: parameter(n) for n in f.names - {"t"}}, "t": t}) for f in self.formulas]
+        values = {n: sympy.Integer(0) if n in self._zeros else parameter(n) for n in self.values}
+        return [to_sympy(f, {**values, "t": t}) for f in self.formulas]
 
 
 def _leader_source(leader: Leader, names: tuple[str, ...]) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from flocking.papers.shi_2009.equations import equations
+from flocking.papers.shi_2009.figures import figure, figures
 from flocking.papers.shi_2009.system import potential, scenario, scenarios
 from flocking.papers.shi_2009.theorems import claims
 
@@ -10,4 +12,4 @@ TITLE = "Flocking of multi-agent systems with a dynamic virtual leader"
 AUTHORS = "H. Shi, L. Wang, T. Chu"
 YEAR = 2009
 
-__all__ = ["AUTHORS", "KEY", "TITLE", "YEAR", "claims", "potential", "scenario", "scenarios"]
+__all__ = ["AUTHORS", "KEY", "TITLE", "YEAR", "claims", "equations", "figure", "figures", "potential", "scenario", "scenarios"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from flocking.papers.shi_2009 import examples
+from flocking.papers.shi_2009 import counterexamples, examples
 from flocking.papers.shi_2009.system import KEY, SETTINGS
 from flocking.study.equations import Row
 
@@ -19,7 +19,7 @@ def equations() -> Sequence[Row]:
         return Row(KEY, number, kind, title, home, build, **more)
 
     law, energy = "flocking.model.law.Law", "flocking.model.energy.Energy"
-    track, forms = "flocking.model.tracking.Track", f"{PAPER}.closed_forms"
+    forms = f"{PAPER}.closed_forms"
     claims, figures = f"{PAPER}.theorems.claims", f"{PAPER}.figures.figures"
     beta = "The alignment term is -sum w_ij (v^i - v^j); the printed sign drives velocities apart."
     table = [
@@ -37,13 +37,13 @@ def equations() -> Sequence[Row]:
         row("(3)", "equation", "the potential", f"{PAPER}.system.potential", examples.potential,
             reading="C1 only: the curvature jumps at sqrt(b/a) and at R. The cosine well is 2 deep whatever a is."),
         row("depth of (3)", "remark", "depth of the well of (3)", f"{PAPER}.system.potential", examples.well_depth,
-            demonstration=examples.depth_is_two),
+            demonstration=counterexamples.depth_is_two),
         row("V^i", "equation", "total potential of agent i, with V(R) for every stranger", energy, examples.total_potential),
         row("(4)", "equation", "law with weights, informed agents and compensation", law, examples.law_4),
         row("(5)", "equation", "closed loop as a differential inclusion", "flocking.engine.exact.ExactSession",
             examples.closed_loop),
         row("Theorem 1", "theorem", "velocities approach v0, no collisions", claims, examples.theorem(KEY),
-            demonstration=examples.not_minimal),
+            demonstration=counterexamples.not_minimal),
         row("(6)", "equation", "error dynamics in the leader's frame", energy, examples.leader_frame_kinetic),
         row("(7)", "equation", "the law in the leader's frame", law, examples.law_in_leader_frame),
         row("Theorem 2", "theorem", "errors approach zero", claims, examples.theorem(KEY)),
@@ -54,38 +54,38 @@ def equations() -> Sequence[Row]:
         row("Remark 2", "remark", "alignment may be left out when all are informed", claims, examples.without_alignment),
         row("Remark 3", "remark", "asymmetric weights with a left eigenvector", "flocking.model.terms.Consensus",
             examples.remark_3, reading="The coefficient is xi_i w_ij, not xi_j; the sign as in (4).",
-            demonstration=examples.wrong_index),
+            demonstration=counterexamples.wrong_index),
         row("(8)", "equation", "law with a common gain h_0", law, examples.law_8, reading=beta,
-            demonstration=examples.wrong_sign),
+            demonstration=counterexamples.wrong_sign),
         row("x*, v*", "equation", "centre of mass and its velocity", "flocking.model.observables.mean_position",
             examples.centre),
-        row("(9)", "equation", "centre of mass under (8)", f"{forms}.centre_motion", examples.centre_under(8)),
-        row("after (9)", "equation", "v* approaches v0 as exp(-h_0 t)", f"{forms}.free_motion", examples.decay,
-            reading="The time constant is 1/h_0, not h_0.", demonstration=examples.time_constant),
-        row("Theorem 3", "theorem", "limit of the position difference", f"{forms}.centre_motion", examples.limit_difference,
-            reading="The offset is (v* - v0)/h_0; one line prints a product.", demonstration=examples.offset_divided),
+        row("(9)", "equation", "centre of mass under (8)", f"{forms}.centre_motion", counterexamples.centre_under(8)),
+        row("after (9)", "equation", "v* approaches v0 as exp(-h_0 t)", f"{forms}.free_motion", counterexamples.decay,
+            reading="The time constant is 1/h_0, not h_0.", demonstration=counterexamples.time_constant),
+        row("Theorem 3", "theorem", "limit of the position difference", f"{forms}.centre_motion", counterexamples.limit_difference,
+            reading="The offset is (v* - v0)/h_0; one line prints a product.", demonstration=counterexamples.offset_divided),
         row("(10)", "equation", "error dynamics in the centre-of-mass frame", energy, examples.centre_frame_kinetic),
         row("(11)", "equation", "J in the centre-of-mass frame", energy, examples.energy_centre),
-        row("Remark 4", "remark", "unequal gains disturb the centre of mass", forms, examples.unequal_gains),
+        row("Remark 4", "remark", "unequal gains disturb the centre of mass", "flocking.model.tracking.Track", counterexamples.unequal_gains),
         row("(12)", "equation", "law without the acceleration", law, examples.law_12),
         row("Theorem 4", "theorem", "velocities become the same", claims, examples.theorem(f"{KEY}-velocity-only")),
-        row("(13)", "equation", "centre of mass under (12)", f"{forms}.centre_motion", examples.centre_under(12)),
+        row("(13)", "equation", "centre of mass under (12)", f"{forms}.centre_motion", counterexamples.centre_under(12)),
         row("(14)", "equation", "(12) in the centre-of-mass frame", law, examples.law_in_centre_frame),
         row("Theorem 5", "theorem", "errors approach zero", claims, examples.theorem(f"{KEY}-velocity-only")),
-        row("Example 1", "example", "a constant leader is tracked under (12)", f"{forms}.free_motion", examples.example_1),
+        row("Example 1", "example", "a constant leader is tracked under (12)", f"{forms}.free_motion", counterexamples.example_1),
         row("Example 2", "example", "v0 = alpha t is not tracked under (12)", "flocking.engine.simulate.simulate",
-            examples.example_2, reading="The limit alpha/h_0 is that of e_v*; the text prints e_p*."),
+            counterexamples.example_2, reading="The limit alpha/h_0 is that of e_v*; the text prints e_p*."),
         row("(15)", "equation", "law with the leader's position", law, examples.law_15),
         row("J of (15)", "equation", "J with r_0 m |e_p|^2", energy, examples.energy_position),
-        row("(16)", "equation", "centre of mass under (15)", f"{forms}.centre_motion", examples.centre_under(15)),
+        row("(16)", "equation", "centre of mass under (15)", f"{forms}.centre_motion", counterexamples.centre_under(15)),
         row("Example 3 (i)", "example", "exponential leader, distinct eigenvalues", "flocking.engine.simulate.simulate",
-            examples.example_3(distinct=True)),
+            counterexamples.example_3(distinct=True)),
         row("Example 3 (ii)", "example", "exponential leader, equal eigenvalues", "flocking.engine.simulate.simulate",
-            examples.example_3(distinct=False)),
+            counterexamples.example_3(distinct=False)),
         row("steady error (12)", "equation", "|v* - v0| -> 1/sqrt(1 + h_0^2)", f"{forms}.steady_velocity_error",
-            examples.steady(12)),
+            counterexamples.steady(12)),
         row("steady error (15)", "equation", "|v* - v0| -> 1/sqrt((r_0 - 1)^2 + h_0^2)", f"{forms}.steady_velocity_error",
-            examples.steady(15)),
+            counterexamples.steady(15)),
         row("Remark 5", "remark", "without a0 the leader's frame gives no falling energy",
             "flocking.engine.reference.evaluate", examples.supply_without_acceleration),
         row("Remark 6", "remark", "a0 known to some only: no flocking", claims, examples.theorem(f"{KEY}-partial")),

@@ -1,0 +1,157 @@
+"""What Shi, Wang, Chu print wrongly, computed; and the motions behind their Examples 1-3."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.run import Run
+from flocking.engine.simulate import simulate
+from flocking.model.checks import Array
+from flocking.model.energy import Energy
+from flocking.model.functionals import left_eigenvector
+from flocking.model.graphs import Fixed
+from flocking.model.law import Law, Scenario
+from flocking.model.leaders import Path
+from flocking.model.state import State
+from flocking.model.terms import Consensus
+from flocking.model.tracking import Track
+from flocking.papers.shi_2009 import system
+from flocking.papers.shi_2009.closed_forms import centre_motion, free_motion, steady_velocity_error
+from flocking.study.equations import Demonstration
+
+
+def single_agent(
+    velocity: str, *, h0: float = 1.0, r0: float = 0.0, t_end: float = 10.0, q: float = 0.4, p: float = -0.3, **parameters: float
+) -> Run:
+    """One agent of unit mass after a leader on a line: the centre of mass under (12) or (15)."""
+    leader = Path([velocity], **parameters)
+    law = Law(Fixed(1, ()), (Track(leader, r0, h0),))
+    start = State(np.array([[q]]), np.array([[p]]))
+    return simulate(Scenario(law, start, t_end=t_end, frames=201, tolerance=1e-11, energy=Energy()), progress=False)
+
+
+def example_1(scale: float) -> tuple[Array, Array]:
+    """Velocity error of one agent after a leader of constant velocity 2, the gain off by ``scale``; and the times."""
+    run = single_agent("v", h0=scale, v=2.0)
+    return run.t, run.p[:, 0, 0]
+
+
+def example_2(scale: float) -> tuple[Array, Array, Array]:
+    """Times, position and velocity after v0 = alpha t, alpha = 0.7, h_0 = 1.3 times ``scale``."""
+    run = single_agent("alpha*t", h0=1.3 * scale, t_end=20.0, alpha=0.7)
+    return run.t, run.q[:, 0, 0], run.p[:, 0, 0]
+
+
+def example_3(*, distinct: bool) -> Callable[[float], tuple[Array, Array, Array]]:
+    """Builder: times, position and velocity after v0 = exp(alpha h_0 t) under (15), the gain r_0 off by ``scale``."""
+
+    def build(scale: float) -> tuple[Array, Array, Array]:
+        h0, alpha = 1.2, 0.5
+        r0 = 0.8 if distinct else h0 * h0 / 4
+        run = single_agent("exp(c*t)", h0=h0, r0=r0 * scale, t_end=12.0, c=alpha * h0)
+        return run.t, run.q[:, 0, 0], run.p[:, 0, 0]
+
+    return build
+
+
+def centre_under(law: int) -> Callable[[float], tuple[Any, Run]]:
+    """Builder: a run of ten seconds and the closed form of its centre of mass, started off by ``scale``."""
+
+    def build(scale: float) -> tuple[Any, Run]:
+        name = {8: "uniform", 12: "velocity-only", 15: "position"}[law]
+        scenario = system.scenario(seed=2, name=f"{system.KEY}-{name}").with_(t_end=10.0, frames=51, name="")
+        run = simulate(scenario, progress=False)
+        w = np.asarray(scenario.agents.masses) / np.sum(scenario.agents.masses)
+        place, velocity = w @ run.q[0], w @ run.p[0]
+        return centre_motion(law, run.t, place, velocity * scale), run
+
+    return build
+
+
+def decay(scale: float) -> tuple[Array, Array]:
+    """Times and velocity error of the centre of mass under (8), started at 1, the gain off by ``scale``."""
+    t = np.linspace(0, 3, 31)
+    return t, free_motion(2.0 * scale, 0.0, t, np.zeros(1), np.ones(1))[1][:, 0]
+
+
+def limit_difference(scale: float) -> float:
+    """Limit of the position difference under (8) for h_0 = 2, start difference 1 and velocity error 3 times ``scale``."""
+    t = np.array([0.0, 40.0])
+    return float(free_motion(2.0, 0.0, t, np.ones(1), np.full(1, 3.0 * scale))[0][-1, 0])
+
+
+def steady(law: int) -> Callable[[float], tuple[float, float]]:
+    """Builder: steady error for h_0 = 0.7 times ``scale`` and r_0 = 2."""
+    return lambda scale: (steady_velocity_error(law, 0.7 * scale, 2.0 if law == 15 else 0.0), 0.7)
+
+
+def unequal_gains(scale: float) -> float:
+    """Rate of the centre of mass's velocity error when two agents at opposite errors have gains 1 and 2, off by ``scale``."""
+    leader = Path(["0*t"])
+    law = Law(Fixed.complete(2), (Track(leader, velocity_gain=np.array([1.0, 2.0 * scale])),))
+    from flocking.engine.reference import control
+
+    return float(control(law, State(np.array([[0.0], [1.0]]), np.array([[1.0], [-1.0]]))).mean())
+
+
+# -- printed forms that a number refutes ---------------------------------------------------------------
+
+
+def depth_is_two() -> Demonstration:
+    """The depth of the well does not scale with a, as the strength of the repulsion does."""
+    weak, strong = system.potential(0.05, 0.05), system.potential(0.5, 0.5)
+    grid = np.linspace(0.5, 4.0, 3501)
+    depths = [float(psi(4.0) - psi(grid).min()) for psi in (weak, strong)]
+    return Demonstration(10 * depths[0], depths[1], 1e-6, "ten times the depth for a = 0.05, against the depth for a = 0.5")
+
+
+def not_minimal() -> Demonstration:
+    """Theorems 1-5: the limit is stationary, but no minimum of every agent's potential."""
+    from flocking.study.evidence import Evidence
+
+    evidence = Evidence(simulate(system.scenario(seed=0), progress=False))
+    lowest = float(system.potential()(1.0)) * np.bincount(evidence.equilibrium.i, minlength=10)
+    excess = evidence.equilibrium.agent_potentials - lowest
+    return Demonstration(0.0, float(excess.max()), 1e-3, "excess of the worst agent's potential over its minimum at the limit")
+
+
+def wrong_sign() -> Demonstration:
+    """(8) as printed, -sum w_ij (v^j - v^i): the relative speed of two agents grows."""
+    from flocking.engine.reference import control
+
+    pair = Law(Fixed.complete(2), (Consensus(1.0),))
+    state = State(np.array([[0.0], [1.0]]), np.array([[0.0], [1.0]]))
+    right = control(pair, state)
+    printed = -right
+    return Demonstration(
+        float((printed[1] - printed[0])[0]), float((right[1] - right[0])[0]), 1e-12,
+        "rate of the relative velocity 1 of two agents: as printed, and with the sign of (4)",
+    )  # fmt: skip
+
+
+def time_constant() -> Demonstration:
+    """After (9): the error falls to 1/e after 1/h_0, not after h_0."""
+    h0 = 2.0
+    t = np.linspace(0, 4, 400001)
+    error = free_motion(h0, 0.0, t, np.zeros(1), np.ones(1))[1][:, 0]
+    return Demonstration(h0, float(t[np.argmax(error <= np.exp(-1))]), 1e-4, "time to 1/e for h_0 = 2")
+
+
+def offset_divided() -> Demonstration:
+    """Before Theorem 3: the limit is x*(0) + (v* - v0)/h_0; printed once as a product."""
+    return Demonstration(1.0 + 3.0 * 2.0, limit_difference(1.0), 1e-9, "limit for h_0 = 2, offset 1, velocity error 3")
+
+
+def wrong_index() -> Demonstration:
+    """Remark 3 with xi_j w_ij: the power of the alignment forces is not the printed negative form."""
+    weights = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [2.0, 0.5, 0.0]])
+    xi = left_eigenvector(weights)
+    laplacian = np.diag(weights.sum(axis=1)) - weights
+    v = np.array([1.0, -0.4, 0.3])
+    right = -float(v @ np.diag(xi) @ laplacian @ v)
+    swapped = weights * xi[None, :]
+    printed = -float(v @ (np.diag(swapped.sum(axis=1)) - swapped) @ v)
+    return Demonstration(printed, right, 1e-9, "power of the alignment forces on three agents: with xi_j, and with xi_i")

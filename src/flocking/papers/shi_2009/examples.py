@@ -1,0 +1,278 @@
+"""Objects behind the equation table of Shi, Wang, Chu: laws, energies and audited runs on example groups.
+
+Every function takes the factor by which its decisive number is off; 1 is the paper's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.reference import Evaluation, control, evaluate
+from flocking.engine.run import Run
+from flocking.engine.simulate import simulate
+from flocking.model.checks import Array
+from flocking.model.energy import Energy
+from flocking.model.graphs import Fixed, Proximity
+from flocking.model.law import Law, Scenario
+from flocking.model.observables import mean_position, mean_velocity
+from flocking.model.potentials import Potential
+from flocking.model.state import Agents, State
+from flocking.model.terms import Consensus, Gradient
+from flocking.model.tracking import Track
+from flocking.papers.shi_2009 import system
+from flocking.papers.shi_2009.theorems import claims
+from flocking.study.audit import Report, audit
+
+KEY = system.KEY
+
+
+def group(name: str = KEY) -> Scenario:
+    """Example group of ten agents for a setting, in the middle of its motion."""
+    scenario = system.scenario(seed=3, name=name)
+    rng = np.random.default_rng(5)
+    moving = State(scenario.start.q, rng.normal(size=scenario.start.p.shape), 0.7)
+    return scenario.with_(start=moving, t_end=1.0)
+
+
+def scaled_law(scenario: Scenario, scale: float) -> Law:
+    """The law with its alignment and tracking gains multiplied by ``scale``."""
+    terms = []
+    for term in scenario.law.terms:
+        if isinstance(term, Consensus):
+            terms.append(Consensus(scale, weights=term.weights))
+        elif isinstance(term, Track):
+            terms.append(replace(term, velocity_gain=np.multiply(term.velocity_gain, scale)))
+        else:
+            terms.append(term)
+    return Law(scenario.law.graph, tuple(terms))
+
+
+def controlled(name: str) -> Callable[[float], tuple[Scenario, Array]]:
+    """Builder: the control of the example group under a setting's law."""
+
+    def build(scale: float) -> tuple[Scenario, Array]:
+        scenario = group(name)
+        return scenario, control(scaled_law(scenario, scale), scenario.start, agents=scenario.agents)
+
+    return build
+
+
+law_4 = controlled(KEY)
+law_8 = controlled(f"{KEY}-uniform")
+law_12 = controlled(f"{KEY}-velocity-only")
+law_15 = controlled(f"{KEY}-position")
+parts = controlled(f"{KEY}-all-informed")
+
+
+def in_frame(name: str, *, leader: bool) -> Callable[[float], tuple[Scenario, Array, Array]]:
+    """Builder: the control of the group as it is, and of the group seen from a moving frame."""
+
+    def build(scale: float) -> tuple[Scenario, Array, Array]:
+        scenario = group(name)
+        state = scenario.start
+        shift = scenario.law.leaders[0].at(state.t)[1] if leader else mean_velocity(state, scenario.agents.masses)
+        law = scaled_law(scenario, scale)
+        return scenario, control(law, state, agents=scenario.agents), shift
+
+    return build
+
+
+law_in_leader_frame = in_frame(f"{KEY}-all-informed", leader=True)
+law_in_centre_frame = in_frame(f"{KEY}-velocity-only", leader=False)
+
+
+def evaluated(scenario: Scenario, law: Law | None = None) -> Evaluation:
+    """All the law says about the example group."""
+    return evaluate(law or scenario.law, scenario.start, agents=scenario.agents, energy=scenario.energy)
+
+
+def acceleration(scale: float) -> tuple[Scenario, Run]:
+    """A short run whose masses are off by ``scale``."""
+    scenario = group(f"{KEY}-all-informed")
+    heavier = Agents(np.multiply(scenario.agents.masses, scale), scenario.agents.damping)
+    times = (0.7, 0.7001, 0.7002)
+    return scenario, simulate(scenario.with_(agents=heavier, t_end=0.7002, frames=times, name=""), progress=False)
+
+
+def closed_loop(scale: float) -> tuple[Scenario, Run]:
+    """A run of one second across switches whose plant's gains are off by ``scale``."""
+    scenario = system.scenario(seed=3, name=f"{KEY}-all-informed").with_(t_end=1.0, name="")
+    return scenario, simulate(scenario, plant=scaled_law(scenario, scale), progress=False)
+
+
+def links(scale: float) -> np.ndarray[Any, Any]:
+    """Neighbours of agents on a line at 0, 4, 8.03 and 12.2 under a radius off by ``scale``."""
+    return Proximity(system.SENSING_RADIUS * scale, closed=True).initial(np.array([[0.0], [4.0], [8.03], [12.2]]))
+
+
+def potential(scale: float) -> Potential:
+    """Potential (3) for a = b = 1, R = 2, its b off by ``scale``."""
+    return system.potential(1.0, scale, 2.0)
+
+
+def slope_beyond(scale: float) -> float:
+    """Largest |slope| of (3) from R/scale on: zero exactly when the plateau starts at R."""
+    r = np.linspace(system.SENSING_RADIUS / scale, 2 * system.SENSING_RADIUS, 500)
+    return float(np.abs(system.potential().slope(r)).max())
+
+
+def well_depth(scale: float) -> float:
+    """Plateau of (3) minus its minimum for a = 0.05, off by ``scale``."""
+    psi = system.potential()
+    return scale * float(psi(system.SENSING_RADIUS) - psi(1.0))
+
+
+def total_potential(scale: float) -> tuple[Scenario, float]:
+    """Sum over agents of V^i/2 with strangers at V(R), the potential's strength off by ``scale``."""
+    scenario = group()
+    psi = system.potential(system.STRENGTH * scale, system.STRENGTH)
+    links_now = scenario.law.graph.initial(scenario.start.q)
+    n = scenario.start.n
+    strangers = 0.5 * (n * (n - 1) - int(links_now.sum())) * scenario.energy.unlinked
+    only = Law(scenario.law.graph, (Gradient(psi),))
+    return scenario, evaluate(only, scenario.start).storage + strangers
+
+
+def energy_of(name: str) -> Callable[[float], tuple[Scenario, float]]:
+    """Builder: J of the example group without the constant of strangers, masses off by ``scale``."""
+
+    def build(scale: float) -> tuple[Scenario, float]:
+        scenario = group(name)
+        agents = Agents(np.multiply(scenario.agents.masses, scale), scenario.agents.damping)
+        found = evaluate(scenario.law, scenario.start, agents=agents, energy=scenario.energy)
+        return scenario, found.storage + found.kinetic
+
+    return build
+
+
+energy_leader = energy_of(f"{KEY}-all-informed")
+energy_centre = energy_of(f"{KEY}-velocity-only")
+energy_position = energy_of(f"{KEY}-position")
+
+
+def kinetic_of(name: str) -> Callable[[float], tuple[Scenario, float]]:
+    """Builder: kinetic energy of the group in the frame of its energy, masses off by ``scale``."""
+
+    def build(scale: float) -> tuple[Scenario, float]:
+        scenario = group(name)
+        agents = Agents(np.multiply(scenario.agents.masses, scale), scenario.agents.damping)
+        return scenario, evaluate(scenario.law, scenario.start, agents=agents, energy=scenario.energy).kinetic
+
+    return build
+
+
+leader_frame_kinetic = kinetic_of(f"{KEY}-all-informed")
+centre_frame_kinetic = kinetic_of(f"{KEY}-velocity-only")
+
+
+def dissipation_leader(scale: float) -> tuple[Scenario, Evaluation]:
+    """Ledger powers of the example group in the leader's frame, gains off by ``scale``."""
+    scenario = group(f"{KEY}-all-informed")
+    return scenario, evaluated(scenario, scaled_law(scenario, scale))
+
+
+def supply_without_acceleration(scale: float) -> tuple[Scenario, float]:
+    """Power that the missing a0 feeds into the leader-frame energy under (12), masses off by ``scale``."""
+    scenario = group(f"{KEY}-velocity-only")
+    energy = Energy("leader", leader=scenario.law.leaders[0])
+    agents = Agents(np.multiply(scenario.agents.masses, scale), scenario.agents.damping)
+    return scenario, evaluate(scenario.law, scenario.start, agents=agents, energy=energy).supply
+
+
+def centre(scale: float) -> tuple[Scenario, Array, Array]:
+    """Centre of mass of the example group and its velocity, one mass off by ``scale``."""
+    scenario = group()
+    masses = np.array(scenario.agents.masses)
+    masses[0] *= scale
+    return scenario, mean_position(scenario.start, masses), mean_velocity(scenario.start, masses)
+
+
+@lru_cache(maxsize=32)
+def audited(name: str, scale: float) -> Report:
+    """A full run of a setting whose agents' gains are off by ``scale``, held against the declared law."""
+    scenario = system.scenario(seed=0, name=name)
+    plant = None if scale == 1.0 else scaled_law(scenario, scale)
+    return audit(simulate(scenario, plant=plant, progress=False), claims(name))
+
+
+def theorem(name: str) -> Callable[[float], Report]:
+    """Builder: the audit of a setting."""
+    return lambda scale: audited(name, scale)
+
+
+def table_row(name: str) -> Callable[[float], Report]:
+    """Builder: the audit of the setting in a row of Table 1."""
+    return theorem(name)
+
+
+def without_alignment(scale: float) -> Run:
+    """Remark 2: a run in which all are informed and nobody aligns, the plant's tracking gains off by ``scale``."""
+    scenario = system.scenario(seed=0, name=f"{KEY}-all-informed")
+    terms = tuple(
+        Consensus(0.0, weights=t.weights) if isinstance(t, Consensus) else t for t in scenario.law.terms
+    )  # fmt: skip
+    alone = scenario.with_(law=Law(scenario.law.graph, terms), name="")
+    return simulate(alone, plant=Law(alone.law.graph, scaled_law(alone, scale).terms[:1] + terms[1:2]
+                                     + scaled_law(alone, scale).terms[2:]), progress=False)  # fmt: skip
+
+
+def remark_3(scale: float) -> tuple[Scenario, Array, Array]:
+    """Control under Remark 3 with asymmetric weights over a velocity graph of its own, gains off by ``scale``."""
+    scenario = group(f"{KEY}-all-informed")
+    n = scenario.start.n
+    weights = np.random.default_rng(11).uniform(0.1, 1.0, (n, n))
+    velocity_graph = Fixed(n, tuple((i, (i + k) % n) for i in range(n) for k in (1, 3)), directed=True)
+    gradient, _, track, compensate = scenario.law.terms
+    xi = Consensus(scale, weights=weights, functional=True, over=velocity_graph)
+    # The functional is normalised, so a common factor of the weights cancels in xi but not in xi_i w_ij.
+    law = Law(scenario.law.graph, (gradient, xi, track, compensate))
+    return scenario, control(law, scenario.start, agents=scenario.agents), weights
+
+
+def numbers(scale: float) -> dict[str, float]:
+    """Numbers of the simulations as the scenarios have them, radii and speeds off by ``scale``."""
+    wide = system.scenario(seed=0, compact=False)
+    return {
+        "agents": wide.start.n,
+        "radius": system.START_RADIUS * scale,
+        "farthest": float(np.linalg.norm(wide.start.q, axis=1).max()),
+        "speed": system.LARGEST_SPEED * scale,
+        "fastest": float(np.linalg.norm(wide.start.p, axis=1).max()),
+        "sensing": system.SENSING_RADIUS * scale,
+        "strength": system.STRENGTH * scale,
+        "duration": wide.t_end * scale,
+        "heaviest": float(np.max(wide.agents.masses)),
+    }
+
+
+def figure_numbers(name: str) -> Callable[[float], dict[str, float]]:
+    """Builder: which gains a figure's scenario has, off by ``scale``."""
+
+    def build(scale: float) -> dict[str, float]:
+        scenario = system.scenario(seed=0, name=name)
+        track = next(t for t in scenario.law.terms if isinstance(t, Track))
+        n = scenario.start.n
+        return {
+            "informed": scale * float(np.count_nonzero(np.broadcast_to(track.velocity_gain, n))),
+            "know a0": scale * float(np.sum(np.broadcast_to(track.acceleration_gain, n))),
+            "position gain": scale * float(np.max(track.position_gain)),
+            "duration": scenario.t_end * scale,
+        }
+
+    return build
+
+
+def figure_1(scale: float) -> Array:
+    """Curve of Fig. 1 at five distances, b off by ``scale``."""
+    return potential(scale)(np.array([0.5, 1.0, 1.5, 1.9, 2.5]))
+
+
+def figure_2(scale: float) -> Array:
+    """Desired velocity at five times, off by ``scale``."""
+    leader = system.scenario(seed=0).law.leaders[0]
+    return scale * np.array([leader.at(t)[1] for t in (0.0, 1.0, 2.0, 5.0, 50.0)])

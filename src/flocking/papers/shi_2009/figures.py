@@ -1,0 +1,77 @@
+"""Figures of Shi, Wang, Chu, declared from the pictures floor."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.run import Run
+from flocking.errors import InvalidInput
+from flocking.papers.shi_2009.system import DURATION, KEY, SETTINGS, potential
+from flocking.show import declaration, plane, series
+from flocking.show.curves import curve
+from flocking.show.declaration import Figure
+from flocking.show.sheet import panel, sheet
+from flocking.show.style import PAGE
+
+
+def _desired(run: Run) -> Any:
+    leader = run.scenario.law.leaders[0]
+
+    def component(axis: int) -> Any:
+        return panel(
+            curve, lambda t: np.array([leader.at(float(s))[1][axis] for s in t]), 0.0, DURATION, variable="$t$",
+            label=f"$v^0_{'xy'[axis]}$",
+        )  # fmt: skip
+
+    return sheet([component(0), component(1)], columns=2, width=PAGE, ratio=0.75)
+
+
+def _panels(run: Run) -> Any:
+    return sheet(
+        [
+            panel(series.velocity_errors, run, 0),
+            panel(series.velocity_errors, run, 1),
+            panel(series.centre_errors, run),
+            panel(plane.net, run, frame=-1),
+        ],
+        columns=2, width=PAGE, ratio=0.75,
+    )  # fmt: skip
+
+
+def figures() -> dict[str, Figure]:
+    """All figures by number. Those of simulations name the scenario they show."""
+    about_centre = {"9": f"{KEY}-velocity-only", "12": f"{KEY}-partial"}
+    found = [
+        Figure("1", "The potential (3) for a = b = 1 and R = 2.", declaration.potential(potential(1.0, 1.0, 2.0), radius=2.0)),
+        Figure("2", "The desired velocity along both axes.", _desired),
+        Figure("3", "Initial state: links and velocities.", declaration.initial()),
+        *(Figure(s.figure, f"Velocity errors, centre of mass, and final state: law ({s.law}), velocity known to {s.velocity}, "
+                 f"acceleration to {s.acceleration}.", _panels, scenario=name)
+          for name, s in SETTINGS.items() if s.figure),
+        *(Figure(number, "Velocity errors about the centre of mass.",
+                 declaration.velocity_errors(about="mean"), scenario=name) for number, name in about_centre.items()),
+    ]  # fmt: skip
+    return {f.number: f for f in sorted(found, key=lambda f: int(f.number))}
+
+
+def figure(number: int | str, run: Run) -> Any:
+    """Draw one figure from a run.
+
+    Parameters
+    ----------
+    number
+        Its number, 1 to 12.
+    run
+        A run of the scenario it shows.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no such figure.
+    """
+    known = figures()
+    if str(number) not in known:
+        raise InvalidInput("shi-2009", "figure", f"must be one of {', '.join(known)}", number)
+    return known[str(number)].draw(run)
