@@ -35,13 +35,31 @@ class Evidence:
         return self.run.scenario.law
 
     @property
+    def sampled(self) -> bool:
+        """Whether the run is made of samples from elsewhere: nothing is known between them."""
+        return self.run.provenance.get("engine") == "samples"
+
+    @property
+    def approach_error(self) -> float:
+        """How much closer than recorded two agents may have come."""
+        if self.sampled:
+            return float(self.run.provenance["gap"])
+        return 10 * self.run.scenario.tolerance * max(1.0, float(self.diameter[0]))
+
+    @property
     def masses(self) -> Array:
         """Mass of each agent, shape (N,)."""
         return np.broadcast_to(np.asarray(self.run.scenario.agents.masses, dtype=np.float64), self.run.n)
 
     @cached_property
     def ledger_bound(self) -> float:
-        """How large the ledger's residual may be: 100 tolerances times the energy moved, plus rounding."""
+        """How large the ledger's residual may be: 100 tolerances times the energy moved, plus rounding.
+
+        Between samples of a motion from elsewhere the powers are interpolated, and their error takes its place.
+        """
+        if self.sampled:
+            size = float(np.abs(self.run.trace["energy"]).max(initial=0.0))
+            return 3 * float(self.run.provenance["ledger_error"]) + 1e-9 * size
         tolerance = float(self.run.provenance.get("tolerance", self.run.scenario.tolerance))
         size = float(np.abs(self.run.trace["energy"]).max(initial=0.0))
         return LEDGER_FACTOR * tolerance * self.run.turnover + 1e-12 * size + 1e-14
@@ -101,6 +119,8 @@ class Evidence:
     def link_history(self) -> list[tuple[float, Links]]:
         """Link matrix of the law's graph from each time it changed on, the first at the start."""
         links = np.array(self.run.links[0])
+        if self.sampled:
+            return [(float(t), np.asarray(x)) for t, x in zip(self.run.t, self.run.links, strict=True)]
         history = [(float(self.run.t[0]), links.copy())]
         directed = self.law.graph.directed
         for row in self.link_switches:

@@ -1,0 +1,202 @@
+"""Trajectories from elsewhere: samples of a motion, made into a run that can be audited."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.reference import evaluate
+from flocking.engine.run import SWITCH_FIELDS, TRACE_FIELDS, Closest, Run
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array, array
+from flocking.model.graphs import pair_distances
+from flocking.model.law import Law, Scenario
+from flocking.model.state import State
+from flocking.model.terms import Gradient
+
+LARGEST_FILE = 2_000_000_000
+"""Bytes a trajectory file may have."""
+
+
+def read_trajectory(path: str | Path) -> tuple[Array, Array, Array]:
+    """Read samples of a motion.
+
+    Parameters
+    ----------
+    path
+        An NPZ file with arrays ``t`` (F,), ``q`` and ``p`` (F, N, m); or a CSV file with a header and the
+        columns ``t``, ``id``, one position column per axis (``x``, ``y``, ``z``) and one velocity column per axis
+        (``vx``, ``vy``, ``vz``), one row per agent and time.
+
+    Returns
+    -------
+    tuple of Array
+        Times (F,), positions and velocities (F, N, m).
+
+    Raises
+    ------
+    InvalidInput
+        When the file is missing, too large, or not of this form.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InvalidInput("trajectory", "path", "must be a file", str(path))
+    if path.stat().st_size > LARGEST_FILE:
+        raise InvalidInput("trajectory", "path", f"must have at most {LARGEST_FILE} bytes", path.stat().st_size)
+    return _read_arrays(path) if path.suffix == ".npz" else _read_table(path)
+
+
+def _read_arrays(path: Path) -> tuple[Array, Array, Array]:
+    try:
+        with np.load(path, allow_pickle=False) as found:
+            t, q, p = (np.asarray(found[name]) for name in ("t", "q", "p"))
+    except (KeyError, ValueError, OSError) as error:
+        raise InvalidInput("trajectory", "path", f"must hold the arrays t, q and p ({error})", str(path)) from None
+    return array("trajectory", "t", t, ndim=1), array("trajectory", "q", q, ndim=3), array("trajectory", "p", p, ndim=3)
+
+
+def _read_table(path: Path) -> tuple[Array, Array, Array]:
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InvalidInput("trajectory", "path", f"must be a text table ({error})", str(path)) from None
+    columns = set(rows[0]) if rows else set()
+    axes = [a for a in "xyz" if a in columns]
+    wanted = ["t", "id", *axes, *(f"v{a}" for a in axes)]
+    if not axes or not set(wanted) <= columns:
+        raise InvalidInput("trajectory", "columns", "must be t, id, x, y, ... and vx, vy, ...", sorted(columns))
+    try:
+        values = np.array([[float(row[c]) for c in wanted if c != "id"] for row in rows])
+    except (TypeError, ValueError) as error:
+        raise InvalidInput("trajectory", "rows", f"must be numbers ({error})", str(path)) from None
+    names = sorted({row["id"] for row in rows}, key=lambda s: (len(s), s))
+    times = np.unique(values[:, 0])
+    if len(rows) != len(names) * len(times):
+        raise InvalidInput(
+            "trajectory",
+            "rows",
+            f"must be one per agent and time: {len(names)} agents at {len(times)} times",
+            f"{len(rows)} rows",
+        )
+    agent = np.array([names.index(row["id"]) for row in rows])
+    frame = np.searchsorted(times, values[:, 0])
+    m = len(axes)
+    q, p = np.full((2, len(times), len(names), m), np.nan)
+    q[frame, agent], p[frame, agent] = values[:, 1 : 1 + m], values[:, 1 + m :]
+    return times, array("trajectory", "q", q, ndim=3), array("trajectory", "p", p, ndim=3)
+
+
+def run_from_samples(scenario: Scenario, t: Array, q: Array, p: Array) -> Run:
+    """A run made of samples of a motion that a declared law is said to govern.
+
+    Links follow the law's graph from sample to sample; energies are evaluated at the samples, and the powers
+    of the ledger are integrated between them, with the error that Simpson's and the trapezoidal rule's
+    difference shows.
+
+    Parameters
+    ----------
+    scenario
+        The declared law, agents and energy; its start and end are replaced by the samples'.
+    t
+        Times, ascending, shape (F,).
+    q, p
+        Positions and velocities, shape (F, N, m).
+
+    Raises
+    ------
+    InvalidInput
+        When shapes disagree, times do not ascend, or there are fewer than three samples.
+    """
+    if q.shape != p.shape or len(t) != len(q):
+        raise InvalidInput(
+            "trajectory", "q", "must have the shape of p and one entry per time", f"{q.shape}, {p.shape}, {len(t)}"
+        )
+    if len(t) < 3 or (np.diff(t) <= 0).any():
+        raise InvalidInput("trajectory", "t", "must be at least three ascending times", np.asarray(t)[:5].tolist())
+    law, graph = scenario.law, scenario.law.graph
+    links = [graph.initial(q[0])]
+    for place in q[1:]:
+        links.append(graph.update(place, links[-1]))
+    found = [
+        evaluate(law, State(q[k], p[k], float(t[k]), links[k]), agents=scenario.agents, energy=scenario.energy)
+        for k in range(len(t))
+    ]
+    n = q.shape[1]
+    strangers = np.array([0.5 * (n * (n - 1) - int(x.sum())) for x in links]) * scenario.energy.unlinked
+    energy = np.array([e.storage + e.kinetic for e in found]) + strangers
+    work = np.array([float((e.u * v).sum()) for e, v in zip(found, p, strict=True)])
+    integrals, errors = zip(
+        *(
+            _integrate(t, x)
+            for x in (work, np.array([e.dissipation for e in found]), np.array([e.supply for e in found]))
+        ),
+        strict=True,
+    )
+    jumped = _jumps(scenario, links)
+    trace = np.zeros(len(t), dtype=TRACE_FIELDS)
+    trace["time"], trace["energy"], trace["kinetic"] = t, energy, [e.kinetic for e in found]
+    trace["work"], trace["dissipated"], trace["supplied"] = integrals
+    trace["jumped"] = jumped
+    declared = scenario.with_(
+        start=State(q[0], p[0], float(t[0])), t_end=float(t[-1]), frames=tuple(float(s) for s in t)
+    )
+    about: dict[str, Any] = {"engine": "samples", "ledger_error": float(errors[1] + errors[2]), "gap": _gap(t, p)}
+    linked, free = _closest(t, q, links)
+    none = np.zeros(0, dtype=SWITCH_FIELDS)
+    return Run(declared, t, q, p, np.array(links), none, trace, linked, free, "finished", about)
+
+
+def _integrate(t: Array, power: Array) -> tuple[Array, float]:
+    """Running integral of sampled power, and an estimate of its error."""
+    from scipy.integrate import cumulative_simpson, cumulative_trapezoid
+
+    coarse = cumulative_trapezoid(power, t, initial=0.0)
+    fine = cumulative_simpson(power, x=t, initial=0.0)
+    return np.asarray(fine), float(np.abs(np.diff(fine - coarse)).sum())
+
+
+def _jumps(scenario: Scenario, links: list[Any]) -> Array:
+    """Energy that links bring or take: the stored energy of a pair at the distance where the graph switches it."""
+    law = scenario.law
+    first = np.max(np.asarray(law.graph.appear_radius))
+    last = np.max(np.asarray(law.graph.break_radius))
+    if not law.graph.moves:
+        return np.zeros(len(links))
+    gained, lost = (_stored_at(law, float(r)) - scenario.energy.unlinked for r in (first, last))
+    new = np.array([0, *(int((b & ~a).sum()) for a, b in itertools.pairwise(links))])
+    gone = np.array([0, *(int((a & ~b).sum()) for a, b in itertools.pairwise(links))])
+    steps = 0.5 * (np.where(new > 0, new * gained, 0.0) - np.where(gone > 0, gone * lost, 0.0))
+    return np.asarray(np.cumsum(steps))
+
+
+def _stored_at(law: Law, r: float) -> float:
+    """Energy a linked pair stores just inside distance ``r``, summed over the potentials of the law's own graph."""
+    # A smooth graph gives weight zero to a link that is about to break.
+    smooth = law.graph.structure != ("hard",)
+    terms = [t for t in law.pair_terms if isinstance(t, Gradient) and t.over is None]
+    return 0.0 if smooth else float(sum(float(t.potential(r)) for t in terms))
+
+
+def _gap(t: Array, p: Array) -> float:
+    """How far two agents may have moved towards each other between samples unseen."""
+    spread = np.linalg.norm(p - p.mean(axis=1, keepdims=True), axis=2).max(axis=1)
+    return float((np.diff(t) * np.maximum(spread[1:], spread[:-1])).max()) if len(t) > 1 else math.inf
+
+
+def _closest(t: Array, q: Array, links: list[Any]) -> tuple[Closest, Closest]:
+    best = [Closest(), Closest()]
+    for k, place in enumerate(q):
+        distance = pair_distances(place)
+        either = links[k] | links[k].T
+        for number, mask in enumerate((either, ~either)):
+            masked = np.where(mask, distance, np.inf)
+            i, j = np.unravel_index(int(np.argmin(masked)), masked.shape)
+            if masked[i, j] < best[number].distance:
+                best[number] = Closest(float(masked[i, j]), float(t[k]), (int(min(i, j)), int(max(i, j))))
+    return best[0], best[1]
