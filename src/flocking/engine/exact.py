@@ -65,7 +65,7 @@ class ExactSession:
         self.jumped = 0.0
         self._tail = np.zeros(3)
         self._prepare(start.n, start.dimension)
-        self._begin(start, LinkState(plant or scenario.law, start.q, start.links, start.t))
+        self._begin(start, LinkState(plant or scenario.law, start.q, start.links, start.t, scenario.agents.headings))
         self._record_frames()
         self._record_trace()
 
@@ -88,6 +88,7 @@ class ExactSession:
             self._declared = (compiled_kernels(declared, m, self._order), declared)
         self._barriers = [has_barrier(law, g) for g in law.graphs]
         self._singular = law.singular_at_zero()
+        self._jump = -np.inf
 
     def _repack(self, t: float) -> None:
         """Parameters as they are from time ``t`` on."""
@@ -138,9 +139,8 @@ class ExactSession:
         if self._ledger is None:
 
             def slope(t: float, y: Array) -> Array:
-                P, A, W = self._slots
-                senders, sensed, offsets = self._pairs
-                return np.asarray(rhs(t, y, n, senders, sensed, offsets, P, A, W, self._functionals))
+                dy: Array = rhs(t, y, n, *self._pairs, *self._slots, self._functionals)
+                return dy
 
             return slope
         m, order = self.m, self._order
@@ -211,9 +211,16 @@ class ExactSession:
         """Where the next step must end: the end of the run, or the last moment before a term switches."""
         now = self._segment.t1
         end = self.scenario.t_end if now < self.scenario.t_end else np.inf
-        times = [float(np.nextafter(s, -np.inf)) for term in self._layout.law.body_terms
-                 for s in term.switch_times(now, np.inf) if s < end]  # fmt: skip
-        return min((t for t in times if t > now), default=end)
+        jump = self._next_jump(now)
+        before = float(np.nextafter(jump, -np.inf))
+        return before if jump < end and before > now else end
+
+    def _next_jump(self, now: float) -> float:
+        """The first time after ``now`` at which a term switches by itself."""
+        if not self._jump > now:
+            times = (s for term in self._layout.law.body_terms for s in term.switch_times(now, np.inf))
+            self._jump = min(times, default=np.inf)
+        return self._jump
 
     def _take_step(self) -> None:
         before = self._stepper.memory
@@ -294,7 +301,7 @@ class ExactSession:
             self._record_trace()
         error = self._switch() if self._pending else None
         after = float(np.nextafter(t, np.inf))
-        if any(after in term.switch_times(t, np.nextafter(after, np.inf)) for term in self._layout.law.body_terms):
+        if after == self._next_jump(t):
             t = after
             self._repack(t)
             before = self.energy
@@ -392,7 +399,7 @@ class ExactSession:
         session._segment, session._pending = snapshot.segment, list(snapshot.pending)
         session._prepare(scenario.start.n, scenario.start.dimension)
         q, _, session._tail = (np.array(x) for x in session._split(snapshot.segment.coefficients[0]))
-        session._links = LinkState(session._layout.law, q, t=snapshot.segment.t0)
+        session._links = LinkState(session._layout.law, q, t=snapshot.segment.t0, headings=scenario.agents.headings)
         session._repack(snapshot.segment.t1)
         session._links.recall(snapshot.links)
         session._links.sliding = dict(snapshot.sliding)
@@ -426,7 +433,7 @@ class ExactSession:
         self.scenario.with_(law=declared, start=new, t_end=end, frames=1)
         plant = self.plant if law is None else None
         acting = plant or declared
-        links = LinkState(acting, new.q, new.links, self.time)
+        links = LinkState(acting, new.q, new.links, self.time, self.scenario.agents.headings)
         if state is None and acting.graphs == self._links.graphs:
             for matrix, kept_links in zip(links.links, self._links.links, strict=True):
                 matrix[:] = kept_links

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import comb
 
+import numba
 import numpy as np
 
 from flocking.model.checks import Array
@@ -13,11 +14,19 @@ DEGREE = 7
 """Degree of DOP853's dense output."""
 
 
-def bernstein_basis(x: Array) -> Array:
-    """Values of the Bernstein polynomials of degree 7 at ``x``, shape (len(x), 8)."""
-    k = np.arange(DEGREE + 1)
-    binomials = np.array([comb(DEGREE, int(j)) for j in k], dtype=np.float64)
-    return np.asarray(binomials * x[:, None] ** k * (1.0 - x[:, None]) ** (DEGREE - k))
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _part(coefficients: Array, x: float) -> Array:
+    """Coefficients of the first fraction ``x`` of a segment; the last row is its end (de Casteljau)."""
+    left = np.empty_like(coefficients)
+    work = np.empty(coefficients.shape[0])
+    for c in range(coefficients.shape[1]):
+        for k in range(work.shape[0]):
+            work[k] = coefficients[k, c]
+        for k in range(work.shape[0]):
+            left[k, c] = work[0]
+            for a in range(work.shape[0] - 1 - k):
+                work[a] += x * (work[a + 1] - work[a])
+    return left
 
 
 def _dense_to_bernstein() -> Array:
@@ -67,17 +76,11 @@ class Segment:
         if t == self.t1:
             return np.array(self.coefficients[-1])
         x = (t - self.t0) / (self.t1 - self.t0) if self.t1 > self.t0 else 0.0
-        start = self.coefficients[0]
-        return np.asarray(start + bernstein_basis(np.array([x]))[0] @ (self.coefficients - start))
+        return np.asarray(_part(self.coefficients, x)[-1])
 
     def cut(self, x: float) -> Segment:
         """The first fraction ``x`` of the segment. Its end is at ``x`` exactly; only its time is rounded."""
-        left = np.empty_like(self.coefficients)
-        work = self.coefficients.copy()
-        for k in range(DEGREE + 1):
-            left[k] = work[0]
-            work = work[:-1] + x * (work[1:] - work[:-1])
-        return Segment(self.t0, self.t0 + x * (self.t1 - self.t0), left)
+        return Segment(self.t0, self.t0 + x * (self.t1 - self.t0), _part(self.coefficients, x))
 
     def until(self, t: float) -> Segment:
         """The part of the segment on [t0, t]."""
