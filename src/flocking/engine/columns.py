@@ -18,7 +18,7 @@ LONGEST_CHUNK = 4096
 FRAME_PARTS = ("time", "position", "velocity", "links")
 """What a frame is made of; all but the time have a checksum per frame, that of positions covers the time too."""
 
-KINDS = ("appear", "break", "kink")
+KINDS = ("appear", "break", "kink", "obstacle")
 """Kinds of switches; they are stored by number."""
 
 LEDGER = "ledger"
@@ -52,7 +52,7 @@ ARRAYS: dict[str, tuple[tuple[str, ...], str, dict[str, Any]]] = {
     "quantity": (("quantity",), "str", {"long_name": "column of the ledger"}),
 }  # fmt: skip
 """Dimensions, type and attributes of every array."""
-ARRAYS["switch_kind"][2].update({"flag_values": [0, 1, 2], "flag_meanings": " ".join(KINDS)})
+ARRAYS["switch_kind"][2].update({"flag_values": list(range(len(KINDS))), "flag_meanings": " ".join(KINDS)})
 
 
 @dataclass(frozen=True)

@@ -82,7 +82,7 @@ class Encounters:
         return np.asarray(distance <= level.distance if level.kind == "obstacle" else distance < level.distance)
 
     def record(self, group: int, t: float, q: Array, p: Array, pair: tuple[int, int]) -> tuple[Any, ...]:
-        """The switch of one pair (agent, obstacle), fields `SWITCH_FIELDS`; ``j`` is the obstacle's number in its term."""
+        """The switch of one pair (agent, obstacle), fields `SWITCH_FIELDS`; ``j`` numbers the obstacle in its term."""
         i, o = (int(k) for k in pair)
         step = 1e-6
         low, high = (

@@ -124,7 +124,7 @@ class Layout:
                 if isinstance(value, Schedule):
                     value = value.at(t)
                 if isinstance(value, PairWeights):
-                    matrices.append(value.matrix(n))
+                    matrices.append(value.of(agents.headings, n))
                 elif np.ndim(value):
                     rows.append(np.asarray(value, dtype=np.float64))
                 else:

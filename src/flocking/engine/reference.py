@@ -52,9 +52,9 @@ class Evaluation:
     pair_force_sum: Array
 
 
-def graph_links(law: Law, state: State) -> list[Links]:
+def graph_links(law: Law, state: State, headings: Array | None = None) -> list[Links]:
     """Link matrix of each graph of the law; the memory of the state serves the first."""
-    found = [g.initial(state.q) for g in law.graphs]
+    found = [g.start_links(state.q, headings) for g in law.graphs]
     if state.links is not None:
         found[0] = np.asarray(state.links)
     return found
@@ -105,6 +105,8 @@ def evaluate(law: Law, state: State, *, agents: Agents | None = None, energy: En
     InvalidInput
         When law, agents and state disagree in numbers of agents or dimensions.
     """
+    if not isinstance(state, State):
+        raise InvalidInput("control", "state", "must be a State", state, "Use fk.State(q, p).")
     n, m = state.q.shape
     agents = agents or Agents()
     agents.check_count(n)
@@ -119,7 +121,7 @@ def evaluate(law: Law, state: State, *, agents: Agents | None = None, energy: En
     force_sum = np.zeros(n)
     frame = frame_velocity(energy, state, A[0])
     storage = dissipation = supply = 0.0
-    pairs = [np.nonzero(links) for links in graph_links(law, state)]
+    pairs = [np.nonzero(links) for links in graph_links(law, state, agents.headings)]
     for number, (i, j) in enumerate(pairs):
         functional = _functional(law, number, (i, j), n)
         values, force = _pair_forces(module, number, state, (i, j), (P, A, W), functional, frame)

@@ -10,11 +10,13 @@ import numpy as np
 from flocking.engine.encounters import Encounters
 from flocking.engine.guards import crossings, reach
 from flocking.engine.segment import Segment
+from flocking.engine.view_guards import view_crossings
 from flocking.model.checks import Array
 from flocking.model.connectivity import Links
 from flocking.model.graphs import Graph
 from flocking.model.law import Law
 from flocking.model.terms import Consensus, Gradient, PairTerm
+from flocking.model.views import FieldOfView
 
 SLIDE = 1e-9
 """A pair that crosses back and has moved less than this fraction of the distance has not really left it."""
@@ -86,12 +88,16 @@ class LinkState:
         Link memory of the law's own graph; its initial rule decides when absent.
     t
         Time at the start.
+    headings
+        Headings of the agents, as in `Agents`, where a graph sees them.
     """
 
-    def __init__(self, law: Law, q: Array, links: Links | None = None, t: float = 0.0) -> None:
+    def __init__(
+        self, law: Law, q: Array, links: Links | None = None, t: float = 0.0, headings: Array | None = None
+    ) -> None:
         self._law = law
         self.graphs: tuple[Graph, ...] = law.graphs
-        self.links: list[Links] = [np.array(g.initial(q)) for g in self.graphs]
+        self.links: list[Links] = [np.array(g.start_links(q, headings)) for g in self.graphs]
         if links is not None:
             self.links[0] = np.array(links)
         self.watches = _watches(law, len(q))
@@ -103,7 +109,12 @@ class LinkState:
             self.watches.append(Watch(len(self.graphs) + level.group, level.kind, distance, distance))
             self.near.append(self.encounters.within(level, q, t))
         self.sliding: dict[tuple[int, int, int], tuple[float, float, int]] = {}
-        self._everyone = np.ones((len(q), len(q)), dtype=bool)
+        everyone = np.ones((len(q), len(q)), dtype=bool)
+        allowed = [g.allowed(headings) for g in self.graphs]
+        self._allowed = [everyone if x is None else x for x in allowed]
+        self._views = [
+            (g.directions(headings), g.cosines(len(q))) if isinstance(g, FieldOfView) else None for g in self.graphs
+        ]
 
     def _near_at(self, q: Array, watch: Watch) -> Links:
         if watch.kind == "link":
@@ -126,7 +137,7 @@ class LinkState:
 
     def functionals(self) -> Array:
         """Functional s_i of each graph for each agent, shape (graphs, N); zeros where no term uses one."""
-        found = np.zeros((len(self.graphs), len(self._everyone)))
+        found = np.zeros((len(self.graphs), len(self._allowed[0])))
         if not any(getattr(t, "functional", False) for t in self._law.pair_terms):
             return found
         from flocking.model.functionals import graph_functional
@@ -155,10 +166,16 @@ class LinkState:
         size = float(np.abs(B).max(initial=0.0))
         found: list[tuple[int, Array, Array]] = []
         for number, watch in enumerate(self.watches[: self._first_level]):
-            active = self.links[watch.graph] if watch.kind == "kink" else self._everyone
+            active = self.links[watch.graph] if watch.kind == "kink" else self._allowed[watch.graph]
             directed = self.graphs[watch.graph].directed
             graze = GRAZE if watch.smooth else 1e-13
             slack = graze * float(np.max(watch.leave)) + 16 * np.finfo(float).eps * size
+            view = self._views[watch.graph]
+            if view is not None and watch.kind == "link":
+                when, who = view_crossings(B, far, self.near[number], *view, watch.leave, slack)
+                if len(when):
+                    found.append((number, when, who))
+                continue
             when, who = crossings(B, far, self.near[number], active, watch.enter, watch.leave, directed, slack)
             if len(when):
                 found.append((number, when, who))

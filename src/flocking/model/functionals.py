@@ -104,6 +104,11 @@ def graph_functional(law: Law, number: int, links: Links) -> Array | None:
     weights = np.zeros((n, n))
     for term in law.pair_terms:
         if getattr(term, "functional", False) and law.graph_number(term) == number:
+            if getattr(term, "weighted", False):
+                raise InvalidInput(
+                    "Consensus", "functional", "must not be combined with weighted=True", term,
+                    "xi would change with every distance; use a hard graph.",
+                )  # fmt: skip
             gain = np.broadcast_to(np.asarray(getattr(term, "gain", 1.0), dtype=np.float64), n)
             pairs = getattr(term, "weights", None)
             weights += gain[:, None] * (pairs.matrix(n) if pairs is not None else 1.0)

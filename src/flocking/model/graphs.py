@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ import numpy as np
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, integer, number
 from flocking.model.connectivity import Links, is_connected
+from flocking.model.weights import PairWeights
 
 if TYPE_CHECKING:
     import networkx
@@ -28,6 +30,8 @@ class Graph(ABC):
     """Whether i may sense j while j does not sense i."""
     moves: bool = True
     """Whether links appear and break as the agents move."""
+    sees_headings: bool = False
+    """Whether links depend on the agents' headings."""
 
     @property
     @abstractmethod
@@ -42,6 +46,14 @@ class Graph(ABC):
     @abstractmethod
     def initial(self, q: Array) -> Links:
         """Links at the start, shape (N, N), from positions ``q`` of shape (N, m)."""
+
+    def start_links(self, q: Array, headings: Array | None = None) -> Links:
+        """Links at the start from positions and, for graphs that see them, ``headings`` as in `Agents`."""
+        return self.initial(q)
+
+    def allowed(self, headings: Array | None) -> Links | None:
+        """Pairs that the headings let link at some distance, shape (N, N); None for all."""
+        return None
 
     def update(self, q: Array, links: Links) -> Links:
         """Links after the agents moved to ``q``, given the links they had before."""
@@ -62,8 +74,27 @@ class Graph(ABC):
 
         return sympy.Integer(1)
 
+    def functional(self, links: Links, weights: Array) -> Array:
+        """Functional s_i of the links for every agent, shape (N,): xi of Shi's Remark 3.
+
+        Parameters
+        ----------
+        links
+            Link matrix, shape (N, N).
+        weights
+            Weights w_ij of the links, shape (N, N).
+
+        Raises
+        ------
+        InvalidInput
+            When the links are not strongly connected.
+        """
+        from flocking.model.functionals import left_eigenvector
+
+        return left_eigenvector(np.where(links, weights, 0.0))
+
     @property
-    def parameters(self) -> dict[str, float]:
+    def parameters(self) -> Mapping[str, float | PairWeights]:
         """Run-time parameters that `weight` uses."""
         return {}
 
@@ -116,7 +147,9 @@ class Fixed(Graph):
         integer("Fixed", "n", self.n, least=1)
         pairs = set()
         for edge in self.edges:
-            i, j = (integer("Fixed", "edges", int(k), least=0) for k in edge)
+            if np.shape(edge) != (2,):
+                raise InvalidInput("Fixed", "edges", "must be pairs of agents", edge, "Write [(0, 1), (1, 2)].")
+            i, j = (integer("Fixed", "edges", k, least=0) for k in edge)
             if i == j or max(i, j) >= self.n:
                 raise InvalidInput("Fixed", "edges", f"must join two different agents of 0..{self.n - 1}", (i, j))
             pairs.add((i, j) if self.directed else (min(i, j), max(i, j)))

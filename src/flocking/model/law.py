@@ -48,7 +48,8 @@ class Law:
     def __post_init__(self) -> None:
         if not isinstance(self.graph, Graph):
             raise InvalidInput("Law", "graph", "must be a graph", self.graph, "Use Fixed, Proximity or Hysteresis.")
-        terms = (self.terms,) if isinstance(self.terms, Term) else tuple(self.terms)
+        given = self.terms if isinstance(self.terms, Sequence) and not isinstance(self.terms, str) else (self.terms,)
+        terms = tuple(given)
         for term in terms:
             if not isinstance(term, PairTerm | BodyTerm):
                 raise InvalidInput(
@@ -190,6 +191,9 @@ class Scenario:
             raise InvalidInput(
                 "Scenario", "start", "must be a State", self.start, "Use fk.State(q, p) or fk.start.box(...)."
             )
+        for name, kind in (("agents", Agents), ("energy", Energy)):
+            if not isinstance(getattr(self, name), kind):
+                raise InvalidInput("Scenario", name, f"must be {kind.__name__}", getattr(self, name))
         object.__setattr__(self, "t_end", number("Scenario", "t_end", self.t_end, least=self.start.t))
         object.__setattr__(self, "tolerance", number("Scenario", "tolerance", self.tolerance, above=0.0, below=0.1))
         if np.ndim(self.frames) == 0:
@@ -208,7 +212,10 @@ class Scenario:
     def _check_coincidence(self) -> None:
         if not self.law.singular_at_zero():
             return
-        links = self.law.graph.initial(self.start.q)
+        links = np.zeros((self.start.n, self.start.n), dtype=bool)
+        for term in self.law.pair_terms:
+            if isinstance(term, Gradient) and not np.isfinite(term.potential(0.0)):
+                links |= (term.over or self.law.graph).start_links(self.start.q, self.agents.headings)
         i, j = np.nonzero(np.triu(links | links.T))
         same = (self.start.q[i] == self.start.q[j]).all(axis=1)
         if same.any():

@@ -66,7 +66,8 @@ class Term(ABC):
                 )
 
     def check_dimension(self, dimension: int) -> None:
-        """Check that the term fits ``dimension`` space dimensions."""
+        """Check that the term fits ``dimension`` space dimensions; most fit any."""
+        return None
 
 
 class PairTerm(Term):
@@ -108,6 +109,11 @@ class PairTerm(Term):
         return ()
 
 
+def _check_graph(owner: str, over: Graph | None) -> None:
+    if over is not None and not isinstance(over, Graph):
+        raise InvalidInput(owner, "over", "must be a graph", over, "Use Fixed, Proximity or Hysteresis.")
+
+
 @dataclass(frozen=True)
 class Gradient(PairTerm):
     """Descent of a pair potential: psi'(r) n_ij summed over neighbours (Tanner (5), Zhou (8), Olfati-Saber (34)-(36)).
@@ -142,6 +148,7 @@ class Gradient(PairTerm):
                 self.potential,
                 "Write Gradient(Potential('1/r + 1/(R - r)', R=4)).",
             )
+        _check_graph("Gradient", self.over)
         if self.weighting not in ("energy", "force"):
             raise InvalidInput("Gradient", "weighting", "must be 'energy' or 'force'", self.weighting)
 
@@ -213,6 +220,7 @@ class Consensus(PairTerm):
         functional: bool = False,
         over: Graph | None = None,
     ) -> None:
+        _check_graph("Consensus", over)
         if weights is not None and not isinstance(weights, PairWeights):
             weights = MatrixWeights(weights)
         object.__setattr__(self, "gain", scalar_or_each("Consensus", "gain", gain, least=0.0))
@@ -224,7 +232,8 @@ class Consensus(PairTerm):
     @property
     def parameters(self) -> dict[str, Value]:
         """The gain, and the pair weights where there are any."""
-        return {"gain": self.gain} | ({"weights": self.weights} if self.weights is not None else {})
+        found: dict[str, Value] = {"gain": self.gain}
+        return found | ({"weights": self.weights} if self.weights is not None else {})
 
     @property
     def structure(self) -> tuple[object, ...]:

@@ -21,6 +21,10 @@ class PairWeights(ABC):
     def matrix(self, n: int) -> Array:
         """All weights as a matrix, shape (n, n)."""
 
+    def of(self, headings: Array | None, n: int) -> Array:
+        """All weights of agents with such ``headings``, shape (n, n)."""
+        return self.matrix(n)
+
 
 @dataclass(frozen=True, eq=False)
 class MatrixWeights(PairWeights):
