@@ -333,4 +333,5 @@ def json_schema() -> dict[str, Any]:
     table = TypedDict("Scenario", fields)  # type: ignore[misc]
     table.__pydantic_config__ = ConfigDict(extra="forbid")  # type: ignore[attr-defined]
     schema = TypeAdapter(table).json_schema()
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "flocking scenario", **schema}
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+    return {**head, **schema, "title": "flocking scenario"}

@@ -1,0 +1,380 @@
+"""The command line. Exit codes: 0 fine, 1 verdicts or runs not as expected, 2 bad input, 130 interrupted."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import App, CycloptsError, Parameter
+
+if TYPE_CHECKING:
+    from flocking.engine.run import Run
+
+FINE, DIFFERENT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+_WORDS = {True: "holds", False: "fails", None: "open"}
+
+Json = Annotated[bool, Parameter(name="--json")]
+
+
+def command_line() -> App:
+    """The application with all its commands."""
+    app = App(
+        name="flocking",
+        help="Flocking control: run the laws of the papers, reproduce their results, audit runs.",
+        help_format="plaintext",
+        help_flags=["--help", "-h"],
+        version=_version,
+        default_parameter=Parameter(negative=()),
+    )
+    app.command(list_scenarios, name="list")
+    for command in (run, resume, reproduce, audit, check, equations, schema):
+        app.command(command)
+    return app
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command.
+
+    Parameters
+    ----------
+    arguments
+        Words of the command line; those of the process when absent.
+
+    Returns
+    -------
+    int
+        The exit code.
+    """
+    from flocking.errors import FlockingError
+
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
+    app = command_line()
+    try:
+        command, bound, _ = app.parse_args(words, print_error=False, exit_on_error=False)
+        result = command(*bound.args, **bound.kwargs)
+        sys.stdout.flush()
+        return result if isinstance(result, int) else FINE
+    except CycloptsError as error:
+        return _complain(str(error) or type(error).__name__, "Try 'flocking --help'.")
+    except FlockingError as error:
+        return _complain(str(error))
+    except BrokenPipeError:
+        # Whoever read the output has seen enough; Python must not try to flush the rest at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        return FINE
+    except OSError as error:
+        return _complain(f"{error.filename or 'file'}: {error.strerror or error}")
+    except MemoryError:
+        return _complain("this needs more memory than there is.", "Use fewer agents or frames.")
+    except KeyboardInterrupt:
+        print("flocking: interrupted; nothing was left half written.", file=sys.stderr)
+        return INTERRUPTED
+
+
+def _version() -> str:
+    from flocking import __version__
+
+    return __version__
+
+
+def _complain(message: str, fix: str = "") -> int:
+    text = message.strip() if message.rstrip().endswith((".", "?", "!")) or "\n" in message else f"{message.strip()}."
+    print(f"flocking: {text} {fix}".rstrip(), file=sys.stderr)
+    return BAD_INPUT
+
+
+def _print_json(data: Any) -> None:
+    print(json.dumps(data, indent=2, allow_nan=False, ensure_ascii=False))
+
+
+def list_scenarios(*, as_json: Json = False) -> int:
+    """List the scenarios of the papers.
+
+    Parameters
+    ----------
+    as_json
+        Print JSON.
+    """
+    from flocking.apps.scenario_names import paper_scenarios
+    from flocking.apps.tables import print_table
+    from flocking.papers import paper
+
+    rows = [{"scenario": name, "paper": key, "title": paper(key).TITLE} for name, (key, _) in paper_scenarios().items()]
+    if as_json:
+        _print_json(rows)
+    else:
+        print_table(("scenario", "paper", "title"), [tuple(row.values()) for row in rows])
+    return FINE
+
+
+def run(
+    scenario: str,
+    *,
+    out: Path | None = None,
+    seed: int | None = None,
+    engine: str = "auto",
+    most_agents: int | None = None,
+    as_json: Json = False,
+) -> int:
+    """Simulate a scenario.
+
+    Parameters
+    ----------
+    scenario
+        A name that 'flocking list' shows, or a TOML file.
+    out
+        New folder for the run; it is saved while it goes on.
+    seed
+        Seed of the random draws.
+    engine
+        Which engine computes it.
+    most_agents
+        Largest number of agents a file may ask for; one million by default.
+    as_json
+        Print JSON.
+    """
+    from flocking.apps.scenario_names import find_scenario
+    from flocking.engine.simulate import simulate
+
+    found = find_scenario(scenario, seed, most_agents)
+    progress = not as_json and sys.stderr.isatty()
+    return _print_run(lambda: simulate(found, engine=engine, save=out, progress=progress), out, as_json)
+
+
+def resume(folder: Path, *, as_json: Json = False) -> int:
+    """Go on with a saved run that was interrupted or killed.
+
+    Parameters
+    ----------
+    folder
+        Folder of the run.
+    as_json
+        Print JSON.
+    """
+    from flocking.engine.resuming import resume as resume_run
+
+    progress = not as_json and sys.stderr.isatty()
+    return _print_run(lambda: resume_run(folder, progress=progress), folder, as_json)
+
+
+def _print_run(make: Callable[[], Run], out: Path | None, as_json: bool) -> int:
+    from flocking.apps.summary import facts, summary
+    from flocking.apps.tables import print_facts
+    from flocking.errors import SimulationError
+
+    stopped = False
+    try:
+        result = make()
+    except SimulationError as error:
+        if error.run is None:
+            raise
+        print(f"flocking: {error}", file=sys.stderr)
+        result, stopped = error.run, True
+    found = summary(result)
+    if as_json:
+        _print_json({**found, "out": str(out) if out else None})
+    else:
+        print_facts([*facts(found), ("saved in", str(out) if out else "")])
+    if stopped or not result.status.startswith("interrupted"):
+        return DIFFERENT if stopped else FINE
+    kept = f"what was computed is in {out}; 'flocking resume {out}' goes on." if out else "no --out, nothing is kept."
+    print(f"flocking: {result.status}: {kept}", file=sys.stderr)
+    return INTERRUPTED
+
+
+def reproduce(
+    *papers: str,
+    seeds: int = 10,
+    out: Path | None = None,
+    workers: int | None = None,
+    as_json: Json = False,
+) -> int:
+    """Reproduce papers: run their scenarios, judge their claims, draw their figures.
+
+    Parameters
+    ----------
+    papers
+        Keys of papers; all when absent.
+    seeds
+        Number of seeds per scenario.
+    out
+        Folder for claims.json, errata.json and the figures; nothing is written when absent.
+    workers
+        Processes; the number of cores when absent.
+    as_json
+        Print JSON.
+    """
+    from flocking.apps.reproduction import reproduce as reproduce_papers
+    from flocking.apps.tables import print_table, short
+    from flocking.errors import InvalidInput
+
+    if seeds < 1:
+        raise InvalidInput("reproduce", "seeds", "must be at least 1", seeds)
+    found = reproduce_papers(
+        _keys(papers), seeds=seeds, out=out, workers=workers, progress=not as_json and sys.stderr.isatty()
+    )
+    if as_json:
+        _print_json(
+            {
+                "as_expected": found.as_expected,
+                "seconds": found.seconds,
+                "claims": found.as_list(),
+                "errata": found.errata,
+                "figures": [str(path) for path in found.figures],
+            }
+        )
+    else:
+        for name, judgements in found.judgements.items():
+            rows = [
+                (
+                    "" if j.as_expected else "!",
+                    j.claim.key,
+                    str(j.verdict),
+                    "" if j.as_expected else str(j.claim.expected),
+                    f"{j.held}/{j.met}/{j.tried}",
+                    short(j.worst.margin),
+                )
+                for j in judgements
+            ]
+            print_table(("", "claim", "verdict", "expected", "held/met/seeds", "worst margin"), rows, title=name)
+            print()
+        total = sum(len(judgements) for judgements in found.judgements.values())
+        odd = sum(not j.as_expected for judgements in found.judgements.values() for j in judgements)
+        where = f", {len(found.figures)} figure files in {out}" if out else ""
+        print(f"{total - odd} of {total} claims came out as expected in {found.seconds:.0f} s{where}.")
+    return FINE if found.as_expected else DIFFERENT
+
+
+def audit(folder: Path, *, as_json: Json = False) -> int:
+    """Hold the claims of its paper, or the general ones, against a saved run.
+
+    Parameters
+    ----------
+    folder
+        Folder of the run.
+    as_json
+        Print JSON.
+    """
+    from flocking.apps.tables import print_table, short
+    from flocking.engine.storage import read_run
+    from flocking.papers.auditing import audit as audit_run
+
+    report = audit_run(read_run(folder))
+    if as_json:
+        _print_json(report.as_dict())
+    else:
+        rows = [(r.claim.key, str(r.verdict), short(r.margin), short(r.error), r.note) for r in report.results]
+        print_table(("claim", "verdict", "margin", "error", "measured"), rows, title=report.run.scenario.name)
+        print("All decided claims came out as expected." if report.as_expected else "Some claims came out otherwise.")
+    return FINE if report.as_expected else DIFFERENT
+
+
+def check(
+    formula: str,
+    *,
+    parameter: Annotated[list[str] | None, Parameter(name=["--parameter", "-p"])] = None,
+    radius: float | None = None,
+    definition: str | None = None,
+    as_json: Json = False,
+) -> int:
+    """Find the properties of a potential psi(r) and hold them against the papers' definitions.
+
+    Parameters
+    ----------
+    formula
+        The formula, for example "1/r + 1/(R - r)".
+    parameter
+        A value for a name of the formula, as name=value; once for each.
+    radius
+        Sensing radius.
+    definition
+        Key of the one paper whose definition must hold; the exit code is 1 where it does not.
+    as_json
+        Print JSON.
+    """
+    from flocking.apps.tables import print_table
+    from flocking.model.potentials import Potential
+    from flocking.study.potential_check import check_potential
+
+    potential = Potential(formula, **_named_values(parameter or []))
+    report = check_potential(potential, radius=radius, definition=definition)
+    if as_json:
+        _print_json(report.as_dict())
+    else:
+        print(report.potential)
+        titles = [f"{d.source}: {_WORDS[d.holds]}" for d in report.definitions]
+        for title, rows in zip(["", *titles], [report.rows, *(d.rows for d in report.definitions)], strict=True):
+            print()
+            cells = [(row.name, _WORDS[row.holds], row.explanation) for row in rows]
+            print_table(("property", "verdict", "measured"), cells, title=title)
+    wanted = [d.holds for d in report.definitions if definition is not None]
+    return DIFFERENT if False in wanted else FINE
+
+
+def _named_values(texts: Sequence[str]) -> dict[str, float]:
+    from flocking.errors import InvalidInput
+
+    found: dict[str, float] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        try:
+            number = float(value)
+        except ValueError:
+            number = float("nan")
+        if not equals or not name.isidentifier() or name in ("self", "formula") or number != number:
+            raise InvalidInput("check", "-p", "must be name=number, such as -p R=4", text)
+        if name in found:
+            raise InvalidInput("check", "-p", f"must give {name} once", text)
+        found[name] = number
+    return found
+
+
+def equations(*papers: str, as_json: Json = False) -> int:
+    """Show how every numbered statement of the papers is read, and which are wrong as printed.
+
+    Parameters
+    ----------
+    papers
+        Keys of papers; all when absent.
+    as_json
+        Print JSON.
+    """
+    from flocking.apps.tables import print_table
+    from flocking.papers.tables import equation_table
+
+    rows = [row.as_dict() for row in equation_table(_keys(papers))]
+    if as_json:
+        _print_json(rows)
+        return FINE
+    for key in dict.fromkeys(row["paper"] for row in rows):
+        found = [row for row in rows if row["paper"] == key]
+        cells = [(r["number"], r["verdict"], ": ".join(x for x in (r["title"], r["reason"]) if x)) for r in found]
+        print_table(("number", "verdict", "statement and reading"), cells, title=key)
+        print()
+    return FINE
+
+
+def schema() -> int:
+    """Print the JSON schema of scenario files, for editors."""
+    from flocking.study.scenario_file import scenario_schema
+
+    _print_json(scenario_schema())
+    return FINE
+
+
+def _keys(papers: Sequence[str]) -> Sequence[str]:
+    from flocking.papers import KEYS
+
+    return tuple(dict.fromkeys(papers)) or KEYS
+
+
+if __name__ == "__main__":
+    sys.exit(main())

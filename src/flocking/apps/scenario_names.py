@@ -1,0 +1,47 @@
+"""Scenarios by name: those of the papers, and files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from flocking.errors import InvalidInput
+from flocking.model.law import Scenario
+
+
+def paper_scenarios() -> dict[str, tuple[str, Callable[[int], Scenario]]]:
+    """Every scenario of the papers by name: the paper's key, and the function of the seed that makes it."""
+    from flocking.papers import KEYS, paper
+
+    return {name: (key, make) for key in KEYS for name, make in paper(key).scenarios().items()}
+
+
+def find_scenario(name: str, seed: int | None, most_agents: int | None) -> Scenario:
+    """The scenario a user means: a name from a paper, or a TOML file.
+
+    Parameters
+    ----------
+    name
+        Name or path.
+    seed
+        Seed of its random draws; that of the file, or 0 for a paper's scenario, when absent.
+    most_agents
+        Largest number of agents a file may ask for.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no such name or file, or the file has faults.
+    """
+    known = paper_scenarios()
+    if name in known:
+        return known[name][1](0 if seed is None else seed)
+    if Path(name).suffix == ".toml" or Path(name).exists():
+        from flocking.study.scenario_file import MOST_AGENTS, read_scenario
+
+        return read_scenario(name, seed=seed, most_agents=MOST_AGENTS if most_agents is None else most_agents)
+    from flocking.study.scenario_values import nearest
+
+    raise InvalidInput(
+        "run", "scenario", "must be a name that 'flocking list' shows, or a TOML file", name, nearest(name, known)
+    )

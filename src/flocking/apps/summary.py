@@ -1,0 +1,65 @@
+"""What a run comes to, in a dozen numbers."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.run import Run
+from flocking.model import observables
+
+
+def summary(run: Run) -> dict[str, Any]:
+    """Plain data for JSON: how the run ended, its last state, its closest pair and its ledger."""
+    kinds, counts = np.unique(run.switches["kind"], return_counts=True)
+    last = len(run.t) - 1
+    found: dict[str, Any] = {
+        "scenario": run.scenario.name,
+        "status": run.status,
+        "agents": run.n,
+        "dimension": int(run.q.shape[2]),
+        "time": float(run.t[last]) if last >= 0 else None,
+        "frames": len(run.t),
+        "switches": {str(kind): int(count) for kind, count in zip(kinds, counts, strict=True)},
+    }
+    if last >= 0:
+        state = run.state(last)
+        found["velocity_spread"] = observables.velocity_spread(state)
+        found["order"] = observables.order(state)
+        if state.links is not None:
+            found["flocks"] = observables.flocks(state.links)
+    closest = run.closest
+    if math.isfinite(closest.distance):
+        found["closest"] = {"distance": closest.distance, "time": closest.time, "pair": list(closest.pair)}
+    if len(run.trace):
+        energy = run.trace["energy"]
+        found["energy"] = {"start": float(energy[0]), "end": float(energy[-1])}
+        found["ledger_residual"] = float(np.abs(run.residual).max())
+    found["provenance"] = run.provenance
+    return found
+
+
+def facts(found: dict[str, Any]) -> list[tuple[str, str]]:
+    """The summary as names and values for reading."""
+    switches = ", ".join(f"{count} {kind}" for kind, count in found["switches"].items())
+    closest, energy = found.get("closest"), found.get("energy")
+    pair = " and ".join(map(str, closest["pair"])) if closest else ""
+    return [
+        ("scenario", found["scenario"]),
+        ("status", found["status"]),
+        ("agents", f"{found['agents']} in {found['dimension']} dimensions"),
+        ("time reached", f"{found['time']:g}" if found["time"] is not None else ""),
+        ("frames", str(found["frames"])),
+        ("link switches", switches or "none"),
+        ("flocks at the end", str(found.get("flocks", ""))),
+        ("velocity spread", f"{found['velocity_spread']:.3e}" if "velocity_spread" in found else ""),
+        ("order", f"{found['order']:.6f}" if "order" in found else ""),
+        (
+            "closest pair ever",
+            f"{closest['distance']:.6g}, agents {pair}, t = {closest['time']:.4g}" if closest else "",
+        ),
+        ("energy", f"{energy['start']:.6g} at the start, {energy['end']:.6g} at the end" if energy else ""),
+        ("ledger residual", f"{found['ledger_residual']:.2e}" if "ledger_residual" in found else ""),
+    ]
