@@ -5,7 +5,6 @@ import time
 
 import pytest
 from hypothesis import given, settings
-from hypothesis import strategies as st
 from mpmath import mpf
 
 import flocking as fk
@@ -152,7 +151,7 @@ def test_bad_input_is_explained(options, words):
         check_potential(**options)
 
 
-@settings(max_examples=25)
+@settings(max_examples=60)
 @given(expressions(depth=3))
 def test_any_formula_gets_a_report_soon(pair):
     begin = time.perf_counter()

@@ -108,7 +108,8 @@ class Graph(ABC):
         return ()
 
     def check_count(self, n: int) -> None:
-        """Check that the graph fits ``n`` agents."""
+        """Check that the graph fits ``n`` agents; most fit any number."""
+        return None
 
 
 def pair_distances(q: Array) -> Array:

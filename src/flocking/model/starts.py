@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array, integer, number
+from flocking.model.checks import Array, array, integer, number
 from flocking.model.connectivity import is_connected
 from flocking.model.state import State
 
@@ -58,10 +58,11 @@ def box(
         When a value is out of range, or no connected draw is found in 100,000 tries.
     """
     n = integer("start.box", "n", n, least=1)
-    sides = np.asarray([side] * dimension if np.ndim(side) == 0 else side, dtype=np.float64)
+    dimension = integer("start.box", "dimension", dimension, least=1)
+    sides = array("start.box", "side", [side] * dimension if np.ndim(side) == 0 else side, ndim=1)
     for value in sides:
         number("start.box", "side", value, above=0.0)
-    low = np.zeros(len(sides)) if corner is None else np.asarray(corner, dtype=np.float64)
+    low = array("start.box", "corner", np.zeros(len(sides)) if corner is None else corner, ndim=1)
     if low.shape != sides.shape:
         raise InvalidInput("start.box", "corner", f"must have {len(sides)} coordinates", corner)
     return _draw(
@@ -138,7 +139,9 @@ def hexagonal(n: int, *, spacing: float, noise: float = 0.0, speed: float = 0.0,
     """
     n = integer("start.hexagonal", "n", n, least=1)
     spacing = number("start.hexagonal", "spacing", spacing, above=0.0)
-    rng = np.random.default_rng(seed)
+    noise = number("start.hexagonal", "noise", noise, least=0.0)
+    speed = number("start.hexagonal", "speed", speed, least=0.0)
+    rng = np.random.default_rng(integer("start.hexagonal", "seed", seed, least=0))
     half = int(np.ceil(np.sqrt(n))) + 2
     column, row = np.meshgrid(np.arange(-half, half + 1), np.arange(-half, half + 1))
     points = np.stack([column + 0.5 * (row % 2), row * np.sqrt(3) / 2], axis=-1).reshape(-1, 2)

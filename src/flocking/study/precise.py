@@ -105,6 +105,8 @@ def evaluator(expression: sympy.Expr, symbol: sympy.Symbol) -> Callable[[Number]
                 return next((compute(v) for v, condition in node.args if holds(condition)), nan)
             name = node.func.__name__
             inside = compute(node.args[0])
+            if context.isnan(inside):
+                return nan
             if name == "exp":
                 return growth(inside)
             if name == "log":

@@ -1,0 +1,74 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import flocking as fk
+from flocking.errors import FormulaError, InvalidInput
+
+LEADERS = {
+    "sink": fk.Sink([1.0, -2.0]),
+    "velocity": fk.Velocity([0.3, -0.7], start=[1, 2], start_time=0.5),
+    "velocity 3": fk.Velocity([0.3, -0.7, 2.0]),
+    "circle": fk.Path(["sin(t)", "cos(t)"], start=[3, -1], start_time=0.25),
+    "parameters": fk.Path(["a*sin(w*t)", "exp(-b*t)"], a=2, w=3, b=0.4),
+    "polynomial": fk.Path(["t^2 - 1", "3", "t"], start=[0, 1, 2]),
+    "line": fk.Path(["t*exp(-t)"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LEADERS)
+@given(t=st.floats(-2, 5))
+def test_velocity_and_acceleration_are_the_derivatives(name, t):
+    leader, h = LEADERS[name], 1e-5
+    (q0, v0, _), (q1, v1, a1), (q2, v2, _) = (leader.at(x) for x in (t - h, t, t + h))
+    assert (q2 - q0) / (2 * h) == pytest.approx(v1, rel=1e-6, abs=1e-8)
+    assert (v2 - v0) / (2 * h) == pytest.approx(a1, rel=1e-6, abs=1e-8)
+    assert q1.shape == v1.shape == a1.shape == (leader.dimension,)
+
+
+@pytest.mark.parametrize("name", LEADERS)
+def test_position_is_the_integral_of_the_velocity(name):
+    from scipy.integrate import quad
+
+    leader = LEADERS[name]
+    begin = getattr(leader, "start_time", 0.0)
+    start = np.asarray(getattr(leader, "point", getattr(leader, "start", None)))
+    assert leader.at(begin)[0] == pytest.approx(start, abs=1e-12)
+    for axis in range(leader.dimension):
+        moved = quad(lambda s, axis=axis: leader.at(s)[1][axis], begin, 3.0)[0]
+        assert leader.at(3.0)[0][axis] == pytest.approx(start[axis] + moved, abs=1e-9)
+
+
+def test_a_path_without_closed_form_has_no_position():
+    place, speed, _ = fk.Path(["sin(t^2 + cos(t))"]).at(1.0)
+    assert np.isnan(place).all()
+    assert speed[0] == pytest.approx(np.sin(1 + np.cos(1)))
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: fk.Sink([np.nan, 0]), "point must be finite"),
+        (lambda: fk.Sink(3.0), "point must have 1 axes"),
+        (lambda: fk.Velocity([1, 2], start=[1]), "start must have 2 coordinates"),
+        (lambda: fk.Velocity([1, np.inf]), "value must be finite"),
+        (lambda: fk.Velocity([1, 2], start_time=np.nan), "start_time must be finite"),
+        (lambda: fk.Velocity([1, 2], start_time="x"), "start_time must be a number"),
+        (lambda: fk.Path([]), "one formula per axis"),
+        (lambda: fk.Path("sin(t)"), "must have one formula per axis"),
+        (lambda: fk.Path(["sin(t)"], start=[1, 2]), "start must have 1 coordinates"),
+        (lambda: fk.Path(["sin(t)"], start_time=np.nan), "start_time must be finite"),
+        (lambda: fk.Path(["a*t"]), "Path: a must be both used in a formula and given a value"),
+        (lambda: fk.Path(["t"], a=1), "Path: a must be both used"),
+        (lambda: fk.Path(["start_0*t"], start_0=1), "must not begin with start_"),
+        (lambda: fk.Path(["a*t"], a=np.nan), "a must be finite"),
+        (lambda: fk.Path(["t.real"]), "Attribute"),
+        (lambda: fk.Path([3]), "must be text"),
+    ],
+)
+def test_bad_input_is_explained(make, words):
+    with pytest.raises((InvalidInput, FormulaError), match=words):
+        make()

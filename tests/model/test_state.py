@@ -1,0 +1,58 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.errors import InvalidInput
+
+
+def test_a_state_is_a_read_only_copy():
+    q = np.zeros((3, 2))
+    state = fk.State(q)
+    q[0, 0] = 9
+    assert state.q[0, 0] == 0
+    assert (state.p == 0).all()
+    assert (state.n, state.dimension) == (3, 2)
+    with pytest.raises(ValueError, match="read-only"):
+        state.q[0, 0] = 1
+
+
+def test_one_agent_is_a_group():
+    law = fk.Law(fk.Proximity(2), [fk.Gradient(fk.Potential("1/r")), fk.Consensus()])
+    assert fk.control(law, fk.State([[1.0, 2.0]])).tolist() == [[0, 0]]
+    tracked = fk.Law(fk.Proximity(2), [fk.Track(fk.Sink([0, 0]), 1.0, 2.0)])
+    assert fk.control(tracked, fk.State([[1.0, 2.0]], [[1.0, 0.0]])).tolist() == [[-3, -2]]
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: fk.State(np.zeros((0, 2))), "at least 1 agent"),
+        (lambda: fk.State(np.zeros((2, 0))), "at least 1 dimension|at least 1 agent in at least 1"),
+        (lambda: fk.State(np.zeros(3)), "q must have 2 axes"),
+        (lambda: fk.State([[0, np.nan]]), r"entry \(0, 1\) is not; got nan"),
+        (lambda: fk.State([[0, np.inf]]), "must be finite"),
+        (lambda: fk.State([[0, "x"]]), "array of numbers"),
+        (lambda: fk.State([[0, 1j]]), "array of numbers"),
+        (lambda: fk.State([[0, 1], [2]]), "array of numbers"),
+        (lambda: fk.State(None), "q must"),
+        (lambda: fk.State(np.zeros((3, 2)), np.zeros((2, 2))), r"p must have the shape of q, \(3, 2\)"),
+        (lambda: fk.State(np.zeros((3, 2)), np.zeros((3, 3))), "p must have the shape of q"),
+        (lambda: fk.State(np.zeros((3, 2)), np.full((3, 2), np.nan)), "p must be finite"),
+        (lambda: fk.State(np.zeros((3, 2)), t=np.nan), "t must be finite"),
+        (lambda: fk.State(np.zeros((3, 2)), links=np.ones((3, 3))), "links must be"),
+        (lambda: fk.State(np.zeros((3, 2)), links=np.zeros((2, 2))), "links must be"),
+        (lambda: fk.Agents(masses=0), "masses must be positive"),
+        (lambda: fk.Agents(masses=[1, -1]), "masses must be positive"),
+        (lambda: fk.Agents(damping=-1), "damping must be at least 0"),
+        (lambda: fk.Agents(damping=[0, -1]), "for agent 1"),
+        (lambda: fk.Agents(order=3), "order must be 1 or 2"),
+        (lambda: fk.Agents(masses=np.nan), "masses must be finite"),
+        (lambda: fk.Agents(headings=np.zeros((2, 2))), "headings must have shape"),
+        (lambda: fk.Agents(masses=[1, 2]).check_count(3), "one value for each of the 3 agents"),
+    ],
+)
+def test_bad_input_is_explained(make, words):
+    with pytest.raises(InvalidInput, match=words):
+        make()
