@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from flocking.errors import InvalidInput as InvalidInput
     from flocking.errors import SimulationError as SimulationError
     from flocking.errors import StorageError as StorageError
+    from flocking.model.avoidance import Avoid as Avoid
+    from flocking.model.bumps import Bump as Bump
     from flocking.model.energy import Energy as Energy
     from flocking.model.graphs import Fixed as Fixed
     from flocking.model.graphs import Graph as Graph
@@ -45,15 +47,26 @@ if TYPE_CHECKING:
     from flocking.model.leaders import Path as Path
     from flocking.model.leaders import Sink as Sink
     from flocking.model.leaders import Velocity as Velocity
+    from flocking.model.obstacles import Ball as Ball
+    from flocking.model.obstacles import Obstacle as Obstacle
+    from flocking.model.obstacles import Wall as Wall
+    from flocking.model.polygons import ConvexPolygon as ConvexPolygon
     from flocking.model.potentials import Potential as Potential
+    from flocking.model.schedules import Schedule as Schedule
+    from flocking.model.smooth_graphs import PerAgentRadii as PerAgentRadii
+    from flocking.model.smooth_graphs import Smooth as Smooth
     from flocking.model.state import Agents as Agents
     from flocking.model.state import State as State
+    from flocking.model.structural import structural_potential as structural_potential
     from flocking.model.terms import Consensus as Consensus
     from flocking.model.terms import Gradient as Gradient
     from flocking.model.terms import PairTerm as PairTerm
     from flocking.model.tracking import BodyTerm as BodyTerm
     from flocking.model.tracking import Compensate as Compensate
     from flocking.model.tracking import Track as Track
+    from flocking.model.views import Cone as Cone
+    from flocking.model.views import FieldOfView as FieldOfView
+    from flocking.model.views import SmoothCone as SmoothCone
     from flocking.model.weights import HashedWeights as HashedWeights
     from flocking.model.weights import MatrixWeights as MatrixWeights
     from flocking.papers.auditing import audit as audit
@@ -66,20 +79,23 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
-    "Agent": "engine.reference", "Agents": "model.state", "BodyTerm": "model.tracking", "Compensate": "model.tracking",
-    "Consensus": "model.terms", "Energy": "model.energy", "ExactSession": "engine.exact", "Fixed": "model.graphs",
-    "FlockingError": "errors", "Gradient": "model.terms", "Graph": "model.graphs", "HashedWeights": "model.weights",
-    "Hysteresis": "model.graphs", "InvalidInput": "errors", "Law": "model.law", "Leader": "model.leaders",
-    "MatrixWeights": "model.weights", "PairTerm": "model.terms", "Path": "model.leaders",
-    "Potential": "model.potentials", "Proximity": "model.graphs", "Run": "engine.run", "Scenario": "model.law",
-    "SimulationError": "errors", "Sink": "model.leaders", "State": "model.state", "Track": "model.tracking",
-    "Velocity": "model.leaders", "audit": "papers.auditing", "check_potential": "study.potential_check",
+    "Agent": "engine.reference", "Agents": "model.state", "Avoid": "model.avoidance", "Ball": "model.obstacles",
+    "BodyTerm": "model.tracking", "Bump": "model.bumps", "Compensate": "model.tracking", "Cone": "model.views",
+    "Consensus": "model.terms", "ConvexPolygon": "model.polygons", "Energy": "model.energy",
+    "ExactSession": "engine.exact", "FieldOfView": "model.views", "Fixed": "model.graphs", "FlockingError": "errors",
+    "Gradient": "model.terms", "Graph": "model.graphs", "HashedWeights": "model.weights", "Hysteresis": "model.graphs",
+    "InvalidInput": "errors", "Law": "model.law", "Leader": "model.leaders", "MatrixWeights": "model.weights",
+    "Obstacle": "model.obstacles", "PairTerm": "model.terms", "Path": "model.leaders",
+    "PerAgentRadii": "model.smooth_graphs", "Potential": "model.potentials", "Proximity": "model.graphs",
+    "Run": "engine.run", "Scenario": "model.law", "Schedule": "model.schedules", "SimulationError": "errors",
+    "Sink": "model.leaders", "Smooth": "model.smooth_graphs", "SmoothCone": "model.views", "State": "model.state",
+    "StorageError": "errors", "Track": "model.tracking", "Velocity": "model.leaders", "Wall": "model.obstacles",
+    "animate": "show.animate", "audit": "papers.auditing", "check_potential": "study.potential_check",
     "control": "engine.reference", "control_of": "engine.reference", "evaluate": "engine.reference",
-    "animate": "show.animate", "plot": "show.plot",
-    "read_run": "engine.storage", "read_scenario": "study.scenario_file", "simulate": "engine.simulate",
-    "start": "engine.starting", "resume": "engine.resuming", "export_run": "engine.exchange",
-    "read_start": "engine.start_files", "first_difference": "engine.compare", "StorageError": "errors",
-    "write_run": "engine.storage", "write_scenario": "study.scenario_file",
+    "export_run": "engine.exchange", "first_difference": "engine.compare", "plot": "show.plot",
+    "read_run": "engine.storage", "read_scenario": "study.scenario_file", "read_start": "engine.start_files",
+    "resume": "engine.resuming", "simulate": "engine.simulate", "start": "engine.starting",
+    "structural_potential": "model.structural", "write_run": "engine.storage", "write_scenario": "study.scenario_file",
 }  # fmt: skip
 
 __all__ = [*sorted(_HOMES), "papers"]

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flocking.engine.guards import NEVER
 from flocking.engine.segment import Segment
@@ -22,6 +23,8 @@ from flocking.model.connectivity import Links
 from flocking.model.law import Law
 from flocking.model.leaders import Sink, Velocity
 from flocking.model.obstacles import Obstacle
+
+Indices = NDArray[np.intp]
 
 FINE = 1e-7
 CLOSED = 1e-15
@@ -92,12 +95,12 @@ class Encounters:
         slow = abs(speed) < 1e-6 * max(float(np.linalg.norm(p[i])), 1e-12)
         return (t, i, self.groups[group].numbers[o], "obstacle", group, speed, slow)
 
-    def _clearance(self, group: int, points: Array, t: Array, obstacle: Array) -> Array:
-        return self.groups[group].obstacles[0].distances(points, t, self._rows[group][:, obstacle])
+    def _clearance(self, group: int, points: Array, t: Array, obstacle: Indices) -> Array:
+        return self.groups[group].obstacles[0].distances(points, t, list(self._rows[group][:, obstacle]))
 
     def next_crossings(
         self, segment: Segment, B: Array, near: list[Links], active: list[Links]
-    ) -> list[tuple[int, Array, Array]]:
+    ) -> list[tuple[int, Array, Indices]]:
         """First crossings on a segment.
 
         Parameters
@@ -139,16 +142,24 @@ class Encounters:
             sign = np.where(inside, 1.0, -1.0)
             border = level.distance + sign * slack
 
-            def above(points: Array, x: Array, which: Array, g: int = g, o: Array = o, sign: Array = sign,
-                      border: Array = border) -> Array:  # fmt: skip
-                values = self._clearance(g, points, segment.t0 + length * x, o[which])
-                return np.asarray(sign[which] * (values - border[which]))
-
+            above = self._excess(segment, g, o, sign, level.distance + sign * slack)
             when = first_crossings(above, np.ascontiguousarray(B[:, i].transpose(1, 0, 2)), speeds[g][o] * length)
             hit = when <= 1.0
             if hit.any():
                 found.append((number, when[hit], np.stack([i[hit], o[hit]], axis=1)))
         return found
+
+    def _excess(
+        self, segment: Segment, group: int, obstacle: Indices, sign: Array, border: Array
+    ) -> Callable[[Array, Array, Indices], Array]:
+        """By how much candidates are beyond their border, as `first_crossings` asks for it."""
+        length = segment.t1 - segment.t0
+
+        def above(points: Array, x: Array, which: Indices) -> Array:
+            values = self._clearance(group, points, segment.t0 + length * x, obstacle[which])
+            return np.asarray(sign[which] * (values - border[which]))
+
+        return above
 
 
 def _speed_bound(obstacle: Obstacle, t0: float, t1: float) -> float:
@@ -161,7 +172,7 @@ def _speed_bound(obstacle: Obstacle, t0: float, t1: float) -> float:
     return 1.5 * max(float(np.linalg.norm(mover.at(float(t))[1])) for t in np.linspace(t0, t1, 9))
 
 
-def first_crossings(above: Callable[[Array, Array, Array], Array], C: Array, speed: Array) -> Array:
+def first_crossings(above: Callable[[Array, Array, Indices], Array], C: Array, speed: Array) -> Array:
     """First position in [0, 1] at which each of several distances exceeds its border, or `NEVER`.
 
     Parameters

@@ -16,9 +16,10 @@ from flocking.model.state import State
 SWITCH_FIELDS = np.dtype(
     [("time", "f8"), ("i", "i8"), ("j", "i8"), ("kind", "U10"), ("graph", "i8"), ("speed", "f8"), ("tangential", "?")]
 )
-"""Fields of a recorded switch: ``kind`` is ``appear``, ``break`` or ``kink`` of a pair of agents, or ``obstacle``, where
-agent ``i`` comes within range of obstacle ``j`` or leaves it and ``graph`` is the group of obstacles; ``speed`` is the
-rate of change of the distance as it crosses, negative when closing; ``tangential`` marks a crossing at which it vanishes."""
+"""Fields of a recorded switch: ``kind`` is ``appear``, ``break`` or ``kink`` of a pair of agents, or ``obstacle``,
+where agent ``i`` comes within range of obstacle ``j`` or leaves it and ``graph`` is the group of obstacles; ``speed``
+is the rate of change of the distance as it crosses, negative when closing; ``tangential`` marks a crossing at which it
+vanishes."""
 
 TRACE_FIELDS = np.dtype(
     [

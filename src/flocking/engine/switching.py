@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flocking.engine.encounters import Encounters
 from flocking.engine.guards import crossings, reach
@@ -72,7 +74,7 @@ class Crossing:
     """
 
     watch: int
-    pairs: Array
+    pairs: NDArray[np.integer[Any]]
 
 
 class LinkState:
@@ -164,7 +166,7 @@ class LinkState:
         B = segment.coefficients[:, : n * m].reshape(-1, n, m)
         far = reach(B)
         size = float(np.abs(B).max(initial=0.0))
-        found: list[tuple[int, Array, Array]] = []
+        found: list[tuple[int, Array, NDArray[np.integer[Any]]]] = []
         for number, watch in enumerate(self.watches[: self._first_level]):
             active = self.links[watch.graph] if watch.kind == "kink" else self._allowed[watch.graph]
             directed = self.graphs[watch.graph].directed

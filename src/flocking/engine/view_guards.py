@@ -86,20 +86,20 @@ def _change(near: bool, square: Array, L: Array, Q: Array, c: float, radius: flo
         first = min(first, first_all_above((square - (radius + slack) ** 2).reshape(1, 15)))
         if c >= 0.0:
             first = min(first, first_all_above((-L - slack).reshape(1, 15)))
-            return min(first, first_all_above((-Q - wide).reshape(1, 15)))
+            return float(min(first, first_all_above((-Q - wide).reshape(1, 15))))
         both = np.empty((2, 15))
         both[0], both[1] = -L - slack, Q - wide
-        return min(first, first_all_above(both))
+        return float(min(first, first_all_above(both)))
     close = max(radius - slack, 0.0) ** 2 - square
     if c >= 0.0:
         three = np.empty((3, 15))
         three[0], three[1], three[2] = close, L - slack, Q - wide
-        return first_all_above(three)
+        return float(first_all_above(three))
     two = np.empty((2, 15))
     two[0], two[1] = close, L - slack
     first = first_all_above(two)
     two[1] = -Q - wide
-    return min(first, first_all_above(two))
+    return float(min(first, first_all_above(two)))
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]

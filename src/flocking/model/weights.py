@@ -106,7 +106,7 @@ class HashedWeights(PairWeights):
         return np.asarray(values)
 
 
-def pair_uniform(seed: int, i: np.ndarray, j: np.ndarray) -> Array:  # type: ignore[type-arg]
+def pair_uniform(seed: int, i: np.ndarray, j: np.ndarray) -> Array:
     """Numbers in [0, 1) that depend on the seed and the unordered pair alone (splitmix64)."""
     low = np.minimum(i, j).astype(np.uint64)
     high = np.maximum(i, j).astype(np.uint64)
