@@ -94,6 +94,9 @@ class Layout:
             tuple((t.structure, law.graph_number(t)) for t in law.pair_terms),
             tuple((t.structure, self.leader_number(t.leader)) for t in law.body_terms),
             tuple(type(t).__name__ for t in law.terms),
+            # Whether forces come in opposite pairs decides the formula of the ledger, not only its numbers.
+            tuple(g.directed for g in law.graphs),
+            tuple("momentum" in t.symmetries for t in law.pair_terms),
             tuple(x.structure for x in self.leaders()),
             self.energy.structure,
             tuple(self.slots.items()),
