@@ -17,6 +17,9 @@ def test_potential_with_minimum_radius_and_slope(psi, part):
     beside = axes.figure.axes[1]
     x, y = part(beside, "curve").get_data()
     assert np.allclose(y, -1 / x**2 + 1 / (4 - x) ** 2)
+    low, high = beside.get_ylim()
+    assert -low == pytest.approx(high)
+    assert 30 < high < 300
     assert axes.get_xlim() == beside.get_xlim() == (0.0, 5.0)
 
 

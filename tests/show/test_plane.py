@@ -6,7 +6,7 @@ import pytest
 import flocking as fk
 from flocking.show.net_colors import flock_colors
 from flocking.show.plane import net, pairs_of
-from flocking.show.style import GREY, figure
+from flocking.show.style import GREY, PALETTE, figure
 
 
 class Disc:
@@ -66,6 +66,12 @@ def test_everything_drawn_lies_within_the_limits(led, part):
         assert ((points > [x0, y0]) & (points < [x1, y1])).all()
 
 
+def test_arrows_that_point_outwards_widen_the_limits():
+    fast = net(fk.State([[0.0, 0.0], [1.0, 0.0]], [[-1.0, 0.0], [9.0, 0.0]]), seconds_per_arrow=1.0)
+    assert fast.get_xlim()[0] < -1.0
+    assert fast.get_xlim()[1] > 10.0
+
+
 def test_leader_is_marked_where_it_is(led, run, part, has):
     axes = net(led, time=2.0)
     assert np.allclose(part(axes, "leader").get_offsets(), [[16.0, 16.0]])
@@ -94,6 +100,8 @@ def test_colours_by_flock_speed_and_heading(run, synthetic, part):
     links[0, 1] = links[1, 0] = links[2, 3] = True
     colors = flock_colors(links)
     assert colors[0] == colors[1] != colors[2] == colors[3] != GREY == colors[4]
+    links[3, 4] = True
+    assert flock_colors(links)[2] == PALETTE[0] != flock_colors(links)[0]
     flocks = part(net(synthetic(40, reach=0.7), color="flock"), "agents").get_facecolors()
     assert len(np.unique(flocks, axis=0)) > 1
 

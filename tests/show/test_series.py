@@ -117,6 +117,7 @@ def test_phase_portrait(run, part):
     assert np.allclose(path.get_xdata(), np.linalg.norm(apart, axis=1))
     # The drawn rate is the slope of the drawn distance.
     r, rate = path.get_xdata(), path.get_ydata()
+    assert np.allclose(r * rate, ((run.q[:, 3] - run.q[:, 0]) * (run.p[:, 3] - run.p[:, 0])).sum(axis=1))
     middle = np.diff(r) / np.diff(run.t)
     assert np.abs(middle[-8:] - (rate[:-1] + rate[1:])[-8:] / 2).max() < 0.02
     well = part(axes.figure.axes[1], "potential")
