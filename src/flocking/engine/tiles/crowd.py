@@ -1,0 +1,387 @@
+"""The agents in memory: sorted arrays, neighbour lists, and when the lists must be built anew.
+
+Agents lie in the order of the cells of the last rebuild; `ids` says who lies where. Lists hold every pair
+that was within cutoff + skin then. While no agent has moved further than half the skin since (seen from a
+frame that moves with the crowd), no pair within the cutoff can be missing: a bound of how far anyone can
+have moved is kept at every step, and lists are rebuilt before it exceeds half the skin.
+"""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+from typing import Any
+
+import numba
+import numpy as np
+
+from flocking.engine.tiles.cells import Sorter, crowding
+from flocking.engine.tiles.kernels import SUMS, tile_kernels
+from flocking.engine.tiles.lists import WIDTH, ListBuilder, TileLists, TooManyNeighbours, fixed_lists
+from flocking.engine.tiles.spec import PRECISIONS, KernelSpec
+from flocking.engine.tiles.threads import Workers
+from flocking.model.law import Scenario
+from flocking.model.state import State
+from flocking.model.weights import HashedWeights, MatrixWeights
+
+CERTAIN = 0.999
+"""Share of half the skin that may be used up; the rest covers rounding."""
+
+REBUILD_COST = 6.0
+"""Cost of a rebuild in steps, for choosing the skin. A constant: results must not depend on a clock."""
+
+SKINS = tuple(0.04 * 1.25**k for k in range(16))
+"""Skins tried, as fractions of the cutoff."""
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _strayed(first, last, X, reference, shift, n, out):  # type: ignore[no-untyped-def]
+    """Largest squared distance of the agents of each tile from where they were at the rebuild, seen from the crowd."""
+    for tile in range(first, last):
+        most = np.float64(0.0)
+        for i in range(tile * 16, min(tile * 16 + 16, n)):
+            square = np.float64(0.0)
+            for k in range(reference.shape[0]):
+                d = np.float64(X[k, i]) - np.float64(reference[k, i]) - shift[k]
+                square += d * d
+            if not square <= most:
+                most = square
+        out[tile] = most
+
+
+@dataclass
+class CrowdMemory:
+    """Copies of everything that fixes how a crowd goes on."""
+
+    fields: dict[str, Any]
+
+
+class Crowd:
+    """Arrays and lists of a group under one law.
+
+    Parameters
+    ----------
+    scenario
+        Law, agents and energy.
+    state
+        Positions, velocities and, where the law's graph has memory, links.
+    spec
+        What the kernel is made for.
+    workers
+        Threads to use.
+    memory_limit
+        Largest size of the neighbour lists in bytes.
+    skin
+        Skin of the lists; chosen at every rebuild when absent.
+    """
+
+    def __init__(
+        self, scenario: Scenario, state: State, spec: KernelSpec, workers: Workers, memory_limit: float,
+        skin: float | None = None,
+    ) -> None:  # fmt: skip
+        n, m = state.q.shape
+        self.n, self.m, self.spec, self.workers = n, m, spec, workers
+        self.dtype: Any = PRECISIONS[spec.precision]
+        self.tiles = (n + WIDTH - 1) // WIDTH
+        self.size = self.tiles * WIDTH
+        self.kernel = tile_kernels(spec).move
+        self.skin_wanted = skin
+        self.X: Any = np.empty((2 * m, self.size), self.dtype)
+        self.Y: Any = np.empty((2 * m, self.size), self.dtype)
+        self.X[:m, :n], self.X[m:, :n] = state.q.T, state.p.T
+        self.ids: Any = np.zeros(self.size, np.int32)
+        self.ids[:n] = np.arange(n, dtype=np.int32)
+        self.tops: Any = np.zeros((self.tiles, 3), self.dtype)
+        self.sums: Any = np.zeros((self.tiles if spec.ledger else 1, len(SUMS)), np.float64)
+        self._set_graphs(scenario, memory_limit)
+        self._set_parameters(scenario)
+        self._fill_pads()
+        self.C: Any = np.zeros(m, self.dtype)
+        self.M: Any = np.zeros(2 * m, np.float64)
+        self.reference: Any = np.empty((m if self.moving else 0, self.size), self.dtype)
+        self.elapsed = 0.0
+        self.bound = np.inf
+        self.skin = 0.0
+        self.rebuilds = 0
+        self.lists: list[TileLists | None] = [None] * len(self.graphs)
+        self._first_links = state.links
+        self.lost: tuple[int, int] | None = None
+        speeds = self.X[m:, :n] - self.X[m:, :n].mean(axis=1, keepdims=True)
+        self.top_speed = float(np.sqrt((speeds.astype(np.float64) ** 2).sum(axis=0).max()))
+
+    def _set_graphs(self, scenario: Scenario, memory_limit: float) -> None:
+        n, law = self.n, scenario.law
+        self.graphs = law.graphs
+        self.moving = any(not kind.fixed for kind in self.spec.graphs)
+        self.cutoffs = [
+            0.0 if kind.fixed else float(np.max(np.maximum(graph.break_radius, graph.appear_radius)))
+            for graph, kind in zip(self.graphs, self.spec.graphs, strict=True)
+        ]
+        self.sorter = Sorter(n if self.moving else 1, self.workers)
+        self.builders = [ListBuilder(n, memory_limit, self.workers) for _ in self.graphs]
+        self.limits, self.each, self.edges = [], [], []
+        for graph, kind in zip(self.graphs, self.spec.graphs, strict=True):
+            self.limits.append(np.zeros(3, self.dtype))
+            self.each.append(np.zeros(1, self.dtype))
+            self.edges.append(_offsets(graph, n) if kind.fixed else None)
+        self.set_radii(scenario)
+
+    def set_radii(self, scenario: Scenario) -> None:
+        """Take the radii of the graphs of a law of the same structure; `bound` must then be reset by a rebuild."""
+        for number, (graph, kind) in enumerate(zip(scenario.law.graphs, self.spec.graphs, strict=True)):
+            if kind.fixed:
+                self.limits[number][:] = (0.0, 0.0, 1.0)
+                continue
+            leave, enter = np.asarray(graph.break_radius), np.asarray(graph.appear_radius)
+            square = self.dtype(np.max(leave)) ** 2
+            closed = bool(getattr(graph, "closed", False))
+            if closed:
+                square = np.nextafter(square, self.dtype(np.inf))
+            self.limits[number][:] = (square, self.dtype(np.max(enter)) ** 2, 0.5 * float(np.max(leave)))
+            if kind.uneven:
+                each = np.zeros(self.size, self.dtype)
+                each[: self.n] = leave.astype(self.dtype)[self.ids[: self.n]] ** 2
+                each[self.n :] = 0.0
+                self.each[number] = np.nextafter(each, self.dtype(np.inf)) if closed else each
+
+    def _set_parameters(self, scenario: Scenario) -> None:
+        n, agents = self.n, scenario.agents
+        numbers: list[float] = []
+        rows: list[Any] = [agents.masses, agents.damping]
+        pairs: list[Any] = []
+        for _, owned in self.spec.layout.owners():
+            for value in owned.values():
+                if isinstance(value, HashedWeights | MatrixWeights):
+                    pairs.append(value)
+                elif np.ndim(value):
+                    rows.append(value)
+                else:
+                    numbers.append(float(value))  # type: ignore[arg-type]
+        for value in rows[:2]:
+            numbers.append(0.0 if np.ndim(value) else float(value))
+        self.seeds: Any = np.zeros(max(1, len(pairs)), np.uint64)
+        for k, weights in enumerate(pairs):
+            if isinstance(weights, HashedWeights):
+                numbers += [weights.low, weights.high - weights.low]
+                self.seeds[k] = weights.seed % 2**64
+            else:
+                numbers += [0.0, 0.0]
+        self.P: Any = np.array(numbers, dtype=np.float64)
+        several = len(rows) > 2 or self.spec.mass_each or self.spec.damping_each
+        self.A: Any = np.zeros((len(rows) if several else 0, self.size), self.dtype)
+        for k, value in enumerate(rows if several else []):
+            if np.ndim(value):
+                self.A[k, :n] = np.asarray(value, dtype=self.dtype)[self.ids[:n]]
+            else:
+                self.A[k] = value
+        self.A[:, n:] = self.A[:, n - 1 : n]
+        if any(isinstance(w, MatrixWeights) for w in pairs):
+            self.matrices: Any = np.zeros((len(pairs), n * n))
+            for k, weights in enumerate(pairs):
+                if isinstance(weights, MatrixWeights):
+                    self.matrices[k] = weights.values.ravel()
+        else:
+            self.matrices = np.zeros((1, 1))
+
+    def set_parameters(self, scenario: Scenario) -> None:
+        """Take the numbers of a law of the same structure."""
+        self._set_parameters(scenario)
+
+    def _fill_pads(self) -> None:
+        n = self.n
+        self.X[:, n:] = self.X[:, n - 1 : n]
+        self.ids[n:] = self.ids[n - 1]
+        self.A[:, n:] = self.A[:, n - 1 : n]
+
+    @property
+    def place(self) -> Any:
+        """Place of each identity, shape (n,)."""
+        found = np.empty(self.n, np.int32)
+        found[self.ids[: self.n]] = np.arange(self.n, dtype=np.int32)
+        return found
+
+    def usable(self) -> bool:
+        """Whether the lists hold every pair within the cutoffs, whatever happened since the rebuild."""
+        if not self.moving:
+            return self.lists[0] is not None
+        half = 0.5 * CERTAIN * self.skin
+        if self.bound > half and self.rebuilds:
+            self.bound = self.strayed()
+        return bool(self.bound <= half)
+
+    def strayed(self) -> float:
+        """How far an agent has moved since the rebuild at most, seen from the crowd."""
+        out = np.empty(self.tiles)
+        shift = self.elapsed * self.C.astype(np.float64)
+        self.workers.each(_strayed, self.tiles, self.X, self.reference, shift, self.n, out)
+        return float(np.sqrt(out.max())) + self._rounding
+
+    def require_lists(self, step: float) -> None:
+        """Make sure that the lists hold every pair within the cutoffs."""
+        if not self.usable():
+            self.rebuild(step)
+
+    def choose_skin(self, step: float) -> float:
+        """The skin that makes a step cheapest at the speed the agents have now."""
+        cutoff = max(self.cutoffs)
+        if self.skin_wanted is not None:
+            return self.skin_wanted
+        stride = 2.0 * self.top_speed * step / (CERTAIN * cutoff)
+
+        def cost(skin: float) -> float:
+            length = (1.0 + skin) ** self.m
+            return (0.3 + length) + (1.0 + REBUILD_COST * length) / max(1.0, skin / max(stride, 1e-12))
+
+        return cutoff * min(SKINS, key=cost)
+
+    def rebuild(self, step: float, skin: float | None = None) -> None:
+        """Sort the agents and build all lists anew, keeping the memory of links.
+
+        Raises
+        ------
+        TooManyNeighbours
+            When the lists would exceed the memory limit; positions and links are kept.
+        """
+        n, m = self.n, self.m
+        if not self.moving:
+            self._build_fixed()
+            return
+        self.skin = skin if skin is not None else self.choose_skin(step)
+        reach = max(self.cutoffs) + self.skin
+        sorter = self.sorter
+        sorter.sort(self.X[:m], reach)
+        least = crowding(sorter.start, m) * 4.0
+        if least > self.builders[0].memory_limit:
+            raise TooManyNeighbours(least)
+        sorter.permute(self.X, self.Y)
+        self.X, self.Y = self.Y, self.X
+        order = sorter.order
+        old_place = sorter.key_there
+        old_place[order] = np.arange(n, dtype=np.int32)
+        self.ids[:n] = self.ids[order]
+        for k in range(len(self.A)):
+            self.A[k, :n] = self.A[k, order]
+        for number, kind in enumerate(self.spec.graphs):
+            if kind.uneven:
+                self.each[number][:n] = self.each[number][order]
+        self._fill_pads()
+        for number, kind in enumerate(self.spec.graphs):
+            if kind.fixed:
+                continue
+            uneven = np.sqrt(self.each[number][:n]) + self.dtype(self.skin) if kind.uneven else self.each[number]
+            old = self.lists[number]
+            self.lists[number], lost = self.builders[number].build(
+                self.X[:m], self.cutoffs[number] + self.skin, uneven, sorter.grid, sorter.start, old, order, old_place,
+                everyone=kind.memory and old is None, remember=kind.memory,
+            )  # fmt: skip
+            if lost is not None and kind.barrier:
+                self.lost = (int(self.ids[lost[0]]), int(self.ids[lost[1]]))
+        self._build_fixed()
+        if self._first_links is not None:
+            self._take_links(self._first_links)
+        self.reference[:] = self.X[:m]
+        self.C[:] = self.X[m:, :n].mean(axis=1, dtype=np.float64)
+        self._rounding = 4.0 * float(np.finfo(self.dtype).eps) * float(np.abs(self.X[:m, :n]).max())
+        self.elapsed, self.bound = 0.0, 0.0
+        self.rebuilds += 1
+
+    _rounding = 0.0
+
+    def _build_fixed(self) -> None:
+        place = None
+        for number, kind in enumerate(self.spec.graphs):
+            if kind.fixed:
+                place = self.place if place is None else place
+                self.lists[number] = fixed_lists(self.ids, place, *self.edges[number], self.workers)
+
+    def _take_links(self, links: Any) -> None:
+        """Set the memory of the law's graph from a link matrix given with the start."""
+        from flocking.engine.tiles.lists import LINKED, NUMBER
+
+        self._first_links = None
+        lists = self.lists[0]
+        if lists is None or not self.spec.graphs[0].memory:
+            return
+        tile = np.repeat(np.arange(self.tiles), lists.count)
+        at = np.concatenate([np.arange(f, f + c) for f, c in zip(lists.first, lists.count, strict=True)]).astype(int)
+        entries = lists.rows[at]
+        i = self.ids[tile[:, None] * WIDTH + np.arange(WIDTH)]
+        j = self.ids[(entries & NUMBER).astype(np.int64)]
+        lists.rows[at] = np.where(np.asarray(links)[i, j], entries | LINKED, entries & NUMBER)
+
+    def move(
+        self, t: float, *, keep: float, kick: float, drift: float, whole: float = 0.0, soft: float = 1.0,
+        hold: bool = False,
+    ) -> None:  # fmt: skip
+        """One pass of the kernel from X into Y; the caller decides whether Y becomes the state."""
+        T = self.dtype
+        if self.spec.layout.law.beyond_neighbours or (
+            self.spec.ledger and self.spec.layout.energy.frame == "centre of mass"
+        ):
+            self._fill_means()
+        lists: list[Any] = []
+        for number, found in enumerate(self.lists):
+            assert found is not None
+            lists += [found.rows.reshape(-1), found.first, found.count, self.each[number], self.limits[number]]
+        self.workers.each(
+            self.kernel, self.tiles, float(t), T(keep), T(kick), T(drift), T(whole), T(soft), hold, self.X, self.Y, self.n,
+            *lists, self.P, self.A, self.ids, self.seeds, self.matrices, self.M, self.C, self.tops, self.sums,
+        )  # fmt: skip
+
+    def _fill_means(self) -> None:
+        n = self.n
+        if len(self.A) and self.spec.mass_each:
+            mass = self.A[0, :n].astype(np.float64)
+            self.M[:] = (self.X[:, :n] * mass).sum(axis=1) / mass.sum()
+        else:
+            self.M[:] = self.X[:, :n].mean(axis=1, dtype=np.float64)
+
+    def swap(self, stride: float) -> None:
+        """Make Y the state, reached by a drift over the time ``stride``."""
+        self.X, self.Y = self.Y, self.X
+        self.elapsed += stride
+        self.top_speed = float(np.sqrt(self.tops[:, 0].max()))
+        self.bound += abs(stride) * self.top_speed * (1.0 + 1e-6) + self._rounding
+
+    def in_order(self, array: Any) -> Any:
+        """Rows of ``array``, shape (k, size), as columns in the order of identities, float64; shape (n, k)."""
+        out = np.empty((self.n, len(array)))
+        out[self.ids[: self.n]] = array[:, : self.n].T
+        return out
+
+    def memory(self) -> CrowdMemory:
+        """Copies of state, order, lists and rebuild reference."""
+        kept = {name: copy.deepcopy(getattr(self, name)) for name in _KEPT}
+        kept["rooms"] = [(b.room.copy(), b.deep) for b in self.builders]
+        return CrowdMemory(kept)
+
+    def recall(self, memory: CrowdMemory) -> None:
+        """Go back to ``memory``."""
+        for name in _KEPT:
+            setattr(self, name, copy.deepcopy(memory.fields[name]))
+        for builder, (room, deep) in zip(self.builders, memory.fields["rooms"], strict=True):
+            builder.room, builder.deep, builder.spare = room.copy(), deep, None
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of all arrays."""
+        arrays = [self.X, self.Y, self.ids, self.tops, self.sums, self.A, self.reference, *self.each]
+        arrays += [self.sorter.key, self.sorter.key_there, self.sorter.index_there, self.sorter.order, self.sorter.start]
+        spares = [b.spare for b in self.builders if b.spare is not None]
+        return int(sum(a.nbytes for a in arrays)) + sum(x.nbytes for x in [*self.lists, *spares] if x is not None)
+
+
+_KEPT = (
+    "X", "ids", "each", "A", "C", "reference", "elapsed", "bound", "skin", "rebuilds", "lists", "top_speed", "_rounding",
+    "_first_links", "lost",
+)  # fmt: skip
+
+
+def _offsets(graph: Any, n: int) -> tuple[Any, Any]:
+    """Sensed agents of each agent under a fixed graph, as offsets and neighbours."""
+    edges = np.asarray(graph.edges, dtype=np.int64).reshape(-1, 2)
+    if not graph.directed:
+        edges = np.concatenate([edges, edges[:, ::-1]])
+    edges = edges[np.lexsort((edges[:, 1], edges[:, 0]))]
+    counts = np.bincount(edges[:, 0], minlength=n)
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), edges[:, 1].astype(np.int32)

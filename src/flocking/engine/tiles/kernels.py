@@ -1,0 +1,331 @@
+"""The one kernel of a law: pair sums over tiles, body terms and the move of the agents, in one pass.
+
+The same pass serves every scheme: with ``a`` the acceleration, it writes ``p' = keep p + kick a`` and
+``q' = q + drift p'`` beside the old state. keep 1, kick h, drift h is a step of half-step-velocity Verlet;
+keep 0, kick 1, drift 0 gives the acceleration itself.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from flocking.engine.tiles.spec import KernelSpec
+from flocking.formula.compiled import generated_module
+
+if TYPE_CHECKING:
+    from flocking.engine.expressions import LawFormulas, PairFormulas
+
+SUMS = ("pairs", "bodies", "kinetic", "work", "dissipated", "supplied", "links", "jumped")
+"""Sums over a tile that a kernel with a ledger writes."""
+
+TOPS = ("speed2", "near2", "broken")
+"""What every kernel reports of a tile: largest squared speed, smallest squared distance of linked agents, links broken."""
+
+GRAPH_ARGUMENTS = ("rows", "first", "count", "each", "limits")
+
+
+@cache
+def _printers() -> str:
+    folder = Path(__file__).parent
+    digest = hashlib.sha256()
+    for name in ("kernels", "printing", "vector_math", "spec"):
+        digest.update((folder / f"{name}.py").read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def tile_kernels(spec: KernelSpec) -> ModuleType:
+    """Module with the kernel ``move`` of a law; see the module's docstring and `_arguments`."""
+    from flocking.engine.expressions import law_formulas
+
+    structure = ("tiles", _printers(), spec.structure)
+    return generated_module(structure, lambda: _source(spec, law_formulas(spec.layout, spec.dimension)))
+
+
+def _arguments(spec: KernelSpec) -> list[str]:
+    """Arguments of ``move``.
+
+    ``first_tile``, ``last_tile``; the time ``t``; ``keep``, ``kick``, ``drift``; ``whole`` (advances velocities to
+    those of the time of the positions) and ``soft`` (1 where velocities are damped exponentially); ``hold``
+    (links stay as they are); state ``X`` and its successor ``Y``,
+    shape (2m, 16 tiles); the number of agents ``n``; per graph lists, squared radii per agent and for all;
+    parameters ``P`` and ``A``; identities ``ids``; hash seeds and matrices of pair weights; means of the group; velocity of the crowd
+    ``C``; results ``tops`` and ``sums`` per tile.
+    """
+    found = ["first_tile", "last_tile", "t", "keep", "kick", "drift", "whole", "soft", "hold", "X", "Y", "n"]
+    for number in range(len(spec.graphs)):
+        found += [f"{name}{number}" for name in GRAPH_ARGUMENTS]
+    return [*found, "P", "A", "ids", "seeds", "matrices", "M", "C", "tops", "sums"]
+
+
+def _indented(lines: Iterable[str], depth: int) -> str:
+    return "".join("    " * depth + line + "\n" for line in lines)
+
+
+class _Writer:
+    """Collects the parts of the kernel's source."""
+
+    def __init__(self, spec: KernelSpec, formulas: LawFormulas) -> None:
+        from flocking.engine.tiles.printing import Lifter
+
+        self.spec, self.formulas = spec, formulas
+        self.axes = range(spec.dimension)
+        self.lifter = Lifter(self._uniform)
+        self.per_agent: set[str] = set()
+
+    def _uniform(self, name: str) -> bool:
+        if name in ("A0", "A1"):
+            return not (self.spec.mass_each, self.spec.damping_each)[int(name[1])]
+        return name == "t" or name.startswith(("P", "mean_"))
+
+    def statements(self, results: dict[str, Any], prefix: str) -> list[str]:
+        """Lines that compute ``results`` for one lane; notes which rows of A they read."""
+        from flocking.engine.codegen import free_names
+        from flocking.engine.tiles.printing import vector_statements
+
+        lifted = {name: self.lifter.lift(value) for name, value in results.items()}
+        names = free_names(lifted.values())
+        self.per_agent |= {a for a in names.per_agent if not self._uniform(a)}
+        weights = [self._weight(w) for w in names.per_pair]
+        return weights + vector_statements(lifted, prefix)
+
+    def _weight(self, name: str) -> str:
+        number = int(name[1:])
+        mine, theirs = "load(ids, base)", "gather(ids, j)"
+        if self.spec.weights[number] == "hash":
+            uniform = f"pair_uniform(seeds[{number}], {mine}, {theirs})"
+            return f"{name} = narrow(seed_low{number} + seed_width{number} * {uniform}, T(0.0))"
+        return f"{name} = narrow(gather(matrices[{number}], widen({mine}) * n + widen({theirs})), T(0.0))"
+
+    def frame(self) -> list[str]:
+        """Velocity of the energy's frame, one name per axis."""
+        return [f"frame{k}" for k in self.axes]
+
+
+def _pair_block(w: _Writer, number: int, pair: PairFormulas) -> list[str]:
+    """Loop over the neighbours of one tile under one graph."""
+    spec, axes = w.spec, w.axes
+    kind = spec.graphs[number]
+    wanted = {"along": pair.along, "drag": pair.drag}
+    if spec.ledger:
+        wanted |= {"storage": pair.storage, "dissipation": pair.dissipation, "supply": pair.supply}
+    wanted = {name: value for name, value in wanted.items() if value != 0}
+    if not wanted and not kind.barrier:
+        return []
+    from flocking.engine.codegen import free_names
+
+    names = free_names(wanted.values())
+    lane = [
+        f"at = (first{number}[tile] + step) * 16",
+        f"entry = load(rows{number}, at)",
+        "j = entry & NUMBER" if kind.memory or kind.fixed else "j = entry",
+    ]
+    lane += [f"d{k} = gather(all_q{k}, j) - q{k}" for k in axes]
+    if "drag" in wanted or names.others & {"speed2", "radial", "pull"}:
+        lane += [f"v{k} = gather(all_p{k}, j) - p{k}" for k in axes]
+    lane += ["square = " + " + ".join(f"d{k} * d{k}" for k in axes), "other = j != i"]
+    if kind.fixed:
+        lane += ["linked = other"]
+    else:
+        leave = f"load(each{number}, base)" if kind.uneven else f"leave{number}"
+        lane += [f"inside = square < {leave}"]
+        if kind.memory:
+            enter = "inside" if kind.uneven else f"(square < enter{number})"
+            lane += [
+                "was = other & (entry > NUMBER)",
+                f"linked = select(hold, was, other & inside & (was | {enter}))",
+                f"store(rows{number}, at, select(linked, j | LINKED, j))",
+            ]
+        else:
+            lane += ["linked = other & inside"]
+    lane += ["apart = linked & (square > T(0.0))", f"r = root(select(apart, square, safe{number}))"]
+    lane += ["near = select(linked & (square < near), square, near)"]
+    if kind.barrier:
+        lane += ["broken = select(was & ~inside, T(1.0), broken)"]
+    if "speed2" in names.others:
+        lane += ["speed2 = " + " + ".join(f"v{k} * v{k}" for k in axes)]
+    if "radial" in names.others:
+        lane += ["radial = (" + " + ".join(f"d{k} * v{k}" for k in axes) + ") / r"]
+    relative = [f"(p{k} - {f})" for k, f in enumerate(w.frame())]
+    if "push" in names.others:
+        lane += ["push = (" + " + ".join(f"d{k} * {f}" for k, f in enumerate(relative)) + ") / r"]
+    if "pull" in names.others:
+        lane += ["pull = " + " + ".join(f"v{k} * {f}" for k, f in enumerate(relative))]
+    results = dict(wanted)
+    if "along" in results:
+        # Dividing inside the expression lets common factors of r cancel.
+        results["along"] = results["along"] / _distance()
+    lane += w.statements(results, f"g{number}_")
+    for k in axes:
+        terms = []
+        if "along" in wanted:
+            terms.append(f"select(apart, along, T(0.0)) * d{k}")
+        if "drag" in wanted:
+            terms.append(f"select(linked, drag, T(0.0)) * v{k}")
+        if terms:
+            lane += [f"pull{k} = pull{k} + " + " + ".join(terms)]
+    if spec.damped and "drag" in wanted:
+        lane += ["dragged = dragged + select(linked, drag, T(0.0))"]
+    if spec.ledger:
+        for name in ("storage", "dissipation", "supply"):
+            if name in wanted:
+                lane += [f"total_{name} = total_{name} + select(linked, {name}, T(0.0))"]
+        if "storage" in wanted and kind.memory:
+            change = "select(linked, storage, T(0.0)) - select(was, storage, T(0.0))"
+            lane += [f"total_jumped = total_jumped + ({change})"]
+        if number == 0:
+            lane += ["links = links + select(linked, T(1.0), T(0.0))"]
+    return [f"for step in range(count{number}[tile]):", *("    " + line for line in lane)]
+
+
+def _distance() -> Any:
+    import sympy
+
+    return sympy.Symbol("r", positive=True)
+
+
+def _tail_block(w: _Writer) -> list[str]:
+    """What happens to the agents of one tile after the pair sums."""
+    import sympy
+
+    spec, axes, body = w.spec, w.axes, w.formulas.body
+    mass, damping = sympy.Symbol("A0", real=True), sympy.Symbol("A1", real=True)
+    velocity = [sympy.Symbol(f"p{k}", real=True) for k in axes]
+    results: dict[str, Any] = {}
+    for k in axes:
+        total = sympy.Symbol(f"pull{k}", real=True) + body.force[k]
+        results[f"a{k}"] = (total - damping * velocity[k]) / mass
+        if spec.damped:
+            slope = sympy.diff(body.force[k], velocity[k])
+            results[f"rate{k}"] = (sympy.Symbol("dragged", real=True) + damping - slope) / mass
+    if spec.ledger:
+        squares = [(sympy.Symbol(f"full{k}", real=True) - f) ** 2 for k, f in enumerate(body.frame)]
+        powers = [(sympy.Symbol(f"pull{k}", real=True) + body.force[k]) * velocity[k] for k in axes]
+        ledger = {"bodies": body.storage, "kinetic": mass * sum(squares) / 2, "work": sum(powers)}
+        ledger |= {"dissipated": body.dissipation, "supplied": body.supply}
+    lines = w.statements(results, "b_")
+    if spec.ledger:
+        lines += [f"full{k} = p{k} + whole * a{k}" for k in axes] + w.statements(ledger, "e_")
+    for k in axes:
+        if spec.damped:
+            lines += [
+                f"x{k} = soft * kick * rate{k}",
+                f"x{k} = select(x{k} > T(0.0), x{k}, T(0.0))",
+                f"mild{k} = T(1.0) - x{k} * (T(0.5) - x{k} * T({1 / 6!r}))",
+                f"strong{k} = (T(1.0) - fast_exp(-x{k})) / select(x{k} > T(0.0), x{k}, T(1.0))",
+                f"kick{k} = kick * select(x{k} < T(1e-3), mild{k}, strong{k})",
+            ]
+        kick = f"kick{k}" if spec.damped else "kick"
+        lines += [f"next{k} = keep * p{k} + {kick} * a{k}", f"store(Y[{spec.dimension + k}], base, next{k})"]
+        lines += [f"store(Y[{k}], base, q{k} + drift * next{k})", f"c{k} = next{k} - C[{k}]"]
+    lines += ["square = " + " + ".join(f"c{k} * c{k}" for k in axes), "live = i < n"]
+    # A NaN fails the comparison, so that it shows as an infinite speed.
+    lines += ["speed = select(square < huge, square, endless)"]
+    lines += ["tops[tile, 0] = highest(select(live, speed, T(0.0)))", "tops[tile, 1] = lowest(near)"]
+    lines += ["tops[tile, 2] = highest(broken)" if _has_barriers(spec) else "tops[tile, 2] = T(0.0)"]
+    if spec.ledger:
+        parts = {name: f"total(select(live, {name}, T(0.0)))" for name in ledger}
+        parts |= {"pairs": "0.5 * total(total_storage)", "links": "total(links)", "jumped": "0.5 * total(total_jumped)"}
+        parts["dissipated"] += " + 0.5 * total(total_dissipation)"
+        parts["supplied"] += " + 0.5 * total(total_supply)"
+        lines += [f"sums[tile, {k}] = {parts[name]}" for k, name in enumerate(SUMS)]
+    return lines
+
+
+def _has_barriers(spec: KernelSpec) -> bool:
+    return any(kind.barrier for kind in spec.graphs)
+
+
+def _scratch(w: _Writer) -> list[str]:
+    """Sums over the neighbours of a tile, which start at zero."""
+    names = [f"pull{k}" for k in w.axes]
+    if _has_barriers(w.spec):
+        names += ["broken"]
+    if w.spec.damped:
+        names += ["dragged"]
+    if w.spec.ledger:
+        names += ["total_storage", "total_dissipation", "total_supply", "total_jumped", "links"]
+    return names
+
+
+def _source(spec: KernelSpec, formulas: LawFormulas) -> str:
+    from flocking.engine.tiles import vector_math
+    from flocking.formula.printing import code
+
+    w = _Writer(spec, formulas)
+    axes = w.axes
+    pairs = [_pair_block(w, number, pair) for number, pair in enumerate(formulas.pairs)]
+    tail = _tail_block(w)
+    scratch = _scratch(w)
+    frames: list[str] = []
+    if spec.ledger:
+        frames = [f"frame{k} = T({code(f, arrays=False)})" for k, f in enumerate(formulas.body.frame)]
+    uniform = [f"{name} = T({code(value, arrays=False)})" for name, value in w.lifter.definitions.items()]
+    scalars = _scalars(w, [*w.lifter.definitions.values(), *formulas.body.frame])
+    top = scalars + frames + uniform
+    top += ["huge = T(1e36)", "endless = T(np.inf)"]
+    for number, kind in enumerate(spec.graphs):
+        top += [f"safe{number} = limits{number}[2]"]
+        if not kind.fixed:
+            top += [f"leave{number} = limits{number}[0]", f"enter{number} = limits{number}[1]"]
+    top += [f"all_q{k} = X[{k}]" for k in axes] + [f"all_p{k} = X[{spec.dimension + k}]" for k in axes]
+    tile = ["base = tile * 16", "i = numbers_from(base)"]
+    tile += [f"q{k} = load(all_q{k}, base)" for k in axes] + [f"p{k} = load(all_p{k}, base)" for k in axes]
+    tile += [f"{name} = load(A[{name[1:]}], base)" for name in sorted(w.per_agent)]
+    tile += [f"{name} = spread(T(0.0))" for name in scratch] + ["near = spread(huge)"]
+    for block in pairs:
+        tile += block
+    tile += tail
+    text = "\n".join(tile)
+    used = {name for name in ("fast_sin", "fast_cos", "fast_exp", "fast_log") if name + "(" in text}
+    header = "import math\n\nimport numba\nimport numpy as np\n\n"
+    header += f"from flocking.engine.tiles.lanes import ({', '.join(_PRIMITIVES)})\n\n"
+    header += f"T = np.{spec.precision}\nNUMBER = {2**31 - 1}\nLINKED = {2**31}\n\n\n"
+    header += vector_math.source(used, spec.precision == "float64")
+    if "hash" in spec.weights:
+        header += _HASH
+    header += '@numba.njit(cache=True, nogil=True, error_model="numpy")\n'
+    header += f"def move({', '.join(_arguments(spec))}):\n"
+    return header + _indented(top, 1) + _indented(["for tile in range(first_tile, last_tile):"], 1) + _indented(tile, 2)
+
+
+def _scalars(w: _Writer, expressions: list[Any]) -> list[str]:
+    """Unpack the run-time numbers that expressions use; after the parameters come mass and damping, then hash ranges."""
+    from flocking.engine.codegen import free_names
+
+    names = free_names(expressions)
+    count = sum(1 for s in w.spec.layout.slots.values() if s.startswith("P"))
+    lines = [f"{n} = P[{n[1:]}]" for n in names.scalars]
+    lines += [f"{n} = P[{count + int(n[1:])}]" for n in names.per_agent]
+    for k in w.axes:
+        lines += [f"mean_q{k} = M[{k}]", f"mean_p{k} = M[{w.spec.dimension + k}]"]
+    for number, kind in enumerate(w.spec.weights):
+        if kind == "hash":
+            at = count + 2 + 2 * number
+            lines += [f"seed_low{number} = P[{at}]", f"seed_width{number} = P[{at + 1}]"]
+    return lines
+
+
+_PRIMITIVES = (
+    "each_lane", "float_bits", "float_of", "float_of_bits", "floor_of", "gather", "highest", "load", "lowest",
+    "narrow", "numbers_from", "root", "select", "spread", "store", "total", "whole_of", "widen",
+)  # fmt: skip
+
+_HASH = '''@numba.njit(inline="always")
+def pair_uniform(seed, i, j):
+    least = select(i < j, i, j)
+    most = select(i < j, j, i)
+    z = (widen(most) << 32) + widen(least) + seed * np.uint64(0x9E3779B97F4A7C15)
+    for _ in range(2):
+        z = z + np.uint64(0x9E3779B97F4A7C15)
+        z = (z ^ (z >> 30)) * np.uint64(0xBF58476D1CE4E5B9)
+        z = (z ^ (z >> 27)) * np.uint64(0x94D049BB133111EB)
+        z = z ^ (z >> 31)
+    return float_of(z >> 11) * 1.1102230246251565e-16
+
+
+'''

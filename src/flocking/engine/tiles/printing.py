@@ -1,0 +1,230 @@
+"""Formulas printed for vectorised loops: straight-line code of one precision, what is the same for all lifted out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from flocking.errors import UnsupportedLaw
+
+if TYPE_CHECKING:
+    import sympy
+
+_SIGNS = {"StrictLessThan": "<", "LessThan": "<=", "StrictGreaterThan": ">", "GreaterThan": ">="}
+_SELECT = {"<": "select_below", "<=": "select_most", ">": "select_above", ">=": "select_least"}
+_SELECT_SIGN = {name: sign for sign, name in _SELECT.items()}
+VECTOR_FUNCTIONS = {"sin": "fast_sin", "cos": "fast_cos", "exp": "fast_exp", "log": "fast_log"}
+"""Functions with a form that vectorises; the others call the mathematics library one number at a time."""
+_LIBRARY = {"tan", "atan", "sinh", "cosh", "tanh"}
+
+
+class Lifter:
+    """Replaces the largest parts of expressions that are the same for all agents by names.
+
+    Parameters
+    ----------
+    uniform
+        Tells whether the value of a symbol, by name, is the same for all agents.
+    """
+
+    def __init__(self, uniform: Callable[[str], bool]) -> None:
+        self._uniform = uniform
+        self._names: dict[Any, sympy.Symbol] = {}
+
+    @property
+    def definitions(self) -> dict[str, sympy.Expr]:
+        """What was lifted out, by name."""
+        return {symbol.name: value for value, symbol in self._names.items()}
+
+    def _is_uniform(self, expression: Any) -> bool:
+        return all(self._uniform(s.name) for s in expression.free_symbols)
+
+    def _named(self, expression: Any) -> Any:
+        import sympy
+
+        if expression.is_number:
+            return expression
+        if expression not in self._names:
+            self._names[expression] = sympy.Symbol(f"same{len(self._names)}", real=True)
+        return self._names[expression]
+
+    def lift(self, expression: Any) -> Any:
+        """``expression`` with its uniform parts replaced."""
+        import sympy
+
+        if expression.is_Atom and not expression.is_Symbol:
+            return expression
+        if self._is_uniform(expression) and not expression.is_Boolean:
+            return self._named(expression)
+        if isinstance(expression, sympy.Add | sympy.Mul):
+            same = [a for a in expression.args if self._is_uniform(a)]
+            others = [self.lift(a) for a in expression.args if not self._is_uniform(a)]
+            if not same:
+                return expression.func(*others)
+            return expression.func(self._named(expression.func(*same)), *others)
+        if isinstance(expression, sympy.Pow) and expression.exp.is_number:
+            return sympy.Pow(self.lift(expression.base), expression.exp)
+        if isinstance(expression, sympy.Piecewise):
+            return sympy.Piecewise(*((self.lift(v), self._condition(c)) for v, c in expression.args))
+        return expression.func(*(self.lift(a) for a in expression.args)) if expression.args else expression
+
+    def _condition(self, condition: Any) -> Any:
+        if condition.is_Atom:
+            return condition
+        return condition.func(*(self._condition(a) if a.is_Boolean else self.lift(a) for a in condition.args))
+
+
+def without_branches(expression: Any) -> Any:
+    """Every Piecewise turned into nested two-way selections, which common subexpressions may pass through."""
+    import sympy
+
+    if expression.is_Atom:
+        return expression
+    if isinstance(expression, sympy.Piecewise):
+        *front, (result, _) = [(without_branches(v), c) for v, c in expression.args]
+        for value, condition in reversed(front):
+            result = _selected(condition, value, result)
+        return result
+    if isinstance(expression, sympy.Abs):
+        inside = without_branches(expression.args[0])
+        return _selected(sympy.Lt(inside, 0, evaluate=False), -inside, inside)
+    if isinstance(expression, sympy.sign):
+        inside = without_branches(expression.args[0])
+        one = sympy.Integer(1)
+        above = _selected(sympy.Gt(inside, 0, evaluate=False), one, sympy.Integer(0))
+        return _selected(sympy.Lt(inside, 0, evaluate=False), -one, above)
+    if isinstance(expression, sympy.Max | sympy.Min):
+        first, *rest = [without_branches(a) for a in expression.args]
+        compare = sympy.Gt if isinstance(expression, sympy.Max) else sympy.Lt
+        for other in rest:
+            first = _selected(compare(first, other, evaluate=False), first, other)
+        return first
+    return expression.func(*(without_branches(a) for a in expression.args))
+
+
+def _selected(condition: Any, yes: Any, no: Any) -> Any:
+    import sympy
+
+    if condition == sympy.true:
+        return yes
+    if condition == sympy.false:
+        return no
+    if isinstance(condition, sympy.And):
+        for part in condition.args:
+            yes = _selected(part, yes, no)
+        return yes
+    if isinstance(condition, sympy.Or):
+        for part in condition.args:
+            no = _selected(part, yes, no)
+        return no
+    sign = _SIGNS.get(type(condition).__name__)
+    if sign is None:
+        raise UnsupportedLaw(
+            f"The tiled engine has no form of the condition {condition}. Use engine='exact', or compare with <, <=, > or >=."
+        )
+    return sympy.Function(_SELECT[sign])(without_branches(condition.lhs), without_branches(condition.rhs), yes, no)
+
+
+class _Writer:
+    """Writes expressions of scalar names; numbers become constants of the kernel's precision ``T``."""
+
+    def __init__(self, prefix: str) -> None:
+        self.lines: list[str] = []
+        self._prefix = prefix
+
+    def _temporary(self, text: str) -> str:
+        if text.isidentifier():
+            return text
+        name = f"{self._prefix}s{len(self.lines)}"
+        self.lines.append(f"{name} = {text}")
+        return name
+
+    def write(self, e: Any) -> str:
+        """Source text of an expression; assignments it needs are appended to ``lines``."""
+        import sympy
+
+        if e.is_Symbol:
+            return str(e.name)
+        if e.is_number and not e.has(sympy.Function) or e.is_NumberSymbol:
+            return f"T({float(e)!r})"
+        if isinstance(e, sympy.Add):
+            text = ""
+            for term in e.args:
+                negative = term.could_extract_minus_sign()
+                text += (" - " if negative else " + ") + self._factor(-term if negative else term)
+            return text[3:] if text.startswith(" + ") else "-" + text[3:]
+        if isinstance(e, sympy.Mul):
+            return self._product(e)
+        if isinstance(e, sympy.Pow):
+            return self._power(e.base, e.exp)
+        name = type(e).__name__
+        if name in _SELECT_SIGN:
+            left, right, yes, no = (self._temporary(self.write(a)) for a in e.args)
+            return f"select({left} {_SELECT_SIGN[name]} {right}, {yes}, {no})"
+        arguments = ", ".join(self.write(a) for a in e.args)
+        if name in VECTOR_FUNCTIONS:
+            return f"{VECTOR_FUNCTIONS[name]}({arguments})"
+        if name in _LIBRARY:
+            return f"each_lane(math.{name}, {arguments})"
+        raise UnsupportedLaw(f"The tiled engine has no form of the function {name}. Use engine='exact'.")
+
+    def _factor(self, e: Any) -> str:
+        import sympy
+
+        text = self.write(e)
+        return f"({text})" if isinstance(e, sympy.Add) or text.startswith("-") else text
+
+    def _product(self, e: Any) -> str:
+        import sympy
+
+        if e.could_extract_minus_sign():
+            inner = self.write(-e)
+            return f"-({inner})"
+        above, below = [], []
+        for a in e.args:
+            if isinstance(a, sympy.Pow) and a.exp.is_number and a.exp.is_negative:
+                below.append(sympy.Pow(a.base, -a.exp))
+            else:
+                above.append(a)
+        top = " * ".join(self._factor(a) for a in above) or "T(1.0)"
+        if not below:
+            return top
+        return f"{top} / ({' * '.join(self._factor(b) for b in below)})"
+
+    def _power(self, base: Any, exponent: Any) -> str:
+        import sympy
+
+        if not exponent.is_number:
+            return f"fast_exp({self._factor(exponent)} * fast_log({self.write(base)}))"
+        if exponent.is_negative:
+            return f"T(1.0) / ({self._power(base, -exponent)})" if exponent != -1 else f"T(1.0) / {self._factor(base)}"
+        text = self._temporary(self.write(base))
+        whole, half = int(sympy.floor(exponent)), exponent - sympy.floor(exponent)
+        factors = self._repeated(text, whole)
+        if half == sympy.Rational(1, 2):
+            factors.append(f"root({text})")
+        elif half != 0:
+            return f"fast_exp(T({float(exponent)!r}) * fast_log({text}))"
+        return "(" + " * ".join(factors) + ")" if len(factors) > 1 else factors[0]
+
+    def _repeated(self, text: str, times: int) -> list[str]:
+        if times <= 3:
+            return [text] * times
+        half = self._temporary(f"({' * '.join(self._repeated(text, times // 2))})")
+        return [half, half] + ([text] if times % 2 else [])
+
+
+def vector_statements(results: Mapping[str, Any], prefix: str) -> list[str]:
+    """Assignments that compute all ``results``: common subexpressions once, selections without branches."""
+    import sympy
+
+    flat = {name: without_branches(value) for name, value in results.items()}
+    shared, reduced = sympy.cse(list(flat.values()), symbols=sympy.numbered_symbols(prefix))
+    writer = _Writer(prefix)
+    for symbol, value in shared:
+        text = writer.write(value)
+        writer.lines.append(f"{symbol.name} = {text}")
+    for name, value in zip(flat, reduced, strict=True):
+        text = writer.write(value)
+        writer.lines.append(f"{name} = {text}")
+    return writer.lines
