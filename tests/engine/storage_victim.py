@@ -8,9 +8,10 @@ import signal
 import sys
 from pathlib import Path
 
-import flocking as fk
 import numpy as np
 import zarr  # noqa: F401 - imported before forking, so that a writer starts at once
+
+import flocking as fk
 from flocking.engine import saving
 from flocking.engine.run_writer import RunWriter
 from flocking.model.checks import Array
@@ -31,10 +32,7 @@ def large() -> fk.Scenario:
 
 def write_frames(folder: Path, first: int = 0, most: int = 10**6) -> None:
     """Append frames, one or two to a commit; after each commit the count goes to a file of its own."""
-    if first == 0:
-        writer = RunWriter.create(folder, large(), with_links=False)
-    else:
-        writer = RunWriter.reopen(folder)
+    writer = RunWriter.reopen(folder) if first else RunWriter.create(folder, large(), with_links=False)
     told = os.open(folder.with_suffix(".told"), os.O_CREAT | os.O_WRONLY | os.O_APPEND)
     k = first
     with writer:

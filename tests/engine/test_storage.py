@@ -12,16 +12,16 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import flocking as fk
 import numpy as np
 import pytest
 import xarray
+
+import flocking as fk
 from flocking.engine import durable, saving
 from flocking.engine.run_writer import RunWriter
 from flocking.engine.storage import read_run, write_run
 from flocking.errors import InvalidInput, StorageError
 from flocking.model.terms import PairTerm
-
 from tests.engine.stored_runs import assert_same, finished, scenario
 
 
@@ -64,7 +64,7 @@ def test_frames_appended_in_pieces_equal_those_written_at_once(tmp_path: Path) -
         for k in range(0, len(run.t), 4):
             now = slice(k, k + 4)
             writer.append(run.t[now], run.q[now], run.p[now], run.links[now])
-            part, rest = (run.switches[:3], run.switches[3:]) if k == 0 else (rest, run.switches[:0])
+            part = {0: run.switches[:3], 4: run.switches[3:]}.get(k, run.switches[:0])
             writer.append_records(part, run.trace[k * 3 : (k + 4) * 3 if k + 4 < len(run.t) else None])
             writer.commit(run.status, closest=(run.closest_linked, run.closest_unlinked), provenance=run.provenance)
     assert_same(read_run(tmp_path / "run"), run)
@@ -99,7 +99,7 @@ def test_a_run_without_links_or_switches(tmp_path: Path) -> None:
 class _Pull(PairTerm):
     """A term from outside the library."""
 
-    parameters: dict[str, float] = {}
+    parameters = property(lambda self: {})
     structure = ("pull",)
 
     def drag(self, x: Any) -> Any:

@@ -11,15 +11,15 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import flocking as fk
 import numpy as np
 import pytest
 import xarray
+
+import flocking as fk
 from flocking.engine.durable import PARTIAL
 from flocking.engine.run_writer import RunWriter
 from flocking.engine.storage import read_run
 from flocking.errors import StorageError
-
 from tests.engine import storage_victim
 from tests.engine.stored_runs import assert_same, finished
 

@@ -26,6 +26,7 @@ from flocking.model.schedules import Schedule
 from flocking.model.serial import HOMES, ForeignPart, from_data, to_data
 from flocking.model.smooth_graphs import PerAgentRadii, Smooth
 from flocking.model.terms import Term
+from flocking.model.views import Cone, FieldOfView, HeadingWeights, SmoothCone
 from flocking.model.weights import PairWeights
 
 
@@ -58,6 +59,10 @@ PARTS: list[Any] = [
     Smooth(1.3, 0.3, "quintic"),
     fk.State([[0.1, 0.2], [0.3, 0.4]], t=0.7, links=[[False, True], [False, False]]),
     fk.Track(PATH, Schedule([1.0], [0.0, 1.0]), [0.1, 0.0], 1.0, per_mass=True, shared=True, saturated=True),
+    Cone([1.0, 2.0], 0.3, "wrapped"),
+    SmoothCone(2.0, 0.5, 0.3, Bump("mine", "1 - z*k0"), "rotation"),
+    HeadingWeights(0.3, 0.2, Bump("mine", "1 - z*k0"), "real"),
+    FieldOfView(2.0, [0.1, 0.3]),
     fk.Velocity([1.0, 2.0], [3.0, 4.0], 5.0),
     Wall([0.1, 0.2], [1.0, 3.0], 7.0),
 ]

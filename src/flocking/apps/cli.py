@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, CycloptsError, Parameter
 
+from flocking.apps.storage_commands import diff, export, info
+
 if TYPE_CHECKING:
     from flocking.engine.run import Run
 
@@ -32,7 +34,7 @@ def command_line() -> App:
         default_parameter=Parameter(negative=()),
     )
     app.command(list_scenarios, name="list")
-    for command in (run, resume, reproduce, audit, check, equations, schema):
+    for command in (run, resume, info, diff, export, reproduce, audit, check, equations, schema):
         app.command(command)
     return app
 
@@ -185,7 +187,7 @@ def _print_run(make: Callable[[], Run], out: Path | None, as_json: bool) -> int:
         print_facts([*facts(found), ("saved in", str(out) if out else "")])
     if stopped or not result.status.startswith("interrupted"):
         return DIFFERENT if stopped else FINE
-    kept = f"what was computed is in {out}; 'flocking resume {out}' goes on." if out else "no --out, nothing is kept."
+    kept = f"{out} holds it up to its last commit; 'flocking resume {out}' goes on." if out else "no --out, nothing is kept."
     print(f"flocking: {result.status}: {kept}", file=sys.stderr)
     return INTERRUPTED
 

@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.exact import ExactSession, Snapshot
+from flocking.engine.exact import ExactSession
 from flocking.engine.recorder import Recorder
 from flocking.engine.run import Run
 from flocking.engine.segment import Segment
+from flocking.engine.snapshot import Snapshot
 from flocking.engine.stepper import StepperMemory
 from flocking.engine.switching import Crossing
 from flocking.errors import StorageError
@@ -27,7 +28,7 @@ Arrays = dict[str, np.ndarray[Any, Any]]
 def pack(session: ExactSession) -> bytes:
     """State of a session as the bytes of an ``.npz`` file: arrays, and one JSON text of numbers."""
     numbers, arrays = _FORMS[session.engine][0](session.snapshot(records=False))
-    text = json.dumps({"engine": session.engine, **numbers}).encode()
+    text = json.dumps({"engine": session.engine, **numbers}, default=lambda x: x.item()).encode()
     file = io.BytesIO()
     whole: dict[str, Any] = {"numbers": np.frombuffer(text, dtype=np.uint8), **arrays}
     np.savez(file, **whole)
@@ -69,9 +70,13 @@ def _pack_exact(snapshot: Snapshot) -> tuple[dict[str, Any], Arrays]:
         "time": snapshot.time, "energy": snapshot.energy, "jumped": snapshot.jumped, "steps": snapshot.steps,
         "stepper": [snapshot.stepper.t, snapshot.stepper.step], "segment": [snapshot.segment.t0, snapshot.segment.t1],
         "pending": [c.watch for c in snapshot.pending], "graphs": len(links), "watches": len(near),
-        "sliding": [[*pair, *values] for pair, values in snapshot.sliding.items()],
+        "sliding": [[*map(int, pair), *values] for pair, values in snapshot.sliding.items()],
     }  # fmt: skip
-    arrays = {"y": snapshot.stepper.y, "slope": snapshot.stepper.slope, "coefficients": snapshot.segment.coefficients}
+    arrays: Arrays = {
+        "y": snapshot.stepper.y,
+        "slope": snapshot.stepper.slope,
+        "coefficients": snapshot.segment.coefficients,
+    }
     if snapshot.tolerance is not None:
         arrays["tolerance"] = snapshot.tolerance
     arrays |= {f"pending{k}": c.pairs for k, c in enumerate(snapshot.pending)}
@@ -79,7 +84,7 @@ def _pack_exact(snapshot: Snapshot) -> tuple[dict[str, Any], Arrays]:
     return numbers, arrays
 
 
-def _restore_exact(numbers: dict[str, Any], arrays: Arrays, records: Run, plant: Law | None) -> ExactSession:
+def _restore_exact(numbers: dict[str, Any], arrays: dict[str, Any], records: Run, plant: Law | None) -> ExactSession:
     (t, step), (t0, t1) = numbers["stepper"], numbers["segment"]
     snapshot = Snapshot(
         records.scenario, numbers["time"], StepperMemory(t, arrays["y"], arrays["slope"], step),
@@ -88,9 +93,10 @@ def _restore_exact(numbers: dict[str, Any], arrays: Arrays, records: Run, plant:
         ([arrays[f"links{k}"] for k in range(numbers["graphs"])],
          [arrays[f"near{k}"] for k in range(numbers["watches"])]),
         recorder_of(records), numbers["energy"], numbers["jumped"], numbers["steps"],
-        arrays["tolerance"], {(w, i, j): (time, speed, count) for w, i, j, time, speed, count in numbers["sliding"]},
+        arrays.get("tolerance"),
+        {(w, i, j): (time, speed, count) for w, i, j, time, speed, count in numbers["sliding"]}, plant,
     )  # fmt: skip
-    return ExactSession.resume(snapshot, plant=plant)
+    return ExactSession.resume(snapshot)
 
 
 def recorder_of(run: Run) -> Recorder:

@@ -16,15 +16,19 @@ PARTIAL = ".partial"
 """Ending of a file that is still being written; a kill may leave one behind, and nothing ever reads it."""
 
 
-def put(path: Path, data: bytes) -> None:
-    """Write a file so that a reader finds the old content or the new, never a part."""
+def put(path: Path, data: bytes, *, lasting: bool = True) -> None:
+    """Write a file so that a reader finds the old content or the new, never a part.
+
+    A lasting one is on the disk, not in the system's memory alone, when this returns: it outlives a power cut.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f"{path.name}.{os.getpid()}{PARTIAL}")
     try:
         with open(partial, "wb") as file:
             file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
+            if lasting:
+                file.flush()
+                os.fsync(file.fileno())
         os.replace(partial, path)
     except BaseException:
         with suppress(OSError):
@@ -64,7 +68,8 @@ def durable_store(folder: Path) -> Any:
             self._check_writable()
             path = folder / key
             self.touched.add(path.parent)
-            await asyncio.to_thread(put, path, value.to_bytes())
+            # The metadata of an array need not last: the record of the run holds them again.
+            await asyncio.to_thread(put, path, value.to_bytes(), lasting=path.name != "zarr.json")
 
     store = DurableStore(folder)
     store.touched = set()

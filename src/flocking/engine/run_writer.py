@@ -122,7 +122,7 @@ class RunWriter:
         sweep(self.folder)
         committed = json.loads((self.folder / RECORD).read_bytes())["consolidated_metadata"]["metadata"]
         for name, metadata in committed.items():
-            put(self.folder / name / RECORD, json.dumps(metadata).encode())
+            put(self.folder / name / RECORD, json.dumps(metadata).encode(), lasting=False)
         return {name: zarr.open_array(self._store, path=name, mode="r+") for name in committed}
 
     def append(self, t: Any, q: Any, p: Any, links: Any = None) -> None:

@@ -70,10 +70,9 @@ class Saving:
 
     def _write(self) -> None:
         recorder, counts = self._session.recorder, self._writer.counts
-        first = counts["time"]
-        frames = (recorder.t[first:], recorder.q[first:], recorder.p[first:], recorder.links[first:])
-        if frames[0]:
-            self._writer.append(*(np.array(x) for x in frames))
+        new = slice(counts["time"], len(recorder.t))
+        if recorder.t[new]:
+            self._writer.append(*(np.array(x[new]) for x in (recorder.t, recorder.q, recorder.p, recorder.links)))
         self._writer.append_records(
             np.array(recorder.switches[counts["switch"] :], dtype=SWITCH_FIELDS),
             np.array(recorder.trace[counts["step"] :], dtype=TRACE_FIELDS),

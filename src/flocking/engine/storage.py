@@ -86,6 +86,26 @@ def read_run(folder: str | Path, *, scenario: Scenario | None = None, frames: in
     )  # fmt: skip
 
 
+def stored_facts(folder: str | Path) -> dict[str, Any]:
+    """What the record of a run says, without reading its frames: plain data for JSON.
+
+    Raises
+    ------
+    StorageError
+        When there is no run, its record is damaged, or a newer version wrote it.
+    """
+    folder = Path(folder)
+    record = read_record(folder)
+    with told(folder, "read the run"):
+        size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+    return {
+        "title": record["title"], "status": record["status"], "agents": record["n"], "dimension": record["dimension"],
+        "frames": record["counts"]["time"], "links": record["links"], "commits": record["commits"],
+        "can_go_on": record["checkpoint"] is not None or record["commits"] == 0,
+        "scenario_stored": not record["scenario"]["left_out"], "format": record["format"], "bytes": size,
+    }  # fmt: skip
+
+
 def read_scenario_of(folder: str | Path) -> tuple[Scenario, Law | None]:
     """Scenario of a run on disk, and its plant where it has one.
 

@@ -297,7 +297,9 @@ class Wall(Obstacle):
         length = float(np.linalg.norm(normal))
         if len(normal) != self.point.dimension or not length > 0:
             raise InvalidInput("Wall", "normal", f"must be a {self.point.dimension}-vector that is not 0", self.normal)
-        object.__setattr__(self, "normal", array("Wall", "normal", normal / length, ndim=1))
+        if abs(length - 1.0) > 1e-14:  # scaling a unit vector again would change its last bits
+            normal = array("Wall", "normal", normal / length, ndim=1)
+        object.__setattr__(self, "normal", normal)
         object.__setattr__(self, "extent", number("Wall", "extent", self.extent, above=0.0))
 
     @property

@@ -16,16 +16,17 @@ import numpy as np
 from flocking.errors import InvalidInput
 
 HOMES: dict[str, str] = {
-    "Agents": "state", "Avoid": "avoidance", "Ball": "obstacles", "Compensate": "tracking", "Consensus": "terms",
-    "ConvexPolygon": "polygons", "Energy": "energy", "Fixed": "graphs", "Gradient": "terms",
-    "HashedWeights": "weights", "Hysteresis": "graphs", "Law": "law", "MatrixWeights": "weights", "Path": "leaders",
+    "Agents": "state", "Avoid": "avoidance", "Ball": "obstacles", "Bump": "bumps", "Compensate": "tracking",
+    "Cone": "views", "Consensus": "terms", "ConvexPolygon": "polygons", "Energy": "energy", "FieldOfView": "views",
+    "Fixed": "graphs", "Gradient": "terms", "HashedWeights": "weights", "HeadingWeights": "views",
+    "Hysteresis": "graphs", "Law": "law", "MatrixWeights": "weights", "Path": "leaders",
     "PerAgentRadii": "smooth_graphs", "Potential": "potentials", "Proximity": "graphs", "Scenario": "law",
-    "Sink": "leaders", "Smooth": "smooth_graphs", "State": "state", "Track": "tracking", "Velocity": "leaders",
-    "Wall": "obstacles",
+    "Schedule": "schedules", "Sink": "leaders", "Smooth": "smooth_graphs", "SmoothCone": "views", "State": "state",
+    "Track": "tracking", "Velocity": "leaders", "Wall": "obstacles",
 }  # fmt: skip
 """Module under `flocking.model` of every part that data may name. A new dataclass part needs its line here only."""
 
-SHARED = frozenset({"graphs", "leaders", "obstacles", "polygons", "smooth_graphs"})
+SHARED = frozenset({"graphs", "leaders", "obstacles", "polygons", "smooth_graphs", "views"})
 """Modules whose parts keep their identity: two terms that look at one leader still do after a round trip."""
 
 LONGEST_LIST = 1000
@@ -93,6 +94,7 @@ def _arguments(part: Any) -> dict[str, Any]:
 
 
 _TAKEN_APART: dict[str, Callable[[Any], dict[str, Any]]] = {
+    "Bump": lambda x: {"name": x.name, "formula": x.formula.text},
     "Consensus": lambda x: {k: getattr(x, k) for k in ("gain", "weights", "weighted", "functional", "over")},
     "Path": lambda x: {
         "velocity": [f.text for f in x.formulas], "start": x.start, "start_time": x.start_time,
@@ -194,6 +196,8 @@ class _Reader:
         name = data.pop("part")
         kind = part_class(name, where)
         number = data.pop("id", None)
+        if number is not None and not isinstance(number, int):
+            raise InvalidInput(where, "id", "must be a whole number", number)
         where = f"{where}.{name}"
         given = {key: self.read(value, f"{where}.{key}", depth + 1) for key, value in data.items()}
         if name not in _TAKEN_APART:
