@@ -168,7 +168,7 @@ def _write(
 
 def draw_figures(module: ModuleType, runs: dict[str, Run], folder: Path) -> list[Path]:
     """Draw all figures of a paper from runs of its scenarios, as SVG and PNG."""
-    from flocking.show.saving import save
+    from flocking.show.style import save
 
     drawn = []
     for number, declaration in module.figures().items():

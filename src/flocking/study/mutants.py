@@ -1,0 +1,224 @@
+"""Mutants: motions of a wrong system, to be held against the law that was declared.
+
+An audit that cannot fail is worthless. Each mutant changes one thing about what really moves; the audit is not told
+and judges the motion by the declared scenario.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flocking.engine.reference import control
+from flocking.engine.run import Run
+from flocking.engine.simulate import simulate
+from flocking.errors import InvalidInput
+from flocking.model.avoidance import Avoid
+from flocking.model.checks import Array
+from flocking.model.graphs import Fixed, Graph, Hysteresis, Proximity
+from flocking.model.law import Law, Scenario
+from flocking.model.state import Agents, State
+from flocking.model.symbols import ObstacleSymbols, PairSymbols
+from flocking.model.terms import Consensus, PairTerm, Term, Value
+from flocking.model.weights import MatrixWeights
+from flocking.study.trajectory import run_from_samples
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import sympy
+
+Mutation = Callable[[Scenario], Scenario]
+"""Makes the system that really moves from the one that was declared."""
+
+
+@dataclass(frozen=True, eq=False)
+class Flipped(PairTerm):
+    """A pair term whose drag has the wrong sign.
+
+    Parameters
+    ----------
+    term
+        The right term.
+    """
+
+    term: PairTerm
+
+    @property
+    def parameters(self) -> dict[str, Value]:
+        """Those of the right term."""
+        return self.term.parameters
+
+    @property
+    def structure(self) -> tuple[object, ...]:
+        """The right term's, marked."""
+        return ("Flipped", self.term.structure)
+
+    @property
+    def symmetries(self) -> frozenset[str]:
+        """Those of the right term."""
+        return self.term.symmetries
+
+    def drag(self, x: PairSymbols) -> sympy.Expr:
+        """The wrong sign."""
+        return -self.term.drag(x)
+
+
+class Swapped(Avoid):
+    """Obstacle avoidance that damps against the mirrored boundary velocity."""
+
+    @property
+    def structure(self) -> tuple[object, ...]:
+        """The right term's, marked."""
+        return ("Swapped", *super().structure)
+
+    def encounter(self, x: ObstacleSymbols) -> Sequence[sympy.Expr]:
+        """(54) with -phat in the place of phat."""
+        return super().encounter(replace(x, boundary=[-w for w in x.boundary]))
+
+
+def _with_terms(scenario: Scenario, change: Callable[[Term], Term], what: str) -> Scenario:
+    terms = tuple(change(t) for t in scenario.law.terms)
+    if all(a is b for a, b in zip(terms, scenario.law.terms, strict=True)):
+        raise InvalidInput("mutant", "scenario", f"must have {what}", scenario.name)
+    return scenario.with_(law=Law(scenario.law.graph, terms))
+
+
+def _with_graph(scenario: Scenario, graph: Graph) -> Scenario:
+    return scenario.with_(law=Law(graph, scenario.law.terms))
+
+
+def flipped_sign(scenario: Scenario) -> Scenario:
+    """Consensus pushes velocities apart."""
+    return _with_terms(scenario, lambda t: Flipped(t) if isinstance(t, Consensus) else t, "a Consensus term")
+
+
+def gain_halved(scenario: Scenario) -> Scenario:
+    """Consensus at half its gain."""
+
+    def change(term: Term) -> Term:
+        if not isinstance(term, Consensus):
+            return term
+        gain = np.multiply(term.gain, 0.5)
+        return Consensus(gain, weights=term.weights, weighted=term.weighted, functional=term.functional, over=term.over)
+
+    return _with_terms(scenario, change, "a Consensus term")
+
+
+def dropped_link(scenario: Scenario) -> Scenario:
+    """The first link of a fixed graph does not work."""
+    graph = scenario.law.graph
+    if not isinstance(graph, Fixed) or len(graph.edges) < 2:
+        raise InvalidInput("mutant", "scenario", "must have a Fixed graph with links", scenario.name)
+    return _with_graph(scenario, Fixed(graph.n, graph.edges[1:], directed=graph.directed))
+
+
+def late_switch(scenario: Scenario) -> Scenario:
+    """Links break, and appear, five per cent too far out."""
+    graph = scenario.law.graph
+    if isinstance(graph, Proximity):
+        return _with_graph(scenario, Proximity(graph.radius * 1.05, graph.closed))
+    if isinstance(graph, Hysteresis):
+        return _with_graph(scenario, Hysteresis(graph.radius, graph.gap * 0.2))
+    raise InvalidInput("mutant", "scenario", "must have a Proximity or Hysteresis graph", scenario.name)
+
+
+def broken_symmetry(scenario: Scenario) -> Scenario:
+    """Agent 0 gives its neighbours one and a half times the weight they give it."""
+
+    def change(term: Term) -> Term:
+        if not isinstance(term, Consensus):
+            return term
+        n = scenario.start.n
+        weights = np.array(term.weights.matrix(n)) if term.weights is not None else np.ones((n, n)) - np.eye(n)
+        weights[0] *= 1.5
+        return Consensus(term.gain, weights=MatrixWeights(weights), over=term.over)
+
+    return _with_terms(scenario, change, "a Consensus term")
+
+
+def swapped_boundary_velocity(scenario: Scenario) -> Scenario:
+    """Beta-agents move the wrong way along the boundary."""
+
+    def change(term: Term) -> Term:
+        if not isinstance(term, Avoid):
+            return term
+        names = (
+            "range",
+            "repulsion_gain",
+            "damping_gain",
+            "repulsion",
+            "attraction",
+            "offset",
+            "onset",
+            "bump",
+            "gamma_agents",
+        )
+        return Swapped(term.obstacles, term.leader, **{name: getattr(term, name) for name in names})
+
+    return _with_terms(scenario, change, "an Avoid term")
+
+
+def wrong_mass(scenario: Scenario) -> Scenario:
+    """Every agent is a tenth heavier than declared."""
+    agents = scenario.agents
+    heavier = np.multiply(agents.masses, 1.1)
+    return scenario.with_(agents=Agents(heavier, agents.damping, agents.order, agents.headings))
+
+
+MUTATIONS: dict[str, Mutation] = {
+    "flipped sign": flipped_sign,
+    "gain halved": gain_halved,
+    "dropped link": dropped_link,
+    "late switch": late_switch,
+    "broken symmetry": broken_symmetry,
+    "swapped obstacle velocity": swapped_boundary_velocity,
+    "wrong mass": wrong_mass,
+}
+"""Wrong systems by name. `coarse_step` is the eighth mutant: the right system, integrated badly."""
+
+
+def mutated_run(declared: Scenario, mutation: Mutation) -> Run:
+    """The motion of a mutant, as samples to be held against the declared scenario.
+
+    Parameters
+    ----------
+    declared
+        What the audit is told.
+    mutation
+        What really moves.
+    """
+    moved = simulate(mutation(declared).with_(name=""), progress=False)
+    return run_from_samples(declared, moved.t, moved.q, moved.p)
+
+
+def coarse_step(declared: Scenario, step: float) -> Run:
+    """The declared law integrated with an explicit Euler method of fixed step that locates no switch.
+
+    Parameters
+    ----------
+    declared
+        The scenario.
+    step
+        Length of a step.
+    """
+    agents = declared.agents
+    masses = np.broadcast_to(np.asarray(agents.masses, dtype=np.float64), declared.start.n)[:, None]
+    damping = np.broadcast_to(np.asarray(agents.damping, dtype=np.float64), declared.start.n)[:, None]
+    q, p, t = np.array(declared.start.q), np.array(declared.start.p), declared.start.t
+    links = declared.law.graph.initial(q)
+    times: list[float] = [t]
+    places: list[Array] = [q]
+    speeds: list[Array] = [p]
+    while t < declared.t_end - step / 2:
+        u = control(declared.law, State(q, p, t, links), agents=agents)
+        q, p = q + step * p, p + step * (u - damping * p) / masses
+        t += step
+        links = declared.law.graph.update(q, links)
+        times.append(t)
+        places.append(q)
+        speeds.append(p)
+    return run_from_samples(declared, np.array(times), np.array(places), np.array(speeds))
