@@ -43,6 +43,19 @@ SCENARIOS = {
     "proximity": scenario(OTHER, (fk.Gradient(fk.Potential("log(r)^2"), weighting="force"),)),
     "smooth": scenario(Smooth(5.0, 0.8, bump="quintic"), (fk.Consensus(1.0, weighted=True),)),
     "radii": scenario(PerAgentRadii(np.array([1.0, 2.0, 3.0, 4.0, 1 / 7]))),
+    "own bump": scenario(Smooth(5.0, 0.8, bump=fk.Bump("line", "where(z < k0, 1, (1 - z)/(1 - k0))"))),
+    "cone": scenario(fk.Cone(3.0, np.arange(1.0, 6.0), "wrapped"), agents=fk.Agents(headings=np.arange(5) * 0.1)),
+    "smooth cone": scenario(fk.SmoothCone(3.0, 0.5, 1 / 3), agents=fk.Agents(headings=np.arange(5) * 0.1)),
+    "view": scenario(fk.FieldOfView(3.0, 1.0), agents=fk.Agents(headings=np.arange(5) * 0.1)),
+    "schedule": scenario(
+        terms=(
+            fk.Track(
+                fk.Sink([0.0, 1.0]),
+                fk.Schedule([0.1, 0.2], [1.0, 0.0, 1 / 3]),
+                fk.Schedule([0.1], [np.ones(5), np.arange(5) / 7]),
+            ),
+        )
+    ),
     "matrix": scenario(terms=(fk.Consensus(np.arange(5) / 3, weights=np.arange(25.0).reshape(5, 5) / 7),)),
     "hashed": scenario(terms=(fk.Consensus(2.0, weights=fk.HashedWeights(0.1, 0.9, 2**62)),)),
     "two graphs": scenario(terms=(fk.Gradient(PSI), fk.Consensus(1.0, over=OTHER), fk.Consensus(0.5, over=OTHER))),

@@ -187,7 +187,11 @@ def _print_run(make: Callable[[], Run], out: Path | None, as_json: bool) -> int:
         print_facts([*facts(found), ("saved in", str(out) if out else "")])
     if stopped or not result.status.startswith("interrupted"):
         return DIFFERENT if stopped else FINE
-    kept = f"{out} holds it up to its last commit; 'flocking resume {out}' goes on." if out else "no --out, nothing is kept."
+    kept = (
+        f"{out} holds it up to its last commit; 'flocking resume {out}' goes on."
+        if out
+        else "no --out, nothing is kept."
+    )
     print(f"flocking: {result.status}: {kept}", file=sys.stderr)
     return INTERRUPTED
 

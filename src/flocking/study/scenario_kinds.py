@@ -32,7 +32,9 @@ class Context:
         """Refuse more agents than allowed."""
         if n > self.most_agents:
             raise RefusedError(
-                f"must be at most {self.most_agents} agents", f"Pass most_agents={n} if you mean it.", (at,)
+                f"must be at most {self.most_agents} agents",
+                f"Pass most_agents={n} (--most-agents {n}) if you mean it.",
+                (at,),
             )
 
 
@@ -99,6 +101,28 @@ class Kind:
 
 
 @dataclass(frozen=True)
+class Short:
+    """A way to write a part without a table.
+
+    Parameters
+    ----------
+    value
+        What stands in the file.
+    make
+        The part it means.
+    types
+        Types of the parts that are written so.
+    take
+        What is written of such a part.
+    """
+
+    value: Value
+    make: Callable[[Any], Any]
+    types: tuple[type, ...]
+    take: Callable[[Any], Any] = lambda part: part
+
+
+@dataclass(frozen=True)
 class Group:
     """Kinds that may stand in the same place.
 
@@ -112,15 +136,15 @@ class Group:
         The kind meant when the key is absent.
     names
         Which parts with names may stand here, ``"graph"`` or ``"leader"``; None for none.
-    lists
-        Reads a list in place of a table: the value, and what makes the part of it.
+    short
+        A number, text or list that may stand in place of a table.
     """
 
     kinds: tuple[Kind, ...]
     key: str | None = "kind"
     default: str | None = None
     names: str | None = None
-    lists: tuple[Value, Callable[[Any], Any]] | None = None
+    short: Short | None = None
 
     def kind_of(self, part: Any) -> Kind | None:
         """The kind that writes ``part``, None where files have no word for it."""

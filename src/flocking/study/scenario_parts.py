@@ -10,7 +10,7 @@ import numpy as np
 
 from flocking.model import starts
 from flocking.model.avoidance import Avoid
-from flocking.model.bumps import BUMPS
+from flocking.model.bumps import BUMPS, Bump
 from flocking.model.energy import FRAMES as ENERGY_FRAMES
 from flocking.model.energy import Energy
 from flocking.model.graphs import Fixed, Hysteresis, Proximity
@@ -18,13 +18,15 @@ from flocking.model.leaders import Path, Sink, Velocity
 from flocking.model.obstacles import Ball, Wall
 from flocking.model.polygons import ConvexPolygon
 from flocking.model.potentials import Potential
+from flocking.model.schedules import Schedule
 from flocking.model.smooth_graphs import PerAgentRadii, Smooth
 from flocking.model.state import Agents, State
 from flocking.model.terms import Consensus, Gradient
 from flocking.model.tracking import Compensate, Track
+from flocking.model.views import MEASURES, Cone, FieldOfView, SmoothCone
 from flocking.model.weights import HashedWeights, MatrixWeights
 from flocking.study import scenario_values as values
-from flocking.study.scenario_kinds import Context, Field, Group, Kind, Nested, may, need
+from flocking.study.scenario_kinds import Context, Field, Group, Kind, Nested, Short, may, need
 from flocking.study.scenario_values import RefusedError, Value
 
 MOST_DENSE = 5000
@@ -100,8 +102,10 @@ def _drawn(draw: Callable[..., State]) -> Callable[[dict[str, Any], Context], St
 _CONNECTED = {"connected": may(values.TRUTH), "t": may(values.NUMBER)}
 _VELOCITIES = may(values.choice("disc", "box"))
 _GAIN = may(values.NUMBER_OR_NUMBERS)
+_CHANGING = may(Nested("gain"))
 _OVER = may(Nested("graph"))
-_BUMP = may(values.choice(*BUMPS))
+_BUMP = may(Nested("bump"))
+_MEASURE = may(values.choice(*MEASURES))
 
 _LEADERS = (
     Kind("sink", Sink, {"point": need(values.NUMBERS)}),
@@ -129,11 +133,35 @@ GROUPS: dict[str, Group] = {
             Kind("hysteresis", Hysteresis, {"radius": need(values.NUMBER), "gap": need(values.NUMBER)}),
             Kind("smooth", Smooth, {"radius": need(values.NUMBER), "onset": need(values.NUMBER), "bump": _BUMP}),
             Kind("per_agent_radii", PerAgentRadii, {"radii": need(values.NUMBERS), "closed": may(values.TRUTH)}),
+            Kind("cone", Cone, {
+                "radius": need(values.NUMBER_OR_NUMBERS), "opening": need(values.NUMBER_OR_NUMBERS),
+                "measure": _MEASURE,
+            }),
+            Kind("smooth_cone", SmoothCone, {
+                "radius": need(values.NUMBER), "onset": need(values.NUMBER), "opening": need(values.NUMBER),
+                "bump": _BUMP, "measure": _MEASURE,
+            }),
+            Kind("field_of_view", FieldOfView, {
+                "radius": need(values.NUMBER_OR_NUMBERS), "half_angle": need(values.NUMBER_OR_NUMBERS),
+            }),
         ),
         names="graph",
     ),
     "leader": Group(_LEADERS, names="leader"),
-    "place": Group(_LEADERS, names="leader", lists=(values.NUMBERS, Sink)),
+    "place": Group(_LEADERS, names="leader", short=Short(values.NUMBERS, Sink, ())),
+    "bump": Group(
+        (
+            Kind("bump", Bump, {"name": need(values.NAME), "formula": need(values.FORMULA)},
+                 take=lambda x: {"name": x.name, "formula": x.formula.text}),
+        ),
+        default="bump",
+        short=Short(values.choice(*BUMPS), str, (str,)),
+    ),
+    "gain": Group(
+        (Kind("schedule", Schedule, {"times": need(values.NUMBERS), "values": need(values.VALUES)}),),
+        default="schedule",
+        short=Short(values.NUMBER_OR_NUMBERS, lambda gain: gain, (float, int, np.ndarray)),
+    ),
     "potential": Group(
         (
             Kind("potential", Potential, {"formula": need(values.FORMULA), "parameters": may(values.NAMED_NUMBERS)},
@@ -159,7 +187,7 @@ GROUPS: dict[str, Group] = {
             }),
         ),
         default="hashed",
-        lists=(values.ROWS, MatrixWeights),
+        short=Short(values.ROWS, MatrixWeights, (MatrixWeights,), lambda weights: weights.values),
     ),
     "term": Group(
         (
@@ -173,8 +201,8 @@ GROUPS: dict[str, Group] = {
                 "functional": may(values.TRUTH), "over": _OVER,
             }),
             Kind("track", Track, {
-                "leader": need(Nested("leader")), "position_gain": _GAIN, "velocity_gain": _GAIN,
-                "acceleration_gain": _GAIN, "per_mass": may(values.TRUTH), "shared": may(values.TRUTH),
+                "leader": need(Nested("leader")), "position_gain": _CHANGING, "velocity_gain": _CHANGING,
+                "acceleration_gain": _CHANGING, "per_mass": may(values.TRUTH), "shared": may(values.TRUTH),
                 "saturated": may(values.TRUTH),
             }),
             Kind("compensate", Compensate, {}),

@@ -22,13 +22,13 @@ from pydantic_core import PydanticCustomError
 from typing_extensions import TypedDict
 
 from flocking.errors import InvalidInput
-from flocking.study.scenario_kinds import Context, Field, Group, Kind, Nested
+from flocking.study.scenario_kinds import Context, Field, Group, Kind, Nested, Short
 from flocking.study.scenario_parts import GROUPS, SCENARIO, SECTIONS
 from flocking.study.scenario_values import RefusedError, Value, nearest
 
 MOST_TERMS = 100
 _NAME = "<name>"
-_LIST = "<list>"
+_SHORT = "<short>"
 
 
 @dataclass(frozen=True)
@@ -155,8 +155,8 @@ def group_type(name: str) -> Any:
         choices.append(
             Annotated[Any, PlainValidator(_named(group.names)), WithJsonSchema({"type": "string"}), Tag(_NAME)]
         )
-    if group.lists is not None:
-        choices.append(Annotated[_list_type(*group.lists), Tag(_LIST)])
+    if group.short is not None:
+        choices.append(Annotated[_short_type(group.short), Tag(_SHORT)])
     union: Any = choices[0]
     for choice in choices[1:]:
         union = union | choice
@@ -165,17 +165,17 @@ def group_type(name: str) -> Any:
     return Annotated[union, Discriminator(lambda value: tag_of(name, value))]
 
 
-def _list_type(value: Value, make: Any) -> Any:
+def _short_type(short: Short) -> Any:
     def check(given: Any) -> Any:
         try:
-            return make(value.check(given))
+            return short.make(short.value.check(given))
         except RefusedError as refused:
             raise _refusal(refused, given) from None
         except InvalidInput as error:
             facts = {"rule": error.rule, "fix": error.fix, "at": (), "value": error.value}
             raise PydanticCustomError("refused", "{rule}", facts) from None
 
-    return Annotated[Any, PlainValidator(check), WithJsonSchema(dict(value.schema))]
+    return Annotated[Any, PlainValidator(check), WithJsonSchema(dict(short.value.schema))]
 
 
 def _named(group: str) -> Any:
@@ -200,9 +200,7 @@ def tag_of(name: str, value: Any) -> str | None:
         return word if isinstance(word, str) else None
     if isinstance(value, str) and group.names is not None:
         return _NAME
-    if isinstance(value, list) and group.lists is not None:
-        return _LIST
-    return None
+    return _SHORT if group.short is not None else None
 
 
 def faults(error: ValidationError, data: Any, prefix: tuple[str | int, ...], group: str | None) -> list[Problem]:
@@ -227,7 +225,7 @@ def _path(steps: tuple[str | int, ...], data: Any, group: str | None) -> tuple[t
             chosen = GROUPS[waiting]
             tag = tag_of(waiting, data) if chosen.key is not None else chosen.kinds[0].word
             kind = next((k for k in chosen.kinds if k.word == tag), None)
-            single = chosen.key is None or (len(chosen.kinds) == 1 and not (chosen.names or chosen.lists))
+            single = chosen.key is None or (len(chosen.kinds) == 1 and not (chosen.names or chosen.short))
             waiting = None
             if not single:
                 continue

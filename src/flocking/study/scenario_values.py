@@ -140,6 +140,10 @@ def _number_or_numbers(value: Any) -> float | list[float]:
         raise RefusedError(rule if refused.rule == "must be a number" else refused.rule) from None
 
 
+def _values(value: Any) -> list[float | list[float]]:
+    return _each(value, "numbers, or of lists of one number per agent", _number_or_numbers)
+
+
 def _pair(value: Any) -> tuple[int, int]:
     if not isinstance(value, list) or len(value) != 2:
         raise RefusedError("must be a pair of agents such as [0, 1]")
@@ -211,6 +215,7 @@ NAME = Value(_name, {"type": "string", "maxLength": LONGEST_NAME})
 NUMBERS = Value(_numbers, _NUMBERS)
 ROWS = Value(_rows, _ROWS)
 NUMBER_OR_NUMBERS = Value(_number_or_numbers, {"anyOf": [{"type": "number"}, _NUMBERS]})
+VALUES = Value(_values, {"type": "array", "items": {"anyOf": [{"type": "number"}, _NUMBERS]}})
 PAIRS = Value(
     _pairs,
     {"type": "array", "items": {"type": "array", "items": {"type": "integer"}, "minItems": 2, "maxItems": 2}},

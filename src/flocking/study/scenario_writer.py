@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 from flocking.errors import InvalidInput
-from flocking.model.weights import MatrixWeights
 from flocking.study.scenario_kinds import Nested
 from flocking.study.scenario_parts import GROUPS
 from flocking.study.scenario_values import plain
@@ -51,8 +50,8 @@ class PartWriter:
 
     def _table(self, group_name: str, part: Any) -> Any:
         group = GROUPS[group_name]
-        if group.lists and isinstance(part, MatrixWeights):
-            return plain(part.values)
+        if group.short and isinstance(part, group.short.types):
+            return plain(group.short.take(part))
         kind = group.kind_of(part)
         if kind is None:
             known = ", ".join(sorted({(k.written or k.part).__name__ for k in group.kinds}))

@@ -1,0 +1,293 @@
+"""The command line: exit codes, messages, JSON and tables."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import flocking as fk
+from flocking.apps import cli, reproduction
+from flocking.apps.reproduction import Reproduction
+from flocking.papers import KEYS
+
+QUICK = """
+name = "quick"
+t_end = 1
+frames = 5
+terms = [{kind = "gradient", formula = "1/r + 1/(R - r)", parameters = {R = 4}}, {kind = "consensus"}]
+graph = {kind = "hysteresis", radius = 4, gap = 0.1}
+start = {draw = "box", n = 6, side = 4, speed = 2, seed = 5, connected = true}
+"""
+FALL = """
+t_end = 100
+graph = {kind = "proximity", radius = 10}
+terms = [{kind = "gradient", formula = "-1/r"}]
+start = {q = [[0, 0], [1, 0]]}
+"""
+
+
+@pytest.fixture
+def quick(tmp_path: Path) -> Path:
+    file = tmp_path / "quick.toml"
+    file.write_text(QUICK)
+    return file
+
+
+def call(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
+    code = cli.main([str(word) for word in words])
+    shown = capsys.readouterr()
+    for text in (shown.out, shown.err):
+        assert "Traceback" not in text
+        assert "\x1b" not in text
+    return code, shown.out, shown.err
+
+
+def shell(*words: object, **settings: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "flocking.apps.cli", *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, **settings)  # type: ignore[call-overload, no-any-return]
+
+
+def test_help_names_every_command_and_is_quick() -> None:
+    begin = time.perf_counter()
+    shown = shell("--help", env={**os.environ, "COLUMNS": "80"})
+    seconds = time.perf_counter() - begin
+    assert shown.returncode == 0
+    for command in ("list", "run", "resume", "reproduce", "audit", "check", "equations", "schema"):
+        assert command in shown.stdout
+    assert "\x1b" not in shown.stdout
+    assert max(map(len, shown.stdout.splitlines())) <= 80
+    assert seconds < 3.0  # 0.2 s on an idle machine
+
+
+def test_help_imports_nothing_heavy() -> None:
+    code = (
+        "import sys; from flocking.apps.cli import main; main(['--help']);"
+        "heavy = {'numba', 'sympy', 'scipy', 'matplotlib', 'pydantic', 'zarr', 'xarray', 'numpy'} & set(sys.modules);"
+        "sys.exit(f'imported {heavy}' if heavy else 0)"
+    )
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert shown.returncode == 0, shown.stderr
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert call(capsys, "--version")[:2] == (0, f"{fk.__version__}\n")
+
+
+def test_list_shows_every_scenario_of_every_paper(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = call(capsys, "list", "--json")
+    assert code == 0
+    names = {row["scenario"]: row["paper"] for row in json.loads(out)}
+    assert {"tanner-2003-fixed", "tanner-2003-dynamic", "zhou-2015", "zhou-2015-leader"} <= set(names)
+    assert set(names.values()) == set(KEYS)
+    code, out, _ = call(capsys, "list")
+    assert code == 0
+    assert all(name in out for name in names)
+    assert max(map(len, out.splitlines())) <= 80
+
+
+def test_run_audit_and_resume_of_a_file(quick: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "run"
+    code, text, err = call(capsys, "run", quick, "--out", out)
+    assert (code, err) == (0, "")
+    assert "finished" in text
+    assert "closest pair ever" in text
+    expected = fk.simulate(fk.read_scenario(quick), progress=False)
+    assert fk.read_run(out).q.tobytes() == expected.q.tobytes()
+    code, text, _ = call(capsys, "audit", out, "--json")
+    report = json.loads(text)
+    assert (code == 0) == report["as_expected"]
+    code, text, _ = call(capsys, "audit", out)
+    assert "verdict" in text
+    assert max(map(len, text.splitlines())) <= 80
+    code, text, _ = call(capsys, "resume", out, "--json")
+    assert code == 0
+    assert json.loads(text)["status"] == "finished"
+
+
+def test_run_as_json_is_pure_json_and_seeds_differ(quick: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = [json.loads(call(capsys, "run", quick, "--json", *extra)[1]) for extra in ([], ["--seed", "6"])]
+    assert [f["provenance"]["seed"] for f in found] == [None, 6]
+    assert found[0]["scenario"] == "quick"
+    assert found[0]["energy"] != found[1]["energy"]
+
+
+def test_an_audit_that_finds_a_wrong_run_exits_with_1(
+    quick: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scenario = fk.read_scenario(quick)
+    mutant = fk.Law(scenario.law.graph, (scenario.law.terms[0], fk.Consensus(0.2)))
+    fk.write_run(fk.simulate(scenario, plant=mutant, progress=False), tmp_path / "mutant")
+    code, text, _ = call(capsys, "audit", tmp_path / "mutant")
+    assert code == 1
+    assert "otherwise" in text
+
+
+def test_a_run_that_cannot_go_on_exits_with_1_and_tells_what_was_reached(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "fall.toml").write_text(FALL)
+    code, out, err = call(capsys, "run", tmp_path / "fall.toml", "--json")
+    assert code == 1
+    assert err.startswith("flocking: The step shrank")
+    assert 0 < json.loads(out)["time"] < 0.8
+
+
+BAD = [
+    (["rum"], 'Did you mean "run"'),
+    (["run"], "scenario"),
+    (["run", "zhou"], "Did you mean 'zhou-2015'?"),
+    (["run", "absent.toml"], "cannot be read"),
+    (["run", "."], "cannot be read"),
+    (["run", "zhou-2015", "--engine", "steam"], "must be one of"),
+    (["run", "zhou-2015", "--seed", "x"], "seed"),
+    (["run", "zhou-2015", "--seed", "-1"], "seed"),
+    (["run", "zhou-2015", "--out", "/dev/null/x"], "/dev/null/x"),
+    (["audit", "absent"], "no run here"),
+    (["audit", "."], "no run here"),
+    (["resume", "absent"], "absent"),
+    (["check", "1/r +"], "does not parse"),
+    (["check", "__import__('os').system('true')"], "Call"),
+    (["check", "1/(R - r)"], "'R', which has no value"),
+    (["check", "R/r", "-p", "R"], "name=number"),
+    (["check", "R/r", "-p", "R=nan"], "name=number"),
+    (["check", "R/r", "-p", "R=1", "-p", "R=2"], "R once"),
+    (["check", "1/r", "--radius", "-1"], "greater than 0"),
+    (["check", "1/r", "--definition", "none"], "must be one of"),
+    (["equations", "tanner"], "must be one of"),
+    (["reproduce", "tanner"], "must be one of"),
+    (["reproduce", "zhou-2015", "--seeds", "0"], "at least 1"),
+]
+
+
+@pytest.mark.parametrize(("words", "message"), BAD, ids=[" ".join(words) for words, _ in BAD])
+def test_bad_input_exits_with_2_and_one_message(
+    words: list[str], message: str, capsys: pytest.CaptureFixture[str], tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    code, out, err = call(capsys, *words)
+    assert (code, out) == (2, "")
+    assert err.startswith("flocking: ")
+    assert message in err
+    assert err.count("\n") == 1
+
+
+def test_every_fault_of_a_file_is_on_stderr(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "bad.toml").write_text(QUICK.replace("gap = 0.1", "gap = 9").replace("t_end = 1", "t_end = 'x'"))
+    code, out, err = call(capsys, "run", tmp_path / "bad.toml", "--json")
+    assert (code, out) == (2, "")
+    assert "2 faults" in err
+    assert "graph.gap: must be smaller than the radius" in err
+    assert "t_end: must be a number; got 'x'" in err
+
+
+def test_more_agents_than_the_limit_need_a_word(quick: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, _, err = call(capsys, "run", quick, "--most-agents", "5")
+    assert code == 2
+    assert "--most-agents 6" in err
+
+
+def test_check_exits_with_1_only_where_a_named_definition_fails(capsys: pytest.CaptureFixture[str]) -> None:
+    formula = "1/r + 1/(R - r)"
+    code, out, _ = call(capsys, "check", formula, "-p", "R=4", "--radius", "4", "--json")
+    assert code == 0
+    verdicts = {d["key"]: d["holds"] for d in json.loads(out)["definitions"]}
+    assert verdicts["zhou-2015"] is True
+    assert verdicts["tanner-2003-fixed"] is False
+    assert call(capsys, "check", formula, "-p", "R=4", "--definition", "zhou-2015")[0] == 0
+    code, out, _ = call(capsys, "check", formula, "-p", "R=4", "--definition", "tanner-2003-fixed")
+    assert code == 1
+    assert "fails" in out
+    assert max(map(len, out.splitlines())) <= 80
+
+
+def test_equations(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = call(capsys, "equations", "tanner-2003-fixed", "--json")
+    assert code == 0
+    rows = json.loads(out)
+    assert {row["paper"] for row in rows} == {"tanner-2003-fixed"}
+    assert any(row["verdict"] == "wrong" for row in rows)
+    code, out, _ = call(capsys, "equations", "tanner-2003-fixed")
+    assert all(row["number"] in out for row in rows)
+    assert max(map(len, out.splitlines())) <= 80
+
+
+def test_schema_is_json(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = call(capsys, "schema")
+    assert code == 0
+    assert json.loads(out)["title"] == "flocking scenario"
+
+
+def test_reproduce_with_too_few_seeds_is_not_as_expected(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = call(capsys, "reproduce", "tanner-2003-fixed", "--seeds", "1", "--json")
+    assert code == 1
+    found = json.loads(out)
+    assert found["as_expected"] is False
+    assert {row["verdict"] for row in found["claims"]} <= {"untested", "not applicable"}
+
+
+def test_reproduce_passes_its_arguments_and_exits_with_0_when_all_is_as_expected(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    seen = {}
+
+    def stand_in(keys: object, **settings: object) -> Reproduction:
+        seen.update(settings, keys=keys)
+        return Reproduction({}, seconds=1.0)
+
+    monkeypatch.setattr(reproduction, "reproduce", stand_in)
+    code, out, _ = call(capsys, "reproduce", "--seeds", "7", "--out", tmp_path, "--workers", "1")
+    assert code == 0
+    assert "0 of 0 claims" in out
+    assert (seen["seeds"], seen["out"], seen["workers"], tuple(seen["keys"])) == (7, tmp_path, 1, tuple(KEYS))
+
+
+def test_a_closed_pipe_is_no_error() -> None:
+    line = f"{sys.executable} -m flocking.apps.cli schema | head -1; echo ${{PIPESTATUS[0]}}"
+    shown = subprocess.run(["bash", "-c", line], capture_output=True, text=True, timeout=60)
+    assert shown.stdout.split() == ["{", "0"]
+    assert shown.stderr == ""
+
+
+def test_no_colours_and_no_wide_lines_when_piped(quick: Path) -> None:
+    shown = shell("run", quick, env={k: v for k, v in os.environ.items() if k not in ("COLUMNS", "FORCE_COLOR")})
+    assert shown.returncode == 0, shown.stderr
+    assert "\x1b" not in shown.stdout + shown.stderr
+    assert max(map(len, shown.stdout.splitlines())) <= 80
+
+
+def test_ctrl_c_keeps_what_was_computed_and_resume_goes_on(tmp_path: Path) -> None:
+    file = tmp_path / "long.toml"
+    file.write_text(QUICK.replace("t_end = 1\nframes = 5", "t_end = 1e5\nframes = 100001"))
+    out = tmp_path / "run"
+    command = [sys.executable, "-m", "flocking.apps.cli", "run", str(file), "--out", str(out), "--json"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        limit = time.monotonic() + 90
+        while not (out.exists() and committed(out) > 0) and time.monotonic() < limit:
+            assert process.poll() is None, process.communicate()[1]
+            time.sleep(0.1)
+        process.send_signal(signal.SIGINT)
+        text, err = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 130, err
+    assert "flocking resume" in err
+    assert "Traceback" not in err
+    found = json.loads(text)
+    assert found["status"].startswith("interrupted")
+    assert 0 < committed(out) <= found["frames"]
+
+
+def committed(folder: Path) -> int:
+    try:
+        return len(fk.read_run(folder).t)
+    except fk.FlockingError:
+        return 0
