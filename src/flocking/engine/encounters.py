@@ -140,7 +140,6 @@ class Encounters:
                 continue
             inside = near[number][i, o]
             sign = np.where(inside, 1.0, -1.0)
-            border = level.distance + sign * slack
 
             above = self._excess(segment, g, o, sign, level.distance + sign * slack)
             when = first_crossings(above, np.ascontiguousarray(B[:, i].transpose(1, 0, 2)), speeds[g][o] * length)

@@ -132,10 +132,17 @@ def _undeclared_power(total: dict[str, sympy.Expr], r: sympy.Symbol, paired: boo
 
     rate = sympy.diff(total["storage"], r) * _symbol("radial")
     if paired:
-        return sympy.simplify(rate - total["along"] * _symbol("radial")) + sympy.expand(
+        return _cancelled(rate - total["along"] * _symbol("radial")) + sympy.expand(
             total["dissipation"] - total["drag"] * _symbol("speed2")
         )
     return 2 * (total["along"] * _symbol("push") + total["drag"] * _symbol("pull")) + rate + total["dissipation"]
+
+
+def _cancelled(difference: sympy.Expr) -> sympy.Expr:
+    """A difference that should be recognised where it is zero. Pieces are left alone: merging them takes minutes."""
+    import sympy
+
+    return difference if difference.has(sympy.Piecewise) else sympy.simplify(difference)
 
 
 def _undeclared_flow(total: dict[str, sympy.Expr], r: sympy.Symbol, paired: bool) -> sympy.Expr:
@@ -144,7 +151,7 @@ def _undeclared_flow(total: dict[str, sympy.Expr], r: sympy.Symbol, paired: bool
 
     rate = sympy.diff(total["storage"], r) * _symbol("radial")
     if paired:
-        return sympy.simplify(rate - total["along"] * _symbol("radial"))
+        return _cancelled(rate - total["along"] * _symbol("radial"))
     return 2 * total["along"] * _symbol("push") + rate
 
 

@@ -16,7 +16,19 @@ def _printer(arrays: bool) -> Any:
     from sympy.printing.pycode import PythonCodePrinter
 
     settings = {"fully_qualified_modules": True, "allow_unknown_functions": False}
-    return NumPyPrinter(settings) if arrays else PythonCodePrinter(settings)
+    if not arrays:
+        return PythonCodePrinter(settings)
+
+    class ArrayPrinter(NumPyPrinter):  # type: ignore[misc]
+        """Joins conditions with operators: NumPy's reduce cannot mix numbers with arrays."""
+
+        def _print_And(self, expr: Any) -> str:  # noqa: N802
+            return "(" + " & ".join(f"({self._print(c)})" for c in expr.args) + ")"
+
+        def _print_Or(self, expr: Any) -> str:  # noqa: N802
+            return "(" + " | ".join(f"({self._print(c)})" for c in expr.args) + ")"
+
+    return ArrayPrinter(settings)
 
 
 def code(expression: sympy.Expr, *, arrays: bool) -> str:

@@ -6,10 +6,10 @@ from flocking.model.checks import number
 from flocking.model.potentials import Potential
 
 FORMULA = (
-    "(a + b)/2*(sqrt(1 + (r - d + abs(a - b)/(2*sqrt(a*b)))**2) - sqrt(1 + (abs(a - b)/(2*sqrt(a*b)))**2))"
+    "(a + b)/2*(sqrt(1 + (r - d + (b - a)/(2*sqrt(a*b)))**2) - sqrt(1 + ((b - a)/(2*sqrt(a*b)))**2))"
     " + (a - b)/2*(r - d)"
 )
-"""psi_alpha(r - d), with c = |a - b|/(2 sqrt(a b)) written out."""
+"""psi_alpha(r - d), with c = (b - a)/(2 sqrt(a b)) written out."""
 
 
 def structural_potential(distance: float, a: float = 1.0, b: float = 5.0) -> Potential:

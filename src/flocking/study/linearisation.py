@@ -1,0 +1,105 @@
+"""Small motions about a state: stiffness, damping, eigenvalues, and the motions that cost nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flocking.engine.reference import evaluate, graph_links
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array
+from flocking.model.law import Law
+from flocking.model.state import Agents, State
+
+
+@dataclass(frozen=True, eq=False)
+class Linearisation:
+    """m_i x_i'' = - (K x)_i - (C x')_i about a state, its links held fixed.
+
+    Parameters
+    ----------
+    stiffness
+        K = -du/dq, shape (N m, N m), ordered agent by agent.
+    damping
+        C = -du/dp, with the agents' own damping, shape (N m, N m).
+    masses
+        Mass of every coordinate, shape (N m,).
+    force
+        Largest force at the state: zero at an equilibrium.
+    """
+
+    stiffness: Array
+    damping: Array
+    masses: Array
+    force: float
+
+    @property
+    def matrix(self) -> Array:
+        """The first-order system: d/dt (x, x') = matrix (x, x'), shape (2 N m, 2 N m)."""
+        size = len(self.masses)
+        inverse = 1.0 / self.masses[:, None]
+        zero, one = np.zeros((size, size)), np.eye(size)
+        return np.block([[zero, one], [-inverse * self.stiffness, -inverse * self.damping]])
+
+    @property
+    def eigenvalues(self) -> NDArray[np.complex128]:
+        """Eigenvalues of `matrix`, the slowest decaying first."""
+        values = np.linalg.eigvals(self.matrix).astype(np.complex128)
+        return np.asarray(values[np.argsort(-values.real, kind="stable")])
+
+    @property
+    def asymmetry(self) -> float:
+        """Largest entry of K - K^T relative to K: zero where the forces have a potential."""
+        scale = float(np.abs(self.stiffness).max(initial=0.0))
+        return float(np.abs(self.stiffness - self.stiffness.T).max(initial=0.0)) / scale if scale else 0.0
+
+    def zero_modes(self, tolerance: float = 1e-6) -> int:
+        """Motions that the stiffness does not resist: the rigid ones of a rigid flock, more of a floppy one.
+
+        Singular values of K below ``tolerance`` times the largest count as zero.
+        """
+        values = np.linalg.svd(self.stiffness, compute_uv=False)
+        return int((values <= tolerance * values[0]).sum()) if values[0] > 0 else len(values)
+
+
+def linearise(law: Law, state: State, *, agents: Agents | None = None, step: float = 1e-5) -> Linearisation:
+    """Linearise a law about a state by central differences of its control, the links held fixed.
+
+    Parameters
+    ----------
+    law
+        The control law.
+    state
+        Where; for a flock in motion take the frame of its velocity, or a law that does not see it.
+    agents
+        Masses, damping and headings; of order 2.
+    step
+        Step of the differences, in units of length and of speed.
+
+    Raises
+    ------
+    InvalidInput
+        When the agents are of order 1.
+    """
+    agents = agents or Agents()
+    if agents.order != 2:
+        raise InvalidInput("linearise", "agents", "must be of order 2", agents.order)
+    n, m = state.q.shape
+    links = graph_links(law, state, agents.headings)[0]
+
+    def control(q: Array, p: Array) -> Array:
+        return evaluate(law, State(q, p, state.t, links), agents=agents).u.ravel()
+
+    stiffness, damping = np.empty((n * m, n * m)), np.empty((n * m, n * m))
+    for k in range(n * m):
+        shift = np.zeros(n * m)
+        shift[k] = step
+        shift = shift.reshape(n, m)
+        stiffness[:, k] = (control(state.q - shift, state.p) - control(state.q + shift, state.p)) / (2 * step)
+        damping[:, k] = (control(state.q, state.p - shift) - control(state.q, state.p + shift)) / (2 * step)
+    own = np.repeat(np.broadcast_to(np.asarray(agents.damping, dtype=np.float64), n), m)
+    masses = np.repeat(np.broadcast_to(np.asarray(agents.masses, dtype=np.float64), n), m)
+    force = float(np.abs(control(state.q, state.p)).max())
+    return Linearisation(stiffness, damping + np.diag(own), masses, force)
