@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flocking.errors import InvalidInput
 from flocking.formula.compiled import generated_module
@@ -89,6 +90,10 @@ class Sink(Leader):
 
     point: Array
 
+    if TYPE_CHECKING:  # anything that makes an array may be given
+
+        def __init__(self, point: ArrayLike) -> None: ...
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "point", array("Sink", "point", self.point, ndim=1))
 
@@ -140,6 +145,10 @@ class Velocity(Leader):
     value: Array
     start: Array | None = None
     start_time: float = 0.0
+
+    if TYPE_CHECKING:
+
+        def __init__(self, value: ArrayLike, start: ArrayLike | None = None, start_time: float = 0.0) -> None: ...
 
     def __post_init__(self) -> None:
         value = array("Velocity", "value", self.value, ndim=1)
@@ -267,7 +276,7 @@ def _leader_source(leader: Leader, names: tuple[str, ...]) -> str:
         return "[" + ", ".join(code(v, arrays=False) for v in values) + "]"
 
     q = leader.position(t, parameter)
-    place = written(q) if q is not None else "[math.nan] * %d" % leader.dimension
+    place = written(q) if q is not None else f"[math.nan] * {leader.dimension}"
     return (
         f"import math\n\ndef leader(t, {', '.join(names)}):\n"
         f"    return {place}, {written(leader.velocity(t, parameter))}, {written(leader.acceleration(t, parameter))}\n"

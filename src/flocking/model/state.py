@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -34,7 +34,7 @@ class State:
     """
 
     q: Array
-    p: Array = field(default=None)  # type: ignore[assignment]
+    p: Array = None  # type: ignore[assignment]
     t: float = 0.0
     links: np.ndarray[Any, np.dtype[np.bool_]] | None = None
 
