@@ -160,7 +160,7 @@ def _write(
     rows = [j.as_dict(name) for name, found in judgements.items() for j in found]
     (out / "claims.json").write_text(json.dumps(rows, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     (out / "errata.json").write_text(json.dumps(errata, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    drawn = []
+    drawn: list[Path] = []
     for key, module in modules.items():
         drawn += draw_figures(module, runs, out / key)
     return drawn
@@ -170,7 +170,7 @@ def draw_figures(module: ModuleType, runs: dict[str, Run], folder: Path) -> list
     """Draw all figures of a paper from runs of its scenarios, as SVG and PNG."""
     from flocking.show.style import save
 
-    drawn = []
+    drawn: list[Path] = []
     for number, declaration in module.figures().items():
         run = runs.get(declaration.scenario or next(iter(module.scenarios())))
         if run is not None:

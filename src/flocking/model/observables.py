@@ -56,7 +56,8 @@ def closest_pair(state: State) -> tuple[float, tuple[int, int]]:
         return np.inf, (-1, -1)
     from scipy.spatial import cKDTree
 
-    distance, index = cKDTree(state.q).query(state.q, k=2)
+    found = cKDTree(state.q).query(state.q, k=2)
+    distance, index = np.asarray(found[0]), np.asarray(found[1])
     # Coinciding agents may list each other first: take whichever entry is not the agent itself.
     own = index[:, 1] == np.arange(state.n)
     nearest = np.where(own, index[:, 0], index[:, 1])

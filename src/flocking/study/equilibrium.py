@@ -67,10 +67,10 @@ class Equilibrium:
         across = np.eye(m)[None] - self.direction[:, :, None] * self.direction[:, None, :]
         along = self.direction[:, :, None] * self.direction[:, None, :]
         blocks = curvature[:, None, None] * along + tension[:, None, None] * across
-        found = np.zeros((n, m, n, m))
-        np.add.at(found, (self.i, slice(None), self.i, slice(None)), blocks)
-        np.add.at(found, (self.i, slice(None), self.j, slice(None)), -blocks)
-        return found.reshape(n * m, n * m)
+        found = np.zeros((n, n, m, m))
+        np.add.at(found, (self.i, self.i), blocks)
+        np.add.at(found, (self.i, self.j), -blocks)
+        return found.transpose(0, 2, 1, 3).reshape(n * m, n * m)
 
     @cached_property
     def stiffness(self) -> Array:

@@ -139,7 +139,7 @@ class Evidence:
     def link_switches(self) -> np.ndarray[Any, Any]:
         """Switches of links of the law's own graph."""
         s = self.run.switches
-        return s[(s["graph"] == 0) & ((s["kind"] == "appear") | (s["kind"] == "break"))]
+        return np.asarray(s[(s["graph"] == 0) & ((s["kind"] == "appear") | (s["kind"] == "break"))])
 
     @cached_property
     def first_disconnected(self) -> float:

@@ -154,11 +154,11 @@ def run_from_samples(scenario: Scenario, t: Array, q: Array, p: Array) -> Run:
 
 def _integrate(t: Array, power: Array) -> tuple[Array, float]:
     """Running integral of sampled power, and an estimate of its error."""
-    from scipy.integrate import cumulative_simpson, cumulative_trapezoid
+    from scipy.integrate import cumulative_simpson
 
-    coarse = cumulative_trapezoid(power, t, initial=0.0)
-    fine = cumulative_simpson(power, x=t, initial=0.0)
-    return np.asarray(fine), float(np.abs(np.diff(fine - coarse)).sum())
+    coarse = np.concatenate([[0.0], np.cumsum(np.diff(t) * (power[1:] + power[:-1]) / 2)])
+    fine = np.concatenate([[0.0], np.asarray(cumulative_simpson(power, x=t))])
+    return fine, float(np.abs(np.diff(fine - coarse)).sum())
 
 
 def _jumps(scenario: Scenario, links: list[Any]) -> Array:

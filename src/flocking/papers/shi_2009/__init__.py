@@ -12,4 +12,16 @@ TITLE = "Flocking of multi-agent systems with a dynamic virtual leader"
 AUTHORS = "H. Shi, L. Wang, T. Chu"
 YEAR = 2009
 
-__all__ = ["AUTHORS", "KEY", "TITLE", "YEAR", "claims", "equations", "figure", "figures", "potential", "scenario", "scenarios"]
+__all__ = [
+    "AUTHORS",
+    "KEY",
+    "TITLE",
+    "YEAR",
+    "claims",
+    "equations",
+    "figure",
+    "figures",
+    "potential",
+    "scenario",
+    "scenarios",
+]

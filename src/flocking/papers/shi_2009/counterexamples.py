@@ -24,10 +24,17 @@ from flocking.study.equations import Demonstration
 
 
 def single_agent(
-    velocity: str, *, h0: float = 1.0, r0: float = 0.0, t_end: float = 10.0, q: float = 0.4, p: float = -0.3, **parameters: float
+    velocity: str,
+    *,
+    h0: float = 1.0,
+    r0: float = 0.0,
+    t_end: float = 10.0,
+    q: float = 0.4,
+    p: float = -0.3,
+    **parameters: float,
 ) -> Run:
     """One agent of unit mass after a leader on a line: the centre of mass under (12) or (15)."""
-    leader = Path([velocity], **parameters)
+    leader = Path([velocity], None, 0.0, **parameters)
     law = Law(Fixed(1, ()), (Track(leader, r0, h0),))
     start = State(np.array([[q]]), np.array([[p]]))
     return simulate(Scenario(law, start, t_end=t_end, frames=201, tolerance=1e-11, energy=Energy()), progress=False)
@@ -78,7 +85,7 @@ def decay(scale: float) -> tuple[Array, Array]:
 
 
 def limit_difference(scale: float) -> float:
-    """Limit of the position difference under (8) for h_0 = 2, start difference 1 and velocity error 3 times ``scale``."""
+    """Limit of the position difference under (8): h_0 = 2, start difference 1, velocity error 3 times ``scale``."""
     t = np.array([0.0, 40.0])
     return float(free_motion(2.0, 0.0, t, np.ones(1), np.full(1, 3.0 * scale))[0][-1, 0])
 
@@ -89,7 +96,7 @@ def steady(law: int) -> Callable[[float], tuple[float, float]]:
 
 
 def unequal_gains(scale: float) -> float:
-    """Rate of the centre of mass's velocity error when two agents at opposite errors have gains 1 and 2, off by ``scale``."""
+    """Rate of the mean velocity when two agents at opposite velocities have gains 1 and 2, off by ``scale``."""
     leader = Path(["0*t"])
     law = Law(Fixed.complete(2), (Track(leader, velocity_gain=np.array([1.0, 2.0 * scale])),))
     from flocking.engine.reference import control
@@ -105,7 +112,9 @@ def depth_is_two() -> Demonstration:
     weak, strong = system.potential(0.05, 0.05), system.potential(0.5, 0.5)
     grid = np.linspace(0.5, 4.0, 3501)
     depths = [float(psi(4.0) - psi(grid).min()) for psi in (weak, strong)]
-    return Demonstration(10 * depths[0], depths[1], 1e-6, "ten times the depth for a = 0.05, against the depth for a = 0.5")
+    return Demonstration(
+        10 * depths[0], depths[1], 1e-6, "ten times the depth for a = 0.05, against the depth for a = 0.5"
+    )
 
 
 def not_minimal() -> Demonstration:
@@ -115,7 +124,9 @@ def not_minimal() -> Demonstration:
     evidence = Evidence(simulate(system.scenario(seed=0), progress=False))
     lowest = float(system.potential()(1.0)) * np.bincount(evidence.equilibrium.i, minlength=10)
     excess = evidence.equilibrium.agent_potentials - lowest
-    return Demonstration(0.0, float(excess.max()), 1e-3, "excess of the worst agent's potential over its minimum at the limit")
+    return Demonstration(
+        0.0, float(excess.max()), 1e-3, "excess of the worst agent's potential over its minimum at the limit"
+    )
 
 
 def wrong_sign() -> Demonstration:
@@ -127,9 +138,11 @@ def wrong_sign() -> Demonstration:
     right = control(pair, state)
     printed = -right
     return Demonstration(
-        float((printed[1] - printed[0])[0]), float((right[1] - right[0])[0]), 1e-12,
+        float((printed[1] - printed[0])[0]),
+        float((right[1] - right[0])[0]),
+        1e-12,
         "rate of the relative velocity 1 of two agents: as printed, and with the sign of (4)",
-    )  # fmt: skip
+    )
 
 
 def time_constant() -> Demonstration:
@@ -154,4 +167,6 @@ def wrong_index() -> Demonstration:
     right = -float(v @ np.diag(xi) @ laplacian @ v)
     swapped = weights * xi[None, :]
     printed = -float(v @ (np.diag(swapped.sum(axis=1)) - swapped) @ v)
-    return Demonstration(printed, right, 1e-9, "power of the alignment forces on three agents: with xi_j, and with xi_i")
+    return Demonstration(
+        printed, right, 1e-9, "power of the alignment forces on three agents: with xi_j, and with xi_i"
+    )

@@ -22,7 +22,7 @@ from flocking.model.law import Law, Scenario
 from flocking.model.observables import mean_position, mean_velocity
 from flocking.model.potentials import Potential
 from flocking.model.state import Agents, State
-from flocking.model.terms import Consensus, Gradient
+from flocking.model.terms import Consensus, Gradient, Term
 from flocking.model.tracking import Track
 from flocking.papers.shi_2009 import system
 from flocking.papers.shi_2009.theorems import claims
@@ -41,7 +41,7 @@ def group(name: str = KEY) -> Scenario:
 
 def scaled_law(scenario: Scenario, scale: float) -> Law:
     """The law with its alignment and tracking gains multiplied by ``scale``."""
-    terms = []
+    terms: list[Term] = []
     for term in scenario.law.terms:
         if isinstance(term, Consensus):
             terms.append(Consensus(scale, weights=term.weights))

@@ -8,6 +8,7 @@ import numpy as np
 
 from flocking.engine.run import Run
 from flocking.errors import InvalidInput
+from flocking.model.checks import Array
 from flocking.papers.shi_2009.system import DURATION, KEY, SETTINGS, potential
 from flocking.show import declaration, plane, series
 from flocking.show.curves import curve
@@ -19,13 +20,13 @@ from flocking.show.style import PAGE
 def _desired(run: Run) -> Any:
     leader = run.scenario.law.leaders[0]
 
-    def component(axis: int) -> Any:
-        return panel(
-            curve, lambda t: np.array([leader.at(float(s))[1][axis] for s in t]), 0.0, DURATION, variable="$t$",
-            label=f"$v^0_{'xy'[axis]}$",
-        )  # fmt: skip
+    def component(run: Run, axis: int, *, axes: Any = None) -> Any:
+        def velocity(t: Array) -> Array:
+            return np.array([leader.at(float(s))[1][axis] for s in t])
 
-    return sheet([component(0), component(1)], columns=2, width=PAGE, ratio=0.75)
+        return curve(velocity, 0.0, DURATION, axes=axes, variable="$t$", label=f"$v^0_{'xy'[axis]}$")
+
+    return sheet([panel(component, run, 0), panel(component, run, 1)], columns=2, width=PAGE, ratio=0.75)
 
 
 def _panels(run: Run) -> Any:
@@ -36,23 +37,44 @@ def _panels(run: Run) -> Any:
             panel(series.centre_errors, run),
             panel(plane.net, run, frame=-1),
         ],
-        columns=2, width=PAGE, ratio=0.75,
-    )  # fmt: skip
+        columns=2,
+        width=PAGE,
+        ratio=0.75,
+    )
 
 
 def figures() -> dict[str, Figure]:
     """All figures by number. Those of simulations name the scenario they show."""
     about_centre = {"9": f"{KEY}-velocity-only", "12": f"{KEY}-partial"}
     found = [
-        Figure("1", "The potential (3) for a = b = 1 and R = 2.", declaration.potential(potential(1.0, 1.0, 2.0), radius=2.0)),
+        Figure(
+            "1",
+            "The potential (3) for a = b = 1 and R = 2.",
+            declaration.potential(potential(1.0, 1.0, 2.0), radius=2.0),
+        ),
         Figure("2", "The desired velocity along both axes.", _desired),
         Figure("3", "Initial state: links and velocities.", declaration.initial()),
-        *(Figure(s.figure, f"Velocity errors, centre of mass, and final state: law ({s.law}), velocity known to {s.velocity}, "
-                 f"acceleration to {s.acceleration}.", _panels, scenario=name)
-          for name, s in SETTINGS.items() if s.figure),
-        *(Figure(number, "Velocity errors about the centre of mass.",
-                 declaration.velocity_errors(about="mean"), scenario=name) for number, name in about_centre.items()),
-    ]  # fmt: skip
+        *(
+            Figure(
+                s.figure,
+                f"Velocity errors, centre of mass, and final state: law ({s.law}), velocity known to {s.velocity}, "
+                f"acceleration to {s.acceleration}.",
+                _panels,
+                scenario=name,
+            )
+            for name, s in SETTINGS.items()
+            if s.figure
+        ),
+        *(
+            Figure(
+                number,
+                "Velocity errors about the centre of mass.",
+                declaration.velocity_errors(about="mean"),
+                scenario=name,
+            )
+            for number, name in about_centre.items()
+        ),
+    ]
     return {f.number: f for f in sorted(found, key=lambda f: int(f.number))}
 
 

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flocking.model import starts
+from flocking.model.checks import Array
 from flocking.model.energy import Energy
 from flocking.model.graphs import Proximity
 from flocking.model.law import Law, Scenario
@@ -129,9 +132,10 @@ def scenario(figure: int | None = None, seed: int = 0, *, name: str = KEY, compa
     )
 
 
-def _track(setting: Setting, leader: Path, gains: np.ndarray, chosen: np.ndarray) -> Track:  # type: ignore[type-arg]
+def _track(setting: Setting, leader: Path, gains: Array, chosen: NDArray[np.int64]) -> Track:
     informed = np.isin(np.arange(AGENTS), chosen).astype(float)
-    acceleration = {"all": 1.0, "some": informed, "none": 0.0}[setting.acceleration]
+    known: dict[str, float | Array] = {"all": 1.0, "some": informed, "none": 0.0}
+    acceleration = known[setting.acceleration]
     if setting.law == 4:
         velocity = gains * informed if setting.velocity == "some" else gains
         return Track(leader, velocity_gain=velocity, acceleration_gain=acceleration, per_mass=True)
@@ -156,4 +160,8 @@ def start(seed: int, connected: bool, *, compact: bool) -> State:
 
 def scenarios() -> dict[str, Callable[[int], Scenario]]:
     """Scenarios of this paper by name, each a function of the seed; connected ones start compact."""
-    return {name: lambda seed, name=name: scenario(seed=seed, name=name) for name in SETTINGS}
+    return {name: partial(_seeded, name) for name in SETTINGS}
+
+
+def _seeded(name: str, seed: int) -> Scenario:
+    return scenario(seed=seed, name=name)

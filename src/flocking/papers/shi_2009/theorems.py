@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flocking.model.checks import Array
 from flocking.papers.shi_2009.closed_forms import centre_motion, steady_velocity_error
@@ -23,7 +24,7 @@ def leader_velocity(e: Evidence) -> Array:
     return np.array([leader.at(float(t))[1] for t in e.run.t])
 
 
-def _last_period(e: Evidence) -> np.ndarray:  # type: ignore[type-arg]
+def _last_period(e: Evidence) -> NDArray[np.bool_]:
     return np.asarray(e.run.t >= e.run.t[-1] - LAST)
 
 
@@ -90,25 +91,45 @@ def claims(scenario: str = KEY) -> Sequence[Claim]:
     setting = SETTINGS[scenario]
     connected = kept_connected if setting.connected else fell_apart
     found = [
-        Claim("energy", "(6)-(7), (11)", "The ledger of J closes in the paper's moving frame.", general.ledger_residual,
-              dynamic=False),
+        Claim(
+            "energy",
+            "(6)-(7), (11)",
+            "The ledger of J closes in the paper's moving frame.",
+            general.ledger_residual,
+            dynamic=False,
+        ),
         Claim("J-continuous", "(3)", "J does not jump where links switch.", general.energy_continuous),
         Claim("apart", "Theorems 1, 2, 4, 5", "No two agents collide.", general.all_apart),
-    ]  # fmt: skip
+    ]
     if setting.acceleration == "some":
         found += [
-            Claim("no-flocking", "Remark 6", "With a0 known to some agents only, velocities do not agree.",
-                  _negated(velocities_agree), connected),
-            Claim("no-tracking", "Remark 6", "With a0 known to some agents only, v0 is not tracked.",
-                  _negated(tracks_leader), connected),
-        ]  # fmt: skip
+            Claim(
+                "no-flocking",
+                "Remark 6",
+                "With a0 known to some agents only, velocities do not agree.",
+                _negated(velocities_agree),
+                connected,
+            ),
+            Claim(
+                "no-tracking",
+                "Remark 6",
+                "With a0 known to some agents only, v0 is not tracked.",
+                _negated(tracks_leader),
+                connected,
+            ),
+        ]
         return tuple(found)
     falls = Claim("J-falls", "Theorems 2, 5", "J never rises.", general.energy_rise)
     stationary = Claim("stationary", "Theorems 1-5", "The limit is stationary.", general.forces_vanish, connected)
     minimal = Claim(
-        "minimal", "Theorems 1-5", "The limit minimises every agent's potential.", general.agents_at_their_minimum,
-        connected, expected=Verdict.FAILS, reason="Stationary only: the cosine well is 2 deep and links pull against each other.",
-    )  # fmt: skip
+        "minimal",
+        "Theorems 1-5",
+        "The limit minimises every agent's potential.",
+        general.agents_at_their_minimum,
+        connected,
+        expected=Verdict.FAILS,
+        reason="Stationary only: the cosine well is 2 deep and links pull against each other.",
+    )
     found += [falls]
     if setting.connected and setting.law != 15:
         found += [stationary, minimal]
@@ -117,11 +138,21 @@ def claims(scenario: str = KEY) -> Sequence[Claim]:
         found.append(Claim("tracks", source, "All velocities approach v0(t).", tracks_leader, connected))
     if setting.law in (12, 15):
         found += [
-            Claim("agree", "Theorems 4, 5", "All velocities approach that of the centre of mass.", velocities_agree, connected),
+            Claim(
+                "agree",
+                "Theorems 4, 5",
+                "All velocities approach that of the centre of mass.",
+                velocities_agree,
+                connected,
+            ),
             Claim("no-tracking", "sec. 3.2", "v0 is not tracked.", _negated(tracks_leader)),
-            Claim("steady-error", "(13)" if setting.law == 12 else "(16)", "The centre of mass keeps the closed form's distance "
-                  "from v0.", steady_error(setting.law)),
-        ]  # fmt: skip
+            Claim(
+                "steady-error",
+                "(13)" if setting.law == 12 else "(16)",
+                "The centre of mass keeps the closed form's distance from v0.",
+                steady_error(setting.law),
+            ),
+        ]
     if setting.law in (8, 12, 15):
         source = {8: "(9), Theorem 3", 12: "(13)", 15: "(16)"}[setting.law]
         found.append(
