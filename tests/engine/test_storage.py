@@ -77,10 +77,14 @@ def test_what_was_not_committed_is_not_there(tmp_path: Path) -> None:
         writer.commit()
         writer.append(run.t[3:], run.q[3:] + 1, run.p[3:], run.links[3:])
         writer.append_records(run.switches, run.trace)
+        writer.mark("unfinished")
     stored = read_run(tmp_path / "run")
     assert (len(stored.t), len(stored.trace), stored.status) == (3, 0, "unfinished")
     assert stored.q.tobytes() == run.q[:3].tobytes()
     assert xarray.open_zarr(tmp_path / "run").sizes["time"] == 3
+    with RunWriter.reopen(tmp_path / "run") as writer:
+        writer.commit()
+    assert xarray.open_zarr(tmp_path / "run").sizes["time"] == 3, "a commit of nothing new brings nothing back"
     with RunWriter.reopen(tmp_path / "run") as writer:
         writer.append(run.t[3:], run.q[3:], run.p[3:], run.links[3:])
         writer.append_records(run.switches, run.trace)

@@ -79,8 +79,11 @@ def test_the_plant_goes_on_too(
     assert_same(fk.resume(tmp_path / "run", progress=False), whole)
 
 
-@pytest.mark.parametrize("harm", ["flip", "gone", "other"])
-def test_a_damaged_checkpoint(tmp_path: Path, stop_after: Callable[[int], None], harm: str) -> None:
+@pytest.mark.parametrize(
+    ("harm", "said"),
+    [("flip", "does not match its checksum"), ("gone", "cannot read the checkpoint"), ("other", "checksum")],
+)
+def test_a_damaged_checkpoint(tmp_path: Path, stop_after: Callable[[int], None], harm: str, said: str) -> None:
     stop_after(5)
     fk.simulate(scenario(), save=tmp_path / "run", progress=False)
     (path,) = (tmp_path / "run").glob("checkpoint-*.npz")
@@ -90,7 +93,7 @@ def test_a_damaged_checkpoint(tmp_path: Path, stop_after: Callable[[int], None],
         path.unlink()
     else:
         path.write_bytes(data if harm == "flip" else b"PK")
-    with pytest.raises(StorageError, match="checkpoint"):
+    with pytest.raises(StorageError, match=said):
         fk.resume(tmp_path / "run", progress=False)
     assert len(read_run(tmp_path / "run").t) > 0
 
@@ -136,3 +139,18 @@ def test_a_failed_run_is_kept_and_does_not_go_on(tmp_path: Path) -> None:
     np.testing.assert_array_equal(stored.trace, caught.value.run.trace)
     with pytest.raises(StorageError, match="cannot go on, it ended"):
         fk.resume(tmp_path / "run", progress=False)
+
+
+def test_a_failed_run_on_a_full_disk_is_not_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    law = fk.Law(fk.Fixed(2, ((0, 1),)), [fk.Gradient(fk.Potential("log(r)"))])
+    begin = fk.State([[0.0, 0.0], [1.0, 0.0]])
+
+    def full(self: saving.Saving, status: str) -> None:
+        raise StorageError("no room left")
+
+    monkeypatch.setattr(saving.Saving, "finish", full)
+    with pytest.raises(StorageError, match="no room left") as caught:
+        fk.simulate(fk.Scenario(law, begin, t_end=5.0, frames=51), save=tmp_path / "run", progress=False)
+    assert caught.value.run is not None
+    assert isinstance(caught.value.__context__, SimulationError)
+    assert len(caught.value.run.t) > 3

@@ -53,6 +53,10 @@ def read_record(folder: str | Path) -> dict[str, Any]:
 def write_record(folder: Path, record: dict[str, Any], provenance: dict[str, Any]) -> None:
     """Replace the record of a run, and with it the shapes a reader sees, in one step."""
     metadata = {name: json.loads((folder / name / RECORD).read_bytes()) for name in record["arrays"]}
+    for data in metadata.values():
+        # Rows that were appended and not committed must not show, whatever their array says of itself.
+        if (first := data["dimension_names"][0]) in record["counts"]:
+            data["shape"][0] = record["counts"][first]
     root: dict[str, Any] = {
         "zarr_format": 3, "node_type": "group",
         "attributes": {
