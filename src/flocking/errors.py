@@ -83,6 +83,16 @@ class LinkLost(SimulationError):
     """A link whose potential diverges at the break radius was lost: the step was too large."""
 
 
+class StepTooLarge(SimulationError):
+    """A fixed time step too large for what the agents met; ``would_do`` is a step that would do."""
+
+    would_do: float = 0.0
+
+
+class TooCrowded(SimulationError):
+    """So many agents within one radius that the neighbour lists would exceed their memory limit."""
+
+
 class CacheError(FlockingError):
     """The folder for compiled formulas cannot be used."""
 

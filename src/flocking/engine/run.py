@@ -67,7 +67,7 @@ class Run:
     q, p
         Frame positions and velocities, shape (F, N, m).
     links
-        Link matrices of the law's graph at the frames, shape (F, N, N).
+        Link matrices of the law's graph at the frames, shape (F, N, N); (F, 0, 0) where a large run leaves them out.
     switches
         Switches in time order, fields `SWITCH_FIELDS`.
     trace
@@ -78,6 +78,8 @@ class Run:
         ``"finished"``, or why the run stopped early.
     provenance
         Versions, engine, tolerances, seed, counts and times.
+    observables
+        What the tiled engine observed at the frame times, where it was asked to; not stored on disk.
     """
 
     scenario: Scenario
@@ -91,6 +93,7 @@ class Run:
     closest_unlinked: Closest = field(default_factory=Closest)
     status: str = "finished"
     provenance: dict[str, Any] = field(default_factory=dict)
+    observables: NDArray[Any] | None = None
 
     @property
     def n(self) -> int:
@@ -104,7 +107,8 @@ class Run:
 
     def state(self, frame: int) -> State:
         """State at a stored frame, with its links."""
-        return State(self.q[frame], self.p[frame], float(self.t[frame]), self.links[frame])
+        links = self.links[frame] if self.links.shape[1:] == (self.n, self.n) else None
+        return State(self.q[frame], self.p[frame], float(self.t[frame]), links)
 
     def links_at(self, frame: int) -> Links:
         """Link matrix at a stored frame, shape (N, N)."""

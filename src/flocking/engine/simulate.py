@@ -15,12 +15,15 @@ from flocking.model.law import Law, Scenario
 
 if TYPE_CHECKING:
     from flocking.engine.saving import Saving
+    from flocking.engine.tiles.session import TilesSession
 
-ENGINES = ("auto", "exact")
+ENGINES = ("auto", "exact", "tiles")
 QUIET_SECONDS = 2.0
 
 
-def start(scenario: Scenario, engine: str = "auto", *, plant: Law | None = None) -> ExactSession:
+def start(
+    scenario: Scenario, engine: str = "auto", *, plant: Law | None = None, **options: Any
+) -> ExactSession | TilesSession:
     """Start a session: a simulation that is advanced, looked at and changed step by step.
 
     Parameters
@@ -28,19 +31,31 @@ def start(scenario: Scenario, engine: str = "auto", *, plant: Law | None = None)
     scenario
         What to simulate.
     engine
-        ``"exact"``, or ``"auto"`` to choose.
+        ``"exact"``, ``"tiles"`` for large groups, or ``"auto"`` to choose (the exact one).
     plant
         The law the agents really obey, for tests of an audit; the scenario's law when absent.
+    options
+        For ``"tiles"``: step, scheme, precision and more, see `flocking.engine.tiles.session.TilesOptions`.
 
     Raises
     ------
     InvalidInput
-        When the engine is unknown or the scenario cannot be started.
+        When the engine or an option is unknown, or the scenario cannot be started.
+    UnsupportedLaw
+        When the engine cannot run a part of the law.
     """
     if not isinstance(scenario, Scenario):
         raise InvalidInput("start", "scenario", "must be a Scenario", scenario)
     if engine not in ENGINES:
         raise InvalidInput("start", "engine", f"must be one of {', '.join(ENGINES)}", engine)
+    if engine == "tiles":
+        from flocking.engine.tiles.session import TilesSession, tiles_options
+
+        return TilesSession(scenario, tiles_options(options), plant=plant)
+    if options:
+        raise InvalidInput(
+            "start", sorted(options)[0], "is an option of engine='tiles' alone", options[sorted(options)[0]]
+        )
     return ExactSession(scenario, plant=plant)
 
 
@@ -51,6 +66,7 @@ def simulate(
     save: str | Path | None = None,
     progress: bool = True,
     plant: Law | None = None,
+    **options: Any,
 ) -> Run:
     """Run a scenario to its end.
 
@@ -59,14 +75,16 @@ def simulate(
     scenario
         What to simulate.
     engine
-        ``"exact"``, or ``"auto"`` to choose.
+        ``"exact"``, ``"tiles"`` for large groups, or ``"auto"`` to choose (the exact one).
     save
         New or empty folder to write the run to while it goes on, see `flocking.engine.resuming.resume`;
-        nothing is written when absent.
+        nothing is written when absent. The tiled engine writes at the end, or when it is interrupted.
     progress
         Show a progress bar once the run takes longer than two seconds.
     plant
         The law the agents really obey, for tests of an audit; the scenario's law when absent.
+    options
+        For ``"tiles"``: step, scheme, precision and more, see `flocking.engine.tiles.session.TilesOptions`.
 
     Returns
     -------
@@ -82,16 +100,31 @@ def simulate(
     StorageError
         When the run cannot be saved; its ``run`` holds what was computed until then.
     """
-    session = start(scenario, engine, plant=plant)
+    session = start(scenario, engine, plant=plant, **options)
     if save is None:
         return drive(session, progress=progress)
+    if session.engine == "tiles":
+        return _drive_and_write(session, save, progress=progress)
     from flocking.engine.saving import Saving
 
     with Saving.create(save, session) as saving:
         return drive(session, progress=progress, saving=saving)
 
 
-def drive(session: ExactSession, *, progress: bool, saving: Saving | None = None) -> Run:
+def _drive_and_write(session: Any, folder: str | Path, *, progress: bool) -> Run:
+    from flocking.engine.storage import write_run
+
+    try:
+        run = drive(session, progress=progress)
+    except SimulationError as error:
+        if error.run is not None:
+            write_run(error.run, folder)
+        raise
+    write_run(run, folder)
+    return run
+
+
+def drive(session: ExactSession | TilesSession, *, progress: bool, saving: Saving | None = None) -> Run:
     """Advance a session to the end of its scenario, and save it on the way.
 
     Raises
@@ -105,7 +138,7 @@ def drive(session: ExactSession, *, progress: bool, saving: Saving | None = None
         with _Progress(progress, scenario) as bar:
             for t in _stops(scenario, session.time, often=saving is not None):
                 session.advance(t)
-                bar.show(t)
+                bar.show(t, session.steps * scenario.start.n)
                 if saving is not None and t < scenario.t_end:
                     saving.keep()
         if saving is not None:
@@ -116,7 +149,11 @@ def drive(session: ExactSession, *, progress: bool, saving: Saving | None = None
             saving.interrupt(status)
     except SimulationError as error:
         if saving is not None:
-            saving.finish(str(error))
+            try:
+                saving.finish(str(error))
+            except StorageError as fault:
+                fault.run = error.run
+                raise
         raise
     except StorageError as error:
         error.run = session.run(str(error))
@@ -148,16 +185,18 @@ class _Progress:
         if self._bar is not None:
             self._bar.stop()
 
-    def show(self, t: float) -> None:
-        """Report the time reached."""
+    def show(self, t: float, agent_steps: int) -> None:
+        """Report the time reached and how many agents made how many steps."""
         if not self._wanted or time.monotonic() - self._begin < QUIET_SECONDS:
             return
         if self._bar is None:
             from rich.console import Console
-            from rich.progress import Progress
+            from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-            self._bar = Progress(console=Console(stderr=True), transient=True)
+            columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[rate]}"), TimeRemainingColumn()
+            self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
             name = self._scenario.name or "simulation"
-            self._task = self._bar.add_task(name, total=self._scenario.t_end - self._scenario.start.t)
+            self._task = self._bar.add_task(name, total=self._scenario.t_end - self._scenario.start.t, rate="")
             self._bar.start()
-        self._bar.update(self._task, completed=t - self._scenario.start.t)
+        rate = f"{agent_steps / (time.monotonic() - self._begin):.3g} agent-steps/s"
+        self._bar.update(self._task, completed=t - self._scenario.start.t, rate=rate)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from flocking.engine import simulate
-from flocking.engine.exact import ExactSession
 from flocking.model import starts
 from flocking.model.law import Law, Scenario
 
@@ -15,9 +16,9 @@ class _Start:
     ball = staticmethod(starts.ball)
     hexagonal = staticmethod(starts.hexagonal)
 
-    def __call__(self, scenario: Scenario, engine: str = "auto", *, plant: Law | None = None) -> ExactSession:
+    def __call__(self, scenario: Scenario, engine: str = "auto", *, plant: Law | None = None, **options: Any) -> Any:
         """Open a session; see `flocking.engine.simulate.start`."""
-        return simulate.start(scenario, engine, plant=plant)
+        return simulate.start(scenario, engine, plant=plant, **options)
 
 
 start = _Start()

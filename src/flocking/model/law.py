@@ -212,6 +212,10 @@ class Scenario:
     def _check_coincidence(self) -> None:
         if not self.law.singular_at_zero():
             return
+        q = self.start.q
+        ranks = np.lexsort(q.T)
+        if not (q[ranks[1:]] == q[ranks[:-1]]).all(axis=1).any():
+            return
         links = np.zeros((self.start.n, self.start.n), dtype=bool)
         for term in self.law.pair_terms:
             if isinstance(term, Gradient) and not np.isfinite(term.potential(0.0)):

@@ -54,7 +54,7 @@ class Term(ABC):
         """
         for name, value in self.parameters.items():
             if isinstance(value, PairWeights):
-                value.matrix(n)
+                value.check_count(n)
             elif isinstance(value, Schedule):
                 value.check_count(type(self).__name__, name, n)
             elif np.ndim(value) and len(np.asarray(value)) != n:

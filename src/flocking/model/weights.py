@@ -21,6 +21,10 @@ class PairWeights(ABC):
     def matrix(self, n: int) -> Array:
         """All weights as a matrix, shape (n, n)."""
 
+    def check_count(self, n: int) -> None:
+        """Check that there are weights for ``n`` agents; by default there are for any number."""
+        return None
+
     def of(self, headings: Array | None, n: int) -> Array:
         """All weights of agents with such ``headings``, shape (n, n)."""
         return self.matrix(n)
@@ -56,6 +60,19 @@ class MatrixWeights(PairWeights):
         """Whether the matrix is symmetric."""
         return bool((self.values == self.values.T).all())
 
+    def check_count(self, n: int) -> None:
+        """Check that the matrix was made for ``n`` agents.
+
+        Raises
+        ------
+        InvalidInput
+            When it was made for another number.
+        """
+        if len(self.values) != n:
+            raise InvalidInput(
+                "Consensus", "weights", f"must have shape ({n}, {n}) for {n} agents", f"shape {self.values.shape}"
+            )
+
     def matrix(self, n: int) -> Array:
         """The matrix itself.
 
@@ -64,10 +81,7 @@ class MatrixWeights(PairWeights):
         InvalidInput
             When it was made for another number of agents than ``n``.
         """
-        if len(self.values) != n:
-            raise InvalidInput(
-                "Consensus", "weights", f"must have shape ({n}, {n}) for {n} agents", f"shape {self.values.shape}"
-            )
+        self.check_count(n)
         return self.values
 
 

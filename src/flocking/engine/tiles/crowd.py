@@ -9,6 +9,7 @@ have moved is kept at every step, and lists are rebuilt before it exceeds half t
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,10 +18,12 @@ import numpy as np
 
 from flocking.engine.tiles.cells import Sorter, crowding
 from flocking.engine.tiles.kernels import SUMS, tile_kernels
-from flocking.engine.tiles.lists import WIDTH, ListBuilder, TileLists, TooManyNeighbours, fixed_lists
+from flocking.engine.tiles.lists import LINKED, NUMBER, WIDTH, ListBuilder, TileLists, TooManyNeighbours, fixed_lists
 from flocking.engine.tiles.spec import PRECISIONS, KernelSpec
 from flocking.engine.tiles.threads import Workers
+from flocking.model.avoidance import PerObstacle
 from flocking.model.law import Scenario
+from flocking.model.schedules import Schedule
 from flocking.model.state import State
 from flocking.model.weights import HashedWeights, MatrixWeights
 
@@ -44,8 +47,10 @@ def _strayed(first, last, X, reference, shift, n, out):  # type: ignore[no-untyp
             for k in range(reference.shape[0]):
                 d = np.float64(X[k, i]) - np.float64(reference[k, i]) - shift[k]
                 square += d * d
-            if not square <= most:
-                most = square
+            if square < 1e300:
+                most = max(most, square)
+            else:
+                most = np.inf
         out[tile] = most
 
 
@@ -94,7 +99,7 @@ class Crowd:
         self.tops: Any = np.zeros((self.tiles, 3), self.dtype)
         self.sums: Any = np.zeros((self.tiles if spec.ledger else 1, len(SUMS)), np.float64)
         self._set_graphs(scenario, memory_limit)
-        self._set_parameters(scenario)
+        self._set_parameters(scenario, state.t)
         self._fill_pads()
         self.C: Any = np.zeros(m, self.dtype)
         self.M: Any = np.zeros(2 * m, np.float64)
@@ -113,10 +118,7 @@ class Crowd:
         n, law = self.n, scenario.law
         self.graphs = law.graphs
         self.moving = any(not kind.fixed for kind in self.spec.graphs)
-        self.cutoffs = [
-            0.0 if kind.fixed else float(np.max(np.maximum(graph.break_radius, graph.appear_radius)))
-            for graph, kind in zip(self.graphs, self.spec.graphs, strict=True)
-        ]
+        self.cutoffs = _cutoffs(self.graphs, self.spec)
         self.sorter = Sorter(n if self.moving else 1, self.workers)
         self.builders = [ListBuilder(n, memory_limit, self.workers) for _ in self.graphs]
         self.limits, self.each, self.edges = [], [], []
@@ -144,13 +146,17 @@ class Crowd:
                 each[self.n :] = 0.0
                 self.each[number] = np.nextafter(each, self.dtype(np.inf)) if closed else each
 
-    def _set_parameters(self, scenario: Scenario) -> None:
+    def _set_parameters(self, scenario: Scenario, t: float) -> None:
         n, agents = self.n, scenario.agents
         numbers: list[float] = []
         rows: list[Any] = [agents.masses, agents.damping]
         pairs: list[Any] = []
         for _, owned in self.spec.layout.owners():
             for value in owned.values():
+                if isinstance(value, PerObstacle):
+                    continue
+                if isinstance(value, Schedule):
+                    value = value.at(t)
                 if isinstance(value, HashedWeights | MatrixWeights):
                     pairs.append(value)
                 elif np.ndim(value):
@@ -183,9 +189,9 @@ class Crowd:
         else:
             self.matrices = np.zeros((1, 1))
 
-    def set_parameters(self, scenario: Scenario) -> None:
-        """Take the numbers of a law of the same structure."""
-        self._set_parameters(scenario)
+    def pass_switch_time(self, scenario: Scenario, t: float) -> None:
+        """Take the values of scheduled gains from time ``t`` on."""
+        self._set_parameters(scenario, t)
 
     def _fill_pads(self) -> None:
         n = self.n
@@ -270,9 +276,10 @@ class Crowd:
                 continue
             uneven = np.sqrt(self.each[number][:n]) + self.dtype(self.skin) if kind.uneven else self.each[number]
             old = self.lists[number]
+            inside = self.each[number] if kind.uneven else self.limits[number][:1]
             self.lists[number], lost = self.builders[number].build(
                 self.X[:m], self.cutoffs[number] + self.skin, uneven, sorter.grid, sorter.start, old, order, old_place,
-                everyone=kind.memory and old is None, remember=kind.memory,
+                begin2=inside if kind.memory and old is None else None, remember=kind.memory,
             )  # fmt: skip
             if lost is not None and kind.barrier:
                 self.lost = (int(self.ids[lost[0]]), int(self.ids[lost[1]]))
@@ -296,8 +303,6 @@ class Crowd:
 
     def _take_links(self, links: Any) -> None:
         """Set the memory of the law's graph from a link matrix given with the start."""
-        from flocking.engine.tiles.lists import LINKED, NUMBER
-
         self._first_links = None
         lists = self.lists[0]
         if lists is None or not self.spec.graphs[0].memory:
@@ -343,6 +348,20 @@ class Crowd:
         self.top_speed = float(np.sqrt(self.tops[:, 0].max()))
         self.bound += abs(stride) * self.top_speed * (1.0 + 1e-6) + self._rounding
 
+    def adopt(self, scenario: Scenario, spec: KernelSpec, t: float) -> None:
+        """Obey another law over graphs of the same kinds from now on; links are kept."""
+        self.spec, self.graphs = spec, scenario.law.graphs
+        self.kernel = tile_kernels(spec).move
+        self.sums = np.zeros((self.tiles if spec.ledger else 1, len(SUMS)), np.float64)
+        self.cutoffs = _cutoffs(self.graphs, spec)
+        self.set_radii(scenario)
+        self._set_parameters(scenario, t)
+        self.edges = [_offsets(g, self.n) if k.fixed else None for g, k in zip(self.graphs, spec.graphs, strict=True)]
+        self._build_fixed()
+        self.bound = np.inf
+        if self.moving:
+            self.rebuild(0.0)
+
     def in_order(self, array: Any) -> Any:
         """Rows of ``array``, shape (k, size), as columns in the order of identities, float64; shape (n, k)."""
         out = np.empty((self.n, len(array)))
@@ -375,6 +394,27 @@ _KEPT = (
     "X", "ids", "each", "A", "C", "reference", "elapsed", "bound", "skin", "rebuilds", "lists", "top_speed", "_rounding",
     "_first_links", "lost",
 )  # fmt: skip
+
+
+def tile_pairs(crowd: Crowd, lists: TileLists, tiles: Iterable[int]) -> tuple[Any, Any]:
+    """Places of the ordered pairs that the lists of some tiles hold."""
+    none = np.zeros(0, np.int64)
+    found = [(none, none)]
+    for tile in tiles:
+        entries = lists.rows[lists.first[tile] : lists.first[tile] + lists.count[tile]]
+        i = np.broadcast_to(tile * WIDTH + np.arange(WIDTH), entries.shape)
+        j = (entries & NUMBER).astype(np.int64)
+        keep = (i != j) & (i < crowd.n)
+        found.append((i[keep], j[keep]))
+    return np.concatenate([i for i, _ in found]), np.concatenate([j for _, j in found])
+
+
+def _cutoffs(graphs: Any, spec: KernelSpec) -> list[float]:
+    """Largest distance of linked agents under each graph; 0 for a fixed one."""
+    return [
+        0.0 if kind.fixed else float(np.max(np.maximum(graph.break_radius, graph.appear_radius)))
+        for graph, kind in zip(graphs, spec.graphs, strict=True)
+    ]
 
 
 def _offsets(graph: Any, n: int) -> tuple[Any, Any]:

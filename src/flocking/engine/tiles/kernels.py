@@ -142,7 +142,7 @@ def _pair_block(w: _Writer, number: int, pair: PairFormulas) -> list[str]:
             ]
         else:
             lane += ["linked = other & inside"]
-    lane += ["apart = linked & (square > T(0.0))", f"r = root(select(apart, square, safe{number}))"]
+    lane += ["apart = linked & (square > T(0.0))", f"r = root(select(square > T(0.0), square, safe{number}))"]
     lane += ["near = select(linked & (square < near), square, near)"]
     if kind.barrier:
         lane += ["broken = select(was & ~inside, T(1.0), broken)"]

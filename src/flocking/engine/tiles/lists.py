@@ -77,7 +77,7 @@ def _held_links(i, rows, first, count, place, held):  # type: ignore[no-untyped-
 def _build(  # type: ignore[no-untyped-def]
     first_chunk, last_chunk, q, n, reach2, each_reach2, origin, inverse, shape, start, deep,
     rows, first, count, stretch, room, need, deepest,
-    carry, everyone, order, place, old_rows, old_first, old_count, lost,
+    carry, begin, begin2, order, place, old_rows, old_first, old_count, lost,
 ):  # fmt: skip
     three = q.shape[0] == 3
     x = q[0]
@@ -141,8 +141,9 @@ def _build(  # type: ignore[no-untyped-def]
                                 if s < limit and j != i:
                                     if k < deep:
                                         entry = np.uint32(j)
-                                        if everyone:
-                                            entry |= LINKED
+                                        if begin:
+                                            if s < (begin2[i] if begin2.shape[0] > 1 else begin2[0]):
+                                                entry |= LINKED
                                         elif carry:
                                             for h in range(links):
                                                 if held[h] == j:
@@ -216,7 +217,7 @@ class ListBuilder:
 
     def build(
         self, q: Any, reach: float, each_reach: Any, grid: Grid, start: Any, old: TileLists | None, order: Any,
-        place: Any, everyone: bool, remember: bool,
+        place: Any, begin2: Any | None, remember: bool,
     ) -> tuple[TileLists, tuple[int, int] | None]:  # fmt: skip
         """Lists of all pairs closer than ``reach``, or than the sensing agent's entry of ``each_reach``.
 
@@ -230,8 +231,8 @@ class ListBuilder:
             The sort's cells.
         old, order, place
             The lists before the sort, old place of each agent, and new place of each.
-        everyone
-            Mark all pairs as linked.
+        begin2
+            Squared distance, or one per agent, below which pairs start linked; None where links are carried over.
         remember
             Carry the links of ``old`` over.
 
@@ -266,7 +267,7 @@ class ListBuilder:
             self.workers.each_large(
                 _build, self.chunks, q, self.n, dtype(reach) ** 2, limits, origin, grid.inverse, shape, start, self.deep,
                 lists.rows, lists.first, lists.count, stretch, self.room, need, deepest,
-                carry, everyone, order, place, before.rows, before.first, before.count, lost,
+                carry, begin2 is not None, limits if begin2 is None else begin2, order, place, before.rows, before.first, before.count, lost,
             )  # fmt: skip
             most = int(deepest.max(initial=0))
             if most <= self.deep and (need <= self.room).all():

@@ -1,0 +1,126 @@
+"""Checks after the fact: bad numbers, lost links, steps too large for what the agents met."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flocking.engine.run import Closest
+from flocking.engine.tiles.crowd import Crowd, tile_pairs
+from flocking.errors import LinkLost, NotFinite, StepTooLarge
+
+if TYPE_CHECKING:
+    from flocking.engine.tiles.session import TilesSession
+
+STRIDE = 0.25
+"""Largest share of a linked pair's distance that it may move in one step under a potential singular at contact."""
+
+RESIDUAL = 0.1
+"""Largest share of the energy moved that the ledger may leave unexplained."""
+
+
+def step_too_large(session: TilesSession, would_do: float, why: str, agents: tuple[int, ...] = ()) -> StepTooLarge:
+    """The error that says which step would do."""
+    error = StepTooLarge(
+        f"The time step {session.step:.3g} is too large: {why}. A step of {would_do:.2g} would do.",
+        time=session.time, agents=agents,
+    )  # fmt: skip
+    error.would_do = would_do
+    return error
+
+
+def after_step(session: TilesSession, crowd: Crowd, h: float) -> None:
+    """What every step is checked for. The state before the step is still in ``crowd.Y``."""
+    if not np.isfinite(crowd.top_speed):
+        bad = np.flatnonzero(~np.isfinite(crowd.X[:, : crowd.n]).all(axis=0))
+        if not len(bad):
+            bad = np.array([int(np.argmax(np.abs(crowd.X[crowd.m :, : crowd.n]).max(axis=0)))])
+        raise NotFinite(
+            "Velocities or positions became infinite or NaN. Lower the step, or look at the potential there.",
+            time=session.time, agents=tuple(sorted(int(i) for i in crowd.ids[bad[:10]])),
+        )  # fmt: skip
+    if crowd.lost is not None or (crowd.tops[:, 2] > 0).any():
+        pair = crowd.lost or _broken_pair(crowd)
+        raise LinkLost(
+            "A link whose potential is infinite at the break radius reached it: the step "
+            f"{session.step:.3g} is too large. A step of {session.step / 4:.2g} may do.",
+            time=session.time, agents=pair,
+        )  # fmt: skip
+    near = float(np.sqrt(crowd.tops[:, 1].min()))
+    if near < session.records.closest.distance:
+        tile = int(np.argmin(crowd.tops[:, 1]))
+        pair = _closest_in(crowd, tile)
+        if pair is not None:
+            session.records.closest = Closest(near, session.time, pair)
+    if session.scenario.law.singular_at_zero() and 2.0 * crowd.top_speed * h > STRIDE * near:
+        _check_strides(session, crowd, h)
+
+
+def _listed(crowd: Crowd, tiles: Any) -> tuple[Any, Any]:
+    """Places of all listed pairs of some tiles, over all graphs."""
+    found = [tile_pairs(crowd, lists, tiles) for lists in crowd.lists if lists is not None]
+    return np.concatenate([i for i, _ in found]), np.concatenate([j for _, j in found])
+
+
+def _closest_in(crowd: Crowd, tile: int) -> tuple[int, int] | None:
+    i, j = _listed(crowd, [tile])
+    if not len(i):
+        return None
+    square = ((crowd.Y[: crowd.m, j] - crowd.Y[: crowd.m, i]) ** 2).sum(axis=0)
+    k = int(np.argmin(square))
+    a, b = int(crowd.ids[i[k]]), int(crowd.ids[j[k]])
+    return (min(a, b), max(a, b))
+
+
+def _broken_pair(crowd: Crowd) -> tuple[int, ...]:
+    """The farthest pair that was linked until the last step, in the tiles that report a broken link."""
+    tiles = np.flatnonzero(crowd.tops[:, 2] > 0)[:4]
+    i, j = _listed(crowd, tiles)
+    square = ((crowd.Y[: crowd.m, j] - crowd.Y[: crowd.m, i]) ** 2).sum(axis=0)
+    limits = [float(x[0]) for x, kind in zip(crowd.limits, crowd.spec.graphs, strict=True) if kind.barrier]
+    outside = square >= min(limits)
+    k = int(np.argmin(np.where(outside, square, np.inf)))
+    return tuple(sorted((int(crowd.ids[i[k]]), int(crowd.ids[j[k]]))))
+
+
+def _check_strides(session: TilesSession, crowd: Crowd, h: float) -> None:
+    """Whether some pair really moved too far for its distance; positions before the step are in ``Y``."""
+    m = crowd.m
+    reach = (2.0 * crowd.top_speed * h / STRIDE) ** 2
+    tiles = np.flatnonzero(crowd.tops[:, 1] < reach)
+    if len(tiles) > 4096:
+        tiles = tiles[np.argsort(crowd.tops[tiles, 1], kind="stable")[:4096]]
+    i, j = _listed(crowd, tiles)
+    if not len(i):
+        return
+    distance = np.sqrt(((crowd.Y[:m, j] - crowd.Y[:m, i]) ** 2).sum(axis=0))
+    moved = np.sqrt(((crowd.X[:m, j] - crowd.X[:m, i] - crowd.Y[:m, j] + crowd.Y[:m, i]) ** 2).sum(axis=0))
+    linked = distance < max(crowd.cutoffs) if crowd.moving else np.ones(len(i), dtype=bool)
+    share = np.where(linked, moved / np.maximum(distance, 1e-300), 0.0)
+    k = int(np.argmax(share))
+    if share[k] > STRIDE:
+        pair = tuple(sorted((int(crowd.ids[i[k]]), int(crowd.ids[j[k]]))))
+        raise step_too_large(
+            session, session.step * 0.5 * STRIDE / float(share[k]),
+            f"a pair at distance {distance[k]:.3g} moved {moved[k]:.3g} in one step", pair,
+        )  # fmt: skip
+
+
+def ledger(session: TilesSession) -> None:
+    """Whether the energy ledger closes well enough."""
+    trace = session.records.trace
+    if len(trace) < 2:
+        return
+    first, last = np.array(trace[0]), np.array(trace[-1])
+    gap = (last[1] - first[1]) + (last[4] - first[4]) - (last[5] - first[5]) - (last[6] - first[6])
+    sums = session._scheme.books.sums
+    rounding = 1e3 * float(np.finfo(session._crowd.dtype).eps) * (abs(sums["pairs"]) + abs(sums["bodies"]) + last[2])
+    moved = sum(abs(last[k] - first[k]) for k in (3, 4, 5, 6)) + first[2] + last[2] + rounding
+    share = abs(gap) / max(moved, 1e-300)
+    if not share <= RESIDUAL:
+        order = session._scheme.order
+        smaller = session.step * (0.2 * RESIDUAL / min(share, 1e6)) ** (1.0 / order) if np.isfinite(share) else 0.1
+        raise step_too_large(
+            session, min(smaller, session.step / 2), f"the energy ledger leaves {100 * share:.3g} % of the energy unexplained"
+        )

@@ -1,0 +1,108 @@
+"""Quantities of a crowd at one moment, from its tiles: nothing of size N squared, nothing kept in memory."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+
+from flocking.engine.tiles.crowd import Crowd
+from flocking.engine.tiles.lists import LINKED, NUMBER
+
+OBSERVED_FIELDS = np.dtype(
+    [
+        ("time", "f8"), ("order", "f8"), ("speed", "f8"), ("spread", "f8"), ("flocks", "i8"), ("density", "f8"),
+        ("neighbours", "f8"), ("length", "f8"), ("defect", "f8"), ("closest", "f8"),
+    ]
+)  # fmt: skip
+"""Fields of an observation: polarisation, mean speed, largest deviation from the mean velocity, number of flocks,
+share of the agents in the largest one, mean number of neighbours, mean length of a link, standard deviation of the
+lengths over their mean (0 in a perfect lattice), and the smallest distance of linked agents."""
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _root(parent, i):  # type: ignore[no-untyped-def]
+    while parent[i] != i:
+        parent[i] = parent[parent[i]]
+        i = parent[i]
+    return i
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _survey(q, n, rows, first, count, remembered, limit, each, parent):  # type: ignore[no-untyped-def]
+    """Join linked agents; returns links, sums of lengths and squared lengths, and the smallest square."""
+    links = 0
+    lengths = 0.0
+    squares = 0.0
+    least = np.inf
+    for i in range(n):
+        parent[i] = i
+    for i in range(n):
+        tile, lane = i // 16, i % 16
+        bound = each[i] if each.shape[0] > 1 else limit
+        for row in range(first[tile], first[tile] + count[tile]):
+            entry = rows[row, lane]
+            j = np.int64(entry & NUMBER)
+            if j == i:
+                continue
+            s = 0.0
+            for k in range(q.shape[0]):
+                d = np.float64(q[k, j]) - np.float64(q[k, i])
+                s += d * d
+            if remembered:
+                if entry < LINKED:
+                    continue
+            elif s >= bound:
+                continue
+            links += 1
+            lengths += np.sqrt(s)
+            squares += s
+            least = min(least, s)
+            a, b = _root(parent, i), _root(parent, j)
+            if a != b:
+                parent[max(a, b)] = min(a, b)
+    for i in range(n):
+        parent[i] = _root(parent, i)
+    return links, lengths, squares, least
+
+
+def flock_labels(crowd: Crowd) -> tuple[Any, tuple[int, float, float, float]]:
+    """Flock of each agent under the law's graph, labels 0, 1... in the order of their first agents; shape (N,).
+
+    Returns
+    -------
+    tuple
+        Labels in the order of identities, and number of links, sums of lengths and squares, smallest square.
+    """
+    n = crowd.n
+    lists, kind = crowd.lists[0], crowd.spec.graphs[0]
+    assert lists is not None
+    parent = np.empty(n, np.int32)
+    counted = _survey(
+        crowd.X[: crowd.m], n, lists.rows, lists.first, lists.count, kind.memory or kind.fixed, crowd.limits[0][0],
+        crowd.each[0], parent,
+    )  # fmt: skip
+    of_agent = np.empty(n, np.int64)
+    of_agent[crowd.ids[:n]] = parent
+    _, begin, label = np.unique(of_agent, return_index=True, return_inverse=True)
+    rank = np.empty(len(begin), np.int64)
+    rank[np.argsort(begin)] = np.arange(len(begin))
+    return rank[label], counted
+
+
+def observe(crowd: Crowd, t: float, p: Any) -> tuple[float, ...]:
+    """One row of `OBSERVED_FIELDS`; ``p`` are the velocities, shape (N, m). Lists must be valid."""
+    labels, (links, lengths, squares, least) = flock_labels(crowd)
+    speed = np.sqrt((p**2).sum(axis=1))
+    moving = speed > 0
+    headings = p[moving] / speed[moving, None]
+    order = float(np.linalg.norm(headings.mean(axis=0))) if moving.any() else 0.0
+    spread = float(np.sqrt(((p - p.mean(axis=0)) ** 2).sum(axis=1).max()))
+    sizes = np.bincount(labels)
+    mean = lengths / links if links else np.nan
+    defect = float(np.sqrt(max(squares / links - mean**2, 0.0)) / mean) if links else np.nan
+    return (
+        t, order, float(speed.mean()), spread, len(sizes), float(sizes.max()) / crowd.n, links / crowd.n, mean, defect,
+        float(np.sqrt(least)),
+    )  # fmt: skip

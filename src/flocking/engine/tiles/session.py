@@ -1,0 +1,379 @@
+"""A running simulation under the tiled engine: advance, look, snapshot, resume, replace."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.layout import Layout
+from flocking.engine.provenance import provenance
+from flocking.engine.run import Run
+from flocking.engine.tiles import automatic_step, checks
+from flocking.engine.tiles.crowd import Crowd, CrowdMemory
+from flocking.engine.tiles.lists import TooManyNeighbours, listed_pairs
+from flocking.engine.tiles.records import Records
+from flocking.engine.tiles.schemes import Scheme, scheme_named
+from flocking.engine.tiles.spec import PRECISIONS, SCHEMES, KernelSpec, check_supported, graph_kinds
+from flocking.engine.tiles.threads import Workers
+from flocking.errors import InvalidInput, NotFinite, SimulationError, TooCrowded
+from flocking.model.checks import number
+from flocking.model.law import Law, Scenario
+from flocking.model.state import State
+from flocking.model.weights import HashedWeights
+
+MOST_LINKED = 2000
+"""Larger groups carry no link matrix in their states and frames."""
+
+
+@dataclass(frozen=True)
+class TilesOptions:
+    """How the tiled engine runs a scenario.
+
+    Parameters
+    ----------
+    step
+        Time step; chosen from the start when absent. Steps are shortened a little so that frames fall on them.
+    scheme
+        ``"verlet"`` (half-step velocities, as LAMMPS), ``"damped"`` (the same with the agents' own damping
+        exact: for strong damping) or ``"rk4"``.
+    precision
+        ``"float64"`` or ``"float32"``.
+    threads
+        Number of threads; all processors when absent. Results do not depend on it.
+    ledger
+        Keep the energy ledger at every step and check the step against it.
+    observe
+        Record order, flocks, density and closest pair at the frame times.
+    keep_frames
+        Store positions and velocities at the frame times.
+    skin
+        Skin of the neighbour lists; chosen automatically when absent.
+    memory_limit
+        Largest size of the neighbour lists in bytes; half the machine's memory when absent.
+
+    Raises
+    ------
+    InvalidInput
+        When a value is out of range or unknown.
+    """
+
+    step: float | None = None
+    scheme: str = "verlet"
+    precision: str = "float64"
+    threads: int | None = None
+    ledger: bool = True
+    observe: bool = False
+    keep_frames: bool = True
+    skin: float | None = None
+    memory_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.scheme not in SCHEMES:
+            raise InvalidInput("TilesOptions", "scheme", f"must be one of {', '.join(SCHEMES)}", self.scheme)
+        if self.precision not in PRECISIONS:
+            raise InvalidInput("TilesOptions", "precision", f"must be one of {', '.join(PRECISIONS)}", self.precision)
+        for name in ("step", "skin", "memory_limit", "threads"):
+            if getattr(self, name) is not None:
+                number("TilesOptions", name, getattr(self, name), above=0.0)
+
+    @property
+    def lists_limit(self) -> float:
+        """Memory limit in bytes."""
+        if self.memory_limit is not None:
+            return self.memory_limit
+        return 0.5 * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+
+
+def tiles_options(given: dict[str, Any]) -> TilesOptions:
+    """Options from keyword arguments.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no such option.
+    """
+    known = {f.name for f in fields(TilesOptions)}
+    for name in sorted(set(given) - known):
+        raise InvalidInput("start", name, f"must be an option of the tiled engine: {', '.join(sorted(known))}", given[name])
+    return TilesOptions(**given)
+
+
+@dataclass(frozen=True, eq=False)
+class TilesSnapshot:
+    """Everything a session of the tiled engine needs to go on bit for bit."""
+
+    scenario: Scenario
+    options: TilesOptions
+    step: float
+    time: float
+    plan: tuple[float, float, int, int]
+    crowd: CrowdMemory
+    scheme: dict[str, Any]
+    records: Records
+    steps: int
+
+
+class TilesSession:
+    """A running simulation under the tiled engine. Its time is always on a step.
+
+    Parameters
+    ----------
+    scenario
+        What to simulate.
+    options
+        Step, scheme, precision and the rest.
+    plant
+        The law the agents really obey; this engine keeps no ledger of another law and takes none.
+
+    Raises
+    ------
+    UnsupportedLaw
+        When a part of the scenario needs another engine.
+    InvalidInput
+        When the frames would not fit in memory.
+    TooCrowded
+        When the neighbour lists would not.
+    """
+
+    engine = "tiles"
+
+    def __init__(self, scenario: Scenario, options: TilesOptions | None = None, *, plant: Law | None = None) -> None:
+        if plant is not None:
+            raise InvalidInput("TilesSession", "plant", "cannot be given", plant, "Use engine='exact'.")
+        check_supported(scenario)
+        self.scenario, self.options = scenario, options or TilesOptions()
+        self.plant = None
+        self.time, self.steps = scenario.start.t, 0
+        self.workers = Workers(self.options.threads)
+        self.records = Records(scenario, self.options.precision, keep_frames=self.options.keep_frames)
+        self._scheme: Scheme = scheme_named(self.options.scheme, self.options.ledger)
+        self._crowd = self._new_crowd(scenario, scenario.start)
+        self.step = self.options.step or self._automatic_step()
+        self._plan = (self.time, self.time, 1, 1)
+        self._record()
+
+    def _spec(self, scenario: Scenario) -> KernelSpec:
+        layout = Layout(scenario.law, scenario.energy)
+        kinds = tuple(
+            "hash" if isinstance(value, HashedWeights) else "matrix"
+            for _, owned in layout.owners()
+            for value in owned.values()
+            if hasattr(value, "matrix")
+        )
+        agents = scenario.agents
+        return KernelSpec(
+            layout, scenario.start.dimension, self.options.precision, graph_kinds(scenario, self.options.ledger), kinds,
+            np.ndim(agents.masses) > 0, np.ndim(agents.damping) > 0, self.options.scheme == "damped",
+            self.options.ledger,
+        )  # fmt: skip
+
+    def _new_crowd(self, scenario: Scenario, state: State) -> Crowd:
+        limit = self.options.lists_limit
+        return Crowd(scenario, state, self._spec(scenario), self.workers, limit, self.options.skin)
+
+    def _automatic_step(self) -> float:
+        self._guarded(lambda: self._crowd.require_lists(0.0))
+        return automatic_step.choose(self._crowd, self.scenario, self.options.scheme)
+
+    @property
+    def memory_in_use(self) -> int:
+        """Bytes of the session's own arrays."""
+        return self._crowd.nbytes
+
+    @property
+    def rebuilds(self) -> int:
+        """How often neighbour lists were built."""
+        return self._crowd.rebuilds
+
+    @property
+    def state(self) -> State:
+        """State at the session's time; with its link matrix in groups of at most 2,000 agents."""
+        q, p = self._look()
+        return State(q, p, self.time, self._links())
+
+    def _look(self) -> tuple[Any, Any]:
+        crowd = self._crowd
+        velocities = self._guarded(lambda: self._scheme.look(crowd, self.time, self.step))
+        return crowd.in_order(crowd.X[: crowd.m]), crowd.in_order(velocities)
+
+    def _links(self) -> Any:
+        n = self.scenario.start.n
+        lists = self._crowd.lists[0]
+        if n > MOST_LINKED or lists is None:
+            return None
+        kind = self._crowd.spec.graphs[0]
+        i, j = listed_pairs(lists, n, linked=kind.memory or kind.fixed)
+        if not (kind.memory or kind.fixed):
+            q = self._crowd.X[: self._crowd.m]
+            square = sum((row[j] - row[i]) ** 2 for row in q)
+            near = square < (self._crowd.each[0][i] if kind.uneven else self._crowd.limits[0][0])
+            i, j = i[near], j[near]
+        links = np.zeros((n, n), dtype=bool)
+        links[self._crowd.ids[i], self._crowd.ids[j]] = True
+        return links
+
+    def forces(self) -> Any:
+        """Acceleration of every agent at the session's time, without moving; shape (N, m)."""
+        crowd = self._crowd
+        self._guarded(lambda: crowd.require_lists(self.step))
+        crowd.move(self.time, keep=0.0, kick=1.0, drift=0.0, soft=0.0, hold=True)
+        return crowd.in_order(crowd.Y[crowd.m :])
+
+    def _guarded(self, action: Any) -> Any:
+        """Run something that may rebuild lists; say it when they do not fit."""
+        try:
+            return action()
+        except TooManyNeighbours as error:
+            raise TooCrowded(
+                f"The neighbour lists would take at least {error.bytes_needed / 2**30:.3g} GiB, more than the limit of "
+                f"{self.options.lists_limit / 2**30:.3g} GiB: too many agents within one radius. "
+                "Spread the agents, shorten the radius or raise memory_limit.",
+                time=self.time,
+            ) from None  # fmt: skip
+
+    def _next_stop(self) -> float:
+        """Next time on which a step must fall: a frame, a jump of a force, or the end."""
+        now = self.time
+        times = [self.scenario.t_end] if now < self.scenario.t_end else []
+        times += [float(t) for t in self.scenario.frame_times if t > now][:1]
+        for term in self.scenario.law.body_terms:
+            times += [s for s in term.switch_times(now, np.inf) if s > now]
+        return min(times, default=now + 1000 * self.step)
+
+    def advance(self, to: float) -> None:
+        """Take steps until the session's time is ``to`` or just beyond it. Where steps fall does not depend on ``to``.
+
+        Raises
+        ------
+        SimulationError
+            When the run cannot go on; its ``run`` holds what was computed until then.
+        InvalidInput
+            When ``to`` lies in the past.
+        """
+        if not to >= self.time - self.step:
+            raise InvalidInput("TilesSession", "to", f"must not be before the session's time, {self.time:g}", to)
+        try:
+            while self.time < to - 1e-9 * self.step:
+                self._take_step()
+                self._record()
+        except SimulationError as error:
+            error.run = self.run(str(error))
+            raise
+
+    def _take_step(self) -> None:
+        start, end, count, index = self._plan
+        if index >= count:
+            start, end = self.time, self._next_stop()
+            self._crowd.pass_switch_time(self.scenario, start)
+            count, index = max(1, int(np.ceil((end - start) / self.step - 1e-9))), 0
+        h = (end - start) / count
+        crowd = self._crowd
+        try:
+            self._guarded(lambda: self._scheme.step(crowd, self.time, h))
+        except FloatingPointError:
+            raise checks.step_too_large(self, h, "agents move further than the reach of their neighbour lists") from None
+        checks.after_step(self, crowd, h)
+        if self.options.ledger:
+            self.records.book(self.time, self._scheme.books, crowd.n, self.scenario.energy.unlinked)
+        self.steps += 1
+        self._plan = (start, end, count, index + 1)
+        self.time = end if index + 1 == count else start + (end - start) * (index + 1) / count
+
+    def _record(self) -> None:
+        """Store a frame where one is due."""
+        if not self.records.due(self.time):
+            return
+        q, p = self._look()
+        if not (np.isfinite(q).all() and np.isfinite(p).all()):
+            raise NotFinite("The state became infinite or NaN.", time=self.time)
+        if self.options.ledger:
+            self.records.book(self.time, self._scheme.books, self._crowd.n, self.scenario.energy.unlinked)
+            if not self.steps and not np.isfinite(self.records.trace[-1][1]):
+                raise InvalidInput(
+                    "Scenario", "start", "must have a finite energy", self.records.trace[-1][1],
+                    "Two agents sit where the potential is infinite; move them apart or inside its range.",
+                )  # fmt: skip
+            checks.ledger(self)
+        observed = None
+        if self.options.observe:
+            from flocking.engine.tiles.observables import observe
+
+            observed = observe(self._crowd, self.time, p)
+        self.records.frame(self.time, q, p, self._links(), observed)
+
+    def snapshot(self) -> TilesSnapshot:
+        """Everything needed to go on bit for bit: sort order, lists, link memory and rebuild reference included."""
+        return TilesSnapshot(
+            self.scenario, self.options, self.step, self.time, self._plan, self._crowd.memory(), self._scheme.memory(),
+            self.records.copy(), self.steps,
+        )  # fmt: skip
+
+    @classmethod
+    def resume(cls, snapshot: TilesSnapshot, *, threads: int | None = None) -> TilesSession:
+        """A session that goes on exactly as the one the snapshot was taken of, with any number of threads."""
+        session = cls.__new__(cls)
+        session.scenario, session.options, session.plant = snapshot.scenario, snapshot.options, None
+        session.workers = Workers(threads or snapshot.options.threads)
+        session._scheme = scheme_named(snapshot.options.scheme, snapshot.options.ledger)
+        session._crowd = session._new_crowd(snapshot.scenario, snapshot.scenario.start)
+        session._crowd.recall(snapshot.crowd)
+        session._scheme.recall(snapshot.scheme)
+        session.time, session.steps, session.step = snapshot.time, snapshot.steps, snapshot.step
+        session.records, session._plan = snapshot.records.copy(), snapshot.plan
+        return session
+
+    def replace(self, *, law: Law | None = None, state: State | None = None) -> None:
+        """Put another law or state in force from the session's time on.
+
+        Links are kept where the new law's graphs are of the old kinds and no state is given. The change of energy
+        counts as a jump of the ledger.
+
+        Raises
+        ------
+        InvalidInput
+            When law and state disagree.
+        UnsupportedLaw
+            When this engine cannot run the law.
+        """
+        crowd = self._crowd
+        velocities = self._guarded(lambda: self._scheme.look(crowd, self.time, self.step))
+        before = self._energy()
+        scenario = self.scenario.with_(law=law or self.scenario.law, t_end=max(self.scenario.t_end, self.time))
+        check_supported(scenario)
+        spec = self._spec(scenario)
+        scenario.law.check_count(crowd.n, crowd.m)
+        if state is not None:
+            if state.q.shape != self.scenario.start.q.shape:
+                raise InvalidInput("TilesSession", "state", "must keep the number of agents", state.q.shape)
+            self._crowd = self._new_crowd(scenario, state)
+        elif spec.graphs == crowd.spec.graphs:
+            crowd.X[crowd.m :] = velocities
+            self._guarded(lambda: crowd.adopt(scenario, spec, self.time))
+        else:
+            q, p = crowd.in_order(crowd.X[: crowd.m]), crowd.in_order(velocities)
+            self._crowd = self._new_crowd(scenario, State(q, p, self.time))
+        self.scenario = scenario
+        self._scheme.last, self._scheme.counted = 0.0, True
+        self._plan = (self.time, self.time, 1, 1)
+        if self.options.ledger:
+            self._look()
+            self._scheme.books.jumped += self._energy() - before - 0.0
+            self.records.book(self.time, self._scheme.books, crowd.n, scenario.energy.unlinked)
+
+    def _energy(self) -> float:
+        sums = self._scheme.books.sums
+        return sum(sums.get(name, 0.0) for name in ("pairs", "bodies", "kinetic"))
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """Where the results come from, as the run's provenance says."""
+        o = self.options
+        found = provenance(self.engine, self.scenario) | {"steps": self.steps, "step": self.step, "scheme": o.scheme}
+        return found | {"precision": o.precision, "rebuilds": self._crowd.rebuilds, "switches": "not recorded"}
+
+    def run(self, status: str = "finished") -> Run:
+        """What was computed so far."""
+        return Run(self.scenario, status=status, provenance=self.about, **self.records.tables())
