@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -109,3 +109,27 @@ class Row:
             "reason": self.reading,
             "demonstration": shown.as_dict() if shown else None,
         }
+
+
+@dataclass(frozen=True)
+class Erratum:
+    """A statement of a paper that is wrong as printed.
+
+    Parameters
+    ----------
+    statement
+        Number and content of the statement.
+    fault
+        What is wrong, and how it is read.
+    demonstration
+        Computes a counter-example.
+    """
+
+    statement: str
+    fault: str
+    demonstration: Callable[[], Demonstration]
+
+
+def errata_of(rows: Sequence[Row]) -> list[Erratum]:
+    """Errata of a table: its rows that carry a counter-example."""
+    return [Erratum(f"{r.number}: {r.title}", r.reading, r.demonstration) for r in rows if r.demonstration is not None]

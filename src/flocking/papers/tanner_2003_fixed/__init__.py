@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+from flocking.papers.tanner_2003_fixed.pictures import figure, figures
+from flocking.papers.tanner_2003_fixed.system import KEY, potential, scenario, scenarios
+from flocking.papers.tanner_2003_fixed.table import equations, errata
 from flocking.papers.tanner_2003_fixed.theorems import claims
 
-
-from flocking.papers.tanner_2003_fixed.system import potential, scenario, scenarios
-
-KEY = "tanner-2003-fixed"
 TITLE = "Stable Flocking of Mobile Agents, Part I: Fixed Topology"
 AUTHORS = "H. G. Tanner, A. Jadbabaie, G. J. Pappas"
 YEAR = 2003
@@ -19,6 +18,7 @@ __all__ = [
     "YEAR",
     "claims",
     "equations",
+    "errata",
     "figure",
     "figures",
     "potential",

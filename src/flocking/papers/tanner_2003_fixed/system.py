@@ -28,7 +28,9 @@ def potential() -> Potential:
     return Potential("1/r**2 + log(r**2)")
 
 
-def scenario(figure: int | None = None, seed: int = 0, *, complete: bool = False, gain: float = 1.0) -> Scenario:
+def scenario(
+    figure: int | None = None, seed: int = 0, *, complete: bool = False, speed: float = LARGEST_SPEED
+) -> Scenario:
     """The simulation of sec. V: ten agents in a ball, a random connected graph, 100 seconds.
 
     Parameters
@@ -39,12 +41,12 @@ def scenario(figure: int | None = None, seed: int = 0, *, complete: bool = False
         Seed of the graph and of the start.
     complete
         Link all agents instead, as Remark IV.5 asks for.
-    gain
-        Consensus gain; 1 in (5).
+    speed
+        Largest initial speed.
     """
     graph = Fixed.complete(AGENTS) if complete else Fixed.random_connected(AGENTS, LINK_PROBABILITY, seed)
-    start = starts.ball(AGENTS, radius=START_RADIUS, speed=LARGEST_SPEED, seed=seed)
-    law = Law(graph, (Gradient(potential()), Consensus(gain)))
+    start = starts.ball(AGENTS, radius=START_RADIUS, speed=speed, seed=seed)
+    law = Law(graph, (Gradient(potential()), Consensus(1.0)))
     name = COMPLETE if complete else KEY
     return Scenario(law, start, t_end=DURATION, frames=frame_times(), name=name, seed=seed)
 

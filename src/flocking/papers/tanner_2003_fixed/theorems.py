@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from flocking.model.potentials import Potential
 from flocking.papers.tanner_2003_fixed.system import COMPLETE, KEY
 from flocking.study import general_claims as general
 from flocking.study.claims import Claim, Measure, Verdict, below
@@ -14,14 +15,16 @@ from flocking.study.evidence import Evidence
 THEOREM = "Theorem IV.4"
 
 
-def distances_bounded(e: Evidence) -> Measure:
-    """Largest distance against (N-1) V^-1(c), the larger branch of the inverse, along a path of links."""
+def longest_path(potential: Potential, links: int, c: float) -> float:
+    """Length of a path of ``links`` links none of which stores more than ``c``: links times V^-1(c), larger branch."""
     from scipy.optimize import brentq
 
-    psi = e.equilibrium.potentials[0]
-    c = float(e.run.trace["energy"][0])
-    reach = brentq(lambda s: float(psi(np.exp(s))) - c, 0.0, 50.0 + c)
-    bound = (e.run.n - 1) * float(np.exp(reach))
+    return links * float(np.exp(brentq(lambda s: float(potential(np.exp(s))) - c, 0.0, 50.0 + c)))
+
+
+def distances_bounded(e: Evidence) -> Measure:
+    """Largest distance against (N-1) V^-1(c), the larger branch of the inverse, along a path of links."""
+    bound = longest_path(e.equilibrium.potentials[0], e.run.n - 1, float(e.run.trace["energy"][0]))
     return below(float(e.diameter.max()), bound, f"largest distance {e.diameter.max():.3g}, bound {bound:.3g}")
 
 
@@ -44,7 +47,8 @@ def claims(scenario: str = KEY) -> Sequence[Claim]:
               general.ledger_residual, dynamic=False),
         Claim("energy-falls", "(8)-(9)", "W never rises.", general.energy_rise),
         Claim("velocities-agree", THEOREM, "All velocities become the same.", general.velocities_agree, connected),
-        Claim("linked-apart", THEOREM, "Collisions between linked agents are avoided.", general.linked_apart, connected),
+        Claim("linked-apart", THEOREM, "Collisions between linked agents are avoided.", general.linked_apart,
+              connected),
         Claim("all-apart", "Remark IV.5", "No two agents collide, linked or not.",
               general.all_apart if complete else unlinked_keep_distance,
               expected=holds if complete else fails, reason="" if complete else unseen),
@@ -69,5 +73,6 @@ def unlinked_keep_distance(e: Evidence) -> Measure:
     c = float(e.run.trace["energy"][0])
     forbidden = float(np.exp(brentq(lambda s: float(psi(np.exp(s))) - c, -40.0, 0.0)))
     found = e.run.closest_unlinked
-    note = f"unlinked agents {found.pair[0]}, {found.pair[1]} at {found.distance:.2g}; linked ones never below {forbidden:.2g}"
+    i, j = found.pair
+    note = f"unlinked agents {i}, {j} at {found.distance:.2g}; linked ones never below {forbidden:.2g}"
     return Measure(found.distance - forbidden, 0.0, note)

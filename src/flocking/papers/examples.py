@@ -1,0 +1,81 @@
+"""Small computations that several papers' equation tables share: each depends on one decisive number."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from flocking.engine.run import Run
+from flocking.engine.simulate import simulate
+from flocking.model.checks import Array
+from flocking.model.law import Law, Scenario
+from flocking.model.state import Agents, State
+from flocking.study.audit import Judgement, audit, judge
+from flocking.study.claims import Claim
+
+STEP = 1e-5
+"""Duration of the motions from which rates are read."""
+
+SEEDS = range(6)
+"""Seeds of the runs behind the rows of theorems."""
+
+
+def example_state(n: int = 5, *, spread: float = 1.5, seed: int = 7) -> State:
+    """Agents in general position.
+
+    Parameters
+    ----------
+    n
+        How many.
+    spread
+        Standard deviation of each coordinate.
+    seed
+        Seed of the draw.
+    """
+    rng = np.random.default_rng(seed)
+    return State(rng.normal(size=(n, 2)) * spread, rng.normal(size=(n, 2)))
+
+
+def displacement(scenario: Scenario, duration: float) -> Array:
+    """How far the agents of a scenario move within ``duration``, shape (N, m)."""
+    run = simulate(scenario.with_(t_end=duration, frames=(0.0, duration), name=""), progress=False)
+    return np.asarray(run.q[-1] - run.q[0])
+
+
+def velocity_change(scenario: Scenario, mass: float) -> Array:
+    """How much the velocities of a scenario change within that time when the agents have ``mass``."""
+    run = simulate(scenario.with_(t_end=STEP, frames=(0.0, STEP), name="", agents=Agents(masses=mass)), progress=False)
+    return np.asarray(run.p[-1] - run.p[0])
+
+
+def state_at(scenario: Scenario, time: float) -> State:
+    """State of a scenario at ``time``, exactly."""
+    return simulate(scenario.with_(t_end=time, frames=(scenario.start.t, time)), progress=False).state(-1)
+
+
+def judged(
+    make: Callable[[int], Scenario],
+    plant: Callable[[Scenario], Law],
+    claims: Sequence[Claim],
+    seeds: Sequence[int] = SEEDS,
+) -> dict[str, Judgement]:
+    """Claims about runs whose agents obey a plant instead of the declared law, by the claims' keys.
+
+    Parameters
+    ----------
+    make
+        Scenario of a seed.
+    plant
+        The law the agents really obey, from the scenario.
+    claims
+        The claims.
+    seeds
+        The seeds.
+    """
+    reports = []
+    for seed in seeds:
+        scenario = make(seed)
+        run: Run = simulate(scenario, progress=False, plant=plant(scenario))
+        reports.append(audit(run, claims))
+    return {j.claim.key: j for j in judge(claims, reports)}

@@ -1,0 +1,27 @@
+"""Tanner, Jadbabaie, Pappas: Stable Flocking of Mobile Agents, Part II: Dynamic Topology (CDC 2003)."""
+
+from __future__ import annotations
+
+from flocking.papers.tanner_2003_dynamic.pictures import figure, figures
+from flocking.papers.tanner_2003_dynamic.system import KEY, potential, scenario, scenarios
+from flocking.papers.tanner_2003_dynamic.table import equations, errata
+from flocking.papers.tanner_2003_dynamic.theorems import claims
+
+TITLE = "Stable Flocking of Mobile Agents, Part II: Dynamic Topology"
+AUTHORS = "H. G. Tanner, A. Jadbabaie, G. J. Pappas"
+YEAR = 2003
+
+__all__ = [
+    "AUTHORS",
+    "KEY",
+    "TITLE",
+    "YEAR",
+    "claims",
+    "equations",
+    "errata",
+    "figure",
+    "figures",
+    "potential",
+    "scenario",
+    "scenarios",
+]

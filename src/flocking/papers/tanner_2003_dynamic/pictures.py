@@ -1,0 +1,60 @@
+"""Figures of Tanner II."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from flocking.engine.run import Run
+from flocking.errors import InvalidInput
+from flocking.papers.tanner_2003_dynamic import system
+from flocking.show.declaration import Figure, initial, potential, snapshot
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Picture
+
+CAPTIONS = {
+    4: "Cohesion forces make new links.",
+    5: "A tight formation.",
+    6: "The group moves in one direction.",
+    7: "Steady state.",
+}
+
+
+def times() -> dict[int, float]:
+    """Time of each snapshot."""
+    return dict(zip((4, 5, 6, 7), system.SNAPSHOT_TIMES[1:], strict=True))
+
+
+def figures() -> dict[int, Figure]:
+    """Figures of the paper by number; Fig. 1 is a sketch of the forces."""
+    shown = {number: Figure(str(number), CAPTIONS[number], snapshot(t, trails=True)) for number, t in times().items()}
+    return {
+        2: Figure(
+            "2",
+            "The potential, constant from the radius on.",
+            potential(system.inner_potential(), radius=system.RADIUS, outside=system.boundary_value()),
+        ),
+        3: Figure("3", "Initial configuration.", initial()),
+        **shown,
+    }
+
+
+def figure(number: int, run: Run) -> Picture:
+    """Draw a figure of the paper from a run.
+
+    Parameters
+    ----------
+    number
+        Its number.
+    run
+        A run of the paper's scenario.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no such figure.
+    """
+    known = figures()
+    if number not in known:
+        raise InvalidInput("figure", "number", f"must be one of {', '.join(map(str, known))}", number)
+    return known[number].draw(run)

@@ -1,0 +1,71 @@
+"""The simulated system of Tanner II, sec. VII."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from flocking.model import starts
+from flocking.model.energy import Energy
+from flocking.model.graphs import Proximity
+from flocking.model.law import Law, Scenario
+from flocking.model.potentials import Potential
+from flocking.model.terms import Consensus, Gradient
+
+KEY = "tanner-2003-dynamic"
+AGENTS = 10
+START_RADIUS = 2.5
+LARGEST_SPEED = 1.0
+RADIUS = 2.0
+DURATION = 100.0
+SNAPSHOT_TIMES = (0.0, 2.0, 5.0, 25.0, 100.0)
+"""Times of Fig. 3-7. The paper prints them under its pictures, not in its text: these show the same stages."""
+
+
+def inner_potential() -> Potential:
+    """Fig. 2 inside the radius: the part of U_ij that linked agents feel."""
+    return Potential("1/r**2 + log(r**2)")
+
+
+def potential(radius: float = RADIUS) -> Potential:
+    """U_ij: the inner potential, and from ``radius`` on the constant V_R that makes it continuous."""
+    return inner_potential().capped(radius)
+
+
+def boundary_value(radius: float = RADIUS) -> float:
+    """V_R = 1/R^2 + log R^2, by continuity."""
+    return float(inner_potential()(radius))
+
+
+def energy(radius: float = RADIUS) -> Energy:
+    """Q of (6): linked pairs store U_ij, every other pair V_R."""
+    return Energy(unlinked=boundary_value(radius), name="Q")
+
+
+def scenario(figure: int | None = None, seed: int = 0, *, speed: float = LARGEST_SPEED) -> Scenario:
+    """The simulation of sec. VII: ten agents in a ball, linked while closer than 2, 100 seconds.
+
+    The start is redrawn until the graph is connected: Assumption VI.1 cannot hold otherwise.
+
+    Parameters
+    ----------
+    figure
+        Number of the figure it is for; all figures show the same run.
+    seed
+        Seed of the start.
+    speed
+        Largest initial speed.
+    """
+    graph = Proximity(RADIUS)
+    start = starts.ball(AGENTS, radius=START_RADIUS, speed=speed, seed=seed, connected_under=graph)
+    law = Law(graph, (Gradient(inner_potential()), Consensus(1.0)))
+    return Scenario(law, start, t_end=DURATION, frames=frame_times(), energy=energy(), name=KEY, seed=seed)
+
+
+def frame_times() -> tuple[float, ...]:
+    """Even times, among them those of the snapshots."""
+    return tuple(sorted({*(k * 0.5 for k in range(201)), *SNAPSHOT_TIMES}))
+
+
+def scenarios() -> dict[str, Callable[[int], Scenario]]:
+    """Scenarios of this paper by name, each a function of the seed."""
+    return {KEY: lambda seed: scenario(seed=seed)}

@@ -1,0 +1,80 @@
+"""What Tanner II claims, and what is expected of each claim before any run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flocking.papers.tanner_2003_dynamic.system import KEY
+from flocking.study import general_claims as general
+from flocking.study.claims import Claim, Measure, Verdict, above, below
+from flocking.study.evidence import Evidence
+
+THEOREM = "Theorem VI.2"
+
+
+def distances_bounded(e: Evidence) -> Measure:
+    """Largest distance against (N-1) R, the longest path of links."""
+    bound = (e.run.n - 1) * float(np.max(np.asarray(e.law.graph.break_radius)))
+    return below(float(e.diameter.max()), bound, f"largest distance {e.diameter.max():.3g}, bound {bound:.3g}")
+
+
+def kept_apart(e: Evidence) -> Measure:
+    """Closest pair ever against the distance at which one pair alone would hold the whole initial Q."""
+    found, least = e.run.closest, forbidden_distance(e)
+    note = f"closest {found.distance:.4g} at t = {found.time:.3g}; Q(0) allows no pair below {least:.2g}"
+    return above(found.distance, least, note)
+
+
+def forbidden_distance(e: Evidence) -> float:
+    """Distance whose potential is the initial Q, less what the other pairs hold at least."""
+    from scipy.optimize import brentq
+
+    from flocking.study.potential_minimum import smallest_value
+
+    psi = e.equilibrium.potentials[0]
+    best, lowest = smallest_value(psi, float(np.max(np.asarray(e.law.graph.break_radius))))
+    pairs = e.run.n * (e.run.n - 1) // 2
+    most = float(e.run.trace["energy"][0]) - (pairs - 1) * lowest
+    return float(np.exp(brentq(lambda s: float(psi(np.exp(s))) - most, -40.0, float(np.log(best)))))
+
+
+def claims(scenario: str = KEY) -> Sequence[Claim]:
+    """Claims of the paper about its system.
+
+    Parameters
+    ----------
+    scenario
+        ``"tanner-2003-dynamic"``.
+    """
+    connected = general.stays_connected
+    fails = Verdict.FAILS
+    return (
+        Claim("energy", "(10)", "dQ/dt = -v_x^T L_t v_x - v_y^T L_t v_y: the dissipation is the Laplacian form.",
+              general.ledger_residual, dynamic=False),
+        Claim("energy-continuous", "(6)", "Q does not jump where links appear or break.", general.energy_continuous),
+        Claim("energy-falls", "(10)", "Q never rises.", general.energy_rise),
+        Claim("connected", "Assumption VI.1", "The graph stays connected from a connected start.",
+              general.stays_connected, general.starts_connected, expected=fails,
+              reason="An assumption, not a result: the potential is finite at R, so that links break and groups part."),
+        Claim("transversal", "sec. VI", "Every link switches at a nonzero speed, so that no solution slides.",
+              general.crossings_transversal),
+        Claim("velocities-agree", THEOREM, "All velocities become the same.", general.velocities_agree, connected),
+        Claim("distances-settle", "sec. I", "Pairwise distances become constant.", general.distances_settle, connected),
+        Claim("all-apart", THEOREM, "No two agents collide.", general.all_apart),
+        Claim("apart-by", THEOREM, "No two agents come closer than Q(0) allows.", kept_apart),
+        Claim("stationary", THEOREM, "The limit is stationary: the forces of every agent balance.",
+              general.forces_vanish, connected),
+        Claim("minimal", THEOREM, "The limit minimises every agent's potential.", general.agents_at_their_minimum,
+              connected, expected=fails,
+              reason="Stationary only: the limit graphs are rigid, and not all links can have the best length."),
+        Claim("local-minimum", THEOREM, "The limit is a local minimum of the total potential.",
+              general.potential_is_minimal, connected),
+        Claim("switching-stops", "after (11)", "Switching eventually stops.", general.switching_stops, connected),
+        Claim("links-kept", "not stated", "No link is ever lost.", general.no_link_lost, expected=fails,
+              reason="Links may break, as sec. VIII says; only connectivity is assumed."),
+        Claim("speed-bound", "after (6)", "No speed exceeds sqrt(2 c), c the initial Q.", general.speeds_bounded(2.0)),
+        Claim("distance-bound", "after (6)", "No distance exceeds (N-1) R.", distances_bounded, connected),
+        Claim("momentum", "not stated", "The common velocity is the mean of the initial ones.", general.momentum_drift),
+    )  # fmt: skip

@@ -1,0 +1,184 @@
+"""What the rows of Tanner I's equation table build: each object depends on one decisive number."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.reference import evaluate
+from flocking.model.checks import Array
+from flocking.model.connectivity import is_connected
+from flocking.model.graphs import Fixed, Proximity
+from flocking.model.law import Law
+from flocking.model.observables import headings
+from flocking.model.potentials import Potential
+from flocking.model.state import State
+from flocking.model.terms import Consensus, Gradient
+from flocking.papers import examples
+from flocking.papers.tanner_2003_fixed import system, theorems
+from flocking.study.audit import Judgement
+from flocking.study.equilibrium import Equilibrium
+from flocking.study.potential_minimum import smallest_value
+from flocking.study.state_energy import agent_energies, total_energy
+
+EDGES = ((0, 1), (1, 2), (2, 3), (3, 4), (0, 4), (1, 3))
+"""A ring of five agents with a chord."""
+
+
+def scaled_potential(stiffness: float) -> Potential:
+    """The paper's potential times a number."""
+    return Potential(f"stiffness*({system.potential().formula.text})", stiffness=stiffness)
+
+
+def law(gain: float = 1.0, stiffness: float = 1.0) -> Law:
+    """Control law (5) on the example graph, its two parts scaled."""
+    return Law(Fixed(5, EDGES), (Gradient(scaled_potential(stiffness)), Consensus(gain)))
+
+
+def displacement_of(scale: float) -> Array:
+    """How far the simulated agents move within a scaled instant."""
+    return examples.displacement(system.scenario(seed=1), examples.STEP * scale)
+
+
+def velocity_change_of(scale: float) -> Array:
+    """How their velocities change when the mass is scaled."""
+    return examples.velocity_change(system.scenario(seed=1), scale)
+
+
+def headings_of(scale: float) -> Array:
+    """Heading angles when the vertical velocities are scaled."""
+    state = examples.example_state()
+    return headings(State(state.q, state.p * [1.0, scale]))
+
+
+def forces_of_law(scale: float) -> Array:
+    """Control of the example state, both parts scaled."""
+    return evaluate(law(scale, scale), examples.example_state()).u
+
+
+def alignment_of(scale: float) -> Array:
+    """Alignment part of the control of the example state, its gain scaled."""
+    return evaluate(Law(Fixed(5, EDGES), (Consensus(scale),)), examples.example_state()).u
+
+
+def laplacian_of(scale: float) -> Array:
+    """Laplacian of the graph of chain links shorter than the scaled radius."""
+    from flocking.study.nets import laplacian
+
+    return np.asarray(laplacian(chain_links(scale)))
+
+
+def chain_links(scale: float) -> Any:
+    """Links of a chain with spacings from 0.991 to 1.009 under the scaled radius 1."""
+    q = np.stack([np.cumsum([0.0, 0.991, 0.996, 1.003, 1.009]), np.zeros(5)], axis=1)
+    return Proximity(scale).initial(q)
+
+
+def drawn_edges(scale: float) -> list[tuple[tuple[int, int], ...]]:
+    """Edges of forty drawn graphs, the probability of a link scaled."""
+    chance = system.LINK_PROBABILITY * scale
+    return [Fixed.random_connected(system.AGENTS, chance, seed).edges for seed in range(40)]
+
+
+def connected_of(scale: float) -> bool:
+    """Whether a chain with spacing 1 hangs together under the radius 1.005 divided by the scale."""
+    q = np.stack([np.arange(5.0), np.zeros(5)], axis=1)
+    return is_connected(Proximity(1.005 / scale).initial(q))
+
+
+def minimum_of(scale: float) -> float:
+    """Distance at which the potential with a scaled repulsion is least."""
+    first, _, rest = system.potential().formula.text.partition(" + ")
+    return smallest_value(Potential(f"repulsion*{first} + {rest}", repulsion=scale))[0]
+
+
+def agent_potentials_of(scale: float) -> Array:
+    """V_i of the example state, the potential scaled."""
+    return agent_energies(law(1.0, scale), examples.example_state())
+
+
+def energy_of(scale: float) -> float:
+    """W of the example state, the potential scaled."""
+    return total_energy(law(1.0, scale), examples.example_state())
+
+
+def pair_forces_of(scale: float) -> Array:
+    """Forces of a linked pair on each other, the potential scaled."""
+    pair = Law(Fixed.complete(2), (Gradient(scaled_potential(scale)),))
+    return evaluate(pair, State(np.array([[0.0, 0.0], [0.8, 0.3]]))).u
+
+
+def power_of(scale: float) -> float:
+    """Power dissipated at the example state, the gain scaled."""
+    return evaluate(law(scale), examples.example_state()).dissipation
+
+
+def total_power_of(scale: float) -> float:
+    """dW/dt at the example state as the difference of W along the motion, the gain scaled."""
+    state, step = examples.example_state(), 1e-5
+    u = evaluate(law(scale), state).u
+    ahead, behind = (
+        State(state.q + h * state.p + 0.5 * h**2 * u, state.p + h * u) for h in (step, -step)
+    )  # fmt: skip
+    return (total_energy(law(scale), ahead) - total_energy(law(scale), behind)) / (2 * step)
+
+
+def potential_forces_of(scale: float) -> Array:
+    """Forces of the potentials at the example state, the potential scaled."""
+    return Equilibrium(law(1.0, scale), examples.example_state()).forces
+
+
+def speed_limit_of(scale: float) -> float:
+    """Margin of the speed bound sqrt(2 c) for a pair of which one agent moves at the scaled speed 2."""
+    from flocking.study.general_claims import speeds_bounded
+
+    evidence = _moving_pair(2.0 * scale)
+    return speeds_bounded(2.0)(evidence).margin
+
+
+def distance_limit_of(scale: float) -> float:
+    """Longest path of nine links when W is at most 2, that value scaled."""
+    return theorems.longest_path(system.potential(), 9, 2.0 * scale)
+
+
+def _moving_pair(speed: float) -> Any:
+    from flocking.engine.simulate import simulate
+    from flocking.model.law import Scenario
+    from flocking.study.evidence import Evidence
+
+    pair = Law(Fixed.complete(2), (Gradient(system.potential()), Consensus(1.0)))
+    start = State(np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([[0.0, speed], [0.0, 0.0]]))
+    return Evidence(simulate(Scenario(pair, start, t_end=0.0, frames=1), progress=False))
+
+
+def theorem_of(gain: float, *, complete: bool = False) -> dict[str, Judgement]:
+    """The paper's claims about agents whose consensus gain is not the declared one."""
+    name = system.COMPLETE if complete else system.KEY
+    return examples.judged(
+        system.scenarios()[name],
+        lambda declared: Law(declared.law.graph, (Gradient(system.potential()), Consensus(gain))),
+        theorems.claims(name),
+    )
+
+
+def remark_of(gain: float) -> dict[str, Judgement]:
+    """The claims about the complete graph."""
+    return theorem_of(gain, complete=True)
+
+
+def start_of(scale: float) -> State:
+    """The simulated start, its largest speed scaled."""
+    start = system.scenario(seed=0, speed=system.LARGEST_SPEED * scale).start
+    return State(start.q, start.p)
+
+
+def picture_of(number: int) -> Any:
+    """Builder of the state a figure shows, the time the figure declares scaled."""
+
+    def build(scale: float) -> State:
+        from flocking.papers.tanner_2003_fixed.pictures import times
+
+        return examples.state_at(system.scenario(seed=0), times()[number] * scale)
+
+    return build

@@ -1,0 +1,286 @@
+"""What the rows of Zhou's equation table build: each object depends on one decisive number."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.reference import evaluate
+from flocking.engine.simulate import simulate
+from flocking.model.checks import Array
+from flocking.model.connectivity import Links
+from flocking.model.energy import Energy
+from flocking.model.graphs import Hysteresis
+from flocking.model.law import Law, Scenario
+from flocking.model.leaders import Velocity
+from flocking.model.observables import mean_position, mean_velocity
+from flocking.model.potentials import Potential
+from flocking.model.state import State
+from flocking.model.terms import Consensus, Gradient, PairTerm
+from flocking.model.tracking import Track
+from flocking.papers import examples
+from flocking.papers.zhou_2015 import system, theorems
+from flocking.study.audit import Judgement
+from flocking.study.equilibrium import Equilibrium
+from flocking.study.evidence import Evidence
+from flocking.study.potential_minimum import smallest_value
+from flocking.study.state_energy import total_energy
+
+
+def scaled_potential(stiffness: float) -> Potential:
+    """Potential (9) times a number."""
+    return Potential(f"stiffness*({system.potential().formula.text})", stiffness=stiffness, R=system.RADIUS)
+
+
+def weights() -> Array:
+    """Symmetric weights w_ij of the six example agents."""
+    drawn = np.random.default_rng(5).uniform(0.5, 2.0, (6, 6))
+    return np.asarray((drawn + drawn.T) / 2)
+
+
+def law(gain: float = 1.0, stiffness: float = 1.0, pull: float | None = None) -> Law:
+    """Protocol (8), or (24) where ``pull`` is the leader's gain, with weights and scaled parts."""
+    terms: list[PairTerm | Track] = [Gradient(scaled_potential(stiffness)), Consensus(gain, weights=weights())]
+    if pull is not None:
+        terms.append(Track(Velocity(system.LEADER_VELOCITY), velocity_gain=pull))
+    return Law(system.graph(), tuple(terms))
+
+
+def example_state() -> State:
+    """Six agents, of which some are neighbours."""
+    return examples.example_state(6, spread=1.6, seed=11)
+
+
+def links_after(scale: float) -> list[Links]:
+    """Links of a pair that goes from 3.5 to 4.2 and back, at every hundredth, under the scaled radius."""
+    net = Hysteresis(system.RADIUS * scale, system.GAP)
+    found, links = [], np.zeros((0, 0), dtype=bool)
+    for step, distance in enumerate(journey()):
+        q = np.array([[0.0, 0.0], [distance, 0.0]])
+        links = net.initial(q) if step == 0 else net.update(q, links)
+        found.append(links)
+    return found
+
+
+def journey() -> Array:
+    """Distances of a pair: out from 3.5 to 4.205 and back."""
+    out = np.arange(3.505, 4.21, 0.01)
+    return np.concatenate([out, out[::-1]])
+
+
+def laplacian_of(scale: float) -> Array:
+    """Laplacian of a chain with spacings from 3.97 to 4.03 under the scaled radius."""
+    from flocking.study.nets import laplacian
+
+    q = np.stack([np.cumsum([0.0, 3.97, 3.99, 4.01, 4.03]), np.zeros(5)], axis=1)
+    return np.asarray(laplacian(system.graph(system.RADIUS * scale).initial(q)))
+
+
+def sum_of_squares_of(scale: float) -> float:
+    """z^T L z of the example state's velocities along x: half the sum over ordered pairs, the gain scaled."""
+    state = example_state()
+    flat = State(state.q, state.p * [1.0, 0.0])
+    return evaluate(Law(system.graph(), (Consensus(scale),)), flat).dissipation
+
+
+def displacement_of(scale: float) -> tuple[Array, Array]:
+    """How far the simulated agents move, and how their velocities change, both when time and mass are scaled."""
+    scenario = system.scenario(seed=0)
+    return examples.displacement(scenario, examples.STEP * scale), examples.velocity_change(scenario, scale)
+
+
+def stacked_of(scale: float) -> tuple[Array, Array]:
+    """Stacked positions and velocities of the start, the side of the square scaled."""
+    start = start_of(scale)
+    return start.q.reshape(-1), start.p.reshape(-1)
+
+
+def control_of(scale: float) -> Array:
+    """Control (8) of the example state, both parts scaled."""
+    return evaluate(law(scale, scale), example_state()).u
+
+
+def led_control_of(scale: float) -> Array:
+    """Control (24) of the example state, the leader's gain scaled."""
+    return evaluate(law(pull=scale), example_state()).u
+
+
+def relative_control_of(scale: float) -> Array:
+    """Control (27): that of (24) seen from the leader, the consensus gain scaled."""
+    state = example_state()
+    moved = State(state.q - np.asarray(system.LEADER_VELOCITY) * 2.5, state.p - np.asarray(system.LEADER_VELOCITY))
+    terms = (*law(gain=scale).terms, Track(Velocity((0.0, 0.0)), velocity_gain=system.LEADER_GAIN))
+    return evaluate(Law(system.graph(), terms), moved).u
+
+
+def potential_of(scale: float) -> Array:
+    """Potential (9) for a scaled radius, at distances inside and at both ends."""
+    return system.potential(system.RADIUS * scale)([0.0, 0.1, 1.0, 2.0, 3.0, 3.9])
+
+
+def energy_of(scale: float) -> float:
+    """Q of the example state, the potential scaled."""
+    return total_energy(law(stiffness=scale), example_state())
+
+
+def led_energy_of(scale: float) -> float:
+    """U of the example state, the leader's velocity scaled."""
+    leader = Velocity(np.asarray(system.LEADER_VELOCITY) * scale)
+    return total_energy(law(pull=1.0), example_state(), Energy(frame="leader", leader=leader))
+
+
+def means_of(scale: float) -> tuple[Array, Array]:
+    """Mean velocity and position when the first agent weighs the scale."""
+    state = example_state()
+    masses = np.array([scale, *np.ones(5)])
+    return mean_velocity(state, masses), mean_position(state, masses)
+
+
+def rate_of(scale: float) -> float:
+    """dQ/dt at the example state by central differences along the motion, the consensus gain scaled."""
+    return _rate(law(gain=scale), Energy())
+
+
+def led_rate_of(scale: float) -> float:
+    """dU/dt at the example state by central differences along the motion, the leader's gain scaled."""
+    leader = Velocity(system.LEADER_VELOCITY)
+    return _rate(law(pull=scale), Energy(frame="leader", leader=leader))
+
+
+def _rate(declared: Law, energy: Energy) -> float:
+    state, step = example_state(), 1e-5
+    u = evaluate(declared, state).u
+    ends = [State(state.q + h * state.p + 0.5 * h**2 * u, state.p + h * u) for h in (step, -step)]
+    ahead, behind = (total_energy(declared, end, energy) for end in ends)
+    return (ahead - behind) / (2 * step)
+
+
+def dissipation_of(scale: float) -> float:
+    """Power (14) dissipated at the example state, the gain scaled."""
+    return evaluate(law(gain=scale), example_state()).dissipation
+
+
+def led_dissipation_of(scale: float) -> float:
+    """Power (29) dissipated at the example state in the leader's frame, the leader's gain scaled."""
+    leader = Velocity(system.LEADER_VELOCITY)
+    declared = Law(system.graph(), (*law().terms, Track(leader, velocity_gain=scale)))
+    return evaluate(declared, example_state(), energy=Energy(frame="leader", leader=leader)).dissipation
+
+
+def mean_control_of(scale: float) -> Array:
+    """Mean of the control when agent 0 weighs what its neighbours say by the scale."""
+    gains = np.array([scale, *np.ones(5)])
+    declared = Law(system.graph(), (Gradient(system.potential()), Consensus(gains, weights=weights())))
+    return np.asarray(evaluate(declared, example_state()).u.mean(axis=0))
+
+
+def led_mean_control_of(scale: float) -> Array:
+    """Mean of control (24), the leader's gain scaled."""
+    return np.asarray(led_control_of(scale).mean(axis=0))
+
+
+def potential_forces_of(scale: float) -> Array:
+    """Forces of the potentials at the example state, the potential scaled."""
+    return Equilibrium(law(stiffness=scale), example_state()).forces
+
+
+def start_evidence(gap: float = system.GAP, *, leader: bool = False) -> Evidence:
+    """Evidence of the simulated start alone."""
+    scenario = system.scenario(seed=0, leader=leader)
+    net = system.graph(gap=gap)
+    changed = scenario.with_(law=Law(net, scenario.law.terms), t_end=0.0, frames=1, name="")
+    return Evidence(simulate(changed, progress=False))
+
+
+def bound_of(scale: float) -> float:
+    """Q_max of the simulated start, eps scaled."""
+    return theorems.largest_energy(start_evidence(system.GAP * scale))
+
+
+def led_bound_of(scale: float) -> float:
+    """U_max of the simulated start, eps scaled."""
+    return theorems.largest_energy(start_evidence(system.GAP * scale, leader=True))
+
+
+def new_links_of(scale: float) -> int:
+    """M for a hundred agents, their number scaled."""
+    return theorems.most_new_links(round(100 * scale))
+
+
+def theorem_of(gain: float, *, leader: bool = False) -> dict[str, Judgement]:
+    """The paper's claims about agents whose consensus gain is not the declared one."""
+    name = system.LEADER if leader else system.KEY
+
+    def plant(declared: Scenario) -> Law:
+        changed = [Consensus(gain) if isinstance(t, Consensus) else t for t in declared.law.terms]
+        return Law(declared.law.graph, tuple(changed))
+
+    return examples.judged(system.scenarios()[name], plant, theorems.claims(name))
+
+
+def led_theorem_of(gain: float) -> dict[str, Judgement]:
+    """The claims of Theorem 2."""
+    return theorem_of(gain, leader=True)
+
+
+def coming_together_of(scale: float) -> Array:
+    """Link lengths in the limit of the second start, the radius of the potential and the graph scaled."""
+    radius = system.RADIUS * scale
+    scenario = system.scenario(seed=1)
+    changed = Law(system.graph(radius), (Gradient(system.potential(radius)), Consensus(1.0)))
+    run = simulate(scenario.with_(law=changed, name=""), progress=False)
+    return np.sort(Equilibrium(changed, run.state(-1)).r)
+
+
+def minimum_of(scale: float) -> float:
+    """Distance at which the potential is least, its radius scaled."""
+    radius = system.RADIUS * scale
+    return smallest_value(system.potential(radius), radius)[0]
+
+
+def mean_velocity_of(scale: float) -> Array:
+    """Mean velocity of the led group after one second, the leader's gain scaled."""
+    scenario = system.scenario(seed=0, leader=True)
+    pair_terms = [t for t in scenario.law.terms if not isinstance(t, Track)]
+    pull = Track(scenario.law.leaders[0], velocity_gain=system.LEADER_GAIN * scale)
+    changed = Law(scenario.law.graph, (*pair_terms, pull))
+    run = simulate(scenario.with_(law=changed, t_end=1.0, frames=2, name=""), progress=False)
+    return np.asarray(run.p[-1].mean(axis=0))
+
+
+def start_of(scale: float) -> State:
+    """The simulated start, the side of the square scaled."""
+    return system.scenario(seed=0, side=system.SIDE * scale).start
+
+
+def led_start_of(scale: float) -> tuple[State, Array, Array]:
+    """The start with the leader, and the leader's position and velocity, its velocity scaled."""
+    leader = system.virtual_leader(scale)
+    return system.scenario(seed=0, leader=True).start, *leader.at(1.0)[:2]
+
+
+def picture_of(number: int) -> Callable[[float], Any]:
+    """Builder of the state a figure of nets shows, the time it declares scaled."""
+
+    def build(scale: float) -> State:
+        from flocking.papers.zhou_2015.pictures import times
+
+        return examples.state_at(system.scenario(figure=number, seed=0), times()[number] * scale)
+
+    return build
+
+
+def series_of(number: int) -> Callable[[float], Any]:
+    """Builder of the curves a figure shows, shape (F, N), the consensus gain scaled."""
+
+    def build(scale: float) -> Array:
+        from flocking.papers.zhou_2015.pictures import SERIES
+
+        which, axis = SERIES[number]
+        scenario = system.scenario(figure=number, seed=0, gain=scale, duration=2.0)
+        run = simulate(scenario.with_(frames=(0.5, 1.0, 2.0), name=""), progress=False)
+        return np.asarray((run.p if which == "velocities" else run.q)[:, :, axis])
+
+    return build

@@ -1,0 +1,85 @@
+"""Figures of Zhou, Zhou and Zeng: 1-7 without, 8-14 with the virtual leader."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flocking.engine.run import Run
+from flocking.errors import InvalidInput
+from flocking.papers.zhou_2015 import system
+from flocking.show.declaration import Draw, Figure, initial, positions, snapshot, velocities
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Picture
+
+FIRST_WITH_LEADER = 8
+FINAL_TIME = 12.0
+"""When the final states are shown and curves end. The paper does not say; velocities agree, the rest is drift."""
+SERIES = {4: ("velocities", 0), 5: ("velocities", 1), 6: ("positions", 0), 7: ("positions", 1),
+          11: ("velocities", 0), 12: ("velocities", 1), 13: ("positions", 0), 14: ("positions", 1)}  # fmt: skip
+"""What each figure over time shows, and along which axis."""
+
+
+def times() -> dict[int, float]:
+    """Time of each picture of the net."""
+    return {1: 0.0, 2: FINAL_TIME, 3: FINAL_TIME, 8: 0.0, 9: FINAL_TIME, 10: FINAL_TIME}
+
+
+def scenario_of(number: int) -> str:
+    """Name of the scenario a figure shows."""
+    return system.LEADER if number >= FIRST_WITH_LEADER else system.KEY
+
+
+def figures() -> dict[int, Figure]:
+    """Figures of the paper by number."""
+    found = {}
+    for first, led in ((1, ""), (FIRST_WITH_LEADER, " with a virtual leader")):
+        found[first] = Figure(str(first), f"Initial states{led}.", initial())
+        found[first + 1] = Figure(str(first + 1), f"Final states{led}.", snapshot(FINAL_TIME))
+        found[first + 2] = Figure(str(first + 2), f"Paths and final states{led}.", snapshot(FINAL_TIME, trails=True))
+        for number in range(first + 3, first + 7):
+            which, axis = SERIES[number]
+            draw = (velocities if which == "velocities" else positions)(axis, leader="solid")
+            found[number] = Figure(
+                str(number), f"{which.capitalize()} along {'xy'[axis]}{led}.", until(FINAL_TIME, draw)
+            )
+    return found
+
+
+def until(end: float, draw: Draw) -> Draw:
+    """Draw only the frames of a run up to ``end``."""
+
+    def drawn(run: Run) -> Picture:
+        count = int(np.searchsorted(run.t, end, side="right"))
+        return draw(replace(run, t=run.t[:count], q=run.q[:count], p=run.p[:count], links=run.links[:count]))
+
+    return drawn
+
+
+def figure(number: int, run: Run) -> Picture:
+    """Draw a figure of the paper from a run.
+
+    Parameters
+    ----------
+    number
+        Its number.
+    run
+        A run of the scenario the figure shows: with the leader from Fig. 8 on.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no such figure, or the run is of the other scenario.
+    """
+    known = figures()
+    if number not in known:
+        raise InvalidInput("figure", "number", f"must be one of {', '.join(map(str, known))}", number)
+    if bool(run.scenario.law.leaders) != (number >= FIRST_WITH_LEADER):
+        raise InvalidInput(
+            "figure", "run", f"must be a run of {scenario_of(number)}", run.scenario.name,
+            f"Use scenario(figure={number}).",
+        )  # fmt: skip
+    return known[number].draw(run)

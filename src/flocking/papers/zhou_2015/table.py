@@ -1,0 +1,148 @@
+"""Equation table of Zhou, Zhou and Zeng: where each numbered statement lives and how it is read."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from flocking.papers.zhou_2015 import counterexamples as wrong
+from flocking.papers.zhou_2015 import examples, system
+from flocking.study.equations import Erratum, Row, errata_of
+
+MODEL, STUDY, HERE = "flocking.model", "flocking.study", "flocking.papers.zhou_2015"
+SIGMA = (
+    "The second case needs sigma[t-] = 1: a linked pair stays linked up to r, an unlinked one is linked below r - eps."
+)
+NOW = "(ii) and (iii) speak of s(t), not s(0). eps_0 is never used."
+ORDERED = "E lists ordered pairs: every edge twice."
+TOGETHER = "Distances tend to fixed values; the agents do not come together, nor do all links get the length r/2."
+SIGN = "Q = (1/2) (sum_i sum_j psi + sum_i v_i^T v_i): no minus, and the velocities inside the sum over i."
+CANCEL = "Both gradients are with respect to s_i and cancel; L is the Laplacian of the weights w_ij."
+LAPLACIAN = "L is the Laplacian of the weights w_ij; that of (2) serves only where all weights are 1."
+GROWTH = "Holds until the first new link: each one adds psi(r - eps). Q_max = Q_0 + M psi(r - eps)."
+MINUS = "dQ/dt = -(1/2) sum over ordered pairs of w_ij |v_j - v_i|^2."
+VELOCITY_ONLY = "Only the leader's velocity is fed back: the group keeps its distance from the leader's position."
+MEAN = "The c_1 term belongs inside the sum, with a minus, and c_1 is the same for all agents."
+ALL_INFORMED = 'Needs c_1 the same for all agents; "otherwise c_1 = 0" contradicts it.'
+KERNEL = ("psi' has both signs: L-hat is no Laplacian of a graph with positive weights, and its kernel holds the"
+          " positions of the formation. The balance of forces is what follows.")  # fmt: skip
+
+
+def row(number: str, kind: str, title: str, home: str, build: Any, **more: Any) -> Row:
+    """A row of this paper."""
+    return Row(system.KEY, number, kind, title, home, build, **more)
+
+
+def equations() -> tuple[Row, ...]:
+    """Every numbered statement of the paper."""
+    return (*_problem(), *_without_leader(), *_with_leader(), *_figures())
+
+
+def _problem() -> tuple[Row, ...]:
+    net = f"{MODEL}.graphs.Hysteresis"
+    return (
+        row("(i)-(iii)", "definition", "when links appear and break", net, examples.links_after, reading=NOW,
+            demonstration=wrong.initial_distances),
+        row("(1)", "equation", "indicator sigma of a link", net, examples.links_after, reading=SIGMA,
+            demonstration=wrong.indicator),
+        row("(2)", "equation", "adjacency matrix and Laplacian", f"{STUDY}.nets.laplacian", examples.laplacian_of,
+            reading="(u, v) is (i, j)."),
+        row("(3)", "equation", "z^T L z as a sum of squares", f"{MODEL}.terms.Consensus.dissipation",
+            examples.sum_of_squares_of, reading=ORDERED, demonstration=wrong.sum_of_squares),
+        row("(4)", "equation", "double integrators", "flocking.engine.codegen.compiled_kernels",
+            examples.displacement_of),
+        row("(5)", "equation", "stacked positions and velocities", f"{MODEL}.state.State", examples.stacked_of),
+        row("sec. 2.2", "problem", "final formation s_1 = ... = s_N", f"{HERE}.theorems.links_have_one_length",
+            examples.coming_together_of, reading=TOGETHER, demonstration=wrong.coinciding_goal),
+        row("(6)", "equation", "u_i = f_i + h_i", f"{MODEL}.law.Law", examples.control_of),
+        row("(7)", "equation", "u_i = f_i + h_i + gamma_i", f"{MODEL}.law.Law", examples.led_control_of),
+    )  # fmt: skip
+
+
+def _without_leader() -> tuple[Row, ...]:
+    energy = f"{STUDY}.state_energy.total_energy"
+    dissipation = f"{MODEL}.terms.Consensus.dissipation"
+    return (
+        row("(8)", "protocol", "control without a leader", f"{MODEL}.law.Law", examples.control_of),
+        row("psi (i)", "definition", "least at one distance", f"{STUDY}.potential_check.check_potential",
+            examples.minimum_of),
+        row("(9)", "equation", "potential infinite at 0 and r", f"{MODEL}.potentials.Potential", examples.potential_of),
+        row("(10)", "equation", "energy Q", energy, examples.energy_of, reading=SIGN, demonstration=wrong.energy_sign),
+        row("(11)", "equation", "mean velocity and position", f"{MODEL}.observables.mean_velocity", examples.means_of),
+        row("Theorem 1", "theorem", "flocking without a leader", f"{HERE}.theorems.claims", examples.theorem_of),
+        row("(12)", "equation", "dQ/dt, line by line", energy, examples.rate_of, reading=CANCEL,
+            demonstration=wrong.gradient_rate),
+        row("(13)", "equation", "Q(t) <= Q_0", f"{HERE}.theorems.largest_energy", examples.bound_of, reading=GROWTH,
+            demonstration=wrong.growing_energy),
+        row("(14)", "equation", "dQ/dt = -v^T (L x I) v", dissipation, examples.dissipation_of, reading=LAPLACIAN,
+            demonstration=wrong.weighted_rate),
+        row("t_k", "equation", "the graph switches at t_k, k = 1, ..., N", f"{HERE}.theorems.most_new_links",
+            examples.new_links_of, reading="k = 1, 2, ...: at most M times.", demonstration=wrong.many_switches),
+        row("(15)", "equation", "Q(t) stays below Q_max between switches", f"{HERE}.theorems.largest_energy",
+            examples.bound_of, reading="Q_max = Q_0 + M psi(r - eps)."),
+        row("(16)", "equation", "M bounds the number of new links", f"{HERE}.theorems.most_new_links",
+            examples.new_links_of, reading="M bounds the sum of all n_k."),
+        row("(17)", "equation", "Q after k switches", f"{HERE}.theorems.largest_energy", examples.bound_of,
+            reading="psi at the number r - eps; between switches Q falls as well."),
+        row("(18)", "equation", "invariant set Q <= Q_max", f"{HERE}.theorems.largest_energy", examples.bound_of,
+            reading="Only linked pairs enter D_g; Q is finite only for distances inside (0, r)."),
+        row("(19)", "equation", "limit set dQ/dt = 0", dissipation, examples.dissipation_of),
+        row("(20)", "equation", "dQ/dt as a sum of squares", energy, examples.rate_of, reading=MINUS,
+            demonstration=wrong.rate_sign),
+        row("(21)", "equation", "the mean of the controls vanishes", f"{MODEL}.terms.Consensus.symmetries",
+            examples.mean_control_of),
+        row("(22)", "equation", "control in the steady state", f"{STUDY}.equilibrium.Equilibrium",
+            examples.potential_forces_of, reading="Only where all velocities agree."),
+        row("(23)", "equation", "L-hat s = 0, so that all s_i are equal", f"{STUDY}.equilibrium.Equilibrium",
+            examples.potential_forces_of, reading=KERNEL, demonstration=wrong.kernel_of_limit),
+        row("after (23)", "equation", "all links get the desired length", f"{HERE}.theorems.links_have_one_length",
+            examples.coming_together_of, reading=TOGETHER, demonstration=wrong.equal_lengths),
+    )  # fmt: skip
+
+
+def _with_leader() -> tuple[Row, ...]:
+    energy, track = f"{STUDY}.state_energy.total_energy", f"{MODEL}.tracking.Track"
+    bound = f"{HERE}.theorems.largest_energy"
+    return (
+        row("(24)", "protocol", "control with a leader, whom all agents approach", track, examples.led_control_of,
+            reading=VELOCITY_ONLY, demonstration=wrong.no_position),
+        row("(25)", "equation", "energy U in the leader's frame", f"{MODEL}.energy.Energy", examples.led_energy_of),
+        row("Theorem 2", "theorem", "flocking with a leader", f"{HERE}.theorems.claims", examples.led_theorem_of),
+        row("(26)", "equation", "motion relative to the leader", track, examples.relative_control_of,
+            reading="The relative position carries a tilde: s_i - v_gamma t."),
+        row("(27)", "equation", "control in relative variables", track, examples.relative_control_of),
+        row("(28)", "equation", "U in relative variables", f"{MODEL}.energy.Energy", examples.led_energy_of,
+            reading="The kinetic part belongs inside the sum over i."),
+        row("(29)", "equation", "dU/dt", f"{MODEL}.tracking.Track.balance", examples.led_dissipation_of,
+            reading="L of the weights w_ij; \"U(t) <= 0\" below it means dU/dt."),
+        row("(30)", "equation", "U(t) stays below U_max between switches", bound, examples.led_bound_of),
+        row("(31)", "equation", "invariant set U <= U_max", bound, examples.led_bound_of,
+            reading="(1/2) N^2 - (3/2) N + 1 is M of (16)."),
+        row("(32)", "equation", "limit set dU/dt = 0", energy, examples.led_rate_of,
+            reading="(L + c_1 I_N) x I_n: the bracket closes before the product."),
+        row("(33)", "equation", "the mean acceleration", track, examples.led_mean_control_of, reading=MEAN,
+            demonstration=wrong.leader_sign),
+        row("(34)", "equation", "the mean velocity decays exponentially", f"{HERE}.theorems.mean_velocity_decays",
+            examples.mean_velocity_of, reading=ALL_INFORMED, demonstration=wrong.some_informed),
+    )  # fmt: skip
+
+
+def _figures() -> tuple[Row, ...]:
+    home, words = f"{HERE}.pictures.figures", {1: "", 8: " with a leader"}
+    found = [
+        row("Fig. 1", "figure", "initial states", home, examples.start_of,
+            reading="Velocity components uniform in [0, 4); redrawn until connected."),
+        row("Fig. 8", "figure", "initial states with a leader", home, examples.led_start_of),
+    ]  # fmt: skip
+    for first, led in words.items():
+        for number, title in ((first + 1, "final states"), (first + 2, "paths and final states")):
+            found.append(row(f"Fig. {number}", "figure", f"{title}{led}", home, examples.picture_of(number),
+                             reading="The duration is not printed: runs last 100 s, drawn is 12 s."))  # fmt: skip
+        for number, title in zip(range(first + 3, first + 7), ("velocities, x", "velocities, y", "positions, x",
+                                                               "positions, y"), strict=True):  # fmt: skip
+            found.append(row(f"Fig. {number}", "figure", f"{title}{led}", home, examples.series_of(number)))
+    return tuple(sorted(found, key=lambda r: int(r.number.split()[1])))
+
+
+def errata() -> list[Erratum]:
+    """What is wrong in the paper, each with a counter-example."""
+    return errata_of(equations())

@@ -1,0 +1,201 @@
+"""What Zhou, Zhou and Zeng claim, and what is expected of each claim before any run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flocking.model.tracking import Track
+from flocking.papers.zhou_2015.system import KEY, LEADER
+from flocking.study import general_claims as general
+from flocking.study.claims import Claim, Measure, Verdict, above, below
+from flocking.study.evidence import Evidence
+
+
+def most_new_links(n: int) -> int:
+    """M of (16): links that can still be added to a connected graph of n agents."""
+    return n * (n - 1) // 2 - (n - 1)
+
+
+def largest_energy(e: Evidence) -> float:
+    """Q_max = Q_0 + M psi(r - eps), or U_max likewise (16)-(18), (31)."""
+    psi = e.equilibrium.potentials[0]
+    new = float(np.max(np.asarray(e.law.graph.appear_radius)))
+    return float(e.run.trace["energy"][0]) + most_new_links(e.run.n) * float(psi(new))
+
+
+def energy_bounded(e: Evidence) -> Measure:
+    """Largest energy of the run against its bound."""
+    largest, bound = float(e.run.trace["energy"].max()), largest_energy(e)
+    return below(largest, bound, f"largest {largest:.4g}, bound {bound:.4g}")
+
+
+def new_links_bounded(e: Evidence) -> Measure:
+    """Number of links added over the whole run against M of (16)."""
+    most = most_new_links(e.run.n)
+    return below(e.links_created, most + 0.5, f"{e.links_created} created, at most {most}")
+
+
+def new_links_cost_the_same(e: Evidence) -> Measure:
+    """Jump of the energy at each new link against psi(r - eps): what (17) adds for it."""
+    psi = e.equilibrium.potentials[0]
+    price = float(psi(float(np.max(np.asarray(e.law.graph.appear_radius)))))
+    paid = float(e.run.trace["jumped"][-1])
+    off = abs(paid - e.links_created * price)
+    allowed = 1e-6 * max(1.0, paid)
+    return below(off, allowed, f"{e.links_created} new links added {paid:.6g}, {price:.6g} each")
+
+
+def speeds_bounded(e: Evidence) -> Measure:
+    """Largest speed against sqrt(2 Q_max), after (18)."""
+    bound = float(np.sqrt(2 * largest_energy(e)))
+    largest = float(e.speeds.max())
+    return below(largest, bound, f"largest speed {largest:.3g}, bound {bound:.3g}")
+
+
+def distances_bounded(e: Evidence) -> Measure:
+    """Largest distance against (N-1) r, after (18)."""
+    bound = (e.run.n - 1) * float(np.max(np.asarray(e.law.graph.break_radius)))
+    return below(float(e.diameter.max()), bound, f"largest distance {e.diameter.max():.3g}, bound {bound:.3g}")
+
+
+def unlinked_apart(e: Evidence) -> Measure:
+    """Closest unlinked pair ever against r - eps, below which every pair is linked."""
+    least = float(np.min(np.asarray(e.law.graph.appear_radius)))
+    found = e.run.closest_unlinked
+    return above(found.distance, least * (1 - 1e-9), f"closest unlinked pair {found.distance:.6g}, threshold {least:g}")
+
+
+def agents_coincide(e: Evidence) -> Measure:
+    """Largest distance of two agents at the end against the largest at the start."""
+    ratio = float(e.diameter[-1] / e.diameter[0])
+    return below(ratio, general.SETTLED, f"the group ends {e.diameter[-1]:.3g} wide")
+
+
+def links_have_one_length(e: Evidence) -> Measure:
+    """Largest difference between a link's length at the end and the distance where the potential is least."""
+    from flocking.study.potential_minimum import smallest_value
+
+    best, _ = smallest_value(e.equilibrium.potentials[0], float(np.max(np.asarray(e.law.graph.break_radius))))
+    lengths = e.equilibrium.r
+    off = float(np.abs(lengths - best).max(initial=0.0))
+    return below(off, general.SETTLED * best, f"link lengths {lengths.min():.3g} to {lengths.max():.3g}, best {best:g}")
+
+
+def tracking(e: Evidence) -> Track:
+    """The term that follows the leader."""
+    return next(t for t in e.law.body_terms if isinstance(t, Track))
+
+
+def velocities_follow(e: Evidence) -> Measure:
+    """Largest difference from the leader's velocity at the end against the largest of the run."""
+    goal = tracking(e).leader.at(float(e.run.t[-1]))[1]
+    off = np.linalg.norm(e.run.p - goal, axis=2).max(axis=1)
+    ratio = float(off[-1] / off.max())
+    return below(ratio, general.SETTLED, f"difference fell to {ratio:.1e} of its maximum")
+
+
+def mean_velocity_decays(e: Evidence) -> Measure:
+    """Largest difference between the mean velocity and the closed form (34)."""
+    track = tracking(e)
+    goal = track.leader.at(float(e.run.t[0]))[1]
+    decay = np.exp(-float(np.asarray(track.velocity_gain)) * (e.run.t - e.run.t[0]))
+    expected = goal + (e.mean_velocity[0] - goal) * decay[:, None]
+    off = float(np.abs(e.mean_velocity - expected).max())
+    allowed = 100 * e.run.scenario.tolerance * max(1.0, float(e.speeds.max()))
+    return below(off, allowed, f"off by {off:.1e}")
+
+
+def leader_offset(e: Evidence) -> Measure:
+    """Where the mean position ends relative to the leader, against the integral of (34)."""
+    track = tracking(e)
+    start, goal, _ = track.leader.at(float(e.run.t[0]))
+    end = track.leader.at(float(e.run.t[-1]))[0]
+    gain = float(np.asarray(track.velocity_gain))
+    left = 1 - np.exp(-gain * float(e.run.t[-1] - e.run.t[0]))
+    expected = e.run.q[0].mean(axis=0) - start + (e.mean_velocity[0] - goal) * left / gain
+    off = float(np.abs(e.run.q[-1].mean(axis=0) - end - expected).max())
+    allowed = 100 * e.run.scenario.tolerance * float(np.abs(e.run.q).max())
+    return below(off, allowed, f"ends {np.linalg.norm(expected):.3g} from the leader, closed form off by {off:.1e}")
+
+
+def leader_met(e: Evidence) -> Measure:
+    """Distance of the mean position from the leader at the end against the start."""
+    leader = tracking(e).leader
+    first, last = (
+        float(np.linalg.norm(e.run.q[k].mean(axis=0) - leader.at(float(e.run.t[k]))[0])) for k in (0, -1)
+    )  # fmt: skip
+    return below(
+        last / first, general.SETTLED, f"distance to the leader {first:.3g} at the start, {last:.3g} at the end"
+    )
+
+
+def claims(scenario: str = KEY) -> Sequence[Claim]:
+    """Claims of the paper about one of its systems.
+
+    Parameters
+    ----------
+    scenario
+        ``"zhou-2015"``, or ``"zhou-2015-leader"`` with the virtual leader.
+    """
+    led = scenario == LEADER
+    theorem = "Theorem 2" if led else "Theorem 1"
+    name, rate = ("U", "(29)") if led else ("Q", "(14)")
+    start = general.starts_connected
+    fails = Verdict.FAILS
+    shared = (
+        Claim("energy", rate, f"The rate of {name} between switches is the Laplacian form.", general.ledger_residual,
+              dynamic=False),
+        Claim("energy-falls", rate, f"{name} never rises between switches.", general.energy_rise),
+        Claim("energy-bound", "(31)" if led else "(16)-(18)", f"{name} never exceeds its bound.", energy_bounded,
+              start),
+        Claim("energy-per-link", "(17)", "Every new link adds psi(r - eps) and nothing else.", new_links_cost_the_same,
+              start),
+        Claim("new-links", "(16)", "No more than M links are ever added.", new_links_bounded, start),
+        Claim("connected", f"{theorem} (i)", "The graph stays connected.", general.stays_connected, start),
+        Claim("links-kept", f"proof of {theorem}", "No link is ever lost.", general.no_link_lost, start),
+        Claim("linked-apart", theorem, "Linked agents never collide.", general.linked_apart, start),
+        Claim("all-apart", theorem, "No two agents ever collide.", general.all_apart, start),
+        Claim("unlinked-apart", "rule (iii)", "Unlinked agents are never closer than r - eps.", unlinked_apart, start),
+        Claim("distances-settle", theorem, "All distances tend to fixed values.", general.distances_settle, start),
+        Claim("switching-stops", "before (19)", "The graph is fixed in the end.", general.switching_stops, start),
+        Claim("speed-bound", "after (18)", f"No speed exceeds sqrt(2 {name}_max)"
+              + (", in the leader's frame." if led else "."), relative_speeds_bounded if led else speeds_bounded,
+              start),
+        Claim("distance-bound", "after (18)", "No distance exceeds (N-1) r.", distances_bounded, start),
+        Claim("coincide", "(23), sec. 2.2", "All agents come together at one point.", agents_coincide, start,
+              expected=fails, reason="The potential is infinite there; L-hat has entries of both signs."),
+        Claim("one-length", "(9), (23)", "All links get the length r/2 at which the potential is least.",
+              links_have_one_length, start, expected=fails, reason="Ten agents in a plane cannot all be r/2 apart."),
+    )  # fmt: skip
+    if not led:
+        return (
+            *shared,
+            Claim("momentum", f"{theorem} (ii), (21)", "The mean velocity is constant.", general.momentum_drift),
+            Claim("velocities-agree", f"{theorem} (iii)", "All velocities become the mean.", general.velocities_agree,
+                  start),
+            Claim("stationary", "(22)-(23)", "The potential forces balance in the limit.", general.forces_vanish,
+                  start),
+        )  # fmt: skip
+    return (
+        *shared,
+        Claim("velocities-agree", f"{theorem} (ii)", "All velocities become the same.", general.velocities_agree,
+              start),
+        Claim("velocities-follow", f"{theorem} (ii)", "All velocities become the leader's.", velocities_follow, start),
+        Claim("mean-velocity", "(34)", "The mean velocity decays to the leader's exponentially.", mean_velocity_decays),
+        Claim("leader-offset", "not stated", "The mean position keeps the offset that follows from (34).",
+              leader_offset),
+        Claim("leader-met", "abstract", "The group comes together with the leader.", leader_met, start, expected=fails,
+              reason="(24) feeds back the leader's velocity alone: nothing draws the group to its position."),
+        Claim("stationary", "proof of Theorem 2", "The potential forces balance in the limit.", general.forces_vanish,
+              start),
+    )  # fmt: skip
+
+
+def relative_speeds_bounded(e: Evidence) -> Measure:
+    """Largest speed relative to the leader against sqrt(2 U_max)."""
+    goal = tracking(e).leader.at(float(e.run.t[0]))[1]
+    bound = float(np.sqrt(2 * largest_energy(e)))
+    largest = float(np.linalg.norm(e.run.p - goal, axis=2).max())
+    return below(largest, bound, f"largest relative speed {largest:.3g}, bound {bound:.3g}")

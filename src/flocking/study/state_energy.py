@@ -1,0 +1,51 @@
+"""Energy of one state, pairs that are not linked included."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flocking.engine.reference import evaluate
+from flocking.model.checks import Array
+from flocking.model.energy import Energy
+from flocking.model.law import Law
+from flocking.model.state import State
+from flocking.study.equilibrium import Equilibrium
+
+
+def total_energy(law: Law, state: State, energy: Energy | None = None) -> float:
+    """The energy a ledger would hold at a state (Tanner I W, Tanner II (6), Zhou (10) and (25)).
+
+    Parameters
+    ----------
+    law
+        The control law.
+    state
+        The state; without links the graph's initial rule decides.
+    energy
+        Frame, and energy of a pair that is not linked; the lab frame and zero when absent.
+    """
+    energy = energy or Energy()
+    found = evaluate(law, state, energy=energy)
+    links = law.graph.initial(state.q) if state.links is None else state.links
+    apart = (state.n * (state.n - 1) - int(np.count_nonzero(links))) / 2
+    return found.storage + found.kinetic + apart * energy.unlinked
+
+
+def agent_energies(law: Law, state: State, energy: Energy | None = None) -> Array:
+    """Potential of each agent: its links, and the energy of every other agent it is not linked with.
+
+    Tanner I (4), Tanner II U_i. Shape (N,).
+
+    Parameters
+    ----------
+    law
+        The control law.
+    state
+        The state.
+    energy
+        Energy of a pair that is not linked; zero when absent.
+    """
+    equilibrium = Equilibrium(law, state)
+    degree = np.bincount(equilibrium.i, minlength=state.n)
+    unlinked = energy.unlinked if energy is not None else 0.0
+    return np.asarray(equilibrium.agent_potentials + (state.n - 1 - degree) * unlinked)

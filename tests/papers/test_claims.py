@@ -1,0 +1,111 @@
+"""The papers' scenarios have the papers' numbers, and three seeds of each give no unexpected verdict."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.papers import paper
+from flocking.study.audit import audit, judge
+from flocking.study.claims import Verdict
+
+NAMES = [
+    (key, name) for key in ("tanner-2003-fixed", "tanner-2003-dynamic", "zhou-2015") for name in paper(key).scenarios()
+]
+SURE = (Verdict.HOLDS, Verdict.NOT_APPLICABLE)
+
+
+@pytest.mark.parametrize(("key", "name"), NAMES, ids=[name for _, name in NAMES])
+def test_three_seeds_agree_with_what_holds(key: str, name: str) -> None:
+    found = paper(key)
+    claims = found.claims(name)
+    reports = [audit(fk.simulate(found.scenarios()[name](seed), progress=False), claims) for seed in range(3)]
+    for judgement in judge(claims, reports):
+        assert judgement.verdict == Verdict.UNTESTED, "three seeds must not settle a claim"
+        expected = judgement.claim.expected
+        verdicts = {r.verdict for r in judgement.results} - {Verdict.HYPOTHESIS_NOT_MET}
+        if expected in SURE:
+            assert verdicts <= {expected}, (judgement.claim.key, verdicts)
+        else:
+            assert expected in verdicts, (judgement.claim.key, verdicts)
+
+
+@pytest.mark.parametrize(("key", "name"), NAMES, ids=[name for _, name in NAMES])
+def test_claims_are_well_formed(key: str, name: str) -> None:
+    claims = paper(key).claims(name)
+    assert len({c.key for c in claims}) == len(claims)
+    for claim in claims:
+        assert claim.source
+        assert claim.statement.endswith(".")
+        if claim.expected != Verdict.HOLDS:
+            assert claim.reason, f"{claim.key} is expected to fail without a reason"
+
+
+@pytest.mark.parametrize(
+    ("key", "name", "claim"),
+    [
+        ("tanner-2003-fixed", "tanner-2003-fixed", "energy"),
+        ("tanner-2003-dynamic", "tanner-2003-dynamic", "energy"),
+        ("zhou-2015", "zhou-2015", "energy"),
+        ("zhou-2015", "zhou-2015-leader", "energy"),
+    ],
+)
+def test_a_wrong_gain_is_caught(key: str, name: str, claim: str) -> None:
+    found = paper(key)
+    scenario = found.scenarios()[name](0)
+    wrong = tuple(fk.Consensus(1.02) if isinstance(t, fk.Consensus) else t for t in scenario.law.terms)
+    run = fk.simulate(scenario, progress=False, plant=fk.Law(scenario.law.graph, wrong))
+    report = audit(run, found.claims(name))
+    assert report[claim].verdict == Verdict.FAILS
+    assert report["velocities-agree"].verdict == Verdict.NOT_RESOLVED
+
+
+def test_tanner_scenarios_have_the_papers_numbers() -> None:
+    for seed in range(5):
+        fixed, moving = paper("tanner-2003-fixed").scenario(seed=seed), paper("tanner-2003-dynamic").scenario(seed=seed)
+        for scenario in (fixed, moving):
+            assert scenario.start.n == 10
+            assert scenario.start.dimension == 2
+            assert np.linalg.norm(scenario.start.q, axis=1).max() < 2.5
+            assert np.linalg.norm(scenario.start.p, axis=1).max() < 1.0
+            assert scenario.t_end == 100.0
+        assert moving.law.graph == fk.Proximity(2.0)
+        assert not fixed.law.graph.moves
+        assert set(paper("tanner-2003-fixed").system.PRINTED_TIMES) <= set(fixed.frame_times)
+    assert paper("tanner-2003-fixed").system.PRINTED_TIMES == (2.22842, 5.21464, 22.8931, 55.0766)
+
+
+def test_zhou_scenarios_have_the_papers_numbers() -> None:
+    zhou = paper("zhou-2015")
+    for seed in range(5):
+        plain, led = zhou.scenario(figure=2, seed=seed), zhou.scenario(figure=9, seed=seed)
+        assert plain.start.n == led.start.n == 10
+        assert (plain.start.q == led.start.q).all()
+        assert plain.start.q.min() >= 0
+        assert plain.start.q.max() <= 8
+        assert plain.start.p.min() >= 0
+        assert plain.start.p.max() <= 4
+        assert plain.law.graph == fk.Hysteresis(4.0, 0.1)
+        assert not plain.law.leaders
+        (leader,) = led.law.leaders
+        place, velocity, _ = leader.at(0.0)
+        assert place.tolist() == [10, 10]
+        assert velocity.tolist() == [3, 3]
+        assert led.energy.leader is leader
+
+
+def test_a_figure_refuses_the_run_of_another_scenario() -> None:
+    zhou = paper("zhou-2015")
+    run = fk.simulate(zhou.scenario(seed=0, duration=0.1), progress=False)
+    with pytest.raises(fk.InvalidInput, match="zhou-2015-leader"):
+        zhou.figure(9, run)
+    with pytest.raises(fk.InvalidInput, match="must be one of"):
+        zhou.figure(99, run)
+
+
+@pytest.mark.parametrize("key", ["tanner-2003-fixed", "tanner-2003-dynamic", "zhou-2015"])
+def test_every_erratum_is_refuted_by_its_example(key: str) -> None:
+    for erratum in paper(key).errata():
+        assert erratum.fault, erratum.statement
+        assert erratum.demonstration().refutes, erratum.statement

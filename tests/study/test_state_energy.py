@@ -1,0 +1,35 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.study.state_energy import agent_energies, total_energy
+
+PSI = fk.Potential("1/r**2 + log(r**2)")
+LAW = fk.Law(fk.Proximity(2.0), [fk.Gradient(PSI), fk.Consensus(1.0)])
+STATE = fk.State([[0.0, 0.0], [1.5, 0.0], [2.9, 0.0]], [[0.0, 1.0], [0.0, 0.0], [2.0, 0.0]])
+
+
+def test_unlinked_pairs_count_once() -> None:
+    linked = 1 / 1.5**2 + np.log(1.5**2) + 1 / 1.4**2 + np.log(1.4**2)
+    assert total_energy(LAW, STATE) == pytest.approx(linked + 2.5)
+    assert total_energy(LAW, STATE, fk.Energy(unlinked=7.0)) == pytest.approx(linked + 2.5 + 7.0)
+
+
+def test_it_is_what_the_ledger_starts_from() -> None:
+    energy = fk.Energy(unlinked=1.25)
+    run = fk.simulate(fk.Scenario(LAW, STATE, t_end=0.0, frames=1, energy=energy), progress=False)
+    assert run.trace["energy"][0] == pytest.approx(total_energy(LAW, STATE, energy), rel=1e-14)
+
+
+def test_agent_energies_share_the_potential_of_all_pairs() -> None:
+    energy = fk.Energy(unlinked=1.25)
+    each = agent_energies(LAW, STATE, energy)
+    assert each[0] == pytest.approx(1 / 1.5**2 + np.log(1.5**2) + 1.25)
+    assert each.sum() / 2 + 2.5 == pytest.approx(total_energy(LAW, STATE, energy))
+
+
+def test_memory_decides_who_is_linked() -> None:
+    apart = fk.State(STATE.q, STATE.p, links=np.zeros((3, 3), dtype=bool))
+    assert total_energy(LAW, apart, fk.Energy(unlinked=2.0)) == pytest.approx(2.5 + 6.0)
