@@ -273,9 +273,9 @@ class ExactSession:
     def _ledger_gap(self, t: float, y: Array, risen: float) -> float:
         """What the ledger misses between the start of the step and ``y``, relative to the energies."""
         _, dissipated, supplied = y[self._order * self.n * self.m :] - self._tail
-        energy, _ = self._energy(t, y)
+        energy, kinetic = self._energy(t, y)
         gap = abs(energy - risen - self.energy + dissipated - supplied)
-        gap /= max(1.0, abs(self.energy), abs(supplied))
+        gap /= max(1.0, abs(self.energy), abs(supplied), self.kinetic, kinetic)
         return float(gap) if np.isfinite(gap) else np.inf
 
     def _lost_link(self, crossings: list[Crossing]) -> tuple[int, ...] | None:
@@ -334,7 +334,7 @@ class ExactSession:
             self._relink()
             before = self.energy
             self.energy, self.kinetic = self._energy(t, y)
-            if not np.isfinite(self.energy):
+            if not np.isfinite(self.energy) or any(self._meets_barrier(c) for c in crossings):
                 i, j = crossings[0].pairs[0]
                 error = NotFinite(
                     "A link appeared where its potential is infinite. Use Hysteresis with a gap.",
@@ -344,6 +344,11 @@ class ExactSession:
             self._record_trace()
         self._stepper.restart(t, np.array(y))
         return error
+
+    def _meets_barrier(self, crossing: Crossing) -> bool:
+        """Whether its links appear where their potential is infinite."""
+        watch = self._links.watches[crossing.watch]
+        return watch.kind == "link" and self._barriers[watch.graph] and bool((watch.enter >= watch.leave).any())
 
     def _write_switch(self, crossing: Crossing, t: float, q: Array, p: Array) -> tuple[int, ...]:
         """Record the switches of a crossing; the pair that chatters, if one does."""

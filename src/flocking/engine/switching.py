@@ -20,7 +20,7 @@ from flocking.model.law import Law
 from flocking.model.terms import Consensus, Gradient, PairTerm
 from flocking.model.views import FieldOfView
 
-SLIDE = 1e-9
+SLIDE = 1e-6
 """A pair that crosses back and has moved less than this fraction of the distance has not really left it."""
 
 MOST_SLIDES = 200
