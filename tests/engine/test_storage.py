@@ -9,6 +9,7 @@ import os
 import resource
 import shutil
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from flocking.engine import durable, saving
 from flocking.engine.run_writer import RunWriter
 from flocking.engine.storage import read_run, write_run
 from flocking.errors import InvalidInput, StorageError
+from flocking.model.serial import to_data
 from flocking.model.terms import PairTerm
 from tests.engine.stored_runs import assert_same, finished, scenario
 
@@ -66,7 +68,29 @@ def test_frames_appended_in_pieces_equal_those_written_at_once(tmp_path: Path) -
             writer.append(run.t[now], run.q[now], run.p[now], run.links[now])
             part = {0: run.switches[:3], 4: run.switches[3:]}.get(k, run.switches[:0])
             writer.append_records(part, run.trace[k * 3 : (k + 4) * 3 if k + 4 < len(run.t) else None])
-            writer.commit(run.status, closest=(run.closest_linked, run.closest_unlinked), provenance=run.provenance)
+            if k % 8 == 0:
+                writer.commit()
+        writer.commit(run.status, closest=(run.closest_linked, run.closest_unlinked), provenance=run.provenance)
+    assert_same(read_run(tmp_path / "run"), run)
+
+
+def test_an_append_that_failed_can_be_repeated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(handle: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    run = finished()
+    with RunWriter.create(tmp_path / "run", run.scenario) as writer:
+        for fails in (True, False):
+            with monkeypatch.context() as patch:
+                if fails:
+                    patch.setattr(durable.os, "fsync", full)
+                for append, records in (
+                    (writer.append, (run.t, run.q, run.p, run.links)),
+                    (writer.append_records, (run.switches, run.trace)),
+                ):
+                    with pytest.raises(StorageError, match="no room left") if fails else nullcontext():
+                        append(*records)
+        writer.commit(run.status, closest=(run.closest_linked, run.closest_unlinked), provenance=run.provenance)
     assert_same(read_run(tmp_path / "run"), run)
 
 
@@ -329,3 +353,31 @@ def test_no_partial_file_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     with pytest.raises(OSError, match="broken"):
         durable.put(tmp_path / "file", b"new")
     assert [(p.name, p.read_bytes()) for p in tmp_path.iterdir()] == [("file", b"old")]
+
+
+def test_whatever_is_damaged_is_noticed(written: Path, tmp_path: Path) -> None:
+    """A flipped bit, a cut or a lost file is told as such, or does no harm; it never changes a number unseen."""
+    rng = np.random.default_rng(8)
+    files = sorted(p.relative_to(written) for p in written.rglob("*") if p.is_file() and p.stat().st_size)
+    noticed = set()
+    for k in range(120):
+        file = files[k % len(files)]
+        folder = Path(shutil.copytree(written, tmp_path / str(k)))
+        data = bytearray((folder / file).read_bytes())
+        harm = rng.integers(3)
+        if harm == 0:
+            data[rng.integers(len(data))] ^= 1 << rng.integers(8)
+            (folder / file).write_bytes(data)
+        elif harm == 1:
+            (folder / file).write_bytes(data[: rng.integers(len(data))])
+        else:
+            (folder / file).unlink()
+        try:
+            run = read_run(folder)
+        except StorageError:
+            noticed.add(file.parts[0])
+        else:
+            assert_same(run, finished())
+            assert json.dumps(to_data(run.scenario)) == json.dumps(to_data(finished().scenario))
+        shutil.rmtree(folder)
+    assert {"position", "velocity", "links", "ledger", "zarr.json", "scenario.json"} <= noticed

@@ -150,7 +150,7 @@ class Law(fk.Law):
     """A part from outside that takes a name of the library."""
 
 
-@pytest.mark.parametrize("part", [Mine(2.0, 0.1), Law(Mine(2.0, 0.1), [fk.Compensate()]), object(), print, 1j])
+@pytest.mark.parametrize("part", [Mine(2.0, 0.1), Law(fk.Proximity(2.0), [fk.Compensate()]), object(), print, 1j])
 def test_foreign_parts_are_refused(part: Any) -> None:
     with pytest.raises(ForeignPart, match="part of this library"):
         to_data([part])
