@@ -40,7 +40,12 @@ def test_every_import_of_the_package_is_a_declared_dependency() -> None:
         for d in found
     }
     # Numba, Matplotlib and Pydantic bring these.
-    known = declared | extras | {"flocking", "llvmlite", "mpl_toolkits", "pydantic_core"} | set(sys.stdlib_module_names)
+    known = (
+        declared
+        | extras
+        | {"flocking", "cycler", "llvmlite", "mpl_toolkits", "pydantic_core"}
+        | set(sys.stdlib_module_names)
+    )
     pattern = re.compile(r"^\s*(?:from|import)\s+([A-Za-z0-9_]+)", re.MULTILINE)
     inside_text = re.compile(r'"""(?:.|\n)*?"""')
     for path in (ROOT / "src").rglob("*.py"):
