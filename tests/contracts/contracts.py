@@ -162,6 +162,9 @@ def _pair(term: fk.PairTerm, case: Case, i: int, j: int, q: np.ndarray, p: np.nd
 
 
 def _body(term: fk.BodyTerm, case: Case, i: int) -> np.ndarray:
+    own = case.structure.brute.get(type(term))
+    if own is not None:
+        return own(term, case, i)
     q, p, m = case.state.q, case.state.p, case.agents.masses
     if isinstance(term, fk.Compensate):
         return case.agents.damping[i] * p[i]

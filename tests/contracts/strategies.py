@@ -9,9 +9,11 @@ import numpy as np
 from hypothesis import strategies as st
 
 import flocking as fk
+from flocking.model.bumps import BUMPS
 from flocking.model.graphs import pair_distances
 
 RADIUS = 3.0
+SMOOTH = fk.Smooth(RADIUS, 0.5)
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,14 @@ class Draw:
     def hysteresis(self) -> fk.Hysteresis:
         return fk.Hysteresis(self.one(1.0, RADIUS), 0.2)
 
+    def radii(self) -> fk.PerAgentRadii:
+        return fk.PerAgentRadii(self.rng.uniform(1.0, RADIUS, self.n))
+
+    def avoid(self) -> fk.Avoid:
+        bodies = [fk.Ball(self.moving(), self.one()) for _ in range(3)] + [fk.Wall(self.vector(), self.vector())]
+        settings = {"repulsion_gain": self.one(), "damping_gain": self.one(), "offset": self.one(), "onset": 0.6}
+        return fk.Avoid(bodies, self.path(), range=self.one(1.0, 2.0), **settings)
+
     def fixed(self, directed: bool = False) -> fk.Fixed:
         pairs = [(i, j) for i in range(self.n) for j in range(self.n) if i != j and self.rng.random() < 0.4]
         return fk.Fixed(self.n, pairs, directed=directed)
@@ -87,7 +97,38 @@ def _hashed(d: Draw) -> fk.Consensus:
     return fk.Consensus(d.one(), weights=fk.HashedWeights(0.1, 1.0, int(d.rng.integers(1000))))
 
 
+def _smooth_slope(term: fk.Gradient, i: int, j: int, q: np.ndarray, p: np.ndarray) -> np.ndarray:
+    r = float(np.linalg.norm(q[j] - q[i]))
+    rho, slope = (f(r / SMOOTH.radius, SMOOTH.onset) for f in (SMOOTH.shape, SMOOTH.shape.slope))
+    along = float(rho * term.potential.slope(r) + slope / SMOOTH.radius * term.potential(r))
+    return along * (q[j] - q[i]) / r
+
+
+def _avoided(term: fk.Avoid, case: Case, i: int) -> np.ndarray:
+    """(54) from the geometry of each obstacle."""
+    q, p, t = case.state.q[i], case.state.p[i], case.state.t
+    heading = term.leader.at(t)[1]
+    u = np.zeros_like(q)
+    for body in term.obstacles:
+        seen = {name: value[0] for name, value in body.at(q[None], p[None], t).items()}
+        if seen["distance"] > term.range:
+            continue
+        rho = float(BUMPS["cosine"](seen["distance"] / term.range, term.onset))
+        u -= term.repulsion_gain * rho * float(term.repulsion.slope(seen["distance"])) * seen["normal"]
+        u += term.damping_gain * (seen["boundary"] - p)
+        if isinstance(body, fk.Ball):
+            away = body.centre.at(t)[0] + term.offset * heading / np.linalg.norm(heading) - q
+            far = float(np.linalg.norm(away))
+            u += float(term.attraction.slope(far)) * away / far
+    return u
+
+
 STRUCTURES: dict[str, Structure] = {
+    "smooth": Structure(
+        _law(lambda d: SMOOTH, Draw.zhou, lambda d: fk.Consensus(d.one())), brute={fk.Gradient: _smooth_slope}
+    ),
+    "radii per agent": Structure(_law(Draw.radii, Draw.zhou, lambda d: fk.Consensus(d.one())), conservative=False),
+    "obstacles": Structure(_law(Draw.proximity, Draw.zhou, Draw.avoid), conservative=False, brute={fk.Avoid: _avoided}),
     "gradient, proximity": Structure(_law(Draw.proximity, Draw.zhou)),
     "gradient, hysteresis": Structure(_law(Draw.hysteresis, Draw.tanner)),
     "gradient, fixed": Structure(_law(Draw.fixed, Draw.tanner)),
@@ -170,7 +211,8 @@ def case_of(structure: Structure, n: int, m: int, seed: int) -> Case:
     rng = np.random.default_rng(seed)
     law = structure.make(Draw(rng, n, m))
     borders = [0.0, *(k for t in law.pair_terms for k in t.kinks())]
-    borders += [float(g.break_radius) for g in law.graphs if np.isfinite(g.break_radius)]
+    radii = np.concatenate([np.ravel(g.break_radius) for g in law.graphs])
+    borders += [*(k for g in law.graphs for k in g.kinks()), *radii[np.isfinite(radii)].tolist()]
     while True:
         q = rng.normal(size=(n, m)) * 1.2 * n ** (1 / m)
         distances = pair_distances(q)
