@@ -7,10 +7,11 @@ from pathlib import Path
 
 from flocking.engine.checkpoint import unpack
 from flocking.engine.durable import told
+from flocking.engine.exact import ExactSession
 from flocking.engine.run import Run
 from flocking.engine.run_writer import RunWriter
 from flocking.engine.saving import Saving
-from flocking.engine.simulate import drive, start
+from flocking.engine.simulate import drive
 from flocking.engine.storage import read_run, read_scenario_of
 from flocking.errors import StorageError
 from flocking.model.law import Law, Scenario
@@ -56,7 +57,7 @@ def resume(
                 raise StorageError(f"{path}: the checkpoint does not match its checksum; the file was damaged.")
             session = unpack(data, records, plant, path)
         elif writer.record["commits"] == 0:
-            session = start(scenario, plant=plant)
+            session = ExactSession(scenario, plant=plant)
         else:
             raise StorageError(f"{folder}: this run cannot go on, it ended: {records.status}")
         return drive(session, progress=progress, saving=Saving(writer, session))
