@@ -108,9 +108,3 @@ def minimises() -> Demonstration:
     degree = np.bincount(equilibrium.i, minlength=evidence.run.n)
     excess = equilibrium.agent_potentials - degree * smallest_value(system.inner_potential(), system.RADIUS)[1]
     return Demonstration(0.0, float(excess.max()), 1e-3, "largest excess of an agent's potential over its minimum")
-
-
-def fragments() -> Demonstration:
-    """Assumption VI.1 is no consequence of a connected start: seed 1 of the paper's draw falls apart."""
-    evidence = Evidence(simulate(system.scenario(seed=1), progress=False))
-    return Demonstration(1.0, float(evidence.flocks_at_end), 0.5, "flocks at the end of a run from a connected start")
