@@ -103,7 +103,7 @@ def simulate(
     session = start(scenario, engine, plant=plant, **options)
     if save is None:
         return drive(session, progress=progress)
-    if session.engine == "tiles":
+    if not isinstance(session, ExactSession):
         return _drive_and_write(session, save, progress=progress)
     from flocking.engine.saving import Saving
 
