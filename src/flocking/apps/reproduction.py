@@ -33,12 +33,15 @@ class Reproduction:
         Files drawn.
     seconds
         Wall time.
+    runs
+        The run of seed 0 of each scenario.
     """
 
     judgements: dict[str, list[Judgement]]
     errata: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
     figures: list[Path] = field(default_factory=list)
     seconds: float = 0.0
+    runs: dict[str, Run] = field(default_factory=dict)
 
     @property
     def as_expected(self) -> bool:
@@ -86,7 +89,7 @@ def reproduce(
     seeds
         Number of seeds per scenario, 0, 1, 2...
     out
-        Folder for ``claims.json``, ``errata.json`` and the figures; nothing is written when absent.
+        Folder for ``report.html``, ``claims.json``, ``errata.json``, figures and films; nothing is written when absent.
     workers
         Processes; the number of cores when absent.
     progress
@@ -129,7 +132,12 @@ def reproduce(
         for name in module.scenarios()
     }
     errata = {key: errata_rows(module) for key, module in modules.items()}
-    found = Reproduction(judgements, errata, _write(out, modules, judgements, errata, runs), time.monotonic() - begin)
+    figures = _write(out, modules, judgements, errata, runs)
+    found = Reproduction(judgements, errata, figures, time.monotonic() - begin, runs)
+    if out is not None:
+        from flocking.apps.report import write_report
+
+        write_report(found, modules, out)
     return found
 
 
