@@ -70,6 +70,7 @@ class Encounters:
                     self.levels.append(Level(number, "obstacle", term.range))
                     self.levels += [Level(number, "rim", distance) for distance in inner]
                     self.groups.append(group)
+        self._distance = [g.obstacles[0].distance_function() for g in self.groups]
         self._rows = [np.array([v.values for v in g.rows.values()]) for g in self.groups]
 
     def distances(self, group: int, q: Array, t: float) -> Array:
@@ -96,7 +97,7 @@ class Encounters:
         return (t, i, self.groups[group].numbers[o], "obstacle", group, speed, slow)
 
     def _clearance(self, group: int, points: Array, t: Array, obstacle: Indices) -> Array:
-        return self.groups[group].obstacles[0].distances(points, t, list(self._rows[group][:, obstacle]))
+        return self._distance[group](points, t, list(self._rows[group][:, obstacle]))
 
     def next_crossings(
         self, segment: Segment, B: Array, near: list[Links], active: list[Links]
@@ -120,32 +121,31 @@ class Encounters:
             Number of the level, positions in [0, 1] and pairs (agent, obstacle), for each level crossed.
         """
         stray = np.sqrt(((B - B[0]) ** 2).sum(axis=2).max(axis=0))
-        size = float(np.abs(B).max(initial=0.0))
+        slack = 1e-13 + 16 * np.finfo(float).eps * float(np.abs(B).max(initial=0.0))
         length = segment.t1 - segment.t0
         found = []
-        clear: dict[int, Array] = {}
-        speeds: dict[int, Array] = {}
-        for number, level in enumerate(self.levels):
-            g = level.group
-            if g not in clear:
-                clear[g] = self.distances(g, B[0], segment.t0)
-                speeds[g] = np.array([_speed_bound(x, segment.t0, segment.t1) for x in self.groups[g].obstacles])
-            slack = 1e-13 * max(abs(level.distance), 1.0) + 16 * np.finfo(float).eps * size
-            room = stray[:, None] + speeds[g] * length + 2 * slack
-            candidates = np.abs(clear[g] - level.distance) <= room
-            if level.kind == "rim":
-                candidates &= active[g]
-            i, o = np.nonzero(candidates)
-            if not len(i):
-                continue
-            inside = near[number][i, o]
-            sign = np.where(inside, 1.0, -1.0)
-
-            above = self._excess(segment, g, o, sign, level.distance + sign * slack)
-            when = first_crossings(above, np.ascontiguousarray(B[:, i].transpose(1, 0, 2)), speeds[g][o] * length)
-            hit = when <= 1.0
-            if hit.any():
-                found.append((number, when[hit], np.stack([i[hit], o[hit]], axis=1)))
+        for g, group in enumerate(self.groups):
+            clear = self.distances(g, B[0], segment.t0)
+            moved = length * np.array([_speed_bound(x, segment.t0, segment.t1) for x in group.obstacles])
+            parts = []
+            for number, level in enumerate(self.levels):
+                if level.group != g:
+                    continue
+                room = stray[:, None] + moved + 2 * slack * max(level.distance, 1.0)
+                candidates = np.abs(clear - level.distance) <= room
+                if level.kind == "rim":
+                    candidates &= active[g]
+                i, o = np.nonzero(candidates)
+                sign = np.where(near[number][i, o], 1.0, -1.0)
+                border = level.distance + sign * slack * max(level.distance, 1.0)
+                parts.append((np.full(len(i), number), i, o, sign, border))
+            levels, i, o, sign, border = (np.concatenate(x) for x in zip(*parts, strict=True))
+            if len(i):
+                above = self._excess(segment, g, o, sign, border)
+                when = first_crossings(above, np.ascontiguousarray(B[:, i].transpose(1, 0, 2)), moved[o])
+                for number in np.unique(levels[when <= 1.0]):
+                    hit = (when <= 1.0) & (levels == number)
+                    found.append((int(number), when[hit], np.stack([i[hit], o[hit]], axis=1)))
         return found
 
     def _excess(

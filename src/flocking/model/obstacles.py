@@ -152,22 +152,19 @@ class Obstacle(ABC):
         }
         return {"distance": np.asarray(found["distance"] * one), **vectors}
 
-    def distances(self, q: Array, t: Array, values: Sequence[Array]) -> Array:
-        """Signed distances where every position has its own time and its own obstacle of this structure.
+    def distance_function(self) -> Callable[[Array, Array, Sequence[Array]], Array]:
+        """Signed distance as a function of positions, times and parameters, for all obstacles of this structure.
 
-        Parameters
-        ----------
-        q
-            Positions, shape (k, m).
-        t
-            Times, shape (k,).
-        values
-            Values of `parameters`, in their order, shape (k,) each.
+        Positions have shape (k, m), times (k,), and so has each of the values of `parameters`, in their order.
         """
         names = tuple(self.parameters)
         module = generated_module(("obstacle", self.structure, names), lambda: _array_source(self, names))
-        with np.errstate(all="ignore"):
-            return np.asarray(module.distance(*q.T, t, *values) + np.zeros(len(q)))
+
+        def distances(q: Array, t: Array, values: Sequence[Array]) -> Array:
+            with np.errstate(all="ignore"):
+                return np.asarray(module.distance(*q.T, t, *values) + np.zeros(len(q)))
+
+        return distances
 
     def distance(self, q: Array, t: float = 0.0) -> Array:
         """Signed distances of positions ``q`` of shape (N, m) from the boundary, shape (N,)."""
