@@ -95,6 +95,13 @@ def test_zhou_scenarios_have_the_papers_numbers() -> None:
         assert led.energy.leader is leader
 
 
+@pytest.mark.parametrize("number", [0, 99, -1])
+def test_a_scenario_refuses_a_figure_that_is_not_there(number: int) -> None:
+    for key in ("tanner-2003-fixed", "tanner-2003-dynamic", "zhou-2015"):
+        with pytest.raises(fk.InvalidInput, match="figure"):
+            paper(key).scenario(figure=number)
+
+
 def test_a_figure_refuses_the_run_of_another_scenario() -> None:
     zhou = paper("zhou-2015")
     run = fk.simulate(zhou.scenario(seed=0, duration=0.1), progress=False)

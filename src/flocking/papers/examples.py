@@ -8,7 +8,8 @@ import numpy as np
 
 from flocking.engine.run import Run
 from flocking.engine.simulate import simulate
-from flocking.model.checks import Array
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array, integer
 from flocking.model.law import Law, Scenario
 from flocking.model.state import Agents, State
 from flocking.study.audit import Judgement, audit, judge
@@ -35,6 +36,18 @@ def example_state(n: int = 5, *, spread: float = 1.5, seed: int = 7) -> State:
     """
     rng = np.random.default_rng(seed)
     return State(rng.normal(size=(n, 2)) * spread, rng.normal(size=(n, 2)))
+
+
+def check_figure(figure: int | None, last: int) -> None:
+    """Check that a paper with figures 1 to ``last`` has this one.
+
+    Raises
+    ------
+    InvalidInput
+        When it has not.
+    """
+    if figure is not None and integer("scenario", "figure", figure, least=1) > last:
+        raise InvalidInput("scenario", "figure", f"must be at most {last}", figure)
 
 
 def displacement(scenario: Scenario, duration: float) -> Array:

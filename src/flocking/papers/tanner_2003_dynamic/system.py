@@ -10,9 +10,11 @@ from flocking.model.graphs import Proximity
 from flocking.model.law import Law, Scenario
 from flocking.model.potentials import Potential
 from flocking.model.terms import Consensus, Gradient
+from flocking.papers.examples import check_figure
 
 KEY = "tanner-2003-dynamic"
 AGENTS = 10
+LAST_FIGURE = 7
 START_RADIUS = 2.5
 LARGEST_SPEED = 1.0
 RADIUS = 2.0
@@ -54,7 +56,13 @@ def scenario(figure: int | None = None, seed: int = 0, *, speed: float = LARGEST
         Seed of the start.
     speed
         Largest initial speed.
+
+    Raises
+    ------
+    InvalidInput
+        When the paper has no such figure.
     """
+    check_figure(figure, LAST_FIGURE)
     graph = Proximity(RADIUS)
     start = starts.ball(AGENTS, radius=START_RADIUS, speed=speed, seed=seed, connected_under=graph)
     law = Law(graph, (Gradient(inner_potential()), Consensus(1.0)))

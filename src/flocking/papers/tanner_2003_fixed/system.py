@@ -9,11 +9,13 @@ from flocking.model.graphs import Fixed
 from flocking.model.law import Law, Scenario
 from flocking.model.potentials import Potential
 from flocking.model.terms import Consensus, Gradient
+from flocking.papers.examples import check_figure
 
 KEY = "tanner-2003-fixed"
 COMPLETE = "tanner-2003-fixed-complete"
 """The same system with every agent linked to every other (Remark IV.5)."""
 AGENTS = 10
+LAST_FIGURE = 8
 START_RADIUS = 2.5
 LARGEST_SPEED = 1.0
 DURATION = 100.0
@@ -43,7 +45,13 @@ def scenario(
         Link all agents instead, as Remark IV.5 asks for.
     speed
         Largest initial speed.
+
+    Raises
+    ------
+    InvalidInput
+        When the paper has no such figure.
     """
+    check_figure(figure, LAST_FIGURE)
     graph = Fixed.complete(AGENTS) if complete else Fixed.random_connected(AGENTS, LINK_PROBABILITY, seed)
     start = starts.ball(AGENTS, radius=START_RADIUS, speed=speed, seed=seed)
     law = Law(graph, (Gradient(potential()), Consensus(1.0)))

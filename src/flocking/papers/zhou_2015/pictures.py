@@ -46,7 +46,7 @@ def figures() -> dict[int, Figure]:
             found[number] = Figure(
                 str(number), f"{which.capitalize()} along {'xy'[axis]}{led}.", until(FINAL_TIME, draw)
             )
-    return found
+    return {number: replace(shown, scenario=scenario_of(number)) for number, shown in found.items()}
 
 
 def until(end: float, draw: Draw) -> Draw:

@@ -12,11 +12,13 @@ from flocking.model.leaders import Velocity
 from flocking.model.potentials import Potential
 from flocking.model.terms import Consensus, Gradient
 from flocking.model.tracking import Track
+from flocking.papers.examples import check_figure
 
 KEY = "zhou-2015"
 LEADER = "zhou-2015-leader"
 """The system with a virtual leader of sec. 4.2."""
 AGENTS = 10
+LAST_FIGURE = 14
 SIDE = 8.0
 LARGEST_COMPONENT = 4.0
 RADIUS = 4.0
@@ -72,7 +74,13 @@ def scenario(
         Common factor of the weights w_ij, which the paper does not give; 1 by default.
     duration
         Length of the run, which the paper does not give either.
+
+    Raises
+    ------
+    InvalidInput
+        When the paper has no such figure.
     """
+    check_figure(figure, LAST_FIGURE)
     net, times = graph(), frame_times(duration)
     start = starts.box(
         AGENTS, side=side, speed=LARGEST_COMPONENT, velocities="box", seed=seed, connected_under=net
