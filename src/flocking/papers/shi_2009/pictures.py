@@ -43,7 +43,7 @@ def _panels(run: Run) -> Any:
     )
 
 
-def figures() -> dict[str, Figure]:
+def figures() -> dict[int, Figure]:
     """All figures by number. Those of simulations name the scenario they show."""
     about_centre = {"9": f"{KEY}-velocity-only", "12": f"{KEY}-partial"}
     found = [
@@ -75,10 +75,10 @@ def figures() -> dict[str, Figure]:
             for number, name in about_centre.items()
         ),
     ]
-    return {f.number: f for f in sorted(found, key=lambda f: int(f.number))}
+    return {int(f.number): f for f in sorted(found, key=lambda f: int(f.number))}
 
 
-def figure(number: int | str, run: Run) -> Any:
+def figure(number: int, run: Run) -> Any:
     """Draw one figure from a run.
 
     Parameters
@@ -94,6 +94,6 @@ def figure(number: int | str, run: Run) -> Any:
         When there is no such figure.
     """
     known = figures()
-    if str(number) not in known:
-        raise InvalidInput("shi-2009", "figure", f"must be one of {', '.join(known)}", number)
-    return known[str(number)].draw(run)
+    if number not in known:
+        raise InvalidInput("figure", "number", f"must be one of {', '.join(map(str, known))}", number)
+    return known[number].draw(run)

@@ -20,7 +20,7 @@ def equations() -> Sequence[Row]:
 
     law, energy = "flocking.model.law.Law", "flocking.model.energy.Energy"
     forms = f"{PAPER}.closed_forms"
-    claims, figures = f"{PAPER}.theorems.claims", f"{PAPER}.figures.figures"
+    claims, figures = f"{PAPER}.theorems.claims", f"{PAPER}.pictures.figures"
     beta = "The alignment term is -sum w_ij (v^i - v^j); the printed sign drives velocities apart."
     table = [
         row(
