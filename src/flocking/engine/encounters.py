@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -199,10 +200,10 @@ def first_crossings(above: Callable[[Array, Array, Indices], Array], C: Array, s
         if width < CLOSED:
             np.minimum.at(best, who[changes], start[changes])
             break
-        left, right = _halves(C)
+        left, right, stray = _halves(C)
         middle = right[:, 0]
         value = above(middle, start + 0.5 * width, who)
-        reach = np.sqrt(((C - middle[:, None]) ** 2).sum(axis=2).max(axis=1)) + 0.5 * width * speed[who]
+        reach = stray + 0.5 * width * speed[who]
         keep = ~begun & (start < known[who]) & (value + reach > 0)
         if width < FINE:
             keep &= (value > 0) | (at_end > 0)
@@ -217,10 +218,22 @@ def first_crossings(above: Callable[[Array, Array, Indices], Array], C: Array, s
     return best
 
 
-def _halves(C: Array) -> tuple[Array, Array]:
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _halves(C: Array) -> tuple[Array, Array, Array]:
+    """Both halves of each path, and how far it strays from its middle; shapes (k, 8, m) twice and (k,)."""
+    count, size, m = C.shape
     left, right = np.empty_like(C), C.copy()
-    degree = C.shape[1] - 1
-    for k in range(degree + 1):
-        left[:, k] = right[:, 0]
-        right[:, : degree - k] = 0.5 * (right[:, : degree - k] + right[:, 1 : degree - k + 1])
-    return left, right
+    reach = np.zeros(count)
+    for c in range(count):
+        for k in range(size):
+            for x in range(m):
+                left[c, k, x] = right[c, 0, x]
+                for a in range(size - 1 - k):
+                    right[c, a, x] = 0.5 * (right[c, a, x] + right[c, a + 1, x])
+        for k in range(size):
+            square = 0.0
+            for x in range(m):
+                square += (C[c, k, x] - right[c, 0, x]) ** 2
+            reach[c] = max(reach[c], square)
+        reach[c] = np.sqrt(reach[c])
+    return left, right, reach
