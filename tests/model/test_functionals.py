@@ -88,6 +88,15 @@ def test_follows_the_links_of_a_moving_net() -> None:
     np.testing.assert_allclose(slope[14:28].reshape(7, 2), fk.control(law, now), atol=1e-12)
 
 
+def test_a_run_that_loses_strong_connection_says_so_and_keeps_its_frames() -> None:
+    law = fk.Law(fk.PerAgentRadii([2.0, 3.0]), [fk.Consensus(1e-6, functional=True)])
+    state = fk.State([[0.0], [1.0]], [[0.0], [1.0]])
+    with pytest.raises(fk.SimulationError, match="strongly") as caught:
+        fk.simulate(fk.Scenario(law, state, 4.0, frames=9), progress=False)
+    assert caught.value.time == pytest.approx(1.0, rel=1e-5)
+    assert len(caught.value.run.t) >= 2
+
+
 def test_weighted_links_are_refused() -> None:
     law = fk.Law(fk.Smooth(3.0, 0.5), [fk.Consensus(weighted=True, functional=True)])
     with pytest.raises(InvalidInput, match="weighted"):

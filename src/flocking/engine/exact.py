@@ -331,7 +331,11 @@ class ExactSession:
                 time=t, agents=chattering,
             )  # fmt: skip
         if any(self._links.watches[c.watch].kind in ("link", "obstacle") for c in crossings):
-            self._relink()
+            try:
+                self._relink()
+            except InvalidInput as reason:
+                # The functional of a graph may cease to exist as its links change.
+                return SimulationError(str(reason), time=t)
             before = self.energy
             self.energy, self.kinetic = self._energy(t, y)
             if not np.isfinite(self.energy) or any(self._meets_barrier(c) for c in crossings):

@@ -37,6 +37,16 @@ class HeadingGraph(Graph):
         """
         return self.start_links(q, None)
 
+    def update(self, q: Array, links: Links) -> Links:
+        """Not to be had from positions ``q`` alone.
+
+        Raises
+        ------
+        InvalidInput
+            Always: these graphs have no memory, use `start_links`.
+        """
+        return self.start_links(q, None)
+
     def _headings(self, headings: Array | None, n: int) -> Array:
         if headings is None or len(headings) != n:
             given = "none" if headings is None else f"{len(headings)} headings"
