@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.errors import InvalidInput
+from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.bumps import BUMPS
 
 DRIFT = np.array([10.0, 0.0])
@@ -193,3 +193,12 @@ def test_errors() -> None:
         fk.Avoid([1.0], range=1.0, gamma_agents=False)  # type: ignore[list-item]
     with pytest.raises(InvalidInput, match="dimension"):
         fk.control(fk.Law(fk.Proximity(1.0), [term(gamma_agents=False)]), fk.State(np.zeros((2, 3))))
+
+
+def test_engines_that_know_no_obstacles_refuse_them() -> None:
+    start = fk.State([[-6.0, 0.5], [-7.0, -0.5]])
+    scheduled = fk.Track(fk.Velocity(DRIFT), velocity_gain=fk.Schedule([1.0], [1.0, 2.0]))
+    for part in (term(), scheduled):
+        scenario = fk.Scenario(fk.Law(fk.Proximity(0.1), [part]), start, 1.0)
+        with pytest.raises(UnsupportedLaw, match="tiled engine"):
+            fk.simulate(scenario, engine="tiles")
