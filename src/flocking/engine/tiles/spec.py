@@ -13,7 +13,6 @@ from flocking.errors import UnsupportedLaw
 from flocking.model.avoidance import ObstacleTerm
 from flocking.model.graphs import Fixed, Graph, Hysteresis, Proximity
 from flocking.model.law import Scenario
-from flocking.model.schedules import Schedule
 from flocking.model.smooth_graphs import PerAgentRadii, Smooth
 from flocking.model.weights import HashedWeights, MatrixWeights
 
@@ -121,8 +120,6 @@ def check_supported(scenario: Scenario) -> None:
             raise refuse(f"{type(body).__name__}: it knows no obstacles")
     for _, owned in Layout(law, scenario.energy).owners():
         for name, value in owned.items():
-            if isinstance(value, Schedule):
-                raise refuse(f"the Schedule of {name}")
             if hasattr(value, "matrix") and not isinstance(value, HashedWeights | MatrixWeights):
                 raise refuse(f"the pair weights {type(value).__name__} of {name}")
 
