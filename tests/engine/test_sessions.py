@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.engine.dynamics import Dynamics
 from flocking.engine.exact import ExactSession
 from flocking.errors import InvalidInput, NotFinite, StepTooSmall
 from tests.engine.groups import SPRING, flight, simulate, spring, zhou
@@ -141,16 +142,16 @@ class Stop:
     def __init__(self, slope: Any, calls: int) -> None:
         self.slope, self.calls = slope, calls
 
-    def __call__(self, t: float, y: np.ndarray) -> Any:
+    def __call__(self, dynamics: Dynamics, t: float, y: np.ndarray) -> Any:
         self.calls -= 1
         if self.calls == 0:
             raise KeyboardInterrupt
-        return self.slope(t, y)
+        return self.slope(dynamics, t, y)
 
 
 def test_ctrl_c_keeps_what_was_computed(monkeypatch: pytest.MonkeyPatch) -> None:
-    original = ExactSession._right_hand_side
-    monkeypatch.setattr(ExactSession, "_right_hand_side", lambda self: Stop(original(self), 400))
+    stop = Stop(Dynamics.slope, 400)
+    monkeypatch.setattr(Dynamics, "slope", lambda self, t, y: stop(self, t, y))
     run = fk.simulate(crowd(), progress=False)
     monkeypatch.undo()
     whole = fk.simulate(crowd(), progress=False)
@@ -162,8 +163,8 @@ def test_ctrl_c_keeps_what_was_computed(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_an_interrupted_session_goes_on_bit_for_bit(monkeypatch: pytest.MonkeyPatch) -> None:
-    original = ExactSession._right_hand_side
-    monkeypatch.setattr(ExactSession, "_right_hand_side", lambda self: Stop(original(self), 400))
+    stop = Stop(Dynamics.slope, 400)
+    monkeypatch.setattr(Dynamics, "slope", lambda self, t, y: stop(self, t, y))
     session = fk.start(crowd())
     with pytest.raises(KeyboardInterrupt):
         session.advance(4.0)

@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 
-from flocking.engine.codegen import compiled_kernels
+from flocking.engine.dynamics import Dynamics
 from flocking.engine.guards import deepest_dip, reach
-from flocking.engine.layout import Layout
 from flocking.engine.provenance import provenance
 from flocking.engine.recorder import Recorder
 from flocking.engine.run import Run
 from flocking.engine.segment import Segment
 from flocking.engine.snapshot import Snapshot as Snapshot
 from flocking.engine.stepper import Stepper, StepperMemory
-from flocking.engine.switching import Crossing, LinkState, has_barrier
+from flocking.engine.switching import Crossing, LinkState
 from flocking.errors import Chattering, InvalidInput, LinkLost, NotFinite, SimulationError
 from flocking.model.checks import Array
 from flocking.model.law import Law, Scenario
@@ -72,115 +69,33 @@ class ExactSession:
     def _prepare(self, n: int, m: int) -> None:
         """Kernels and parameters: all that depends on the law but not on the state."""
         self.n, self.m = n, m
-        law, scenario = self.plant or self.scenario.law, self.scenario
-        law.check_count(n, m)
-        self._order = scenario.agents.order
-        self._layout = Layout(law, scenario.energy)
-        self._kernels = compiled_kernels(self._layout, m, self._order)
-        self._declared: tuple[ModuleType, Layout] | None = None
-        if self.plant is not None:
-            if len(law.graphs) != len(scenario.law.graphs):
-                raise InvalidInput(
-                    "ExactSession", "plant", "must have as many graphs as the declared law",
-                    f"{len(law.graphs)} instead of {len(scenario.law.graphs)}",
-                )  # fmt: skip
-            declared = Layout(scenario.law, scenario.energy)
-            self._declared = (compiled_kernels(declared, m, self._order), declared)
-        self._barriers = [has_barrier(law, g) for g in law.graphs]
-        self._singular = law.singular_at_zero()
+        self._dynamics = Dynamics(self.scenario, self.plant, n, m)
         self._jump = -np.inf
-
-    def _repack(self, t: float) -> None:
-        """Parameters as they are from time ``t`` on."""
-        agents = self.scenario.agents
-        self._slots = self._layout.values(agents, self.n, t)
-        self._ledger = None
-        if self._declared is not None:
-            module, layout = self._declared
-            self._ledger = (module, layout.values(agents, self.n, t))
 
     def _begin(self, state: State, links: LinkState) -> None:
         """Stand at ``state`` with the proposed step still to be found."""
-        self._repack(state.t)
+        dynamics = self._dynamics
+        dynamics.repack(state.t)
         self._links = links
-        self._relink()
-        parts = [state.q.ravel(), state.p.ravel()] if self._order == 2 else [state.q.ravel()]
-        y = np.concatenate([*parts, self._tail])
-        self.energy, self.kinetic = self._energy(state.t, y)
+        dynamics.relink(links)
+        y = dynamics.join(state, self._tail)
+        self.energy, self.kinetic = dynamics.energy(state.t, y)
         if not np.isfinite(self.energy):
             raise InvalidInput(
                 "Scenario", "start", "must have a finite energy", self.energy,
                 "Two agents sit where the potential is infinite; move them apart or inside its range.",
             )  # fmt: skip
-        slope = self._right_hand_side()
-        memory = StepperMemory(state.t, y, slope(state.t, y), 0.0)
+        memory = StepperMemory(state.t, y, dynamics.slope(state.t, y), 0.0)
         if not np.isfinite(memory.slope).all():
             raise NotFinite("The control at the start is infinite or NaN.", time=state.t)
-        self._stepper = Stepper(slope, self._tolerances(state), memory)
+        self._stepper = Stepper(dynamics.slope, dynamics.tolerances(state, self.energy), memory)
         self._segment = Segment.resting(state.t, y)
         self._pending: list[Crossing] = []
-
-    def _relink(self) -> None:
-        self._pairs = self._links.pairs()
-        self._functionals = self._links.functionals()
-
-    def _tolerances(self, state: State) -> Array:
-        spread = float(np.abs(state.q - state.q.mean(axis=0)).max(initial=0.0))
-        speed = float(np.abs(state.p).max(initial=0.0))
-        tolerance = self.scenario.tolerance
-        count = self.n * self.m
-        parts = [np.full(count, tolerance * max(1.0, spread))]
-        if self._order == 2:
-            parts.append(np.full(count, tolerance * max(1.0, speed)))
-        return np.concatenate([*parts, np.full(3, tolerance * max(1.0, abs(self.energy)))])
-
-    def _right_hand_side(self) -> Callable[[float, Array], Array]:
-        rhs, n, count = self._kernels.rhs, self.n, self.n * self.m
-        if self._ledger is None:
-
-            def slope(t: float, y: Array) -> Array:
-                dy: Array = rhs(t, y, n, *self._pairs, *self._slots, self._functionals)
-                return dy
-
-            return slope
-        m, order = self.m, self._order
-
-        def mutated(t: float, y: Array) -> Array:
-            senders, sensed, offsets = self._pairs
-            S = self._functionals
-            P, A, W = self._slots
-            assert self._ledger is not None
-            module, (P2, A2, W2) = self._ledger
-            dy = np.asarray(rhs(t, y, n, senders, sensed, offsets, P, A, W, S))
-            q = y[:count].reshape(n, m)
-            p = y[count : 2 * count].reshape(n, m) if order == 2 else np.zeros_like(q)
-            rates = np.empty(3)
-            module.control(t, q, p, senders, sensed, offsets, P2, A2, W2, S, np.empty_like(q), rates)
-            dy[order * count + 1 :] = rates[1:]
-            return dy
-
-        return mutated
-
-    def _energy(self, t: float, y: Array) -> tuple[float, float]:
-        module, (P, A, W) = self._ledger or (self._kernels, self._slots)
-        q, p, _ = self._split(y)
-        pairs, bodies, kinetic = module.energies(t, q, p, *self._pairs, P, A, W, self._functionals)
-        unlinked = 0.0
-        if self.scenario.energy.unlinked:
-            count = np.count_nonzero(self._links.links[0])
-            unlinked = 0.5 * (self.n * (self.n - 1) - count) * self.scenario.energy.unlinked
-        return float(pairs + bodies + kinetic + unlinked), float(kinetic)
-
-    def _split(self, y: Array) -> tuple[Array, Array, Array]:
-        count = self.n * self.m
-        q = y[:count].reshape(self.n, self.m)
-        p = y[count : 2 * count].reshape(self.n, self.m) if self._order == 2 else np.zeros_like(q)
-        return q, p, y[self._order * count :]
 
     @property
     def state(self) -> State:
         """State at the session's time, with the links of the law's graph."""
-        q, p, _ = self._split(self._segment.at(self.time))
+        q, p, _ = self._dynamics.split(self._segment.at(self.time))
         return State(q, p, self.time, self._links.links[0])
 
     def advance(self, to: float) -> None:
@@ -218,7 +133,7 @@ class ExactSession:
     def _next_jump(self, now: float) -> float:
         """The first time after ``now`` at which a term switches by itself."""
         if not self._jump > now:
-            times = (s for term in self._layout.law.body_terms for s in term.switch_times(now, np.inf))
+            times = (s for term in self._dynamics.layout.law.body_terms for s in term.switch_times(now, np.inf))
             self._jump = min(times, default=np.inf)
         return self._jump
 
@@ -261,10 +176,10 @@ class ExactSession:
         risen = self._links.rise(crossings)
         if self._ledger_gap(segment.t1, segment.coefficients[-1], risen) > LEDGER_GAP * self.scenario.tolerance:
             return True
-        if not self._singular:
+        if not self._dynamics.singular:
             return False
         B = segment.coefficients[:, : self.n * self.m].reshape(-1, self.n, self.m)
-        x = deepest_dip(B, reach(B), self._pairs[0], self._pairs[1])
+        x = deepest_dip(B, reach(B), self._dynamics.pairs[0], self._dynamics.pairs[1])
         if x > 1.0:
             return False
         inside = segment.cut(x)
@@ -272,8 +187,8 @@ class ExactSession:
 
     def _ledger_gap(self, t: float, y: Array, risen: float) -> float:
         """What the ledger misses between the start of the step and ``y``, relative to the energies."""
-        _, dissipated, supplied = y[self._order * self.n * self.m :] - self._tail
-        energy, kinetic = self._energy(t, y)
+        _, dissipated, supplied = y[self._dynamics.order * self.n * self.m :] - self._tail
+        energy, kinetic = self._dynamics.energy(t, y)
         gap = abs(energy - risen - self.energy + dissipated - supplied)
         gap /= max(1.0, abs(self.energy), abs(supplied), self.kinetic, kinetic)
         return float(gap) if np.isfinite(gap) else np.inf
@@ -281,7 +196,7 @@ class ExactSession:
     def _lost_link(self, crossings: list[Crossing]) -> tuple[int, ...] | None:
         for crossing in crossings:
             watch = self._links.watches[crossing.watch]
-            if watch.kind == "link" and self._barriers[watch.graph]:
+            if watch.kind == "link" and self._dynamics.barriers[watch.graph]:
                 for i, j in crossing.pairs:
                     if self._links.links[watch.graph][i, j]:
                         return (int(i), int(j))
@@ -293,8 +208,8 @@ class ExactSession:
         t, y = segment.t1, segment.coefficients[-1]
         if t > segment.t0:
             self.recorder.approach(segment, self._links.links[0])
-            self._tail = np.array(y[self._order * self.n * self.m :])
-            self.energy, self.kinetic = self._energy(t, y)
+            self._tail = np.array(y[self._dynamics.order * self.n * self.m :])
+            self.energy, self.kinetic = self._dynamics.energy(t, y)
             self.jumped += self._links.rise(self._pending)
             self.time = t
             self._record_frames()
@@ -303,9 +218,9 @@ class ExactSession:
         after = float(np.nextafter(t, np.inf))
         if after == self._next_jump(t):
             t = after
-            self._repack(t)
+            self._dynamics.repack(t)
             before = self.energy
-            self.energy, self.kinetic = self._energy(t, y)
+            self.energy, self.kinetic = self._dynamics.energy(t, y)
             self.jumped += self.energy - before
             self._stepper.restart(t, y)
         self._segment = Segment.resting(t, y)
@@ -316,9 +231,9 @@ class ExactSession:
         """Toggle what crosses at the end of the segment; why the run cannot go on, if it cannot."""
         crossings, self._pending = self._pending, []
         t, y = self._segment.t1, self._segment.coefficients[-1]
-        q, p, _ = self._split(y)
-        if self._order == 1:
-            p = np.asarray(self._right_hand_side()(t, y))[: self.n * self.m].reshape(q.shape)
+        q, p, _ = self._dynamics.split(y)
+        if self._dynamics.order == 1:
+            p = np.asarray(self._dynamics.slope(t, y))[: self.n * self.m].reshape(q.shape)
         chattering: tuple[int, ...] = ()
         for crossing in crossings:
             chattering = self._write_switch(crossing, t, q, p) or chattering
@@ -332,12 +247,12 @@ class ExactSession:
             )  # fmt: skip
         if any(self._links.watches[c.watch].kind in ("link", "obstacle") for c in crossings):
             try:
-                self._relink()
+                self._dynamics.relink(self._links)
             except InvalidInput as reason:
                 # The functional of a graph may cease to exist as its links change.
                 return SimulationError(str(reason), time=t)
             before = self.energy
-            self.energy, self.kinetic = self._energy(t, y)
+            self.energy, self.kinetic = self._dynamics.energy(t, y)
             if not np.isfinite(self.energy) or any(self._meets_barrier(c) for c in crossings):
                 i, j = crossings[0].pairs[0]
                 error = NotFinite(
@@ -352,7 +267,9 @@ class ExactSession:
     def _meets_barrier(self, crossing: Crossing) -> bool:
         """Whether its links appear where their potential is infinite."""
         watch = self._links.watches[crossing.watch]
-        return watch.kind == "link" and self._barriers[watch.graph] and bool((watch.enter >= watch.leave).any())
+        return (
+            watch.kind == "link" and self._dynamics.barriers[watch.graph] and bool((watch.enter >= watch.leave).any())
+        )
 
     def _write_switch(self, crossing: Crossing, t: float, q: Array, p: Array) -> tuple[int, ...]:
         """Record the switches of a crossing; the pair that chatters, if one does."""
@@ -378,7 +295,7 @@ class ExactSession:
 
     def _record_frames(self) -> None:
         for t in self.recorder.due(self.time):
-            q, p, _ = self._split(self._segment.at(t))
+            q, p, _ = self._dynamics.split(self._segment.at(t))
             self.recorder.frame(t, q, p, self._links.links[0])
 
     def _record_trace(self) -> None:
@@ -407,17 +324,19 @@ class ExactSession:
         session.jumped, session.steps = snapshot.jumped, snapshot.steps
         session._segment, session._pending = snapshot.segment, list(snapshot.pending)
         session._prepare(scenario.start.n, scenario.start.dimension)
-        q, _, session._tail = (np.array(x) for x in session._split(snapshot.segment.coefficients[0]))
-        session._links = LinkState(session._layout.law, q, t=snapshot.segment.t0, headings=scenario.agents.headings)
-        session._repack(snapshot.segment.t1)
+        q, _, session._tail = (np.array(x) for x in session._dynamics.split(snapshot.segment.coefficients[0]))
+        session._links = LinkState(
+            session._dynamics.layout.law, q, t=snapshot.segment.t0, headings=scenario.agents.headings
+        )
+        session._dynamics.repack(snapshot.segment.t1)
         session._links.recall(snapshot.links)
         session._links.sliding = dict(snapshot.sliding)
-        session._relink()
-        session.kinetic = session._energy(snapshot.segment.t0, snapshot.segment.coefficients[0])[1]
+        session._dynamics.relink(session._links)
+        session.kinetic = session._dynamics.energy(snapshot.segment.t0, snapshot.segment.coefficients[0])[1]
         tolerance = snapshot.tolerance
         if tolerance is None:
-            tolerance = session._tolerances(scenario.start)
-        session._stepper = Stepper(session._right_hand_side(), tolerance, snapshot.stepper)
+            tolerance = session._dynamics.tolerances(scenario.start, session.energy)
+        session._stepper = Stepper(session._dynamics.slope, tolerance, snapshot.stepper)
         return session
 
     def replace(self, *, law: Law | None = None, state: State | None = None) -> None:
@@ -448,12 +367,12 @@ class ExactSession:
                 matrix[:] = kept_links
         segment = self._segment.until(self.time)
         y = segment.coefficients[-1]
-        before, _ = self._energy(self.time, y)
+        before, _ = self._dynamics.energy(self.time, y)
         kept = dict(vars(self))
         try:
             self.plant = plant
             self.scenario = self.scenario.with_(law=declared, t_end=end)
-            self._tail = np.array(y[self._order * self.n * self.m :])
+            self._tail = np.array(y[self._dynamics.order * self.n * self.m :])
             self._prepare(self.n, self.m)
             self._begin(new, links)
         except Exception:

@@ -1,0 +1,119 @@
+"""The compiled law of a running simulation: kernels, parameters in force, and the energies the ledger holds."""
+
+from __future__ import annotations
+
+from types import ModuleType
+
+import numpy as np
+
+from flocking.engine.codegen import compiled_kernels
+from flocking.engine.layout import Layout
+from flocking.engine.switching import LinkState, has_barrier
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array
+from flocking.model.law import Law, Scenario
+from flocking.model.state import State
+
+
+class Dynamics:
+    """The right-hand side of the state vector [q, p, work, dissipated, supplied].
+
+    Parameters
+    ----------
+    scenario
+        What is simulated.
+    plant
+        The law the agents really obey, where it is not the scenario's: the ledger's powers and energies go on
+        being those of the declared law.
+    n, m
+        Numbers of agents and dimensions.
+
+    Raises
+    ------
+    InvalidInput
+        When the plant does not fit the scenario.
+    """
+
+    def __init__(self, scenario: Scenario, plant: Law | None, n: int, m: int) -> None:
+        self.scenario = scenario
+        self.n, self.m = n, m
+        law = plant or scenario.law
+        law.check_count(n, m)
+        self.order = scenario.agents.order
+        self.layout = Layout(law, scenario.energy)
+        self._kernels = compiled_kernels(self.layout, m, self.order)
+        self._declared: tuple[ModuleType, Layout] | None = None
+        if plant is not None:
+            if len(law.graphs) != len(scenario.law.graphs):
+                raise InvalidInput(
+                    "ExactSession", "plant", "must have as many graphs as the declared law",
+                    f"{len(law.graphs)} instead of {len(scenario.law.graphs)}",
+                )  # fmt: skip
+            declared = Layout(scenario.law, scenario.energy)
+            self._declared = (compiled_kernels(declared, m, self.order), declared)
+        self.barriers = [has_barrier(law, g) for g in law.graphs]
+        self.singular = law.singular_at_zero()
+
+    def repack(self, t: float) -> None:
+        """Take the parameters as they are from time ``t`` on."""
+        agents = self.scenario.agents
+        self._slots = self.layout.values(agents, self.n, t)
+        self._ledger = None
+        if self._declared is not None:
+            module, layout = self._declared
+            self._ledger = (module, layout.values(agents, self.n, t))
+
+    def relink(self, links: LinkState) -> None:
+        """Take the links as they are now.
+
+        Raises
+        ------
+        InvalidInput
+            When a functional of the graph does not exist for these links.
+        """
+        self.pairs = links.pairs()
+        self._functionals = links.functionals()
+        self._linked = int(np.count_nonzero(links.links[0]))
+
+    def slope(self, t: float, y: Array) -> Array:
+        """dy/dt; with a plant the ledger's powers are those of the declared law along the plant's motion."""
+        dy: Array = self._kernels.rhs(t, y, self.n, *self.pairs, *self._slots, self._functionals)
+        if self._ledger is None:
+            return dy
+        module, slots = self._ledger
+        q, p, _ = self.split(y)
+        rates = np.empty(3)
+        module.control(t, q, p, *self.pairs, *slots, self._functionals, np.empty_like(q), rates)
+        dy[self.order * self.n * self.m + 1 :] = rates[1:]
+        return dy
+
+    def energy(self, t: float, y: Array) -> tuple[float, float]:
+        """Energy and kinetic energy of a state vector under the declared law."""
+        module, slots = self._ledger or (self._kernels, self._slots)
+        q, p, _ = self.split(y)
+        pairs, bodies, kinetic = module.energies(t, q, p, *self.pairs, *slots, self._functionals)
+        unlinked = 0.5 * (self.n * (self.n - 1) - self._linked) * self.scenario.energy.unlinked
+        return float(pairs + bodies + kinetic + unlinked), float(kinetic)
+
+    def split(self, y: Array) -> tuple[Array, Array, Array]:
+        """Positions, velocities and the integrated quantities of a state vector; views, where there are velocities."""
+        count = self.n * self.m
+        q = y[:count].reshape(self.n, self.m)
+        p = y[count : 2 * count].reshape(self.n, self.m) if self.order == 2 else np.zeros_like(q)
+        return q, p, y[self.order * count :]
+
+    def join(self, state: State, integrated: Array) -> Array:
+        """State vector of a state."""
+        parts = [state.q.ravel(), state.p.ravel()] if self.order == 2 else [state.q.ravel()]
+        return np.concatenate([*parts, integrated])
+
+    def tolerances(self, state: State, energy: float) -> Array:
+        """Absolute error tolerance of each component, from the size of the group at ``state``."""
+        spread = float(np.abs(state.q - state.q.mean(axis=0)).max(initial=0.0))
+        speed = float(np.abs(state.p).max(initial=0.0))
+        tolerance = self.scenario.tolerance
+        count = self.n * self.m
+        parts = [np.full(count, tolerance * max(1.0, spread))]
+        if self.order == 2:
+            parts.append(np.full(count, tolerance * max(1.0, speed)))
+        return np.concatenate([*parts, np.full(3, tolerance * max(1.0, abs(energy)))])
