@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.errors import InvalidInput, UnsupportedLaw
+from flocking.errors import InvalidInput
 from flocking.model.bumps import BUMPS
 
 DRIFT = np.array([10.0, 0.0])
@@ -197,8 +197,10 @@ def test_errors() -> None:
         fk.control(fk.Law(fk.Proximity(1.0), [term(gamma_agents=False)]), fk.State(np.zeros((2, 3))))
 
 
-def test_engines_that_know_no_obstacles_refuse_them() -> None:
+def test_the_tiled_engine_meets_the_same_obstacles() -> None:
     start = fk.State([[-6.0, 0.5], [-7.0, -0.5]])
-    scenario = fk.Scenario(fk.Law(fk.Proximity(0.1), [term()]), start, 1.0)
-    with pytest.raises(UnsupportedLaw, match="tiled engine"):
-        fk.simulate(scenario, engine="tiles")
+    scenario = fk.Scenario(fk.Law(fk.Proximity(0.1), [term()]), start, 1.0, frames=3)
+    exact = fk.simulate(scenario, progress=False)
+    tiles = fk.simulate(scenario, engine="tiles", step=0.0005, progress=False)
+    assert np.abs(tiles.q - exact.q).max() < 5e-3 * max(1.0, np.abs(exact.q[-1] - exact.q[0]).max())
+    assert np.abs(exact.q[-1] - exact.q[0]).max() > 0

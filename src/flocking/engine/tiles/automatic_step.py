@@ -57,7 +57,9 @@ def choose(crowd: Crowd, scenario: Scenario, scheme: str) -> float:
                 near, far = np.maximum(r * (1 - PROBE), 1e-12), r * (1 + PROBE)
                 with np.errstate(all="ignore"):
                     bend = np.abs(term.potential.slope(far) - term.potential.slope(near)) / (far - near)
-                    stiff += np.where(np.isfinite(bend), bend, 0.0) + np.abs(term.potential.slope(r)) / np.maximum(r, 1e-12)
+                    stiff += np.where(np.isfinite(bend), bend, 0.0) + np.abs(term.potential.slope(r)) / np.maximum(
+                        r, 1e-12
+                    )
             else:
                 damping += _gain(term) * float(degree.max())
         rate = float(np.sqrt(2.0 * np.bincount(i, stiff, minlength=n).max() / mass))

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 STRIDE = 0.25
 """Largest share of a linked pair's distance that it may move in one step under a potential singular at contact."""
 
-RESIDUAL = 0.1
+RESIDUAL = 0.05
 """Largest share of the energy moved that the ledger may leave unexplained."""
 
 
@@ -122,5 +122,7 @@ def ledger(session: TilesSession) -> None:
         order = session._scheme.order
         smaller = session.step * (0.2 * RESIDUAL / min(share, 1e6)) ** (1.0 / order) if np.isfinite(share) else 0.1
         raise step_too_large(
-            session, min(smaller, session.step / 2), f"the energy ledger leaves {100 * share:.3g} % of the energy unexplained"
+            session,
+            min(smaller, session.step / 2),
+            f"the energy ledger leaves {100 * share:.3g} % of the energy unexplained",
         )

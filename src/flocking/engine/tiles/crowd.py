@@ -19,6 +19,7 @@ import numpy as np
 from flocking.engine.tiles.cells import Sorter, crowding
 from flocking.engine.tiles.kernels import SUMS, tile_kernels
 from flocking.engine.tiles.lists import LINKED, NUMBER, WIDTH, ListBuilder, TileLists, TooManyNeighbours, fixed_lists
+from flocking.engine.tiles.nearby_obstacles import NearbyObstacles
 from flocking.engine.tiles.spec import PRECISIONS, KernelSpec
 from flocking.engine.tiles.threads import Workers
 from flocking.model.avoidance import PerObstacle
@@ -110,6 +111,7 @@ class Crowd:
         self.rebuilds = 0
         self.lists: list[TileLists | None] = [None] * len(self.graphs)
         self._first_links = state.links
+        self._set_obstacles(scenario)
         self.lost: tuple[int, int] | None = None
         speeds = self.X[m:, :n] - self.X[m:, :n].mean(axis=1, keepdims=True)
         self.top_speed = float(np.sqrt((speeds.astype(np.float64) ** 2).sum(axis=0).max()))
@@ -127,6 +129,11 @@ class Crowd:
             self.each.append(np.zeros(1, self.dtype))
             self.edges.append(_offsets(graph, n) if kind.fixed else None)
         self.set_radii(scenario)
+
+    def _set_obstacles(self, scenario: Scenario) -> None:
+        met = self.spec.layout.encounters()
+        self.obstacles = NearbyObstacles(scenario.law, [term.range for term, _ in met]) if met else None
+        self.O: Any = self.spec.layout.obstacle_rows()
 
     def set_radii(self, scenario: Scenario) -> None:
         """Take the radii of the graphs of a law of the same structure; `bound` must then be reset by a rebuild."""
@@ -290,6 +297,8 @@ class Crowd:
         self.C[:] = self.X[m:, :n].mean(axis=1, dtype=np.float64)
         self._rounding = 4.0 * float(np.finfo(self.dtype).eps) * float(np.abs(self.X[:m, :n]).max())
         self.elapsed, self.bound = 0.0, 0.0
+        if self.obstacles is not None:
+            self.obstacles.used = np.inf
         self.rebuilds += 1
 
     _rounding = 0.0
@@ -328,9 +337,13 @@ class Crowd:
         for number, found in enumerate(self.lists):
             assert found is not None
             lists += [found.rows.reshape(-1), found.first, found.count, self.each[number], self.limits[number]]
+        if self.obstacles is not None:
+            speed = self.top_speed + float(np.linalg.norm(self.C))
+            self.obstacles.require(self.X[: self.m], self.tiles, t, speed * abs(drift))
+            lists += [x for pair in self.obstacles.lists for x in pair]
         self.workers.each(
             self.kernel, self.tiles, float(t), T(keep), T(kick), T(drift), T(whole), T(soft), hold, self.X, self.Y, self.n,
-            *lists, self.P, self.A, self.ids, self.seeds, self.matrices, self.M, self.C, self.tops, self.sums,
+            *lists, self.P, self.A, self.O, self.ids, self.seeds, self.matrices, self.M, self.C, self.tops, self.sums,
         )  # fmt: skip
 
     def _fill_means(self) -> None:
@@ -346,6 +359,8 @@ class Crowd:
         self.X, self.Y = self.Y, self.X
         self.elapsed += stride
         self.top_speed = float(np.sqrt(self.tops[:, 0].max()))
+        if self.obstacles is not None:
+            self.obstacles.moved(abs(stride) * (self.top_speed + float(np.linalg.norm(self.C))), abs(stride))
         self.bound += abs(stride) * self.top_speed * (1.0 + 1e-6) + self._rounding
 
     def adopt(self, scenario: Scenario, spec: KernelSpec, t: float) -> None:
@@ -354,6 +369,7 @@ class Crowd:
         self.kernel = tile_kernels(spec).move
         self.sums = np.zeros((self.tiles if spec.ledger else 1, len(SUMS)), np.float64)
         self.cutoffs = _cutoffs(self.graphs, spec)
+        self._set_obstacles(scenario)
         self.set_radii(scenario)
         self._set_parameters(scenario, t)
         self.edges = [_offsets(g, self.n) if k.fixed else None for g, k in zip(self.graphs, spec.graphs, strict=True)]
@@ -378,6 +394,8 @@ class Crowd:
         """Go back to ``memory``."""
         for name in _KEPT:
             setattr(self, name, copy.deepcopy(memory.fields[name]))
+        if self.obstacles is not None:
+            self.obstacles.used = np.inf
         for builder, (room, deep) in zip(self.builders, memory.fields["rooms"], strict=True):
             builder.room, builder.deep, builder.spare = room.copy(), deep, None
 
@@ -385,7 +403,13 @@ class Crowd:
     def nbytes(self) -> int:
         """Memory of all arrays."""
         arrays = [self.X, self.Y, self.ids, self.tops, self.sums, self.A, self.reference, *self.each]
-        arrays += [self.sorter.key, self.sorter.key_there, self.sorter.index_there, self.sorter.order, self.sorter.start]
+        arrays += [
+            self.sorter.key,
+            self.sorter.key_there,
+            self.sorter.index_there,
+            self.sorter.order,
+            self.sorter.start,
+        ]
         spares = [b.spare for b in self.builders if b.spare is not None]
         return int(sum(a.nbytes for a in arrays)) + sum(x.nbytes for x in [*self.lists, *spares] if x is not None)
 

@@ -8,6 +8,7 @@ keep 0, kick 1, drift 0 gives the acceleration itself.
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
@@ -18,6 +19,7 @@ from flocking.engine.tiles.spec import KernelSpec
 from flocking.formula.compiled import generated_module
 
 if TYPE_CHECKING:
+    from flocking.engine.encounter_formulas import EncounterFormulas
     from flocking.engine.expressions import LawFormulas, PairFormulas
 
 SUMS = ("pairs", "bodies", "kinetic", "work", "dissipated", "supplied", "links", "jumped")
@@ -53,13 +55,15 @@ def _arguments(spec: KernelSpec) -> list[str]:
     those of the time of the positions) and ``soft`` (1 where velocities are damped exponentially); ``hold``
     (links stay as they are); state ``X`` and its successor ``Y``,
     shape (2m, 16 tiles); the number of agents ``n``; per graph lists, squared radii per agent and for all;
-    parameters ``P`` and ``A``; identities ``ids``; hash seeds and matrices of pair weights; means of the group; velocity of the crowd
+    obstacles that each tile may meet; parameters ``P``, ``A`` and ``O``; identities ``ids``; hash seeds and matrices of pair weights; means of the group; velocity of the crowd
     ``C``; results ``tops`` and ``sums`` per tile.
     """
     found = ["first_tile", "last_tile", "t", "keep", "kick", "drift", "whole", "soft", "hold", "X", "Y", "n"]
     for number in range(len(spec.graphs)):
         found += [f"{name}{number}" for name in GRAPH_ARGUMENTS]
-    return [*found, "P", "A", "ids", "seeds", "matrices", "M", "C", "tops", "sums"]
+    for number in range(len(spec.layout.encounters())):
+        found += [f"begin{number}", f"who{number}"]
+    return [*found, "P", "A", "O", "ids", "seeds", "matrices", "M", "C", "tops", "sums"]
 
 
 def _indented(lines: Iterable[str], depth: int) -> str:
@@ -74,10 +78,12 @@ class _Writer:
 
         self.spec, self.formulas = spec, formulas
         self.axes = range(spec.dimension)
-        self.lifter = Lifter(self._uniform)
+        self.lifter = Lifter(self.uniform)
         self.per_agent: set[str] = set()
+        self.encounter_values: list[Any] = []
 
-    def _uniform(self, name: str) -> bool:
+    def uniform(self, name: str) -> bool:
+        """Whether a symbol has one value for all agents."""
         if name in ("A0", "A1"):
             return not (self.spec.mass_each, self.spec.damping_each)[int(name[1])]
         return name == "t" or name.startswith(("P", "mean_"))
@@ -89,7 +95,7 @@ class _Writer:
 
         lifted = {name: self.lifter.lift(value) for name, value in results.items()}
         names = free_names(lifted.values())
-        self.per_agent |= {a for a in names.per_agent if not self._uniform(a)}
+        self.per_agent |= {a for a in names.per_agent if not self.uniform(a)}
         weights = [self._weight(w) for w in names.per_pair]
         return weights + vector_statements(lifted, prefix)
 
@@ -182,6 +188,42 @@ def _pair_block(w: _Writer, number: int, pair: PairFormulas) -> list[str]:
     return [f"for step in range(count{number}[tile]):", *("    " + line for line in lane)]
 
 
+def _encounter_block(w: _Writer, number: int, encounter: EncounterFormulas) -> list[str]:
+    """Loop over the obstacles of one group that a tile may meet."""
+    from flocking.engine.codegen import free_names
+    from flocking.engine.tiles.printing import Lifter
+    from flocking.formula.printing import code
+
+    spec, outer = w.spec, w.lifter
+    w.lifter = Lifter(lambda name: w.uniform(name) or bool(re.fullmatch(r"O\d+", name)), prefix=f"met{number}_")
+    body: list[str] = []
+    wanted = {*(f"force{k}" for k in w.axes), *(("dissipation", "supply") if spec.ledger else ())}
+    *geometry, last = encounter.stages()
+    for k, stage in enumerate([*geometry, {f"meet_{n}": e for n, e in last.items() if n in wanted}]):
+        body += w.statements(stage, f"o{number}_{k}_")
+    term, _ = spec.layout.encounters()[number]
+    reach = spec.layout.slot(spec.layout.term_owner(term), "range")
+    body += [f"close = distance <= T({reach})"]
+    body += [f"pull{k} = pull{k} + select(close, meet_force{k}, T(0.0))" for k in w.axes]
+    if spec.ledger:
+        body += ["met_dissipated = met_dissipated + select(close, meet_dissipation, T(0.0))"]
+        body += ["met_supplied = met_supplied + select(close, meet_supply, T(0.0))"]
+    definitions, w.lifter = w.lifter.definitions, outer
+    w.encounter_values += list(definitions.values())
+    rows = sorted({s for e in definitions.values() for s in map(str, e.free_symbols) if re.fullmatch(r"O\d+", s)})
+    head = [f"o = who{number}[at]"] + [f"{n} = O[{n[1:]}, o]" for n in rows]
+    head += [f"{name} = T({code(value, arrays=False)})" for name, value in definitions.items()]
+    w.encounter_values += [_parameter(reach)]
+    assert not free_names(definitions.values()).per_pair
+    return [f"for at in range(begin{number}[tile], begin{number}[tile + 1]):", *("    " + x for x in [*head, *body])]
+
+
+def _parameter(name: str) -> Any:
+    import sympy
+
+    return sympy.Symbol(name, real=True)
+
+
 def _distance() -> Any:
     import sympy
 
@@ -232,6 +274,9 @@ def _tail_block(w: _Writer) -> list[str]:
         parts |= {"pairs": "0.5 * total(total_storage)", "links": "total(links)", "jumped": "0.5 * total(total_jumped)"}
         parts["dissipated"] += " + 0.5 * total(total_dissipation)"
         parts["supplied"] += " + 0.5 * total(total_supply)"
+        if w.formulas.encounters:
+            parts["dissipated"] += " + total(select(live, met_dissipated, T(0.0)))"
+            parts["supplied"] += " + total(select(live, met_supplied, T(0.0)))"
         lines += [f"sums[tile, {k}] = {parts[name]}" for k, name in enumerate(SUMS)]
     return lines
 
@@ -249,6 +294,7 @@ def _scratch(w: _Writer) -> list[str]:
         names += ["dragged"]
     if w.spec.ledger:
         names += ["total_storage", "total_dissipation", "total_supply", "total_jumped", "links"]
+        names += ["met_dissipated", "met_supplied"]
     return names
 
 
@@ -259,13 +305,14 @@ def _source(spec: KernelSpec, formulas: LawFormulas) -> str:
     w = _Writer(spec, formulas)
     axes = w.axes
     pairs = [_pair_block(w, number, pair) for number, pair in enumerate(formulas.pairs)]
+    pairs += [_encounter_block(w, number, encounter) for number, encounter in enumerate(formulas.encounters)]
     tail = _tail_block(w)
     scratch = _scratch(w)
     frames: list[str] = []
     if spec.ledger:
         frames = [f"frame{k} = T({code(f, arrays=False)})" for k, f in enumerate(formulas.body.frame)]
     uniform = [f"{name} = T({code(value, arrays=False)})" for name, value in w.lifter.definitions.items()]
-    scalars = _scalars(w, [*w.lifter.definitions.values(), *formulas.body.frame])
+    scalars = _scalars(w, [*w.lifter.definitions.values(), *formulas.body.frame, *w.encounter_values])
     top = scalars + frames + uniform
     top += ["huge = T(1e36)", "endless = T(np.inf)"]
     for number, kind in enumerate(spec.graphs):
@@ -315,7 +362,7 @@ _PRIMITIVES = (
     "narrow", "numbers_from", "root", "select", "spread", "store", "total", "whole_of", "widen",
 )  # fmt: skip
 
-_HASH = '''@numba.njit(inline="always")
+_HASH = """@numba.njit(inline="always")
 def pair_uniform(seed, i, j):
     least = select(i < j, i, j)
     most = select(i < j, j, i)
@@ -328,4 +375,4 @@ def pair_uniform(seed, i, j):
     return float_of(z >> 11) * 1.1102230246251565e-16
 
 
-'''
+"""

@@ -25,10 +25,13 @@ class Lifter:
     ----------
     uniform
         Tells whether the value of a symbol, by name, is the same for all agents.
+    prefix
+        Start of the new names.
     """
 
-    def __init__(self, uniform: Callable[[str], bool]) -> None:
+    def __init__(self, uniform: Callable[[str], bool], prefix: str = "same") -> None:
         self._uniform = uniform
+        self._prefix = prefix
         self._names: dict[Any, sympy.Symbol] = {}
 
     @property
@@ -45,7 +48,7 @@ class Lifter:
         if expression.is_number:
             return expression
         if expression not in self._names:
-            self._names[expression] = sympy.Symbol(f"same{len(self._names)}", real=True)
+            self._names[expression] = sympy.Symbol(f"{self._prefix}{len(self._names)}", real=True)
         return self._names[expression]
 
     def lift(self, expression: Any) -> Any:

@@ -172,6 +172,8 @@ class RungeKutta(Scheme):
             )
             if number == 3:
                 np.add(base, gained, out=crowd.X)
+            if crowd.obstacles is not None:
+                crowd.obstacles.used = np.inf
             crowd.bound = np.inf
             if not crowd.usable() and number < 3:
                 return False

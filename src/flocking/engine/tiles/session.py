@@ -97,7 +97,9 @@ def tiles_options(given: dict[str, Any]) -> TilesOptions:
     """
     known = {f.name for f in fields(TilesOptions)}
     for name in sorted(set(given) - known):
-        raise InvalidInput("start", name, f"must be an option of the tiled engine: {', '.join(sorted(known))}", given[name])
+        raise InvalidInput(
+            "start", name, f"must be an option of the tiled engine: {', '.join(sorted(known))}", given[name]
+        )
     return TilesOptions(**given)
 
 
@@ -274,7 +276,9 @@ class TilesSession:
         try:
             self._guarded(lambda: self._scheme.step(crowd, self.time, h))
         except FloatingPointError:
-            raise checks.step_too_large(self, h, "agents move further than the reach of their neighbour lists") from None
+            raise checks.step_too_large(
+                self, h, "agents move further than the reach of their neighbour lists"
+            ) from None
         checks.after_step(self, crowd, h)
         if self.options.ledger:
             self.records.book(self.time, self._scheme.books, crowd.n, self.scenario.energy.unlinked)
@@ -359,8 +363,9 @@ class TilesSession:
         self._scheme.last, self._scheme.counted = 0.0, True
         self._plan = (self.time, self.time, 1, 1)
         if self.options.ledger:
+            jumped = self._scheme.books.jumped
             self._look()
-            self._scheme.books.jumped += self._energy() - before - 0.0
+            self._scheme.books.jumped = jumped + self._energy() - before
             self.records.book(self.time, self._scheme.books, crowd.n, scenario.energy.unlinked)
 
     def _energy(self) -> float:

@@ -10,7 +10,6 @@ import numpy as np
 from flocking.engine.layout import Layout
 from flocking.engine.switching import has_barrier
 from flocking.errors import UnsupportedLaw
-from flocking.model.avoidance import ObstacleTerm
 from flocking.model.graphs import Fixed, Graph, Hysteresis, Proximity
 from flocking.model.law import Scenario
 from flocking.model.smooth_graphs import PerAgentRadii, Smooth
@@ -115,9 +114,6 @@ def check_supported(scenario: Scenario) -> None:
     for term in law.pair_terms:
         if getattr(term, "functional", False):
             raise refuse(f"{type(term).__name__} with a graph functional")
-    for body in law.body_terms:
-        if isinstance(body, ObstacleTerm):
-            raise refuse(f"{type(body).__name__}: it knows no obstacles")
     for _, owned in Layout(law, scenario.energy).owners():
         for name, value in owned.items():
             if hasattr(value, "matrix") and not isinstance(value, HashedWeights | MatrixWeights):
