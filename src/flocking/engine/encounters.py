@@ -3,7 +3,8 @@
 The distance to an obstacle changes no faster than the agent and the obstacle move. On a piece of a segment it
 therefore stays within the agent's reach of its value in the middle: halving the segment either proves that a
 distance is not crossed or closes in on the first crossing. Excursions shorter than `FINE` of a step that leave
-no trace at the ends and the middle of their piece are not seen.
+no trace at the ends and the middle of their piece are not seen. Balls that stand still or move uniformly are
+watched by `ball_guards`, which misses nothing.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from flocking.engine.ball_guards import ball_crossings, centre_paths, uniform_balls
 from flocking.engine.guards import NEVER
 from flocking.engine.segment import Segment
 from flocking.model.avoidance import ObstacleGroup, ObstacleTerm
@@ -72,6 +74,7 @@ class Encounters:
                     self.levels += [Level(number, "rim", distance) for distance in inner]
                     self.groups.append(group)
         self._distance = [g.obstacles[0].distance_function() for g in self.groups]
+        self._balls = [uniform_balls(g) for g in self.groups]
         self._rows = [np.array([v.values for v in g.rows.values()]) for g in self.groups]
 
     def distances(self, group: int, q: Array, t: float) -> Array:
@@ -126,6 +129,9 @@ class Encounters:
         length = segment.t1 - segment.t0
         found = []
         for g, group in enumerate(self.groups):
+            if self._balls[g]:
+                found += self._ball_crossings(g, segment, B, near, active, slack)
+                continue
             clear = self.distances(g, B[0], segment.t0)
             moved = length * np.array([_speed_bound(x, segment.t0, segment.t1) for x in group.obstacles])
             parts = []
@@ -147,6 +153,21 @@ class Encounters:
                 for number in np.unique(levels[when <= 1.0]):
                     hit = (when <= 1.0) & (levels == number)
                     found.append((int(number), when[hit], np.stack([i[hit], o[hit]], axis=1)))
+        return found
+
+    def _ball_crossings(
+        self, g: int, segment: Segment, B: Array, near: list[Links], active: list[Links], slack: float
+    ) -> list[tuple[int, Array, Indices]]:
+        centres = centre_paths(self.groups[g].obstacles, segment.t0, segment.t1)  # type: ignore[arg-type]
+        radii = self._rows[g][list(self.groups[g].rows).index("radius")]
+        found = []
+        for number, level in enumerate(self.levels):
+            if level.group == g:
+                watched = active[g] if level.kind == "rim" else np.ones_like(active[g])
+                margin = slack * max(level.distance, 1.0)
+                when, who = ball_crossings(B, centres, radii, near[number], watched, level.distance, margin)
+                if len(when):
+                    found.append((number, when, who))
         return found
 
     def _excess(

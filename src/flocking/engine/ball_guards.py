@@ -1,0 +1,110 @@
+"""Certified crossings of the distances from balls that stand still or move uniformly.
+
+The squared distance of an agent from such a ball's centre is a polynomial on a segment, like that of two agents:
+no excursion can be missed, however short. Other obstacles take the general way of `encounters`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numba
+import numpy as np
+
+from flocking.engine.guards import _PRODUCT, NEVER, first_above
+from flocking.model.avoidance import ObstacleGroup
+from flocking.model.checks import Array
+from flocking.model.connectivity import Links
+from flocking.model.leaders import Sink, Velocity
+from flocking.model.obstacles import Ball
+
+
+def uniform_balls(group: ObstacleGroup) -> bool:
+    """Whether all obstacles of a group are balls that stand still or move uniformly."""
+    return all(isinstance(x, Ball) and isinstance(x.centre, Sink | Velocity) for x in group.obstacles)
+
+
+def centre_paths(balls: Sequence[Ball], t0: float, t1: float) -> Array:
+    """Bernstein coefficients of the centres on [t0, t1], shape (8, K, m)."""
+    begin = np.array([b.centre.at(t0)[0] for b in balls])
+    if all(isinstance(b.centre, Sink) for b in balls):
+        return np.repeat(begin[None], 8, axis=0)
+    end = np.array([b.centre.at(t1)[0] for b in balls])
+    share = np.linspace(0.0, 1.0, 8)[:, None, None]
+    return np.asarray(begin + share * (end - begin))
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def ball_crossings(
+    B: Array, centres: Array, radii: Array, near: Links, active: Links, level: float, slack: float
+) -> tuple[Array, Array]:
+    """First crossing of one level by every pair (agent, ball) that crosses it.
+
+    Parameters
+    ----------
+    B
+        Bernstein coefficients of the positions, shape (8, N, m).
+    centres
+        Those of the centres, shape (8, K, m).
+    radii
+        Radii of the balls, shape (K,).
+    near
+        Pairs that are within the level now, shape (N, K). They cross by leaving, the others by entering.
+    active
+        Pairs that are watched, shape (N, K).
+    level
+        Distance from the surface.
+    slack
+        Overshoot that counts as a crossing.
+
+    Returns
+    -------
+    tuple of Array
+        Positions in [0, 1], shape (k,), and pairs (agent, ball), shape (k, 2).
+    """
+    n, count, m = B.shape[1], centres.shape[1], B.shape[2]
+    when = np.empty(n * count)
+    who = np.empty((n * count, 2), dtype=np.int64)
+    found = 0
+    relative = np.empty((8, m))
+    square = np.empty(15)
+    for i in range(n):
+        for o in range(count):
+            if not active[i, o]:
+                continue
+            border = radii[o] + level + (slack if near[i, o] else -slack)
+            first = 0.0
+            stray = 0.0
+            for a in range(8):
+                gone = 0.0
+                for k in range(m):
+                    relative[a, k] = B[a, i, k] - centres[a, o, k]
+                    gone += (relative[a, k] - relative[0, k]) ** 2
+                    if a == 0:
+                        first += relative[0, k] ** 2
+                stray = max(stray, gone)
+            first, stray = np.sqrt(first), np.sqrt(stray) * (1.0 + 1e-14)
+            if near[i, o]:
+                if first + stray < border:
+                    continue
+            elif border <= 0.0 or first - stray > border:
+                continue
+            square[:] = 0.0
+            for a in range(8):
+                for b in range(8):
+                    dot = 0.0
+                    for k in range(m):
+                        dot += relative[a, k] * relative[b, k]
+                    square[a + b] += _PRODUCT[a, b] * dot
+            if near[i, o]:
+                square -= max(border, 0.0) ** 2
+            else:
+                square *= -1.0
+                square += border**2
+            x = first_above(square)
+            if x < NEVER:
+                when[found] = x
+                who[found, 0] = i
+                who[found, 1] = o
+                found += 1
+    return when[:found], who[:found]
