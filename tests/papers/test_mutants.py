@@ -27,7 +27,7 @@ def test_a_mutant_that_does_not_apply_is_refused() -> None:
 
 def test_a_wrong_plant_breaks_the_ledger_of_the_engine_itself() -> None:
     """The engine's own ledger holds the declared law while another one moves the agents."""
-    declared = fk.papers.paper("tanner-2003-fixed").scenario(seed=0).with_(t_end=5.0, name="")
+    declared = fk.papers.paper("tanner-2003-fixed").scenario(seed=0).with_(t_end=5.0, frames=11, name="")
     gradient, consensus = declared.law.terms
     assert fk.audit(fk.simulate(declared, progress=False))["ledger"].verdict == "holds"
     wrong = fk.Law(declared.law.graph, (gradient, fk.Consensus(consensus.gain * 1.001)))
