@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flocking.engine.exact import ExactSession
+from flocking.engine.interruption import Deferred
 from flocking.engine.run import Run
 from flocking.errors import InvalidInput, SimulationError, StorageError
 from flocking.model.law import Law, Scenario
@@ -134,15 +135,16 @@ def drive(session: ExactSession | TilesSession, *, progress: bool, saving: Savin
     """
     scenario = session.scenario
     status = "finished"
+    deferred = Deferred()
     try:
-        with _Progress(progress, scenario) as bar:
+        with deferred, _Progress(progress, scenario) as bar:
             for t in _stops(scenario, session.time, often=saving is not None):
                 session.advance(t)
                 bar.show(t, session.steps * scenario.start.n)
                 if saving is not None and t < scenario.t_end:
                     saving.keep()
-        if saving is not None:
-            saving.finish(status)
+            if saving is not None:
+                saving.finish(status)
     except KeyboardInterrupt:
         status = f"interrupted at t = {session.time:.9g}"
         if saving is not None:
@@ -158,6 +160,9 @@ def drive(session: ExactSession | TilesSession, *, progress: bool, saving: Savin
     except StorageError as error:
         error.run = session.run(str(error))
         raise
+    if deferred.late:
+        # It came after the last step: the run is complete and saved, the caller is to stop.
+        raise KeyboardInterrupt
     return session.run(status)
 
 
@@ -193,7 +198,8 @@ class _Progress:
             from rich.console import Console
             from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-            columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[rate]}"), TimeRemainingColumn()
+            speed = TextColumn("{task.fields[rate]}")
+            columns = (TextColumn("{task.description}"), BarColumn(), speed, TimeRemainingColumn())
             self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
             name = self._scenario.name or "simulation"
             self._task = self._bar.add_task(name, total=self._scenario.t_end - self._scenario.start.t, rate="")

@@ -7,7 +7,6 @@ import flocking as fk
 from flocking.engine.tiles.session import TilesOptions, TilesSession
 from flocking.model.avoidance import Avoid
 from flocking.model.obstacles import Ball
-
 from tests.engine.tiles.laws import (
     PerAgentRadii,
     Smooth,
@@ -190,7 +189,7 @@ def test_ledger_kernel_gives_the_same_forces_and_the_reference_energies():
 
 def test_refuses_by_name():
     state = states(10, 2)["random"]
-    with pytest.raises(fk.FlockingError, match="first-order.*exact"):
+    with pytest.raises(fk.FlockingError, match=r"first-order.*exact"):
         fk.simulate(fk.Scenario(saber(), state, t_end=1, agents=fk.Agents(order=1)), engine="tiles")
     flat = fk.State(np.zeros((3, 1)) + np.arange(3)[:, None])
     with pytest.raises(fk.FlockingError, match="1 dimensions"):

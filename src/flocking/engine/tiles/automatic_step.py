@@ -34,8 +34,7 @@ def choose(crowd: Crowd, scenario: Scenario, scheme: str) -> float:
     limits = [LARGEST, span / 100 if span > 0 else LARGEST]
     mass = float(np.min(scenario.agents.masses))
     damping = float(np.max(scenario.agents.damping))
-    for number, graph in enumerate(crowd.graphs):
-        lists = crowd.lists[number]
+    for number, lists in enumerate(crowd.lists):
         if lists is None:
             continue
         tiles = range(0, crowd.tiles, max(1, n // SAMPLE))
@@ -70,8 +69,8 @@ def choose(crowd: Crowd, scenario: Scenario, scheme: str) -> float:
             closing = float((speed / np.maximum(r, 1e-12)).max())
             if closing > 0:
                 limits.append(CLOSING / closing)
-    for term in scenario.law.body_terms:
-        for name, value in term.parameters.items():
+    for body in scenario.law.body_terms:
+        for name, value in body.parameters.items():
             if name == "velocity_gain":
                 damping += float(np.max(np.asarray(value)))
             elif name == "position_gain":

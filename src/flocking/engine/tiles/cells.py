@@ -81,14 +81,14 @@ def choose_grid(low: Any, high: Any, reach: float, n: int) -> Grid:
 _compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
 
 
-@_compiled  # type: ignore[untyped-decorator]
+@_compiled
 def cell_of(x, origin, inverse, count):  # type: ignore[no-untyped-def]
     """Cell of a coordinate along one axis, wrapped."""
     c = np.int64((np.float64(x) - origin) * inverse)
     return c if c < count else c % count
 
 
-@_compiled  # type: ignore[untyped-decorator]
+@_compiled
 def _count(first, last, q, n, origin, inverse, shape, shift, key, counts):  # type: ignore[no-untyped-def]
     three = q.shape[0] == 3
     for chunk in range(first, last):
@@ -102,7 +102,7 @@ def _count(first, last, q, n, origin, inverse, shape, shift, key, counts):  # ty
             counts[chunk, k >> shift] += 1
 
 
-@_compiled  # type: ignore[untyped-decorator]
+@_compiled
 def _scatter(first, last, n, shift, key, places, key_there, index_there):  # type: ignore[no-untyped-def]
     for chunk in range(first, last):
         for i in range(chunk * CHUNK, min((chunk + 1) * CHUNK, n)):
@@ -113,7 +113,7 @@ def _scatter(first, last, n, shift, key, places, key_there, index_there):  # typ
             index_there[at] = i
 
 
-@_compiled  # type: ignore[untyped-decorator]
+@_compiled
 def _settle(first, last, shift, cells, begins, key_there, index_there, start, order):  # type: ignore[no-untyped-def]
     for bucket in range(first, last):
         low = bucket << shift
@@ -131,7 +131,7 @@ def _settle(first, last, shift, cells, begins, key_there, index_there, start, or
             fill[c] += 1
 
 
-@_compiled  # type: ignore[untyped-decorator]
+@_compiled
 def _permute(first, last, order, source, target):  # type: ignore[no-untyped-def]
     for row in range(source.shape[0]):
         a = source[row]

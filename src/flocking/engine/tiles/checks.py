@@ -50,9 +50,9 @@ def after_step(session: TilesSession, crowd: Crowd, h: float) -> None:
     near = float(np.sqrt(crowd.tops[:, 1].min()))
     if near < session.records.closest.distance:
         tile = int(np.argmin(crowd.tops[:, 1]))
-        pair = _closest_in(crowd, tile)
-        if pair is not None:
-            session.records.closest = Closest(near, session.time, pair)
+        closest = _closest_in(crowd, tile)
+        if closest is not None:
+            session.records.closest = Closest(near, session.time, closest)
     if session.scenario.law.singular_at_zero() and 2.0 * crowd.top_speed * h > STRIDE * near:
         _check_strides(session, crowd, h)
 

@@ -18,7 +18,15 @@ import numpy as np
 
 from flocking.engine.tiles.cells import Sorter, crowding
 from flocking.engine.tiles.kernels import SUMS, tile_kernels
-from flocking.engine.tiles.lists import LINKED, NUMBER, WIDTH, ListBuilder, TileLists, TooManyNeighbours, fixed_lists
+from flocking.engine.tiles.lists import (
+    LINKED,
+    NUMBER,
+    WIDTH,
+    ListBuilder,
+    TileLists,
+    TooManyNeighboursError,
+    fixed_lists,
+)
 from flocking.engine.tiles.nearby_obstacles import NearbyObstacles
 from flocking.engine.tiles.spec import PRECISIONS, KernelSpec
 from flocking.engine.tiles.threads import Workers
@@ -38,7 +46,7 @@ SKINS = tuple(0.04 * 1.25**k for k in range(16))
 """Skins tried, as fractions of the cutoff."""
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _strayed(first, last, X, reference, shift, n, out):  # type: ignore[no-untyped-def]
     """Largest squared distance of the agents of each tile from where they were at the rebuild, seen from the crowd."""
     for tile in range(first, last):
@@ -48,10 +56,7 @@ def _strayed(first, last, X, reference, shift, n, out):  # type: ignore[no-untyp
             for k in range(reference.shape[0]):
                 d = np.float64(X[k, i]) - np.float64(reference[k, i]) - shift[k]
                 square += d * d
-            if square < 1e300:
-                most = max(most, square)
-            else:
-                most = np.inf
+            most = max(most, square) if square < 1e300 else np.float64(np.inf)
         out[tile] = most
 
 
@@ -159,6 +164,7 @@ class Crowd:
         rows: list[Any] = [agents.masses, agents.damping]
         pairs: list[Any] = []
         for _, owned in self.spec.layout.owners():
+            value: Any
             for value in owned.values():
                 if isinstance(value, PerObstacle):
                     continue
@@ -169,7 +175,7 @@ class Crowd:
                 elif np.ndim(value):
                     rows.append(value)
                 else:
-                    numbers.append(float(value))  # type: ignore[arg-type]
+                    numbers.append(float(value))
         for value in rows[:2]:
             numbers.append(0.0 if np.ndim(value) else float(value))
         self.seeds: Any = np.zeros(max(1, len(pairs)), np.uint64)
@@ -245,14 +251,14 @@ class Crowd:
             length = (1.0 + skin) ** self.m
             return (0.3 + length) + (1.0 + REBUILD_COST * length) / max(1.0, skin / max(stride, 1e-12))
 
-        return cutoff * min(SKINS, key=cost)
+        return float(cutoff * min(SKINS, key=cost))
 
     def rebuild(self, step: float, skin: float | None = None) -> None:
         """Sort the agents and build all lists anew, keeping the memory of links.
 
         Raises
         ------
-        TooManyNeighbours
+        TooManyNeighboursError
             When the lists would exceed the memory limit; positions and links are kept.
         """
         n, m = self.n, self.m
@@ -265,7 +271,7 @@ class Crowd:
         sorter.sort(self.X[:m], reach)
         least = crowding(sorter.start, m) * 4.0
         if least > self.builders[0].memory_limit:
-            raise TooManyNeighbours(least)
+            raise TooManyNeighboursError(least)
         sorter.permute(self.X, self.Y)
         self.X, self.Y = self.Y, self.X
         order = sorter.order
@@ -308,7 +314,9 @@ class Crowd:
         for number, kind in enumerate(self.spec.graphs):
             if kind.fixed:
                 place = self.place if place is None else place
-                self.lists[number] = fixed_lists(self.ids, place, *self.edges[number], self.workers)
+                edges = self.edges[number]
+                assert edges is not None
+                self.lists[number] = fixed_lists(self.ids, place, *edges, self.workers)
 
     def _take_links(self, links: Any) -> None:
         """Set the memory of the law's graph from a link matrix given with the start."""

@@ -26,7 +26,7 @@ SUMS = ("pairs", "bodies", "kinetic", "work", "dissipated", "supplied", "links",
 """Sums over a tile that a kernel with a ledger writes."""
 
 TOPS = ("speed2", "near2", "broken")
-"""What every kernel reports of a tile: largest squared speed, smallest squared distance of linked agents, links broken."""
+"""What every kernel reports of a tile: largest squared speed, smallest squared distance of linked agents, breaks."""
 
 GRAPH_ARGUMENTS = ("rows", "first", "count", "each", "limits")
 
@@ -53,9 +53,9 @@ def _arguments(spec: KernelSpec) -> list[str]:
 
     ``first_tile``, ``last_tile``; the time ``t``; ``keep``, ``kick``, ``drift``; ``whole`` (advances velocities to
     those of the time of the positions) and ``soft`` (1 where velocities are damped exponentially); ``hold``
-    (links stay as they are); state ``X`` and its successor ``Y``,
-    shape (2m, 16 tiles); the number of agents ``n``; per graph lists, squared radii per agent and for all;
-    obstacles that each tile may meet; parameters ``P``, ``A`` and ``O``; identities ``ids``; hash seeds and matrices of pair weights; means of the group; velocity of the crowd
+    (links stay as they are); state ``X`` and its successor ``Y``, shape (2m, 16 tiles); the number of agents ``n``;
+    per graph lists, squared radii per agent and for all; obstacles that each tile may meet; parameters ``P``, ``A``
+    and ``O``; identities ``ids``; hash seeds and matrices of pair weights; means of the group; velocity of the crowd
     ``C``; results ``tops`` and ``sums`` per tile.
     """
     found = ["first_tile", "last_tile", "t", "keep", "kick", "drift", "whole", "soft", "hold", "X", "Y", "n"]
@@ -341,7 +341,7 @@ def _source(spec: KernelSpec, formulas: LawFormulas) -> str:
 
 
 def _scalars(w: _Writer, expressions: list[Any]) -> list[str]:
-    """Unpack the run-time numbers that expressions use; after the parameters come mass and damping, then hash ranges."""
+    """Unpack the run-time numbers that expressions use: parameters, then mass and damping, then ranges of hashes."""
     from flocking.engine.codegen import free_names
 
     names = free_names(expressions)

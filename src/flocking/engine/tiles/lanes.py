@@ -53,7 +53,7 @@ class Lanes(types.Type):  # type: ignore[misc]
 LANES = {kind: Lanes(kind) for kind in _ELEMENTS}
 
 
-@register_model(Lanes)  # type: ignore[untyped-decorator]
+@register_model(Lanes)
 class _LanesModel(models.PrimitiveModel):  # type: ignore[misc]
     def __init__(self, dmm: Any, fe_type: Any) -> None:
         super().__init__(dmm, fe_type, ir.VectorType(_ELEMENTS[fe_type.kind], WIDTH))
@@ -122,7 +122,7 @@ def _pairs() -> list[tuple[Any, Any]]:
 
 
 def _register_binary(function: Callable[..., Any]) -> None:
-    @infer_global(function)  # type: ignore[untyped-decorator]
+    @infer_global(function)
     class _Typing(AbstractTemplate):  # type: ignore[misc]
         def generic(self, args: Any, kws: Any) -> Any:
             common = _common(*args) if len(args) == 2 else None
@@ -139,7 +139,7 @@ def _register_binary(function: Callable[..., Any]) -> None:
 
 
 def _register_comparison(function: Callable[..., Any], sign: str) -> None:
-    @infer_global(function)  # type: ignore[untyped-decorator]
+    @infer_global(function)
     class _Typing(AbstractTemplate):  # type: ignore[misc]
         def generic(self, args: Any, kws: Any) -> Any:
             common = _common(*args) if len(args) == 2 else None
@@ -159,7 +159,7 @@ def _register_comparison(function: Callable[..., Any], sign: str) -> None:
 
 
 def _register_negative() -> None:
-    @infer_global(operator.neg)  # type: ignore[untyped-decorator]
+    @infer_global(operator.neg)
     class _Typing(AbstractTemplate):  # type: ignore[misc]
         def generic(self, args: Any, kws: Any) -> Any:
             return signature(args[0], args[0]) if isinstance(args[0], Lanes) else None
@@ -168,7 +168,7 @@ def _register_negative() -> None:
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return builder.fneg(args[0], flags=FLAGS)
 
-    @infer_global(operator.invert)  # type: ignore[untyped-decorator]
+    @infer_global(operator.invert)
     class _Inverting(AbstractTemplate):  # type: ignore[misc]
         def generic(self, args: Any, kws: Any) -> Any:
             return signature(args[0], args[0]) if isinstance(args[0], Lanes) else None
@@ -300,7 +300,7 @@ floor_of = intrinsic(_unary("floor"))
 """Largest whole number not above, of lanes or of a scalar."""
 
 
-def _cast(target_of: Callable[[Any], str | None], operation: Callable[[Any, Any, Any], Any]) -> Any:
+def _cast(target_of: Callable[[Any], Any], operation: Callable[[Any, Any, Any], Any]) -> Any:
     def typing(typing_context: Any, value: Any) -> Any:
         target = target_of(value.kind if isinstance(value, Lanes) else _SCALARS[value])
         kind: Any = LANES[target] if isinstance(value, Lanes) else _BACK[str(target)]
@@ -399,6 +399,7 @@ def each_lane(typing_context: Any, function: Any, value: Any) -> Any:
 
 
 __all__ = [
-    "FLAGS", "LANES", "WIDTH", "Lanes", "each_lane", "float_bits", "float_of", "float_of_bits", "floor_of", "gather",
+    "FLAGS", "LANES", "WIDTH", "Lanes", "each_lane", "float_bits", "float_of", "float_of_bits", "floor_of",
+    "gather",
     "highest", "load", "lowest", "narrow", "numbers_from", "root", "select", "spread", "store", "total", "whole_of", "widen",
 ]  # fmt: skip

@@ -60,7 +60,7 @@ def empty_lists(tiles: int) -> TileLists:
     return TileLists(np.empty((0, WIDTH), np.uint32), np.zeros(tiles, np.int64), np.zeros(tiles, np.int32))
 
 
-@_compiled  # type: ignore[untyped-decorator]
+@_compiled
 def _held_links(i, rows, first, count, place, held):  # type: ignore[no-untyped-def]
     """New places of the agents that ``i`` (old place) was linked with."""
     tile, lane = i // WIDTH, i % WIDTH
@@ -73,7 +73,7 @@ def _held_links(i, rows, first, count, place, held):  # type: ignore[no-untyped-
     return found
 
 
-@_compiled  # type: ignore[untyped-decorator]
+@_compiled
 def _build(  # type: ignore[no-untyped-def]
     first_chunk, last_chunk, q, n, reach2, each_reach2, origin, inverse, shape, start, deep,
     rows, first, count, stretch, room, need, deepest,
@@ -180,7 +180,7 @@ def _build(  # type: ignore[no-untyped-def]
         need[chunk] = wanted
 
 
-class TooManyNeighbours(Exception):
+class TooManyNeighboursError(Exception):
     """The lists would exceed the memory allowed to them.
 
     Parameters
@@ -243,7 +243,7 @@ class ListBuilder:
 
         Raises
         ------
-        TooManyNeighbours
+        TooManyNeighboursError
             When the lists would exceed the memory limit.
         """
         carry = remember and old is not None
@@ -258,16 +258,18 @@ class ListBuilder:
         while True:
             total = int(self.room.sum())
             if total * WIDTH * 4.0 > self.memory_limit:
-                raise TooManyNeighbours(total * WIDTH * 4.0)
+                raise TooManyNeighboursError(total * WIDTH * 4.0)
             lists = self._reuse(total)
             stretch = np.cumsum(self.room) - self.room
             need = np.zeros(self.chunks, np.int64)
             deepest = np.zeros(self.chunks, np.int64)
             lost = np.full(2, -1, np.int64)
             self.workers.each_large(
-                _build, self.chunks, q, self.n, dtype(reach) ** 2, limits, origin, grid.inverse, shape, start, self.deep,
+                _build, self.chunks, q, self.n, dtype(reach) ** 2, limits, origin, grid.inverse, shape, start,
+                self.deep,
                 lists.rows, lists.first, lists.count, stretch, self.room, need, deepest,
-                carry, begin2 is not None, limits if begin2 is None else begin2, order, place, before.rows, before.first, before.count, lost,
+                carry, begin2 is not None, limits if begin2 is None else begin2, order, place,
+                before.rows, before.first, before.count, lost,
             )  # fmt: skip
             most = int(deepest.max(initial=0))
             if most <= self.deep and (need <= self.room).all():
@@ -288,7 +290,7 @@ class ListBuilder:
         )
 
 
-@_compiled  # type: ignore[untyped-decorator]
+@_compiled
 def _fixed(first_tile, last_tile, n, ids, place, offsets, neighbours, rows, first, count):  # type: ignore[no-untyped-def]
     for tile in range(first_tile, last_tile):
         for lane in range(WIDTH):

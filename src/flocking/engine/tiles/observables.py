@@ -21,7 +21,7 @@ share of the agents in the largest one, mean number of neighbours, mean length o
 lengths over their mean (0 in a perfect lattice), and the smallest distance of linked agents."""
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _root(parent, i):  # type: ignore[no-untyped-def]
     while parent[i] != i:
         parent[i] = parent[parent[i]]
@@ -29,7 +29,7 @@ def _root(parent, i):  # type: ignore[no-untyped-def]
     return i
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _survey(q, n, rows, first, count, remembered, limit, each, parent):  # type: ignore[no-untyped-def]
     """Join linked agents; returns links, sums of lengths and squared lengths, and the smallest square."""
     links = 0

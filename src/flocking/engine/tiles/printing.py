@@ -123,7 +123,8 @@ def _selected(condition: Any, yes: Any, no: Any) -> Any:
     sign = _SIGNS.get(type(condition).__name__)
     if sign is None:
         raise UnsupportedLaw(
-            f"The tiled engine has no form of the condition {condition}. Use engine='exact', or compare with <, <=, > or >=."
+            f"The tiled engine has no form of the condition {condition}. "
+            "Use engine='exact', or compare with <, <=, > or >=."
         )
     return sympy.Function(_SELECT[sign])(without_branches(condition.lhs), without_branches(condition.rhs), yes, no)
 
@@ -148,7 +149,7 @@ class _Writer:
 
         if e.is_Symbol:
             return str(e.name)
-        if e.is_number and not e.has(sympy.Function) or e.is_NumberSymbol:
+        if (e.is_number and not e.has(sympy.Function)) or e.is_NumberSymbol:
             return f"T({float(e)!r})"
         if isinstance(e, sympy.Add):
             text = ""

@@ -110,7 +110,7 @@ class Verlet(Scheme):
         return crowd.Y[crowd.m :] if self.last else crowd.X[crowd.m :]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _combine(first, last, m, base, gained, X, Y, weight, ahead, begin):  # type: ignore[no-untyped-def]
     """Add a stage's slope (velocity X, acceleration Y) to the gain, and set the next stage in X."""
     for tile in range(first, last):

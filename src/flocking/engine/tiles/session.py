@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from flocking.engine import interruption
 from flocking.engine.layout import Layout
 from flocking.engine.provenance import provenance
 from flocking.engine.run import Run
 from flocking.engine.tiles import automatic_step, checks
 from flocking.engine.tiles.crowd import Crowd, CrowdMemory
-from flocking.engine.tiles.lists import TooManyNeighbours, listed_pairs
+from flocking.engine.tiles.lists import TooManyNeighboursError, listed_pairs
 from flocking.engine.tiles.records import Records
 from flocking.engine.tiles.schemes import Scheme, scheme_named
 from flocking.engine.tiles.spec import PRECISIONS, SCHEMES, KernelSpec, check_supported, graph_kinds
@@ -228,7 +229,7 @@ class TilesSession:
         """Run something that may rebuild lists; say it when they do not fit."""
         try:
             return action()
-        except TooManyNeighbours as error:
+        except TooManyNeighboursError as error:
             raise TooCrowded(
                 f"The neighbour lists would take at least {error.bytes_needed / 2**30:.3g} GiB, more than the limit of "
                 f"{self.options.lists_limit / 2**30:.3g} GiB: too many agents within one radius. "
@@ -259,6 +260,7 @@ class TilesSession:
             raise InvalidInput("TilesSession", "to", f"must not be before the session's time, {self.time:g}", to)
         try:
             while self.time < to - 1e-9 * self.step:
+                interruption.check()
                 self._take_step()
                 self._record()
         except SimulationError as error:
