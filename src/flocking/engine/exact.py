@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.engine import interruption
 from flocking.engine.dynamics import Dynamics
 from flocking.engine.guards import deepest_dip, reach
 from flocking.engine.provenance import provenance
@@ -112,6 +113,7 @@ class ExactSession:
             raise InvalidInput("ExactSession", "to", f"must not be before the session's time, {self.time:g}", to)
         try:
             while self._segment.t1 < to:
+                interruption.check()
                 self._leave_segment()
                 self._take_step()
             self.time = to

@@ -1,0 +1,56 @@
+"""Ctrl-C that waits for the end of a step: an interrupt inside compiled code could not be told from a crash."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from types import FrameType, TracebackType
+from typing import Any
+
+_asked = threading.Event()
+
+
+class Deferred:
+    """While it lasts, Ctrl-C is noted, and raised where `check` is called; a second one is raised at once.
+
+    Outside the main thread, where signals cannot be handled, it does nothing.
+    """
+
+    late: bool = False
+    """Whether Ctrl-C was noted and nobody has looked since."""
+
+    def __enter__(self) -> Deferred:
+        self._before: Any = None
+        _asked.clear()
+        if threading.current_thread() is threading.main_thread():
+            self._before = signal.getsignal(signal.SIGINT)
+            if self._before is not None:
+                signal.signal(signal.SIGINT, _note)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._before is not None:
+            signal.signal(signal.SIGINT, self._before)
+        self.late = _asked.is_set()
+        _asked.clear()
+
+
+def _note(number: int, frame: FrameType | None) -> None:
+    if _asked.is_set():
+        raise KeyboardInterrupt
+    _asked.set()
+
+
+def check() -> None:
+    """Raise the Ctrl-C that was noted, if there was one; engines call this between steps.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        When Ctrl-C was pressed.
+    """
+    if _asked.is_set():
+        _asked.clear()
+        raise KeyboardInterrupt

@@ -1,0 +1,64 @@
+"""Ctrl-C waits for the end of a step, and none is lost."""
+
+from __future__ import annotations
+
+import signal
+import threading
+
+import pytest
+
+import flocking as fk
+from flocking.engine import interruption
+from flocking.engine.dynamics import Dynamics
+from tests.engine.test_sessions import crowd
+
+
+def test_a_real_signal_in_the_middle_of_a_step_ends_the_run_at_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    original, calls = Dynamics.slope, [0]
+
+    def slope(self, t, y):
+        calls[0] += 1
+        if calls[0] == 400:
+            signal.raise_signal(signal.SIGINT)
+        return original(self, t, y)
+
+    monkeypatch.setattr(Dynamics, "slope", slope)
+    run = fk.simulate(crowd(), progress=False)
+    monkeypatch.undo()
+    assert run.status.startswith("interrupted at t = ")
+    whole = fk.simulate(crowd(), progress=False)
+    assert 1 < len(run.t) < len(whole.t)
+    assert (run.q == whole.q[: len(run.t)]).all()
+
+
+def test_the_second_signal_does_not_wait() -> None:
+    def twice() -> None:
+        with interruption.Deferred():
+            signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt):
+        twice()
+
+
+def test_a_late_signal_is_kept_and_the_old_handler_comes_back() -> None:
+    before = signal.getsignal(signal.SIGINT)
+    deferred = interruption.Deferred()
+    with deferred:
+        signal.raise_signal(signal.SIGINT)
+    assert deferred.late
+    assert signal.getsignal(signal.SIGINT) is before
+    interruption.check()
+
+
+def test_other_threads_are_left_alone() -> None:
+    found = []
+
+    def work() -> None:
+        with interruption.Deferred():
+            found.append(fk.simulate(crowd(), progress=False).status)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert found == ["finished"]
