@@ -1,3 +1,4 @@
+import dataclasses
 import time
 
 import numpy as np
@@ -170,3 +171,16 @@ def test_states_without_links_have_no_flocks():
         net(fk.State([[0.0, 0.0]]), color="flock")
     with pytest.raises(fk.InvalidInput, match="3 dimensions"):
         net(fk.State(np.zeros((2, 4))))
+
+
+def test_obstacles_of_the_law_are_drawn_where_they_are(run):
+    moving = fk.Ball(fk.Velocity([1.0, 0.0], start=[2.0, 3.0]), 0.5)
+    avoid = fk.Avoid((moving, fk.Wall([0.0, -5.0], [0.0, 1.0])), range=1.0, gamma_agents=False)
+    law = fk.Law(run.scenario.law.graph, [*run.scenario.law.terms, avoid])
+    met = dataclasses.replace(run, scenario=run.scenario.with_(law=law))
+    for when in (0.0, 2.0):
+        axes = net(met, time=when)
+        disc, _ = (patch.get_xy() for patch in axes.patches)
+        assert disc.mean(axis=0) == pytest.approx([2.0 + when, 3.0], abs=0.02)
+    assert np.ptp(axes.get_xlim()) < 50
+    assert not net(met, obstacles=()).patches

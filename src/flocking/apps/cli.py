@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, CycloptsError, Parameter
 
+from flocking.apps.picture_commands import animate, plot
 from flocking.apps.storage_commands import diff, export, info
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ def command_line() -> App:
         default_parameter=Parameter(negative=()),
     )
     app.command(list_scenarios, name="list")
-    for command in (run, resume, info, diff, export, reproduce, audit, check, equations, schema):
+    for command in (run, resume, info, diff, export, plot, animate, reproduce, audit, check, equations, schema):
         app.command(command)
     return app
 

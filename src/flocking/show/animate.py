@@ -71,15 +71,27 @@ def animate(
     else:
         count = max(1, round(number("animate", "seconds", seconds, above=0.0) * fps))
         frames = np.rint(np.linspace(0, len(run.t) - 1, count)).astype(np.intp)
-    target = _target(Path(path))
+    target = film_path(path)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InvalidInput("animate", "path", f"must be writable ({error.strerror})", str(path)) from None
     with themed(theme):
         _film(run, target, frames, fps, follow, size, dpi, options)
     return target
 
 
-def _target(path: Path) -> Path:
+def film_path(path: str | Path) -> Path:
+    """Where a film of that name goes.
+
+    Raises
+    ------
+    InvalidInput
+        When the suffix is unknown, or ffmpeg is needed and missing.
+    """
     from matplotlib.animation import FFMpegWriter
 
+    path = Path(path)
     film = FFMpegWriter.isAvailable()
     if path.suffix == "":
         path = path.with_suffix(".mp4" if film else ".gif")
@@ -90,10 +102,6 @@ def _target(path: Path) -> Path:
             "animate", "path", "can end in .mp4 only where ffmpeg is installed", str(path),
             "Install ffmpeg, or write a .gif.",
         )  # fmt: skip
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InvalidInput("animate", "path", f"must be writable ({error.strerror})", str(path)) from None
     return path
 
 

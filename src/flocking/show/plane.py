@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flocking.engine.run import Run
 from flocking.errors import InvalidInput
+from flocking.model.avoidance import ObstacleTerm
 from flocking.model.checks import Array, number
 from flocking.model.leaders import Leader
 from flocking.model.state import State
@@ -47,7 +48,7 @@ def net(
     links: bool = True,
     arrows: bool = True,
     trails: bool = False,
-    obstacles: Sequence[Outlined] = (),
+    obstacles: Sequence[Outlined] | None = None,
     leader: bool | Leader = True,
     color: str = "plain",
     title: str | bool = True,
@@ -68,7 +69,8 @@ def net(
     links, arrows, trails
         Draw links, velocities, and the paths travelled up to that frame.
     obstacles
-        Objects with a method ``outline(count)`` that gives points of shape (count, 2); drawn in the plane only.
+        Objects with a method ``outline(count)`` that gives points of shape (count, 2); drawn in the plane only. Those
+        of the run's law where they are at that time when absent; these do not widen the picture.
     leader
         True to draw the leaders of the run's law, a leader to draw that one, False for none.
     color
@@ -106,7 +108,9 @@ def net(
     top_speed = max([top_speed, *(float(np.linalg.norm(v)) for _, v in followed)])
 
     paths = _lift(past) if trails and len(past) > 1 else None
-    outlines = [] if space else [np.asarray(o.outline(181), dtype=np.float64) for o in obstacles]
+    given = obstacles if obstacles is not None else ()
+    outlines = [] if space else [np.asarray(o.outline(181), dtype=np.float64) for o in given]
+    own = _own_outlines(what, state) if obstacles is None else []
     points = [
         q,
         *(x[None] for x, _ in followed),
@@ -119,7 +123,7 @@ def net(
     else:
         seconds = min(ARROW_SHARE, 1.0 / np.sqrt(state.n)) * span / top_speed if top_speed > 0 else 0.0
     notes: list[str] = []
-    for outline in outlines:
+    for outline in (*outlines, *own):
         axes.fill(*outline.T, facecolor=theme().faint, edgecolor=theme().ink, alpha=0.45, lw=0.6, zorder=0.5)
     if paths is not None:
         _draw_trails(axes, paths, notes)
@@ -166,6 +170,15 @@ def _choose(what: Run | State, time: float | None, frame: int | None) -> tuple[S
 def _lift(x: Array) -> Array:
     """Agents on a line are drawn on the horizontal axis."""
     return x if x.shape[-1] > 1 else np.concatenate([x, np.zeros_like(x)], axis=-1)
+
+
+def _own_outlines(what: Run | State, state: State) -> list[Array]:
+    """Outlines of the obstacles a run's law meets, each once, where they are at the time of ``state``."""
+    if not isinstance(what, Run) or state.dimension != 2:
+        return []
+    terms = [t for t in what.scenario.law.body_terms if isinstance(t, ObstacleTerm)]
+    obstacles = {id(o): o for term in terms for o in term.obstacles}
+    return [o.outline(181, state.t) for o in obstacles.values()]
 
 
 def _leaders(what: Run | State, state: State, leader: bool | Leader) -> list[tuple[Array, Array]]:
