@@ -6,7 +6,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any
 
-KEYS = ("tanner-2003-fixed", "tanner-2003-dynamic", "zhou-2015", "shi-2009")
+KEYS = ("olfati-saber-2003", "tanner-2003-fixed", "tanner-2003-dynamic", "zhou-2015", "shi-2009")
 """Keys of the papers, in the order they are reproduced."""
 
 

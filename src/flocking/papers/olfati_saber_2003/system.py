@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from flocking.errors import InvalidInput
 from flocking.model import starts
 from flocking.model.avoidance import Avoid
 from flocking.model.energy import Energy
@@ -58,14 +59,21 @@ SINK_DAMPING = 5.0
 SINK_BOX = 120.0
 SINK_DURATION = 40.0
 FREE_AGENTS = 30
-FREE_DURATION = 60.0
+FREE_NOISE, FREE_SPEED = 0.7, 0.5
+"""Standard deviations of each coordinate about a lattice of spacing d_alpha, and of each velocity component."""
+FREE_DURATION = 300.0
 
 TRACKINGS = ("agent", "shared")
 """Translational controllers: per agent and linear, or the shared bounded feedback (66)."""
 
 
 def alpha_terms(
-    a: float = ATTRACTION, b: float = REPULSION, c1: float = DAMPING, *, weighting: str = "energy", weighted: bool = False
+    a: float = ATTRACTION,
+    b: float = REPULSION,
+    c1: float = DAMPING,
+    *,
+    weighting: str = "energy",
+    weighted: bool = False,
 ) -> tuple[Term, ...]:
     """The (alpha, alpha) interaction: (34) on a hard net, (35) on a smooth one, (36) with ``weighting="force"``.
 
@@ -137,12 +145,23 @@ def obstacle_scenario(
     corner, sides = box
     start = starts.box(agents, side=sides, corner=corner, seed=seed)
     return Scenario(
-        law, start, t_end=OBSTACLE_DURATION, energy=Energy("centre of mass", name="H_s"), tolerance=1e-6, name=KEY, seed=seed
+        law,
+        start,
+        t_end=OBSTACLE_DURATION,
+        energy=Energy("centre of mass", name="H_s"),
+        tolerance=1e-6,
+        name=KEY,
+        seed=seed,
     )
 
 
 def sink_scenario(
-    seed: int = 0, *, a: float = SINK_ATTRACTION, b: float = SINK_REPULSION, c2: float = SINK_DAMPING, agents: int = AGENTS
+    seed: int = 0,
+    *,
+    a: float = SINK_ATTRACTION,
+    b: float = SINK_REPULSION,
+    c2: float = SINK_DAMPING,
+    agents: int = AGENTS,
 ) -> Scenario:
     """Task 2: a hundred agents gather at a sink, protocol (50).
 
@@ -160,11 +179,16 @@ def sink_scenario(
     follow = Track(Sink((0.0, 0.0)), position_gain=1.0, velocity_gain=c2)
     law = Law(smooth_net(), (*alpha_terms(a, b), follow))
     start = starts.box(agents, side=SINK_BOX, corner=(-SINK_BOX / 2, -SINK_BOX / 2), seed=seed)
-    return Scenario(law, start, t_end=SINK_DURATION, energy=Energy("lab", name="H"), tolerance=1e-6, name=SINK, seed=seed)
+    return Scenario(
+        law, start, t_end=SINK_DURATION, energy=Energy("lab", name="H"), tolerance=1e-6, name=SINK, seed=seed
+    )
 
 
 def free_scenario(seed: int = 0, *, smooth: bool = False, agents: int = FREE_AGENTS) -> Scenario:
-    """Protocol (34) or (35) alone on a connected start: what Propositions 4 and 5 are about.
+    """Protocol (34) or (35) alone, from a disturbed lattice: what Propositions 4 and 5 are about.
+
+    They suppose a flock at the end. Nothing holds the agents together but their links, and from spread-out or fast
+    starts they fall into several flocks; from these starts most nets stay one.
 
     Parameters
     ----------
@@ -176,7 +200,7 @@ def free_scenario(seed: int = 0, *, smooth: bool = False, agents: int = FREE_AGE
         Number of agents.
     """
     net: Graph = smooth_net() if smooth else hard_net()
-    start = starts.ball(agents, radius=18.0, speed=1.0, seed=seed, connected_under=net)
+    start = starts.hexagonal(agents, spacing=DISTANCE, noise=FREE_NOISE, speed=FREE_SPEED, seed=seed)
     return Scenario(
         Law(net, alpha_terms()), start, t_end=FREE_DURATION, energy=Energy("centre of mass", name="H_s"),
         tolerance=1e-8, name=SMOOTH if smooth else FREE, seed=seed,
@@ -184,7 +208,7 @@ def free_scenario(seed: int = 0, *, smooth: bool = False, agents: int = FREE_AGE
 
 
 def scenario(figure: int | None = None, seed: int = 0) -> Scenario:
-    """The scenario of a figure: 7 and 8 the obstacles, 9 the sink.
+    """The scenario of a figure: 9 the sink, 7 and 8 the obstacles, as for the diagrams 1 to 6.
 
     Parameters
     ----------
@@ -192,7 +216,14 @@ def scenario(figure: int | None = None, seed: int = 0) -> Scenario:
         Number of the figure; the obstacles when absent.
     seed
         Seed of the start.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no such figure.
     """
+    if figure is not None and figure not in range(1, 10):
+        raise InvalidInput("olfati-saber-2003", "figure", "must be one of 1 to 9", figure)
     return sink_scenario(seed) if figure == 9 else obstacle_scenario(seed)
 
 

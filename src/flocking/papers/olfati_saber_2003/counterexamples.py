@@ -1,0 +1,289 @@
+"""What Olfati-Saber prints wrongly, computed: what the printed form gives, and what is the case."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flocking.engine.reference import control
+from flocking.engine.simulate import simulate
+from flocking.model.bumps import BUMPS
+from flocking.model.checks import Array
+from flocking.model.graphs import Proximity, pair_distances
+from flocking.model.law import Law
+from flocking.model.smooth_graphs import Smooth
+from flocking.model.state import State
+from flocking.model.structural import structural_potential
+from flocking.model.terms import Gradient
+from flocking.papers.olfati_saber_2003 import examples_energy as energies
+from flocking.papers.olfati_saber_2003 import examples_nets as examples
+from flocking.papers.olfati_saber_2003 import examples_obstacles as obstacles
+from flocking.papers.olfati_saber_2003 import examples_protocols as protocols
+from flocking.papers.olfati_saber_2003 import system
+from flocking.study import nets, structure
+from flocking.study.conformations import conformations, count
+from flocking.study.equations import Demonstration
+
+# -- nets -----------------------------------------------------------------------------------------------
+
+
+def one_way_links(net: Array) -> float:
+    """Number of links without a link back."""
+    return float(((net > 0) & (net.T == 0)).sum())
+
+
+def undirected_cone() -> Demonstration:
+    """(5): the condition on headings is symmetric, against the text that calls the net directed."""
+    return Demonstration(
+        one_way_links(examples.cone(1.0)),
+        one_way_links(examples.field_of_view()),
+        0.5,
+        "one-way links among six agents: as printed, and with the field of view of Fig. 1(b)",
+    )
+
+
+def undirected_smooth_cone() -> Demonstration:
+    """(18): likewise."""
+    return Demonstration(
+        one_way_links(examples.smooth_cone(1.0)),
+        one_way_links(examples.field_of_view()),
+        0.5,
+        "one-way links among six agents: as printed, and with the field of view of Fig. 1(b)",
+    )
+
+
+def in_degree() -> Demonstration:
+    """(9): the sum over N_i misses who sees i without being seen by it."""
+    net = examples.directed_net(1.0)
+    printed = np.where(net > 0, net.T, 0.0).sum(axis=1)
+    return Demonstration(
+        float(printed.sum()),
+        float(nets.in_degree(net).sum()),
+        1e-12,
+        "in-degrees of six agents added up: over N_i, and over all j; there are as many links",
+    )
+
+
+def unbalanced_view() -> Demonstration:
+    """Proposition 1 i): a uniform net of fields of view is not balanced."""
+    net = examples.field_of_view()
+    gap = float(np.abs(nets.in_degree(net) - nets.out_degree(net)).max())
+    return Demonstration(0.0, gap, 1e-12, "largest |in-degree - out-degree| of six agents with the same field of view")
+
+
+def column_sum() -> Demonstration:
+    """Proof of Proposition 1: the column sums of L are out-degree minus in-degree."""
+    net = examples.directed_net(1.0)
+    i = int(np.argmax(np.abs(nets.in_degree(net) - nets.out_degree(net))))
+    printed = float(nets.in_degree(net)[i] - nets.out_degree(net)[i])
+    return Demonstration(printed, float(nets.laplacian(net)[:, i].sum()), 1e-12, "a column sum of L of six agents")
+
+
+def unweighted_agreement() -> Demonstration:
+    """(13) with a smooth adjacency matrix lacks its weights."""
+    q = np.array([[0.0, 0.0], [7.8, 0.0]])
+    net, theta = nets.adjacency(Smooth(system.RADIUS, system.ONSET), q), np.array([0.0, 1.0])
+    printed = float(sum(theta[j] - theta[0] for j in np.flatnonzero(net[0])))
+    return Demonstration(
+        printed,
+        float(-(nets.laplacian(net) @ theta)[0]),
+        1e-12,
+        "omega of one of two agents 7.8 apart: as printed, and -L theta",
+    )
+
+
+def own_weight() -> Demonstration:
+    """(17) gives a_ii = rho(0) = 1."""
+    printed = float(BUMPS["cosine"](0.0, system.ONSET))
+    return Demonstration(printed, float(examples.smooth_net(1.0)[0, 0]), 1e-12, "a_ii as printed, and as below (8)")
+
+
+def thin_rhombus() -> Demonstration:
+    """An equilateral polygon need not realize a cycle: corners may come within r across it."""
+    angle = 2 * np.arcsin(1.1 / 2)
+    q = system.DISTANCE * np.array(
+        [[0.0, 0.0], [1.0, 0.0], [1 + np.cos(angle), np.sin(angle)], [np.cos(angle), np.sin(angle)]]
+    )
+    links = Proximity(system.RADIUS).initial(q)
+    return Demonstration(4.0, float(np.triu(links).sum()), 0.5, "links of a rhombus with a diagonal of 1.1 sides")
+
+
+def ten_conformations() -> Demonstration:
+    """Remark 3: f(4, k) is 10 for 1 < k < sqrt 2; every one is placed and checked."""
+    found = 0
+    for shape in conformations(4, 1.2):
+        q = shape.placed(1.0, 1.2)
+        linked = pair_distances(q) <= 1.2
+        found += bool((linked == shape.links).all() and structure.is_realization(q, 1.0, 1.2))
+    assert found == count(4, 1.2)
+    return Demonstration(9.0, float(found), 0.5, "realizations of different conformations of four agents for k = 1.2")
+
+
+# -- energy and protocols -------------------------------------------------------------------------------
+
+
+def distance_rate() -> Demonstration:
+    """A.1, A.2: d/dt |q_j - q_i|^2 is twice the printed product."""
+    q, p, step = np.array([3.0, 1.0]), np.array([0.5, -1.0]), 1e-6
+    true = (((q + step * p) ** 2).sum() - ((q - step * p) ** 2).sum()) / (2 * step)
+    return Demonstration(
+        float(p @ q), float(true), 1e-6, "d/dt |q_j - q_i|^2 for a relative position (3, 1), velocity (1/2, -1)"
+    )
+
+
+def settled_with_energy() -> Demonstration:
+    """Definition 2 ii): an agent within five others rests with V > 0, so that H_s does not tend to 0."""
+    state = energies.wheel()
+    assert np.abs(control(Law(system.hard_net(), system.alpha_terms()), state)).max() < 1e-9
+    found = structure.structural_energy(system.hard_net(), energies.potential(), state).total
+    return Demonstration(0.0, found, 1e-9, "H_s of a wheel of six agents at rest in balance under (34), for ever")
+
+
+def smooth_bound() -> Demonstration:
+    """(37) with the smooth V: just within r the weight vanishes faster than its slope."""
+    q = np.array([[0.0, 0.0], [0.99 * system.RADIUS, 0.0]])
+    net, psi = system.smooth_net(), energies.potential()
+    exact, rough = (control(Law(net, (Gradient(psi, weighting=w),)), State(q)) for w in ("energy", "force"))
+    smooth = structure.structural_energy(net, psi, State(q)).potential
+    bound = 2 * net.shape.steepest(system.ONSET) / system.RADIUS * smooth
+    error = float(np.linalg.norm(exact - rough, axis=1).sum())
+    # The statement is an inequality: it is refuted by an error that exceeds the bound.
+    return Demonstration(
+        max(bound, error) if error <= bound else bound,
+        error,
+        1e-9,
+        "two agents 0.99 r apart: the bound with the smooth V, and the error it should bound",
+    )
+
+
+def weak_repulsion() -> Demonstration:
+    """After (38): phi(d_alpha) is below a = 1; the repulsion of agents that meet is |phi(-d_alpha)| < b."""
+    psi = structural_potential(system.DISTANCE)
+    return Demonstration(
+        float(psi.slope(2 * system.DISTANCE)),
+        abs(float(psi.slope(0.0))),
+        1e-9,
+        "repulsion of two agents that meet: phi(d_alpha) as printed, and what acts",
+    )
+
+
+def too_close() -> Demonstration:
+    """Case ii): a negative vote comes from neighbours nearer than d_alpha."""
+    state, vote = protocols.negative_vote(1.0)
+    assert vote.total < 0
+    farthest = float(np.linalg.norm(state.q[1:] - state.q[0], axis=1).max())
+    return Demonstration(
+        1.0,
+        float(farthest > system.DISTANCE),
+        0.5,
+        "whether a neighbour is farther than d_alpha from an agent whose vote is negative",
+    )
+
+
+def rising_sequence() -> Demonstration:
+    """Remark 5: from one switch to the next H_s may rise."""
+    from flocking.papers.olfati_saber_2003.examples_runs import free
+
+    rise = max(-result.margin for result in free(1.0)["decreasing"].results)
+    return Demonstration(
+        min(0.0, rise),
+        rise,
+        1e-6,
+        "largest rise of H_s from one switching time to the next in runs of 30 agents under (34)",
+    )
+
+
+def link_count() -> Demonstration:
+    """(61): with every link counted once the sum is half of the rate of H_s."""
+    state, rate, _ = energies.dissipation(1.0)
+    i, j = np.nonzero(np.triu(system.hard_net().initial(state.q)))
+    printed = -0.5 * system.DAMPING * float(((state.p[j] - state.p[i]) ** 2).sum())
+    return Demonstration(
+        printed, rate, 1e-4, "dH_s/dt of twelve agents: over links counted once as in (47), and by differences"
+    )
+
+
+def crushed() -> Demonstration:
+    """(50) with a = 1, b = 5: the sink presses agents together."""
+    scenario = system.sink_scenario(0, a=system.ATTRACTION, b=system.REPULSION, agents=40)
+    run = simulate(scenario.with_(frames=(0.0, 20.0), t_end=20.0, name=""), progress=False)
+    closest = float(pair_distances(run.q[-1]).min())
+    return Demonstration(
+        system.DISTANCE,
+        closest,
+        0.5 * system.DISTANCE,
+        "closest pair of forty agents after 20 s at a sink with a = 1, b = 5; d_alpha is 7",
+    )
+
+
+# -- obstacles ------------------------------------------------------------------------------------------
+
+
+def bracket() -> Demonstration:
+    """(54): the bracket belongs about distance minus d_beta, as in (34)."""
+    psi = obstacles.avoidance().repulsion
+    distance = 2.0
+    phi = float(psi.slope(system.BETA_RANGE + distance))  # phi_beta(distance): the potential is shifted by d_beta
+    return Demonstration(
+        phi - system.BETA_RANGE,
+        float(psi.slope(distance)),
+        1e-9,
+        "push at distance 2: phi_beta(2) - d_beta as printed, and phi_beta(2 - d_beta), which is below 1",
+    )
+
+
+def gamma_place() -> Demonstration:
+    """(54): the gamma-agent belongs to the obstacle: x_k, the same for all agents."""
+    state, pull = obstacles.gamma_pull(1.0)
+    felt = np.abs(pull).sum(axis=1) > 0
+    x = np.add(obstacles.CENTRE, [system.GAMMA_OFFSET, 0.0])
+    way = x - state.q[felt]
+    across = np.abs(way[:, 0] * pull[felt, 1] - way[:, 1] * pull[felt, 0]).max()
+    return Demonstration(
+        float(felt.sum()),
+        1.0 if across < 1e-9 else np.nan,
+        0.5,
+        "number of places that the gamma-agents of three agents at one obstacle have",
+    )
+
+
+def rows_for_columns() -> Demonstration:
+    """(59): a row of the matrix has six entries; obstacles are its columns."""
+    return Demonstration(
+        float(system.OBSTACLES.shape[0]),
+        float(len(system.obstacles())),
+        0.5,
+        "number of obstacles: rows of the matrix, and m",
+    )
+
+
+def wrong_axis() -> Demonstration:
+    """p_d: along y no agent from Fig. 7's start would come near an obstacle, least of all the gap."""
+    start = system.obstacle_scenario(0).start.q
+    direction = np.array([0.0, 1.0])
+
+    def met(way: Array) -> float:
+        reach = 0
+        for ball in system.obstacles():
+            offset = ball.centre.at(0.0)[0] - start
+            along = offset @ way
+            across = np.abs(offset[:, 0] * way[1] - offset[:, 1] * way[0])
+            reach += bool(((along > 0) & (across < ball.radius + system.BETA_RANGE)).any())
+        return float(reach)
+
+    return Demonstration(
+        met(direction), met(direction[::-1]), 0.5, "obstacles in the way along y as printed, and along x"
+    )
+
+
+def inside_velocity() -> Demonstration:
+    """(56) holds outside: inside, s p grows without bound towards the centre."""
+    ball = obstacles.first_obstacle()
+    q, p = np.array([[obstacles.CENTRE[0] + 0.1, obstacles.CENTRE[1]]]), np.array([[0.0, 1.0]])
+    distance = float(ball.distance(q)[0])
+    printed = ball.radius / (ball.radius + distance)
+    return Demonstration(
+        printed,
+        float(ball.at(q, p)["boundary"][0, 1]),
+        1e-6,
+        "speed of the beta-agent of an agent with speed 1, 0.1 from the centre: s p, and what is used",
+    )

@@ -1,0 +1,154 @@
+"""What makes or breaks the density 0.97 after the obstacles: tracking law, gain, start box, gamma-agents."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.simulate import simulate
+from flocking.model.observables import density, flocks
+from flocking.papers.olfati_saber_2003 import passage, system
+from flocking.show.style import BLUE, COLUMN, VERMILION, axes_or_new, in_style, theme
+
+Box = tuple[tuple[float, float], tuple[float, float]]
+
+PRINTED = 0.97
+"""Density the paper reports."""
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One way to run the first task.
+
+    Parameters
+    ----------
+    name
+        What to call it.
+    tracking, gain, gamma_agents, box
+        As in `flocking.papers.olfati_saber_2003.system.obstacle_scenario`.
+    """
+
+    name: str
+    tracking: str = "agent"
+    gain: float = system.TRACKING_GAIN
+    gamma_agents: bool = True
+    box: Box = field(default=system.START_BOX)
+
+
+STRIP = Variant("as in Fig. 7, 8")
+VARIANTS = (
+    STRIP,
+    Variant("gain 2", gain=2.0),
+    Variant("gain 1", gain=1.0),
+    Variant("shared (66)", tracking="shared"),
+    Variant("no gamma-agents", gamma_agents=False),
+    Variant("wide strip 107 x 30", box=((-87.0, 7.5), (107.0, 30.0))),
+    Variant("square 57 x 57", box=((-37.0, -6.0), (57.0, 57.0))),
+)
+"""The variants compared; all boxes have the same area, and the same middle line."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one run.
+
+    Parameters
+    ----------
+    variant
+        The variant.
+    seed
+        Seed of the start.
+    density
+        Density at the end.
+    flocks
+        Flocks at the end.
+    behind
+        Share of the agents that have passed the last obstacle by then.
+    slowest
+        Largest |p_i - p_d|/|p_d| at the end.
+    """
+
+    variant: Variant
+    seed: int
+    density: float
+    flocks: int
+    behind: float
+    slowest: float
+
+
+def outcome(
+    variant: Variant, seed: int, *, agents: int = system.AGENTS, t_end: float = system.OBSTACLE_DURATION
+) -> Outcome:
+    """Run one variant for one seed.
+
+    Parameters
+    ----------
+    variant
+        The variant.
+    seed
+        Seed of the start.
+    agents
+        Number of agents; with fewer, boxes shrink to the same crowding.
+    t_end
+        Duration.
+    """
+    corner, sides = variant.box
+    shrink = agents / system.AGENTS
+    box = ((corner[0] + (1 - shrink) * sides[0], corner[1]), (sides[0] * shrink, sides[1]))
+    scenario = system.obstacle_scenario(
+        seed,
+        tracking=variant.tracking,
+        tracking_gain=variant.gain,
+        gamma_agents=variant.gamma_agents,
+        box=box,
+        agents=agents,
+    )
+    run = simulate(scenario.with_(t_end=t_end, frames=(0.0, t_end), name=""), progress=False)
+    wanted = np.asarray(system.DESIRED_VELOCITY)
+    last = max(float(o.outline(64)[:, 0].max()) for o in passage.obstacles_of(run))
+    off = np.linalg.norm(run.p[-1] - wanted, axis=1).max() / np.linalg.norm(wanted)
+    links = run.links_at(-1)
+    return Outcome(variant, seed, density(links), flocks(links), float((run.q[-1][:, 0] > last).mean()), float(off))
+
+
+def density_table(
+    variants: Iterable[Variant] = VARIANTS, seeds: Sequence[int] = (0, 1, 2), **options: Any
+) -> list[Outcome]:
+    """Outcome of every variant for every seed; options are those of `outcome`.
+
+    Parameters
+    ----------
+    variants
+        The variants.
+    seeds
+        Seeds of the starts.
+    """
+    return [outcome(variant, seed, **options) for variant in variants for seed in seeds]
+
+
+@in_style
+def density_chart(table: Sequence[Outcome], axes: Any = None) -> Any:
+    """Draw densities by variant, a dot per seed, beside the paper's.
+
+    Parameters
+    ----------
+    table
+        Outcomes.
+    axes
+        Where to draw; a new figure when absent.
+    """
+    names = list(dict.fromkeys(x.variant.name for x in table))
+    axes = axes_or_new(axes, width=1.5 * COLUMN, height=0.3 * COLUMN + 0.22 * len(names))
+    for row, name in enumerate(names):
+        found = [x.density for x in table if x.variant.name == name]
+        axes.plot(found, [row] * len(found), "o", color=BLUE, ms=4, alpha=0.8, gid="densities")
+        axes.plot([np.mean(found)], [row], "|", color=theme().ink, ms=11, gid="mean")
+    axes.axvline(PRINTED, color=VERMILION, lw=0.8, ls="--", gid="printed")
+    axes.set_yticks(range(len(names)), names)
+    axes.invert_yaxis()
+    axes.set_xlim(0.0, 1.02)
+    axes.set_xlabel("density at the end")
+    return axes

@@ -1,0 +1,188 @@
+"""Objects behind the rows of section 11: obstacles, beta- and gamma-agents, the tasks and their pictures.
+
+Every function takes the factor by which its decisive number is off; 1 is the paper's.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.reference import control
+from flocking.model.avoidance import Avoid
+from flocking.model.checks import Array
+from flocking.model.law import Law
+from flocking.model.leaders import Velocity
+from flocking.model.obstacles import Ball
+from flocking.model.state import State
+from flocking.model.structural import structural_potential
+from flocking.papers.olfati_saber_2003 import passage, system
+
+CENTRE, SIZE = (100.0, 20.0), 10.0
+"""The first obstacle of (59)."""
+
+
+def nearby() -> State:
+    """Three agents outside the first obstacle, within r0 of it and no two within r, and one 1.005 r0 away."""
+    angles = np.array([2.8, -2.2, 1.0, -0.4])
+    out = np.array([1.5, 3.8, 2.5, 1.005 * system.BETA_RANGE]) + SIZE
+    q = np.array(CENTRE) + out[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return State(q, np.array([[9.0, 1.0], [8.0, -2.0], [10.0, 0.5], [11.0, -1.0]]))
+
+
+def first_obstacle(scale: float = 1.0) -> Ball:
+    """The first obstacle, its radius off by ``scale``."""
+    return Ball(CENTRE, SIZE * scale)  # type: ignore[arg-type]
+
+
+def avoidance(**changes: Any) -> Avoid:
+    """(54) for the first obstacle with the paper's numbers, some changed."""
+    given: dict[str, Any] = {
+        "range": system.BETA_RANGE, "repulsion_gain": system.BETA_GAIN, "damping_gain": system.BETA_DAMPING,
+        "attraction": structural_potential(system.GAMMA_DISTANCE, system.ATTRACTION, system.REPULSION),
+        "offset": system.GAMMA_OFFSET, "onset": system.ONSET, **changes,
+    }  # fmt: skip
+    return Avoid((first_obstacle(),), Velocity(system.DESIRED_VELOCITY), **given)
+
+
+def avoided(**changes: Any) -> Array:
+    """Control of the agents near the first obstacle under (54) alone."""
+    return control(Law(system.smooth_net(), (avoidance(**changes),)), nearby())
+
+
+def distance(scale: float) -> tuple[State, Array]:
+    """Agents near the first obstacle and d(q_i, O_k), its radius off by ``scale``."""
+    return nearby(), first_obstacle(scale).distance(nearby().q)
+
+
+def projection(scale: float) -> tuple[State, Array]:
+    """Agents near the first obstacle and their projections (53)."""
+    return nearby(), first_obstacle(scale).project(nearby().q)
+
+
+def active(scale: float) -> list[bool]:
+    """Who of the agents feels the first obstacle, r0 off by ``scale``."""
+    return [bool(x) for x in (avoided(range=system.BETA_RANGE * scale) != 0).any(axis=1)]
+
+
+def gamma_pull(scale: float) -> tuple[State, Array]:
+    """Agents near the obstacle and the pull of their gamma-agents, lambda_d off by ``scale``."""
+    return nearby(), avoided(repulsion_gain=0.0, damping_gain=0.0, offset=system.GAMMA_OFFSET * scale)
+
+
+def beta_push(scale: float) -> tuple[State, Array]:
+    """Agents near the obstacle and the push of their beta-agents, c3 off by ``scale``."""
+    return nearby(), avoided(repulsion_gain=system.BETA_GAIN * scale, damping_gain=0.0, gamma_agents=False)
+
+
+def protocol_54(scale: float) -> tuple[State, Array]:
+    """Agents near the obstacle and their control (54), c4 off by ``scale``."""
+    return nearby(), avoided(damping_gain=system.BETA_DAMPING * scale)
+
+
+def contraction(scale: float) -> tuple[State, Array, Array]:
+    """Agents near the obstacle, s = l/(l + |qhat - q|), and qhat, the obstacle's radius off by ``scale``."""
+    q = nearby().q
+    ball = first_obstacle(scale)
+    return nearby(), ball.radius / (ball.radius + ball.distance(q)), ball.project(q)
+
+
+def beta_velocity(scale: float) -> tuple[State, Array]:
+    """Agents near the obstacle and the velocities of their beta-agents, the radius off by ``scale``."""
+    return nearby(), first_obstacle(scale).at(nearby().q, nearby().p)["boundary"]
+
+
+def contraction_rate(scale: float) -> tuple[State, Array]:
+    """Agents near the obstacle and ds/dt by differences along their motion, the radius off by ``scale``."""
+    state, step = nearby(), 1e-6
+    ball = first_obstacle(scale)
+
+    def s(time: float) -> Array:
+        return np.asarray(ball.radius / (ball.radius + ball.distance(state.q + time * state.p)))
+
+    return state, (s(step) - s(-step)) / (2 * step)
+
+
+def moving_beta_velocity(scale: float) -> tuple[State, Array, Array]:
+    """Remark 7: the obstacle moves; its velocity, and those of beta-agents. The velocity is off by ``scale``."""
+    velocity = np.array([-3.0, 2.0])
+    ball = Ball(Velocity(velocity * scale, start=CENTRE), SIZE)
+    return nearby(), velocity, ball.at(nearby().q, nearby().p)["boundary"]
+
+
+def protocol_58(scale: float) -> tuple[State, Array]:
+    """Agents among the obstacles and their control (58), c2 off by ``scale``."""
+    return crowd(), control(
+        system.obstacle_scenario(0, tracking_gain=system.TRACKING_GAIN * scale, agents=2).law, crowd()
+    )
+
+
+def crowd() -> State:
+    """Fourteen agents in motion about the first obstacle, some close to it and to each other."""
+    rng = np.random.default_rng(12)
+    angle = 2 * np.pi * np.arange(14) / 14
+    out = SIZE + np.tile([1.2, 3.0], 7) + 2 * rng.random(14)
+    q = np.array(CENTRE) + out[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return State(q, np.array([10.0, 0.0]) + rng.normal(size=(14, 2)))
+
+
+def obstacle_matrix(scale: float) -> list[tuple[float, float, float]]:
+    """Centre and radius of the obstacles as simulated, lengths off by ``scale``."""
+    return [(*(scale * ball.centre.at(0.0)[0]).tolist(), scale * ball.radius) for ball in system.obstacles()]
+
+
+def desired_velocity(scale: float) -> Array:
+    """p_d as simulated, off by ``scale``."""
+    leader = system.obstacle_scenario(0, agents=2).law.leaders[0]
+    return np.asarray(leader.at(0.0)[1] * scale)
+
+
+def gap(scale: float) -> tuple[float, float]:
+    """d_56, and 2 d_alpha + 2 r0, what three agents side by side need; lengths off by ``scale``."""
+    return passage.gap_width() * scale, scale * (2 * system.DISTANCE + 2 * system.BETA_RANGE)
+
+
+def numbers(scale: float) -> dict[str, float]:
+    """Numbers of the first task as the scenario has them, lengths and gains off by ``scale``."""
+    scenario = system.obstacle_scenario(0)
+    avoid = next(t for t in scenario.law.terms if isinstance(t, Avoid))
+    graph = system.smooth_net()
+    return {
+        "agents": scenario.start.n,
+        "obstacles": len(avoid.obstacles),
+        "d_alpha": system.DISTANCE * scale,
+        "r": graph.radius * scale,
+        "r0": avoid.range * scale,
+        "c3": avoid.repulsion_gain * scale,
+        "c4": avoid.damping_gain * scale,
+        "speed": float(np.abs(scenario.start.p).max()),
+        "left": float(scenario.start.q[:, 0].min()),
+        "right": float(scenario.start.q[:, 0].max()),
+    }
+
+
+def sink_numbers(scale: float) -> dict[str, float]:
+    """Numbers of the second task as the scenario has them, lengths and gains off by ``scale``."""
+    scenario = system.sink_scenario(0)
+    psi = scenario.law.terms[0].potential  # type: ignore[attr-defined]
+    return {
+        "agents": scenario.start.n,
+        "d_alpha": psi.parameters["d"] * scale,
+        "a": psi.parameters["a"] * scale,
+        "b": psi.parameters["b"] * scale,
+        "speed": float(np.abs(scenario.start.p).max()),
+        "farthest": float(np.abs(scenario.start.q).max()),
+        "duration": scenario.t_end * scale,
+    }
+
+
+def figure_6(scale: float) -> dict[str, Array]:
+    """Places of Fig. 6: an alpha-agent near the first obstacle, its beta-agent and the gamma-agent."""
+    q = nearby().q[:1]
+    direction = np.asarray(system.DESIRED_VELOCITY) / np.linalg.norm(system.DESIRED_VELOCITY)
+    return {
+        "alpha": q[0],
+        "beta": first_obstacle(scale).project(q)[0],
+        "gamma": np.asarray(CENTRE) + scale * system.GAMMA_OFFSET * direction,
+    }

@@ -1,0 +1,98 @@
+"""Audited runs behind the rows of theorems and tasks; the agents' gains are off by a factor, 1 is the paper's."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from flocking.engine.run import Run
+from flocking.engine.simulate import simulate
+from flocking.model.checks import Array
+from flocking.model.law import Law, Scenario
+from flocking.model.state import Agents
+from flocking.model.terms import Consensus
+from flocking.papers.olfati_saber_2003 import system
+from flocking.papers.olfati_saber_2003.theorems import claims
+from flocking.study.audit import Judgement, Report, audit, judge
+
+FEW_AGENTS = 24
+FEW_START = ((40.0, 12.5), (40.0, 20.0))
+"""Start box of the few agents: as crowded as that of the hundred, close to the first obstacle."""
+FEW_DURATION = 30.0
+SEEDS = range(6)
+
+
+def scaled_law(law: Law, scale: float) -> Law:
+    """The law with its damping c1 off by ``scale``."""
+    return Law(law.graph, tuple(replace_gain(t, scale) if isinstance(t, Consensus) else t for t in law.terms))
+
+
+def replace_gain(term: Consensus, scale: float) -> Consensus:
+    """The term with its gain off by ``scale``."""
+    return Consensus(np.multiply(term.gain, scale), weighted=term.weighted)
+
+
+def few_through_obstacles(seed: int = 0) -> Scenario:
+    """The first task with few agents, for tests and examples."""
+    return system.obstacle_scenario(seed, agents=FEW_AGENTS, box=FEW_START).with_(t_end=FEW_DURATION)
+
+
+def few_to_sink(seed: int = 0) -> Scenario:
+    """The second task with thirty agents from a start a quarter as large."""
+    scenario = system.sink_scenario(seed, agents=30)
+    start = scenario.start
+    return scenario.with_(start=replace(start, q=start.q * np.sqrt(0.3)))
+
+
+SCENARIOS: dict[str, Callable[[int], Scenario]] = {
+    system.KEY: few_through_obstacles,
+    system.SINK: few_to_sink,
+    system.FREE: lambda seed: system.free_scenario(seed),
+    system.SMOOTH: lambda seed: system.free_scenario(seed, smooth=True),
+}
+"""Scenarios behind the rows: the tasks with fewer agents than the paper's hundred."""
+
+
+@lru_cache(maxsize=64)
+def audited(name: str, seed: int, scale: float) -> Report:
+    """A run whose agents' damping is off by ``scale``, held against the declared law and the paper's claims."""
+    scenario = SCENARIOS[name](seed)
+    plant = None if scale == 1.0 else scaled_law(scenario.law, scale)
+    return audit(simulate(scenario, plant=plant, progress=False), claims(name))
+
+
+def judged(name: str) -> Callable[[float], dict[str, Judgement]]:
+    """Builder: judgements over a few seeds by claim."""
+
+    def build(scale: float) -> dict[str, Judgement]:
+        found = judge(claims(name), [audited(name, seed, scale) for seed in SEEDS])
+        return {j.claim.key: j for j in found}
+
+    return build
+
+
+free = judged(system.FREE)
+smooth = judged(system.SMOOTH)
+sink = judged(system.SINK)
+
+
+def passing(scale: float) -> Report:
+    """The audit of a few agents that pass the obstacles."""
+    return audited(system.KEY, 0, scale)
+
+
+def newton(scale: float) -> tuple[Scenario, Run]:
+    """A tenth of a millisecond of (21) under (34), masses off by ``scale``."""
+    scenario = system.free_scenario(1).with_(t_end=1e-4, frames=(0.0, 1e-4), name="")
+    return scenario, simulate(scenario.with_(agents=Agents(masses=scale)), progress=False)
+
+
+def mean_motion(scale: float) -> tuple[Scenario, Array, Array, Array]:
+    """Times, mean positions and velocities of ten agents at a sink (23), their c2 off by ``scale``."""
+    scenario = system.sink_scenario(3, agents=10).with_(t_end=4.0, frames=9, name="")
+    plant = system.sink_scenario(3, agents=10, c2=system.SINK_DAMPING * scale).law
+    run = simulate(scenario, plant=plant, progress=False)
+    return scenario, run.t, run.q.mean(axis=1), run.p.mean(axis=1)

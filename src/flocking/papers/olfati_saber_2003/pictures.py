@@ -1,0 +1,96 @@
+"""Figures of Olfati-Saber, declared from the pictures floor."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from flocking.engine.run import Run
+from flocking.errors import InvalidInput
+from flocking.papers.olfati_saber_2003 import diagrams
+from flocking.papers.olfati_saber_2003.passage import obstacles_of
+from flocking.papers.olfati_saber_2003.system import KEY, SINK, SINK_DURATION
+from flocking.show import plane
+from flocking.show.declaration import Figure
+from flocking.show.sheet import panel, sheet
+from flocking.show.style import PAGE
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Picture
+
+PASSAGE_TIMES = (0.0, 11.0, 14.0, 18.0, 22.0, 26.0, 32.0, 42.0)
+"""Times of Fig. 7 and 8; the paper prints none."""
+SINK_TIMES = (0.0, 1.0, 2.0, 4.0, 8.0, SINK_DURATION)
+"""Times of Fig. 9; the paper prints none."""
+DIAGRAMS = {
+    "1": ("Spherical and conic neighbourhood of an agent.", diagrams.neighbourhoods),
+    "2": ("Bump functions and their slopes for k0 = 5/6, r = 12.", diagrams.bumps),
+    "3": ("Six realizations of a structural net of four agents.", diagrams.realizations),
+    "4": ("Potential and action function for a = 1, b = 5.", diagrams.potentials),
+    "5": ("Potential of two agents, nonsmooth and smooth.", diagrams.pair_potentials),
+    "6": ("An agent near an obstacle, its beta-agent and the gamma-agent.", diagrams.beta_agent),
+}
+
+
+def passage(run: Run, *, links: bool) -> Picture:
+    """Consecutive snapshots among the obstacles."""
+    obstacles = obstacles_of(run)
+    times = [t for t in PASSAGE_TIMES if run.t[0] <= t <= run.t[-1]]
+    panels = []
+    for time in times:
+        frame = int(abs(run.t - time).argmin())
+        middle = float(run.q[frame, :, 0].mean())
+        seen = [o for o in obstacles if abs(float(o.outline(8)[:, 0].mean()) - middle) < 125.0]
+        panels.append(
+            panel(
+                plane.net,
+                run,
+                frame=frame,
+                links=links,
+                arrows=not links,
+                obstacles=seen,
+                leader=False,
+                color="flock" if links else "plain",
+                limits=((middle - 105.0, -32.0), (middle + 105.0, 78.0)),
+            )
+        )
+    return sheet(panels, columns=2, width=PAGE, ratio=0.62)
+
+
+def gathering(run: Run) -> Picture:
+    """Consecutive snapshots at the sink."""
+    panels = [panel(plane.net, run, time=t, arrows=False) for t in SINK_TIMES if t <= run.t[-1]]
+    return sheet(panels, columns=3, width=PAGE, ratio=1.05)
+
+
+def figures() -> dict[str, Figure]:
+    """All figures by number. Those of simulations name the scenario they show."""
+    found = [Figure(number, caption, draw) for number, (caption, draw) in DIAGRAMS.items()]
+    found += [
+        Figure("7", "A hundred agents among six obstacles.", lambda run: passage(run, links=False), scenario=KEY),
+        Figure(
+            "8", "The same with links: split, rejoin and squeeze.", lambda run: passage(run, links=True), scenario=KEY
+        ),
+        Figure("9", "A flock forms from a net at a sink.", gathering, scenario=SINK),
+    ]
+    return {f.number: f for f in found}
+
+
+def figure(number: int | str, run: Run) -> Picture:
+    """Draw one figure from a run.
+
+    Parameters
+    ----------
+    number
+        Its number, 1 to 9. The first six are the same for every run.
+    run
+        A run of the scenario it shows.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no such figure.
+    """
+    known = figures()
+    if str(number) not in known:
+        raise InvalidInput("olfati-saber-2003", "figure", f"must be one of {', '.join(known)}", number)
+    return known[str(number)].draw(run)

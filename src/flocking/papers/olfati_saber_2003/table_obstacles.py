@@ -1,0 +1,125 @@
+"""Rows of section 11: obstacles, beta- and gamma-agents, the two tasks and their pictures."""
+
+from __future__ import annotations
+
+from flocking.papers.olfati_saber_2003 import counterexamples as wrong
+from flocking.papers.olfati_saber_2003 import examples_obstacles as examples
+from flocking.papers.olfati_saber_2003 import examples_runs as runs
+from flocking.papers.olfati_saber_2003.table_nets import HERE, MODEL, row
+from flocking.study.equations import Row
+
+BRACKET = (
+    "phi_beta(|qhat - q| - d_beta), at most 0 and between -2 and 0: z/sqrt(1 + z^2) - 1. rho multiplies the beta term"
+    " only, as printed; x_i is x_k."
+)
+SHARED_PLACE = "The place of a gamma-agent is x_k = b_k + lambda_d n_d; (54) calls it x_i."
+OUTSIDE = "Right outside the obstacle. Inside, the velocity along the wall is p's own."
+COLUMNS = "The columns are (b_k, l_k)."
+ALONG_X = "p_d = (10, 0): the gap of 15 between the last two obstacles is along y."
+TRACKING = "u_tr is not given: -c2 (p_i - p_d) for every agent, c2 = 10. The shared (66) does not reproduce Fig. 8."
+MISSING = "r0 = d_beta = 4.2, c3 = 100, c4 = 2, lambda_d = 1, d_gamma = 7, start box and duration are not given."
+
+
+def obstacle_rows() -> tuple[Row, ...]:
+    """Section 11."""
+    obstacle, avoid = f"{MODEL}.obstacles.Obstacle", f"{MODEL}.avoidance.Avoid"
+    claims, figures = f"{HERE}.theorems.claims", f"{HERE}.pictures.figures"
+    return (
+        row("d(q, O)", "definition", "distance from an obstacle", f"{obstacle}.distance", examples.distance),
+        row("(53)", "equation", "projection on an obstacle", f"{obstacle}.project", examples.projection),
+        row(
+            "beta-agent",
+            "definition",
+            "active obstacles: within r0",
+            avoid,
+            examples.active,
+            reading="Active below r0 = r/2; at r0 itself rho vanishes.",
+        ),
+        row(
+            "gamma-agent",
+            "definition",
+            "its place in the obstacle",
+            avoid,
+            examples.gamma_pull,
+            reading=SHARED_PLACE,
+            demonstration=wrong.gamma_place,
+        ),
+        row("Fig. 6", "figure", "an alpha-, a beta- and a gamma-agent", figures, examples.figure_6),
+        row(
+            "beta term of (54)",
+            "equation",
+            "repulsion by the beta-agent",
+            avoid,
+            examples.beta_push,
+            reading=BRACKET,
+            demonstration=wrong.bracket,
+        ),
+        row(
+            "(54)",
+            "protocol",
+            "control near an obstacle",
+            avoid,
+            examples.protocol_54,
+            reading=BRACKET,
+            demonstration=wrong.bracket,
+        ),
+        row("(55)", "equation", "beta-agent by contraction", f"{obstacle}.project", examples.contraction),
+        row(
+            "(56)",
+            "equation",
+            "velocity of the beta-agent",
+            f"{obstacle}.geometry",
+            examples.beta_velocity,
+            reading=OUTSIDE,
+            demonstration=wrong.inside_velocity,
+        ),
+        row("(57)", "equation", "rate of the contraction", f"{obstacle}.geometry", examples.contraction_rate),
+        row("Remark 7", "remark", "moving obstacles", f"{obstacle}.geometry", examples.moving_beta_velocity),
+        row(
+            "(58)",
+            "protocol",
+            "overall protocol",
+            f"{HERE}.system.obstacle_scenario",
+            examples.protocol_58,
+            reading=TRACKING,
+        ),
+        row(
+            "(59)",
+            "equation",
+            "six obstacles",
+            f"{HERE}.system.obstacles",
+            examples.obstacle_matrix,
+            reading=COLUMNS,
+            demonstration=wrong.rows_for_columns,
+        ),
+        row(
+            "p_d",
+            "equation",
+            "desired group velocity",
+            f"{HERE}.system.obstacle_scenario",
+            examples.desired_velocity,
+            reading=ALONG_X,
+            demonstration=wrong.wrong_axis,
+        ),
+        row(
+            "d_56",
+            "equation",
+            "the gap is too narrow for three agents abreast",
+            f"{HERE}.passage.gap_width",
+            examples.gap,
+        ),
+        row("task 1", "example", "split, rejoin and squeeze", claims, runs.passing, reading=MISSING),
+        row("Fig. 7", "figure", "agents among the obstacles", figures, examples.numbers, reading=MISSING),
+        row("Fig. 8", "figure", "the same with links; density 0.97", figures, runs.passing, reading=MISSING),
+        row(
+            "task 2", "example", "gathering at a sink", claims, runs.sink, reading="a = 50, b = 250, c2 = 5; see (50)."
+        ),
+        row(
+            "Fig. 9",
+            "figure",
+            "a flock forms at a sink",
+            figures,
+            examples.sink_numbers,
+            reading="Start uniform in [-60, 60]^2 at rest, 40 s.",
+        ),
+    )

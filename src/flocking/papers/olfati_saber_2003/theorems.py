@@ -1,0 +1,364 @@
+"""What Olfati-Saber claims of his simulations and of protocols (34) and (35), and what is expected of each claim."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from flocking.model.checks import Array
+from flocking.model.structural import structural_potential
+from flocking.papers.olfati_saber_2003 import passage, system
+from flocking.papers.olfati_saber_2003.system import FREE, KEY, SINK, SMOOTH
+from flocking.study import general_claims as general
+from flocking.study.claims import Claim, Measure, Verdict, above, below
+from flocking.study.evidence import Evidence
+
+LEAST_DENSITY = 0.9
+"""A net counts as a quasi-flock from here on; the paper reports about 0.97."""
+SAME = 0.1
+"""Velocities and headings (in radians) count as approximately equal within this."""
+CONNECTED_BY = 5.0
+"""When the net at a sink must be connected; the paper reports 4 s for its own start."""
+DEFECT_WEIGHT = 0.01
+"""w of (46), (47)."""
+LOW_DEFECT = 0.5
+"""mu_n below this is called low; at 1 every link would be about to break. The paper gives no number."""
+DOMINANT = 0.75
+"""Share of triangles among the faces from which a net is dominantly triangular."""
+REALIZED = 1e-3
+"""A net realizes (d_alpha, r) when no link's length is off by more than this fraction."""
+
+
+# -- obstacles ------------------------------------------------------------------------------------------
+
+
+def dense_at_end(e: Evidence) -> Measure:
+    """Density (7) at the end."""
+    from flocking.study.nets import density
+
+    found = density(e.link_history[-1][1])
+    return above(found, LEAST_DENSITY, f"density {found:.2f}")
+
+
+def never_inside(e: Evidence) -> Measure:
+    """Smallest distance of any agent from any obstacle."""
+    least, error = passage.clearance(e.run)
+    return above(least, 0.0, f"closest {least:.3g} to an obstacle", error)
+
+
+def velocities_near_desired(e: Evidence) -> Measure:
+    """Largest |p_i - p_d| at the end, against |p_d|."""
+    wanted = np.asarray(system.DESIRED_VELOCITY)
+    off = float(np.linalg.norm(e.run.p[-1] - wanted, axis=1).max() / np.linalg.norm(wanted))
+    return below(off, SAME, f"velocities within {off:.1e} of |p_d|")
+
+
+def headings_agree(e: Evidence) -> Measure:
+    """Largest heading angle against the desired direction, at the end."""
+    from flocking.model.observables import headings
+
+    wanted = float(np.arctan2(system.DESIRED_VELOCITY[1], system.DESIRED_VELOCITY[0]))
+    off = float(np.abs(np.angle(np.exp(1j * (headings(e.run.state(-1)) - wanted)))).max())
+    return below(off, SAME, f"headings within {off:.1e} rad")
+
+
+def splits(e: Evidence) -> Measure:
+    """Most flocks while obstacles are active, against the number when the first becomes active."""
+    before, most, _ = passage.flock_counts(e)
+    return above(most - before, 0.5, f"{before} flocks before the obstacles, {most} among them")
+
+
+def rejoins(e: Evidence) -> Measure:
+    """Flocks at the end, against the most while obstacles were active."""
+    _, most, after = passage.flock_counts(e)
+    return above(most - after, 0.5, f"{most} flocks among the obstacles, {after} at the end")
+
+
+def squeezes(e: Evidence) -> Measure:
+    """Agents that pass between the last two obstacles."""
+    through = passage.through_gap(e.run)
+    return above(through, 2.5, f"{through} agents pass the gap of {passage.gap_width():g}")
+
+
+def _obstacle_claims() -> tuple[Claim, ...]:
+    return (
+        Claim(
+            "energy",
+            "(54), (58)",
+            "The ledger of H_s closes, obstacles and tracking included.",
+            general.ledger_residual,
+            dynamic=False,
+        ),
+        Claim("quasi-flock", "sec. 11", "The limit is a quasi-flock.", dense_at_end),
+        Claim("no-entry", "sec. 11", "No agent enters an obstacle.", never_inside),
+        Claim(
+            "velocities", "sec. 11", "All agents approximately move with the desired velocity.", velocities_near_desired
+        ),
+        Claim("headings", "sec. 11", "All headings are approximately the same.", headings_agree),
+        Claim("split", "sec. 11, Fig. 8", "Obstacles split the net.", splits),
+        Claim("rejoin", "sec. 11, Fig. 8", "Flocks rejoin behind the obstacles.", rejoins),
+        Claim("squeeze", "sec. 11, Fig. 8", "Agents squeeze through the gap between the last two obstacles.", squeezes),
+    )
+
+
+# -- sink -----------------------------------------------------------------------------------------------
+
+
+def starts_apart(e: Evidence) -> Measure:
+    """The net is disconnected at first, as the paper assumes."""
+    found = general.starts_connected(e)
+    return Measure(-found.margin, 0.0, found.note)
+
+
+def connected_since(e: Evidence) -> float:
+    """Time from which on the net is connected; infinite when it is not at the end."""
+    from flocking.model.connectivity import is_connected
+
+    since = np.inf
+    for time, links in reversed(e.link_history):
+        if not is_connected(links):
+            break
+        since = time
+    return float(since)
+
+
+def becomes_connected(e: Evidence) -> Measure:
+    """When the net becomes connected for good."""
+    since = connected_since(e)
+    return below(since, CONNECTED_BY, f"connected from t = {since:.3g} on")
+
+
+def centred(e: Evidence) -> Measure:
+    """Distance of the centre of mass from the sink at the end, against the side of the start box."""
+    off = float(np.linalg.norm(e.run.q[-1].mean(axis=0)))
+    return below(off / system.SINK_BOX, general.SETTLED, f"centre of mass {off:.1e} from the sink")
+
+
+def rigid(e: Evidence) -> Measure:
+    """Motions that keep all lengths and are no motion of the whole framework."""
+    from flocking.study.rigidity import degrees_of_freedom
+
+    free = degrees_of_freedom(e.run.q[-1], e.link_history[-1][1])
+    return below(free, 0.5, f"{free} degrees of freedom")
+
+
+def planar(e: Evidence) -> Measure:
+    """Pairs of links that cross."""
+    from flocking.study.rigidity import crossing_links
+
+    crossings = crossing_links(e.run.q[-1], e.link_history[-1][1])
+    return below(crossings, 0.5, f"{crossings} crossings")
+
+
+def triangular(e: Evidence) -> Measure:
+    """Share of triangles among the bounded faces."""
+    from flocking.study.rigidity import triangle_share
+
+    if planar(e).margin < 0:
+        return Measure(-1.0, 0.0, "links cross: there are no faces")
+    share = triangle_share(e.run.q[-1], e.link_history[-1][1])
+    return above(share, DOMINANT, f"{share:.3f} of the faces are triangles")
+
+
+def little_defect(e: Evidence) -> Measure:
+    """Normalized defect factor (47) at the end, for w = 0.01."""
+    from flocking.model.terms import Gradient
+    from flocking.study.structure import defect
+
+    psi = next(t.potential for t in e.law.pair_terms if isinstance(t, Gradient))
+    found = defect(e.law.graph, psi, e.run.state(-1), weight=DEFECT_WEIGHT).normalized
+    return below(found, LOW_DEFECT, f"mu_n = {found:.3f} for w = {DEFECT_WEIGHT:g}")
+
+
+def realizes(e: Evidence) -> Measure:
+    """Largest deviation of a link's length from d_alpha at the end."""
+    from flocking.study.structure import deviation
+
+    off = deviation(e.run.q[-1], e.link_history[-1][1], system.DISTANCE) / system.DISTANCE
+    return below(off, REALIZED, f"lengths within {off:.1e} of d_alpha")
+
+
+def structural_energy_vanishes(e: Evidence) -> Measure:
+    """H_s at the end against its largest value at a frame (Definition 2 ii)."""
+    values = structural_energies(e)
+    ratio = float(values[-1] / values.max())
+    return below(ratio, REALIZED, f"H_s ends at {values[-1]:.3g}, {ratio:.1e} of its maximum")
+
+
+def structural_energies(e: Evidence) -> Array:
+    """H_s at the frames, shape (F,)."""
+    from flocking.model.terms import Gradient
+    from flocking.study.structure import structural_energy
+
+    psi = next(t.potential for t in e.law.pair_terms if isinstance(t, Gradient))
+    return np.array([structural_energy(e.law.graph, psi, e.run.state(k)).total for k in range(len(e.run.t))])
+
+
+def _sink_claims() -> tuple[Claim, ...]:
+    return (
+        Claim(
+            "energy",
+            "(50), (52)",
+            "The ledger of H_s plus the sink's energy closes.",
+            general.ledger_residual,
+            dynamic=False,
+        ),
+        Claim("energy-falls", "(50)", "The energy never rises.", general.energy_rise),
+        Claim(
+            "connected",
+            "sec. 11",
+            "A disconnected net becomes connected within a few seconds and stays so.",
+            becomes_connected,
+            starts_apart,
+        ),
+        Claim(
+            "switching-stops", "sec. 10, 11", "After finite time the topology is invariant.", general.switching_stops
+        ),
+        Claim("centred", "sec. 10", "The centre of mass comes to rest at the sink.", centred),
+        Claim("rigid", "sec. 11", "The limiting flock is rigid.", rigid),
+        Claim("planar", "sec. 11", "The limiting net is planar.", planar),
+        Claim("triangular", "sec. 11", "Its faces are dominantly triangles.", triangular),
+        Claim("low-defect", "sec. 11, (47)", "Its normalized defect factor is low.", little_defect),
+        Claim(
+            "realization",
+            "(20)",
+            "The limit realizes the structural net.",
+            realizes,
+            expected=Verdict.FAILS,
+            reason="The sink presses on the net: the limit is a quasi-realization, as section 11 says.",
+        ),
+        Claim(
+            "flocking",
+            "Definition 2",
+            "H_s tends to 0.",
+            structural_energy_vanishes,
+            expected=Verdict.FAILS,
+            reason="V > 0 in a quasi-realization: Definition 2 does not cover the paper's own simulation.",
+        ),
+    )
+
+
+# -- protocols (34) and (35) alone ----------------------------------------------------------------------
+
+
+def settles_as_flock(e: Evidence) -> Measure:
+    """Hypothesis of Propositions 4 and 5: finitely many switches, and one flock from then on."""
+    if e.flocks_at_end > 1:
+        return Measure(-1.0, 0.0, f"{e.flocks_at_end} flocks at the end")
+    return general.switching_stops(e)
+
+
+def jumps_by_h0(e: Evidence) -> Measure:
+    """Each jump of H_s against h_0 times links created less links lost."""
+    h0 = link_energy()
+    jumps = np.diff(e.run.trace["jumped"])
+    jumps = jumps[jumps != 0]
+    expected = h0 * (e.links_created - e.links_lost)
+    off = float(max(abs(np.abs(jumps) / h0 - 1).max(initial=0.0), abs(jumps.sum() - expected) / h0))
+    return below(off, 1e-6, f"{len(jumps)} jumps equal {h0:.4g} within {off:.1e}")
+
+
+def link_energy() -> float:
+    """h_0 = psi_alpha(r - d_alpha), what a link costs where it appears (31)."""
+    return float(structural_potential(system.DISTANCE, system.ATTRACTION, system.REPULSION)(system.RADIUS))
+
+
+def some_switch(e: Evidence) -> Measure:
+    """At least two switches."""
+    return above(len(e.link_switches), 1.5, f"{len(e.link_switches)} switches")
+
+
+def energy_falls_from_switch_to_switch(e: Evidence) -> Measure:
+    """Largest rise of H_s from one switching time to the next (Remark 5)."""
+    trace = e.run.trace
+    after = [float(trace["energy"][0])]
+    for time in np.unique(e.link_switches["time"]):
+        # The last row of the ledger at that time: after the jump.
+        after.append(float(trace["energy"][np.searchsorted(trace["time"], time, side="right") - 1]))
+    rise = float(np.diff(after).max())
+    return Measure(-rise, e.ledger_bound, f"H_s changes by up to {rise:+.3g} from switch to switch")
+
+
+def _free_claims() -> tuple[Claim, ...]:
+    return (
+        Claim("energy", "(60)", "The ledger of H_s closes.", general.ledger_residual, dynamic=False),
+        Claim("momentum", "A.2", "The mean velocity is invariant.", general.momentum_drift),
+        Claim("energy-falls", "Proposition 4, (61)", "H_s never rises between switches.", general.energy_rise),
+        Claim(
+            "jumps",
+            "(31)",
+            "H_s jumps by h_0 where a link appears and by -h_0 where one is lost.",
+            jumps_by_h0,
+            some_switch,
+        ),
+        Claim(
+            "velocities-agree",
+            "Proposition 4",
+            "All velocities become the same.",
+            general.velocities_agree,
+            settles_as_flock,
+        ),
+        Claim(
+            "distances-settle",
+            "Proposition 4",
+            "All distances become constant.",
+            general.distances_settle,
+            settles_as_flock,
+        ),
+        Claim(
+            "decreasing",
+            "Remark 5",
+            "H_s at the switching times decreases.",
+            energy_falls_from_switch_to_switch,
+            some_switch,
+            expected=Verdict.FAILS,
+            reason="A new link adds h_0, more than what has been dissipated since the last switch.",
+        ),
+    )
+
+
+def _smooth_claims() -> tuple[Claim, ...]:
+    return (
+        Claim(
+            "energy",
+            "Proposition 5",
+            "The ledger of H_s closes with the dissipation over ordered pairs.",
+            general.ledger_residual,
+            dynamic=False,
+        ),
+        Claim("momentum", "sec. 10", "The mean velocity is invariant.", general.momentum_drift),
+        Claim("H_s-continuous", "sec. 5", "H_s does not jump where links switch.", general.energy_continuous),
+        Claim("energy-falls", "Proposition 5", "H_s never rises.", general.energy_rise),
+        Claim(
+            "velocities-agree",
+            "Proposition 5",
+            "All velocities become the same.",
+            general.velocities_agree,
+            settles_as_flock,
+        ),
+        Claim(
+            "distances-settle",
+            "Proposition 5",
+            "All distances become constant.",
+            general.distances_settle,
+            settles_as_flock,
+        ),
+    )
+
+
+def claims(scenario: str = KEY) -> Sequence[Claim]:
+    """Claims of the paper about one of its scenarios.
+
+    Parameters
+    ----------
+    scenario
+        Name of the scenario.
+    """
+    found: dict[str, Callable[[], tuple[Claim, ...]]] = {
+        KEY: _obstacle_claims,
+        SINK: _sink_claims,
+        FREE: _free_claims,
+        SMOOTH: _smooth_claims,
+    }
+    return found[scenario]()

@@ -1,0 +1,186 @@
+"""Olfati-Saber 2003: the scenarios' numbers, what is measured of a passage, figures, and what decides the density."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.engine.run import SWITCH_FIELDS, TRACE_FIELDS
+from flocking.papers import olfati_saber_2003 as paper
+from flocking.papers.olfati_saber_2003 import density, examples_runs, passage, system
+
+
+@pytest.fixture(autouse=True)
+def closed_figures():
+    import matplotlib.pyplot as plt
+
+    yield
+    plt.close("all")
+
+
+@cache
+def few() -> fk.Run:
+    return examples_runs.audited(system.KEY, 0, 1.0).run
+
+
+@cache
+def at_sink() -> fk.Run:
+    return examples_runs.audited(system.SINK, 0, 1.0).run
+
+
+def drawn(axes, gid: str) -> list:
+    return [artist for artist in axes.get_children() if artist.get_gid() == gid]
+
+
+def test_scenarios_have_the_papers_numbers() -> None:
+    for seed in range(3):
+        obstacles, sink = paper.scenario(8, seed), paper.scenario(9, seed)
+        assert obstacles.start.n == sink.start.n == 100
+        assert not obstacles.start.p.any()
+        assert not sink.start.p.any()
+        low, high = obstacles.start.q.min(axis=0), obstacles.start.q.max(axis=0)
+        assert (low >= [-140, 12.5]).all()
+        assert (high <= [20, 32.5]).all()
+        assert np.abs(sink.start.q).max() <= 60
+        assert obstacles.law.distributed
+        assert sink.law.distributed
+    assert not system.obstacle_scenario(0, tracking="shared", agents=5).law.distributed
+
+
+@pytest.mark.parametrize("number", [0, 10, -1])
+def test_a_figure_that_is_not_there_is_refused(number: int) -> None:
+    with pytest.raises(fk.InvalidInput, match="figure"):
+        paper.scenario(number)
+    with pytest.raises(fk.InvalidInput, match="figure"):
+        paper.figure(number, few())
+
+
+def test_claims_are_well_formed() -> None:
+    for name in paper.scenarios():
+        claims = paper.claims(name)
+        assert len({c.key for c in claims}) == len(claims)
+        for claim in claims:
+            assert claim.statement.endswith(".")
+            assert bool(claim.reason) == (claim.expected != "holds")
+
+
+def test_every_erratum_is_refuted_by_its_example() -> None:
+    found = paper.errata()
+    assert len(found) > 20
+    for erratum in found:
+        assert erratum.fault, erratum.statement
+        shown = erratum.demonstration()
+        assert shown.refutes, (erratum.statement, shown)
+
+
+def straight(start: list[float], velocity: list[float], t_end: float = 10.0) -> fk.Run:
+    """One agent that nothing disturbs, among the obstacles of the paper, seen every half second."""
+    avoid = fk.Avoid(system.obstacles(), range=1e-3, repulsion_gain=0.0, damping_gain=0.0, gamma_agents=False)
+    t = np.linspace(0.0, t_end, 21)
+    state = fk.State([start], [velocity])
+    scenario = fk.Scenario(fk.Law(fk.Proximity(1.0), [avoid]), state, t_end=t_end, frames=tuple(t))
+    q = np.asarray(start) + t[:, None, None] * np.asarray(velocity)
+    links, none = np.zeros((21, 1, 1), bool), np.zeros(0, SWITCH_FIELDS)
+    return fk.Run(scenario, t, q, np.broadcast_to(velocity, q.shape), links, none, np.zeros(0, TRACE_FIELDS))
+
+
+def test_clearance_sees_what_happens_between_frames() -> None:
+    # The obstacle at (120, 40) of radius 2 is passed at distance 1, or cut by 0.5, both between two frames.
+    least, error = passage.clearance(straight([77.0, 43.0], [10.0, 0.0], 6.0))
+    assert abs(least - 1.0) < error < 1.0
+    least, error = passage.clearance(straight([77.0, 41.5], [10.0, 0.0], 6.0))
+    assert abs(least + 0.5) < error
+    assert least < 0
+
+
+def test_the_gap_counts_only_who_passes_it() -> None:
+    assert passage.gap_width() == 15.0
+    assert passage.through_gap(straight([150.0, 20.0], [10.0, 0.0])) == 1
+    assert passage.through_gap(straight([150.0, 90.0], [10.0, 0.0])) == 0
+    assert passage.through_gap(straight([250.0, 20.0], [-10.0, 0.0])) == 0
+    assert passage.through_gap(straight([10.0, 20.0], [10.0, 0.0])) == 0
+
+
+@pytest.mark.parametrize("number", ["7", "8"])
+def test_the_passage_shows_agents_links_and_obstacles(number: str) -> None:
+    from flocking.papers.olfati_saber_2003.pictures import PASSAGE_TIMES
+
+    run = few()
+    shown = [t for t in PASSAGE_TIMES if t <= run.t[-1]]
+    axes = paper.figure(number, run).axes
+    assert len(axes) == len(shown) >= 5
+    for time, one in zip(shown, axes, strict=True):
+        frame = int(np.argmin(np.abs(run.t - time)))
+        dots = np.concatenate([a.get_offsets() for a in drawn(one, "agents")])
+        assert {tuple(x) for x in np.round(dots, 9)} == {tuple(x) for x in np.round(run.q[frame], 9)}
+        links = sum(len(a.get_segments()) for a in drawn(one, "links"))
+        assert links == (run.links[frame].sum() / 2 if number == "8" else 0)
+    bodies = [len(one.patches) for one in axes]
+    assert max(bodies) >= 4
+
+
+def test_the_gathering_shows_every_link() -> None:
+    run = at_sink()
+    axes = paper.figure(9, run).axes
+    (links,) = drawn(axes[-1], "links")
+    assert len(links.get_segments()) == run.links[-1].sum() / 2
+
+
+@pytest.mark.parametrize("number", range(1, 7))
+def test_diagrams_are_drawn_from_objects(number: int) -> None:
+    figure = paper.figure(number, few())
+    panels = {1: 2, 2: 2, 3: 6, 4: 2, 5: 2, 6: 1}[number]
+    assert len(figure.axes) == panels
+    if number == 3:
+        counts = [sum(len(a.get_segments()) for a in drawn(axes, "links")) for axes in figure.axes]
+        assert counts == [0, 2, 4, 3, 5, 5]
+    if number == 5:
+        hard, smooth = (
+            [line.get_xydata() for line in axes.get_lines() if line.get_gid() == "curve"] for axes in figure.axes
+        )
+        assert len(hard) == 2
+        assert hard[0][-1][1] > 1.0
+        assert hard[1][0][1] == 0.0
+        assert abs(np.diff(smooth[0][:, 1])).max() < 0.1
+
+
+def test_every_figure_has_a_caption_and_a_scenario() -> None:
+    assert list(paper.figures()) == [str(k) for k in range(1, 10)]
+    for declared in paper.figures().values():
+        assert declared.caption.endswith(".")
+        assert declared.scenario in ("", *paper.scenarios())
+
+
+def test_an_outcome_counts_what_is_left_behind() -> None:
+    found = density.outcome(density.STRIP, 0, agents=12, t_end=4.0)
+    assert found.behind == 0.0
+    assert 0 < found.density <= 1
+    assert found.flocks >= 1
+    axes = density.density_chart([found])
+    (dots,) = drawn(axes, "densities")
+    assert dots.get_xdata() == [found.density]
+
+
+@pytest.mark.slow
+def test_the_start_box_and_the_tracking_law_decide_the_density() -> None:
+    table = density.density_table(density.VARIANTS, seeds=(0,))
+    found = {x.variant.name: x for x in table}
+    printed = found[density.STRIP.name]
+    assert printed.density >= 0.95
+    assert printed.behind == 1.0
+    assert found["shared (66)"].density < printed.density
+    assert found["square 57 x 57"].density < printed.density
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", list(paper.scenarios()))
+def test_claims_come_out_as_expected_over_six_seeds(name: str) -> None:
+    from flocking.study.audit import audit, judge
+
+    claims = paper.claims(name)
+    reports = [audit(fk.simulate(paper.scenarios()[name](seed), progress=False), claims) for seed in range(6)]
+    for judgement in judge(claims, reports):
+        assert judgement.as_expected, (judgement.claim.key, judgement.verdict, judgement.worst.note)
