@@ -1,0 +1,149 @@
+"""Pages of the papers: numbers, laws, claims, readings, counter-examples and equation table."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from text_tables import code, number, plain, table
+
+from flocking.model.law import Scenario
+from flocking.model.terms import Gradient
+from flocking.papers import KEYS, paper
+from flocking.study.equations import Row
+
+
+def constants(module: ModuleType) -> list[tuple[str, str, str]]:
+    """Constants of a module with the sentence that stands under each."""
+    found = []
+    body = ast.parse(Path(str(module.__file__)).read_text()).body
+    for k, node in enumerate(body):
+        if not isinstance(node, ast.Assign | ast.AnnAssign):
+            continue
+        after = body[k + 1] if k + 1 < len(body) else None
+        note = ""
+        if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant):
+            note = str(after.value.value)
+        targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+        names = [n.id for t in targets for n in ast.walk(t) if isinstance(n, ast.Name)]
+        for name in names:
+            value = getattr(module, name)
+            if name.isupper() and not isinstance(value, dict):
+                found.append((name.lower().replace("_", " "), repr_of(value), note))
+    return found
+
+
+def repr_of(value: Any) -> str:
+    """A value in one line."""
+    if hasattr(value, "tolist"):
+        return str(value.tolist())
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def parts(scenario: Scenario) -> list[str]:
+    """Lines that say what a scenario is made of."""
+    law = scenario.law
+    lines = [f"- agents: {scenario.start.n} in {scenario.start.dimension} dimensions, until t = {scenario.t_end:g}"]
+    lines.append(f"- graph: {code(type(law.graph).__name__)}{plain(graph_values(law.graph))}")
+    lines += [f"- term: {code(type(term).__name__)}{plain(term_values(term))}" for term in law.terms]
+    lines.append(f"- energy: {plain(scenario.energy.name)} in the frame of the {plain(scenario.energy.frame)}")
+    knows = "nothing beyond its neighbours" if law.distributed else ", ".join(law.beyond_neighbours)
+    lines.append(f"- an agent must know: {plain(knows)}")
+    return lines
+
+
+def graph_values(graph: Any) -> str:
+    """Radii of a graph, where it has one value for all."""
+    names = [n for n in ("radius", "gap", "onset") if isinstance(getattr(graph, n, None), float)]
+    return "".join(f", {n} {getattr(graph, n):.5g}" for n in names)
+
+
+def term_values(term: Any) -> str:
+    """Parameters of a term that are single numbers."""
+    values = {k: v for k, v in term.parameters.items() if isinstance(v, int | float)}
+    return "".join(f", {name} {value:.5g}" for name, value in values.items())
+
+
+def potentials(scenario: Scenario) -> str:
+    """The potential of a scenario and the slope derived from it, as formulas."""
+    found = [t.potential for t in scenario.law.terms if isinstance(t, Gradient)]
+    if not found:
+        return ""
+    psi = found[0]
+    values = ", ".join(f"{name} = {value:.5g}" for name, value in psi.parameters.items())
+    where = f"with {plain(values)}, and its slope as the library derives it\n\n" if values else "and its slope\n\n"
+    return f"The potential\n\n$$\\psi(r) = {psi.latex()}$$\n\n{where}$$\\psi'(r) = {psi.slope_latex()}$$\n\n"
+
+
+def claim_rows(module: ModuleType, name: str) -> list[tuple[str, ...]]:
+    """One row for each claim about a scenario."""
+    return [
+        (
+            code(c.key), plain(c.source), plain(c.statement),
+            plain(c.expected) + (f": {plain(c.reason)}" if c.reason else ""),
+        )
+        for c in module.claims(name)
+    ]  # fmt: skip
+
+
+def erratum_rows(rows: list[Row]) -> list[tuple[str, ...]]:
+    """The rows whose printed form a counter-example refutes now."""
+    found = []
+    for row in rows:
+        verdict, shown = row.verdict()
+        if verdict == "wrong" and shown is not None:
+            found.append(
+                (
+                    plain(row.number), plain(row.title), plain(row.reading), plain(shown.example),
+                    number(shown.printed), number(shown.true),
+                )
+            )  # fmt: skip
+    return found
+
+
+ERRATUM_HEAD = ("number", "statement", "reading", "example", "as printed", "computed")
+
+
+def paper_page(key: str) -> str:
+    """The page of one paper."""
+    from importlib import import_module
+
+    module = paper(key)
+    system = import_module(f"{module.__name__}.system")
+    rows = list(module.equations())
+    lines = [f"# {plain(module.TITLE)}\n\n{plain(module.AUTHORS)}, {module.YEAR}. Key: {code(key)}.\n\n"]
+    folder = module.__name__.rsplit(".", 1)[1]
+    lines.append(f"A run and its picture: {{ref}}`sphx_glr_gallery_plot_{folder}.py`.\n\n")
+    lines.append("## Numbers\n\n" + table(("name", "value", "note"), [tuple(map(plain, r)) for r in constants(system)]))
+    lines.append("## Scenarios and claims\n\n")
+    shown = ""
+    for name, make in module.scenarios().items():
+        scenario = make(0)
+        lines.append(f"### {plain(name)}\n\n" + "\n".join(parts(scenario)) + "\n\n")
+        formulas = potentials(scenario)
+        if formulas != shown:
+            lines.append(formulas)
+            shown = formulas
+        lines.append(table(("claim", "source", "statement", "expected"), claim_rows(module, name)))
+    read = [(plain(r.number), plain(r.title), plain(r.reading)) for r in rows if r.reading]
+    lines.append("## How it is read\n\n" + table(("number", "statement", "reading"), read))
+    lines.append("## Wrong as printed\n\n" + table(ERRATUM_HEAD, erratum_rows(rows)))
+    listed = [(plain(r.number), plain(r.kind), plain(r.title), code(r.home), plain(r.verdict()[0])) for r in rows]
+    lines.append("## Equation table\n\n" + table(("number", "kind", "statement", "home", "verdict"), listed))
+    return "".join(lines)
+
+
+def errata_page() -> str:
+    """All counter-examples of all papers."""
+    lines = [
+        "# Errata of the papers\n\nA statement stands here because a counter-example refutes its printed form: both "
+        "sides were computed when this page was built. Misprints with one sensible reading are listed on the pages "
+        "of the papers.\n\n"
+    ]
+    for key in KEYS:
+        module = paper(key)
+        head = f"## {plain(module.TITLE)} ({module.YEAR})\n\n"
+        lines.append(head + table(ERRATUM_HEAD, erratum_rows(list(module.equations()))))
+    return "".join(lines)
