@@ -106,23 +106,33 @@ def switching_stops(e: Evidence) -> Measure:
     return above(quiet, 0.1, f"last switch at t = {e.last_switch:.4g}")
 
 
-def forces_vanish(e: Evidence) -> Measure:
-    """Whether the potential forces of every agent cancel at the end, against stiffness times link length."""
+def imbalance(e: Evidence) -> float:
+    """Largest potential force on an agent at the end, against stiffness times link length; 0 without links."""
     largest = float(np.linalg.norm(e.equilibrium.forces, axis=1).max(initial=0.0))
     lengths = e.equilibrium.r
     if len(lengths) == 0:
-        return Measure(np.inf, 0.0, "no links")
+        return 0.0
     size = float(np.abs(e.equilibrium.stiffness).max()) * float(lengths.mean())
-    ratio = largest / size if size > 0 else largest
-    return below(ratio, STATIONARY, f"largest force {largest:.1e}, {ratio:.1e} of stiffness times length")
+    return largest / size if size > 0 else largest
+
+
+def forces_vanish(e: Evidence) -> Measure:
+    """Whether the potential forces of every agent cancel at the end."""
+    if len(e.equilibrium.r) == 0:
+        return Measure(np.inf, 0.0, "no links")
+    ratio = imbalance(e)
+    return below(ratio, STATIONARY, f"largest force is {ratio:.1e} of stiffness times length")
 
 
 def potential_is_minimal(e: Evidence) -> Measure:
-    """Smallest stiffness of the total potential at the end: negative where it is no local minimum."""
+    """Smallest stiffness of the total potential at the end: negative where it is no local minimum.
+
+    As far as the forces are from balance, the stiffness is uncertain.
+    """
     stiffness = e.equilibrium.stiffness
     largest = float(np.abs(stiffness).max(initial=0.0))
     ratio = float(stiffness[0]) / largest if largest > 0 else 0.0
-    return Measure(ratio + STATIONARY, 0.0, f"smallest stiffness {ratio:.1e} of the largest")
+    return Measure(ratio + STATIONARY, imbalance(e), f"smallest stiffness {ratio:.1e} of the largest")
 
 
 def agents_at_their_minimum(e: Evidence) -> Measure:
