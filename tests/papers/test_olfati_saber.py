@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -11,6 +12,7 @@ import flocking as fk
 from flocking.engine.run import SWITCH_FIELDS, TRACE_FIELDS
 from flocking.papers import olfati_saber_2003 as paper
 from flocking.papers.olfati_saber_2003 import density, examples_runs, passage, system
+from flocking.study.audit import audit, judge
 
 
 @pytest.fixture(autouse=True)
@@ -74,6 +76,36 @@ def test_every_erratum_is_refuted_by_its_example() -> None:
         assert erratum.fault, erratum.statement
         shown = erratum.demonstration()
         assert shown.refutes, (erratum.statement, shown)
+
+
+def judged_with(scenario: fk.Scenario, name: str) -> dict[str, str]:
+    report = audit(fk.simulate(scenario, progress=False), paper.claims(name))
+    return {r.claim.key: str(r.verdict) for r in report.results}
+
+
+def test_obstacles_that_do_not_push_are_entered() -> None:
+    scenario = examples_runs.few_through_obstacles()
+    *others, avoid = scenario.law.terms
+    law = fk.Law(scenario.law.graph, (*others, replace(avoid, repulsion_gain=0.0, damping_gain=0.0)))
+    found = judged_with(scenario.with_(law=law), system.KEY)
+    assert found["no-entry"] == "fails"
+    assert found["energy"] == "holds"
+
+
+def test_a_sink_too_strong_for_the_net_leaves_no_planar_one() -> None:
+    few = examples_runs.few_to_sink()
+    weak = system.sink_scenario(0, a=1.0, b=5.0, agents=30)
+    found = judged_with(weak.with_(start=few.start), system.SINK)
+    assert found["planar"] == found["triangular"] == found["low-defect"] == "fails"
+    assert found["energy"] == found["energy-falls"] == "holds"
+
+
+def test_propositions_say_nothing_of_nets_that_fall_apart() -> None:
+    scenario = system.free_scenario(0)
+    wild = fk.State(scenario.start.q, 10 * scenario.start.p)
+    found = judged_with(scenario.with_(start=wild), system.FREE)
+    assert found["velocities-agree"] == found["distances-settle"] == "hypothesis not met"
+    assert found["energy-falls"] == found["jumps"] == "holds"
 
 
 def straight(start: list[float], velocity: list[float], t_end: float = 10.0) -> fk.Run:
@@ -178,8 +210,6 @@ def test_the_start_box_and_the_tracking_law_decide_the_density() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", list(paper.scenarios()))
 def test_claims_come_out_as_expected_over_six_seeds(name: str) -> None:
-    from flocking.study.audit import audit, judge
-
     claims = paper.claims(name)
     reports = [audit(fk.simulate(paper.scenarios()[name](seed), progress=False), claims) for seed in range(6)]
     for judgement in judge(claims, reports):

@@ -48,7 +48,7 @@ VARIANTS = (
     Variant("wide strip 107 x 30", box=((-87.0, 7.5), (107.0, 30.0))),
     Variant("square 57 x 57", box=((-37.0, -6.0), (57.0, 57.0))),
 )
-"""The variants compared; all boxes have the same area, and the same middle line."""
+"""The variants compared; all boxes have nearly the same area, the same middle line and the same front."""
 
 
 @dataclass(frozen=True)

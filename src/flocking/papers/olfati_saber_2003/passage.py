@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -72,6 +73,7 @@ def _distances(obstacle: Obstacle, times: Array, points: Array) -> Array:
     return obstacle.distance_function()(points.reshape(k * n, m), np.repeat(times, n), values).reshape(k, n)
 
 
+@lru_cache(maxsize=1)
 def flock_counts(e: Evidence) -> tuple[int, int, int]:
     """Flocks when the first obstacle becomes active, the most until the last one is left, and at the end."""
     from flocking.study.nets import flocks

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 PASSAGE_TIMES = (0.0, 11.0, 14.0, 18.0, 22.0, 26.0, 32.0, 42.0)
 """Times of Fig. 7 and 8; the paper prints none."""
+ARROW_SECONDS = 0.6
+"""An arrow is the way travelled in this time."""
 SINK_TIMES = (0.0, 1.0, 2.0, 4.0, 8.0, SINK_DURATION)
 """Times of Fig. 9; the paper prints none."""
 DIAGRAMS = {
@@ -47,6 +49,7 @@ def passage(run: Run, *, links: bool) -> Picture:
                 frame=frame,
                 links=links,
                 arrows=not links,
+                seconds_per_arrow=ARROW_SECONDS,
                 obstacles=seen,
                 leader=False,
                 color="flock" if links else "plain",
