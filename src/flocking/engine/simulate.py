@@ -15,16 +15,17 @@ from flocking.errors import InvalidInput, SimulationError, StorageError
 from flocking.model.law import Law, Scenario
 
 if TYPE_CHECKING:
+    from flocking.engine.lammps.session import LammpsSession
     from flocking.engine.saving import Saving
     from flocking.engine.tiles.session import TilesSession
 
-ENGINES = ("auto", "exact", "tiles")
+ENGINES = ("auto", "exact", "tiles", "lammps")
 QUIET_SECONDS = 2.0
 
 
 def start(
     scenario: Scenario, engine: str = "auto", *, plant: Law | None = None, **options: Any
-) -> ExactSession | TilesSession:
+) -> ExactSession | TilesSession | LammpsSession:
     """Start a session: a simulation that is advanced, looked at and changed step by step.
 
     Parameters
@@ -32,11 +33,12 @@ def start(
     scenario
         What to simulate.
     engine
-        ``"exact"``, ``"tiles"`` for large groups, or ``"auto"`` to choose (the exact one).
+        ``"exact"``, ``"tiles"`` for large groups, ``"lammps"`` for a cluster, or ``"auto"`` to choose (the exact one).
     plant
         The law the agents really obey, for tests of an audit; the scenario's law when absent.
     options
-        For ``"tiles"``: step, scheme, precision and more, see `flocking.engine.tiles.session.TilesOptions`.
+        For ``"tiles"``: step, scheme, precision and more, see `flocking.engine.tiles.session.TilesOptions`; for
+        ``"lammps"``: step and more, see `flocking.engine.lammps.session.LammpsOptions`.
 
     Raises
     ------
@@ -53,9 +55,13 @@ def start(
         from flocking.engine.tiles.session import TilesSession, tiles_options
 
         return TilesSession(scenario, tiles_options(options), plant=plant)
+    if engine == "lammps":
+        from flocking.engine.lammps.session import LammpsSession, lammps_options
+
+        return LammpsSession(scenario, lammps_options(options), plant=plant)
     if options:
         raise InvalidInput(
-            "start", sorted(options)[0], "is an option of engine='tiles' alone", options[sorted(options)[0]]
+            "start", sorted(options)[0], "is an option of engine='tiles' or 'lammps' alone", options[sorted(options)[0]]
         )
     return ExactSession(scenario, plant=plant)
 
@@ -76,7 +82,7 @@ def simulate(
     scenario
         What to simulate.
     engine
-        ``"exact"``, ``"tiles"`` for large groups, or ``"auto"`` to choose (the exact one).
+        ``"exact"``, ``"tiles"`` for large groups, ``"lammps"`` for a cluster, or ``"auto"`` to choose (the exact one).
     save
         New or empty folder to write the run to while it goes on, see `flocking.engine.resuming.resume`;
         nothing is written when absent. The tiled engine writes at the end, or when it is interrupted.
@@ -85,7 +91,8 @@ def simulate(
     plant
         The law the agents really obey, for tests of an audit; the scenario's law when absent.
     options
-        For ``"tiles"``: step, scheme, precision and more, see `flocking.engine.tiles.session.TilesOptions`.
+        For ``"tiles"``: step, scheme, precision and more, see `flocking.engine.tiles.session.TilesOptions`; for
+        ``"lammps"``: step and more, see `flocking.engine.lammps.session.LammpsOptions`.
 
     Returns
     -------
@@ -101,6 +108,8 @@ def simulate(
     StorageError
         When the run cannot be saved; its ``run`` holds what was computed until then.
     """
+    if engine == "tiles":
+        options.setdefault("tell", progress)
     session = start(scenario, engine, plant=plant, **options)
     if save is None:
         return drive(session, progress=progress)

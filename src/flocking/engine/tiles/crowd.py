@@ -244,12 +244,12 @@ class Crowd:
         """The skin that makes a step cheapest at the speed the agents have now."""
         cutoff = max(self.cutoffs)
         if self.skin_wanted is not None:
-            return self.skin_wanted
+            return float(self.skin_wanted)
         stride = 2.0 * self.top_speed * step / (CERTAIN * cutoff)
 
         def cost(skin: float) -> float:
-            length = (1.0 + skin) ** self.m
-            return (0.3 + length) + (1.0 + REBUILD_COST * length) / max(1.0, skin / max(stride, 1e-12))
+            length = float((1.0 + skin) ** self.m)
+            return 0.3 + length + (1.0 + REBUILD_COST * length) / max(1.0, skin / max(stride, 1e-12))
 
         return float(cutoff * min(SKINS, key=cost))
 
@@ -350,7 +350,8 @@ class Crowd:
             self.obstacles.require(self.X[: self.m], self.tiles, t, speed * abs(drift))
             lists += [x for pair in self.obstacles.lists for x in pair]
         self.workers.each(
-            self.kernel, self.tiles, float(t), T(keep), T(kick), T(drift), T(whole), T(soft), hold, self.X, self.Y, self.n,
+            self.kernel, self.tiles, float(t), T(keep), T(kick), T(drift), T(whole), T(soft), hold, self.X, self.Y,
+            self.n,
             *lists, self.P, self.A, self.O, self.ids, self.seeds, self.matrices, self.M, self.C, self.tops, self.sums,
         )  # fmt: skip
 
@@ -423,7 +424,8 @@ class Crowd:
 
 
 _KEPT = (
-    "X", "ids", "each", "A", "C", "reference", "elapsed", "bound", "skin", "rebuilds", "lists", "top_speed", "_rounding",
+    "X", "ids", "each", "A", "C", "reference", "elapsed", "bound", "skin", "rebuilds", "lists", "top_speed",
+    "_rounding",
     "_first_links", "lost",
 )  # fmt: skip
 

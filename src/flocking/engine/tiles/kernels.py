@@ -48,6 +48,12 @@ def tile_kernels(spec: KernelSpec) -> ModuleType:
     return generated_module(structure, lambda: _source(spec, law_formulas(spec.layout, spec.dimension)))
 
 
+def is_compiled(spec: KernelSpec) -> bool:
+    """Whether machine code of a law's kernel is on disk already."""
+    module = Path(str(tile_kernels(spec).__file__))
+    return any((module.parent / "__pycache__").glob(f"{module.stem}.move-*.nbi"))
+
+
 def _arguments(spec: KernelSpec) -> list[str]:
     """Arguments of ``move``.
 

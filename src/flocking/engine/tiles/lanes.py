@@ -401,5 +401,6 @@ def each_lane(typing_context: Any, function: Any, value: Any) -> Any:
 __all__ = [
     "FLAGS", "LANES", "WIDTH", "Lanes", "each_lane", "float_bits", "float_of", "float_of_bits", "floor_of",
     "gather",
-    "highest", "load", "lowest", "narrow", "numbers_from", "root", "select", "spread", "store", "total", "whole_of", "widen",
+    "highest", "load", "lowest", "narrow", "numbers_from", "root", "select", "spread", "store", "total",
+    "whole_of", "widen",
 ]  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -14,6 +15,7 @@ from flocking.engine.provenance import provenance
 from flocking.engine.run import Run
 from flocking.engine.tiles import automatic_step, checks
 from flocking.engine.tiles.crowd import Crowd, CrowdMemory
+from flocking.engine.tiles.kernels import is_compiled
 from flocking.engine.tiles.lists import TooManyNeighboursError, listed_pairs
 from flocking.engine.tiles.records import Records
 from flocking.engine.tiles.schemes import Scheme, scheme_named
@@ -54,6 +56,8 @@ class TilesOptions:
         Skin of the neighbour lists; chosen automatically when absent.
     memory_limit
         Largest size of the neighbour lists in bytes; half the machine's memory when absent.
+    tell
+        Say on standard error when a law is compiled for the first time.
 
     Raises
     ------
@@ -70,6 +74,7 @@ class TilesOptions:
     keep_frames: bool = True
     skin: float | None = None
     memory_limit: float | None = None
+    tell: bool = False
 
     def __post_init__(self) -> None:
         if self.scheme not in SCHEMES:
@@ -174,8 +179,10 @@ class TilesSession:
         )  # fmt: skip
 
     def _new_crowd(self, scenario: Scenario, state: State) -> Crowd:
-        limit = self.options.lists_limit
-        return Crowd(scenario, state, self._spec(scenario), self.workers, limit, self.options.skin)
+        spec = self._spec(scenario)
+        if self.options.tell and not is_compiled(spec):
+            print("flocking: compiling this law; the next run finds it on disk.", file=sys.stderr, flush=True)
+        return Crowd(scenario, state, spec, self.workers, self.options.lists_limit, self.options.skin)
 
     def _automatic_step(self) -> float:
         self._guarded(lambda: self._crowd.require_lists(0.0))
