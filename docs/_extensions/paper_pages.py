@@ -7,6 +7,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import sympy
 from text_tables import code, number, plain, table
 
 from flocking.model.law import Scenario
@@ -30,7 +31,7 @@ def constants(module: ModuleType) -> list[tuple[str, str, str]]:
         names = [n.id for t in targets for n in ast.walk(t) if isinstance(n, ast.Name)]
         for name in names:
             value = getattr(module, name)
-            if name.isupper() and not isinstance(value, dict):
+            if name.isupper() and not isinstance(value, dict | str) and name != "LAST_FIGURE":
                 found.append((name.lower().replace("_", " "), repr_of(value), note))
     return found
 
@@ -72,9 +73,12 @@ def potentials(scenario: Scenario) -> str:
     if not found:
         return ""
     psi = found[0]
+    r, formula = psi.symbolic()
+    shape = sympy.latex(sympy.piecewise_fold(formula))
+    slope = sympy.latex(sympy.piecewise_fold(sympy.diff(formula, r)))
     values = ", ".join(f"{name} = {value:.5g}" for name, value in psi.parameters.items())
     where = f"with {plain(values)}, and its slope as the library derives it\n\n" if values else "and its slope\n\n"
-    return f"The potential\n\n$$\\psi(r) = {psi.latex()}$$\n\n{where}$$\\psi'(r) = {psi.slope_latex()}$$\n\n"
+    return f"The potential\n\n$$\\psi(r) = {shape}$$\n\n{where}$$\\psi'(r) = {slope}$$\n\n"
 
 
 def claim_rows(module: ModuleType, name: str) -> list[tuple[str, ...]]:

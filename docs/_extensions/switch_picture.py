@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ def polygons(x0: float, x1: float, depth: int) -> list[tuple[np.ndarray, np.ndar
     """Control points of the squared distance on [x0, x1] of the way, halved ``depth`` times."""
     found = []
     edges = np.linspace(x0, x1, 2**depth + 1)
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in pairwise(edges):
         coefficients = np.zeros((8, 2, 2))
         coefficients[:, 1, 0] = -2.0 + SPEED * np.linspace(a, b, 8)
         coefficients[:, 1, 1] = OFFSET
