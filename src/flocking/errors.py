@@ -105,3 +105,11 @@ class StorageError(FlockingError):
 
 class UnsupportedLaw(FlockingError):
     """The chosen engine cannot run a part of this law; the message names the one that can."""
+
+
+class EngineMissing(FlockingError):
+    """The chosen engine needs a package that is not installed, or another version of it; the message says how."""
+
+
+class SweepError(FlockingError):
+    """A sweep that cannot go on; what its runs gave until then is kept where it has a folder."""

@@ -87,7 +87,9 @@ SETTINGS: dict[str, Setting] = {
 """Scenarios by name; ``-uniform`` is law (8), which Theorem 3 is about and the paper does not simulate."""
 
 
-def scenario(figure: int | None = None, seed: int = 0, *, name: str = KEY, compact: bool = True) -> Scenario:
+def scenario(
+    figure: int | None = None, seed: int = 0, *, name: str = KEY, compact: bool = True, informed: int = INFORMED
+) -> Scenario:
     """One of the paper's simulations.
 
     Parameters
@@ -100,6 +102,8 @@ def scenario(figure: int | None = None, seed: int = 0, *, name: str = KEY, compa
         Name of the scenario, where no figure is given.
     compact
         Start within radius 3 at speeds up to 1; otherwise the paper's radius 10 and speeds up to 4.
+    informed
+        How many agents know the velocity or the acceleration, in the scenarios where only some do.
     """
     if figure is not None:
         shown = {9: "7", 12: "10"}.get(figure, str(figure))
@@ -112,7 +116,7 @@ def scenario(figure: int | None = None, seed: int = 0, *, name: str = KEY, compa
     damping = rng.uniform(0.0, 1.0, AGENTS)
     gains = rng.uniform(0.0, 1.0, AGENTS)
     weights = np.triu(rng.uniform(0.0, 1.0, (AGENTS, AGENTS)), 1)
-    chosen = rng.permutation(AGENTS)[:INFORMED]
+    chosen = rng.permutation(AGENTS)[:informed]
     leader = Path(LEADER_VELOCITY)
     follow = _track(setting, leader, gains, chosen)
     terms: tuple[Term, ...] = (Gradient(potential()), Consensus(weights=weights + weights.T), follow, Compensate())

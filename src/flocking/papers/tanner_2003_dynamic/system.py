@@ -43,7 +43,9 @@ def energy(radius: float = RADIUS) -> Energy:
     return Energy(unlinked=boundary_value(radius), name="Q")
 
 
-def scenario(figure: int | None = None, seed: int = 0, *, speed: float = LARGEST_SPEED) -> Scenario:
+def scenario(
+    figure: int | None = None, seed: int = 0, *, speed: float = LARGEST_SPEED, start_radius: float = START_RADIUS
+) -> Scenario:
     """The simulation of sec. VII: ten agents in a ball, linked while closer than 2, 100 seconds.
 
     The start is redrawn until the graph is connected: Assumption VI.1 cannot hold otherwise.
@@ -56,6 +58,8 @@ def scenario(figure: int | None = None, seed: int = 0, *, speed: float = LARGEST
         Seed of the start.
     speed
         Largest initial speed.
+    start_radius
+        Radius of the ball of the start, which decides its density.
 
     Raises
     ------
@@ -64,7 +68,7 @@ def scenario(figure: int | None = None, seed: int = 0, *, speed: float = LARGEST
     """
     check_figure(figure, LAST_FIGURE)
     graph = Proximity(RADIUS)
-    start = starts.ball(AGENTS, radius=START_RADIUS, speed=speed, seed=seed, connected_under=graph)
+    start = starts.ball(AGENTS, radius=start_radius, speed=speed, seed=seed, connected_under=graph)
     law = Law(graph, (Gradient(inner_potential()), Consensus(1.0)))
     return Scenario(law, start, t_end=DURATION, frames=frame_times(), energy=energy(), name=KEY, seed=seed)
 

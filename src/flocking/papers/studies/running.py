@@ -1,0 +1,32 @@
+"""Sweep files at work: their runs made, audited as the papers' where they are the papers'."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from flocking.study.sweeps.sweep_file import SweepFile
+from flocking.study.sweeps.table import SweepTable
+
+
+def run_file(file: SweepFile, out: str | Path | None = None, **arguments: Any) -> SweepTable:
+    """Make the runs of a sweep file, or those that are missing in ``out``.
+
+    Parameters
+    ----------
+    file
+        The sweep.
+    out
+        Folder of the results.
+    arguments
+        Further arguments of `flocking.study.sweeps.sweep.sweep`: workers, cluster, progress.
+    """
+    from flocking.papers.auditing import audit
+    from flocking.study.sweeps.sweep import sweep
+
+    seeds = file.plan.seeds
+    return sweep(
+        file.make, grid=file.plan.grid, sample=file.plan.sample, seeds=seeds, seed=file.plan.root,
+        measures=file.measures, more_measures=file.more_measures, audit=audit if file.audit else False, out=out,
+        engine=file.engine, record=file.record, most_runs=file.plan.most_runs, **arguments,
+    )  # fmt: skip

@@ -1,0 +1,194 @@
+"""Pictures of sweeps: shares as a map, means with their intervals as curves, one measure against another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.show.style import PALETTE, axes_or_new, in_style, theme
+from flocking.study.sweeps.plan import label
+
+if TYPE_CHECKING:
+    from flocking.study.sweeps.table import SweepTable
+
+
+def _need_grid(table: SweepTable, *names: str) -> None:
+    for name in names:
+        if name not in table.plan.grid:
+            raise InvalidInput("sweep picture", "axis", f"must be one of {', '.join(table.plan.grid)}", name)
+
+
+@in_style
+def share_map(
+    table: SweepTable,
+    measure: str,
+    x: str,
+    y: str,
+    *,
+    x_label: str = "",
+    y_label: str = "",
+    title: str = "",
+    axes: Any = None,
+) -> Any:
+    """A mean over two parameters as coloured cells, each with its value and interval written in.
+
+    Parameters
+    ----------
+    table
+        Results of a sweep over a grid of two parameters.
+    measure
+        What is shown; a share where it is a truth value.
+    x, y
+        The parameters.
+    x_label, y_label, title
+        Text; the names when absent.
+    axes
+        Where to draw; a new figure when absent.
+
+    Raises
+    ------
+    InvalidInput
+        When a parameter is none of the grid's.
+    """
+    _need_grid(table, x, y)
+    axes = axes_or_new(axes, width=4.6)
+    found = table.summary().transpose(y, x, ...)
+    means, lows, highs = (np.asarray(found[measure + end]) for end in ("", "_low", "_high"))
+    top = 1.0 if table.is_share(measure) else float(np.nanmax(means))
+    mesh = axes.imshow(means, origin="lower", aspect="auto", cmap="cividis", vmin=0.0, vmax=top)
+    for (row, column), value in np.ndenumerate(means):
+        ink = "white" if value < 0.55 * top else "black"
+        text = f"{value:.2f}\n{lows[row, column]:.2f}–{highs[row, column]:.2f}"
+        axes.text(column, row, text, ha="center", va="center", color=ink, fontsize=6)
+    for name, set_ticks in ((x, axes.set_xticks), (y, axes.set_yticks)):
+        values = table.plan.grid[name]
+        set_ticks(range(len(values)), [label(v) for v in values])
+    axes.set_xlabel(x_label or x)
+    axes.set_ylabel(y_label or y)
+    axes.set_title(title)
+    axes.figure.colorbar(mesh, ax=axes, fraction=0.05, pad=0.02)
+    return axes
+
+
+@in_style
+def bands(
+    table: SweepTable,
+    measure: str,
+    x: str,
+    *,
+    by: str | None = None,
+    shown: Callable[[Any], str] = label,
+    x_label: str = "",
+    y_label: str = "",
+    title: str = "",
+    runs: bool = False,
+    axes: Any = None,
+) -> Any:
+    """Mean against one parameter with its interval, one curve for each value of another.
+
+    Parameters
+    ----------
+    table
+        Results of a sweep over a grid.
+    measure
+        What is shown.
+    x
+        The parameter along the axis.
+    by
+        The parameter of the curves; one curve when absent.
+    shown
+        Text of a value of ``by`` in the legend.
+    x_label, y_label, title
+        Text; the names when absent.
+    runs
+        Show every run as a dot too.
+    axes
+        Where to draw; a new figure when absent.
+
+    Raises
+    ------
+    InvalidInput
+        When a parameter is none of the grid's.
+    """
+    _need_grid(table, x, *([by] if by else []))
+    axes = axes_or_new(axes, width=4.2)
+    found = table.summary()
+    places = np.asarray(table.plan.grid[x], dtype=float)
+    for k, value in enumerate(table.plan.grid[by] if by else [None]):
+        own = found.isel({by: k}) if by else found
+        color = PALETTE[k % len(PALETTE)]
+        middle, low, high = (np.asarray(own[measure + end]) for end in ("", "_low", "_high"))
+        axes.plot(places, middle, "o-", color=color, ms=3, label=shown(value) if by else None)
+        axes.fill_between(places, low, high, color=color, alpha=0.2, lw=0)
+        if runs:
+            data = table.dataset[measure]
+            data = data.isel({by: k}) if by else data
+            each = np.asarray(data.transpose(x, ...)).reshape(len(places), -1)
+            axes.plot(np.repeat(places, each.shape[1]), each.ravel(), ".", color=theme().faint, ms=2, zorder=0)
+    if by:
+        axes.legend(title=by)
+    axes.set_xlabel(x_label or x)
+    axes.set_ylabel(y_label or measure)
+    axes.set_title(title)
+    return axes
+
+
+@in_style
+def against(
+    table: SweepTable,
+    x: str,
+    y: str,
+    *,
+    by: str | None = None,
+    shown: Callable[[Any], str] = label,
+    x_label: str = "",
+    y_label: str = "",
+    title: str = "",
+    axes: Any = None,
+) -> Any:
+    """One measure against another, a dot per run on logarithmic axes, with the line where they are equal.
+
+    Parameters
+    ----------
+    table
+        Results of a sweep.
+    x, y
+        The measures.
+    by
+        A parameter of the grid that colours the dots.
+    shown
+        Text of a value of ``by`` in the legend.
+    x_label, y_label, title
+        Text; the names when absent.
+    axes
+        Where to draw; a new figure when absent.
+
+    Raises
+    ------
+    InvalidInput
+        When a name is none of the sweep's.
+    """
+    _need_grid(table, *([by] if by else []))
+    axes = axes_or_new(axes, width=4.2, height=3.6)
+    columns = table.columns
+    pairs = np.array([(a, b) for a, b in zip(table.values(x).ravel(), table.values(y).ravel(), strict=True)])
+    here = {index: pairs[index] for index in columns["run"]}
+    for k, value in enumerate(table.plan.grid[by] if by else [None]):
+        chosen = [here[r] for r, v in zip(columns["run"], columns[by] if by else columns["run"], strict=True)
+                  if by is None or v == value]  # fmt: skip
+        dots = np.array(chosen).reshape(-1, 2)
+        axes.plot(dots[:, 0], dots[:, 1], "o", ms=2.5, alpha=0.7, mew=0, color=PALETTE[k % len(PALETTE)],
+                  label=shown(value) if by else None)  # fmt: skip
+    ends = np.array([np.nanmin(pairs), np.nanmax(pairs)])
+    axes.plot(ends, ends, color=theme().ink, lw=0.8, ls="--")
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    if by:
+        axes.legend(title=by)
+    axes.set_xlabel(x_label or x)
+    axes.set_ylabel(y_label or y)
+    axes.set_title(title)
+    return axes

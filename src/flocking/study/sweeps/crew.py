@@ -1,0 +1,195 @@
+"""Who does the work: this process, local processes kept by joblib's loky, or the workers of a Dask cluster."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from types import TracebackType
+from typing import Any
+
+from flocking.errors import InvalidInput
+
+IDLE_SECONDS = 300
+CONNECT_SECONDS = 20
+
+
+class Crew:
+    """Workers behind the interface of `concurrent.futures`; what is submitted to them is theirs to schedule."""
+
+    breaks_together = False
+    """Whether the death of one worker loses what all others were at."""
+    deaths_told = 1
+    """How many workers have died on a task before it comes back as lost."""
+    takes_notes = False
+    """Whether workers see the files of this process."""
+    elsewhere = True
+    """Whether the work must be packed to reach them."""
+
+    def __enter__(self) -> Crew:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
+        self.leave()
+
+    @property
+    def size(self) -> int:
+        """Number of workers now."""
+        return 1
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Have a function called by a worker."""
+        raise InvalidInput("sweep", "workers", "must be workers of some kind", self)
+
+    def lost(self, error: BaseException) -> bool:
+        """Whether an error says that the worker died, and not that the function failed."""
+        return False
+
+    def leave(self) -> None:
+        """Give the workers back; what they were at is stopped."""
+
+
+class Alone(Crew):
+    """The calling process itself."""
+
+    elsewhere = False
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Call the function now."""
+        future: Future[Any] = Future()
+        try:
+            future.set_result(function(*arguments))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+class LocalProcesses(Crew):
+    """Processes of this machine, kept warm from batch to batch by joblib's loky.
+
+    Parameters
+    ----------
+    workers
+        How many.
+    """
+
+    breaks_together = True
+    takes_notes = True
+
+    def __init__(self, workers: int) -> None:
+        self._workers = workers
+        self._executor: Any = None
+
+    @property
+    def size(self) -> int:
+        """Number of workers."""
+        return self._workers
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Have a function called by a process; processes that died are replaced first."""
+        from joblib.externals.loky import get_reusable_executor
+
+        # Threads of all workers together are no more than cores.
+        share = str(max(1, (os.cpu_count() or 1) // self._workers))
+        threads = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), share)
+        self._executor = get_reusable_executor(max_workers=self._workers, timeout=IDLE_SECONDS, env=threads)
+        future: Future[Any] = self._executor.submit(function, *arguments)
+        return future
+
+    def lost(self, error: BaseException) -> bool:
+        """Whether a process died."""
+        from concurrent.futures.process import BrokenProcessPool
+
+        from joblib.externals.loky.process_executor import ShutdownExecutorError
+
+        return isinstance(error, BrokenProcessPool | ShutdownExecutorError)
+
+    def leave(self) -> None:
+        """Stop the processes."""
+        if self._executor is not None:
+            self._executor.shutdown(wait=True, kill_workers=True)
+
+
+class Cluster(Crew):
+    """The workers of a Dask cluster; Dask chooses who runs what and starts again what dies with its worker.
+
+    Parameters
+    ----------
+    address
+        Address of its scheduler, such as ``tcp://10.0.0.1:8786``.
+
+    Raises
+    ------
+    InvalidInput
+        When Dask is not installed, or nothing answers at the address.
+    """
+
+    # Dask itself lets a task kill several workers before it gives it up.
+    deaths_told = 2
+
+    def __init__(self, address: str) -> None:
+        try:
+            from distributed import Client
+        except ImportError:
+            raise InvalidInput(
+                "sweep", "cluster", "needs Dask", address, "Install it: pip install 'flocking[cluster]'."
+            ) from None
+        if not isinstance(address, str):
+            raise InvalidInput("sweep", "cluster", "must be the address of a scheduler", address)
+        try:
+            self._client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
+        except (OSError, ValueError, TypeError) as error:
+            raise InvalidInput(
+                "sweep", "cluster", f"must be a scheduler that answers ({type(error).__name__})", address,
+                "Start one with 'dask scheduler', and workers with 'dask worker ADDRESS'.",
+            ) from None  # fmt: skip
+        try:
+            self._client.wait_for_workers(1, timeout=CONNECT_SECONDS)
+        except TimeoutError:
+            self._client.close()
+            raise InvalidInput(
+                "sweep", "cluster", "must have workers", address, "Start some with 'dask worker ADDRESS'."
+            ) from None
+        self._executor: Executor = self._client.get_executor(pure=False)
+
+    @property
+    def size(self) -> int:
+        """Number of threads of all workers now."""
+        return max(1, int(sum(self._client.nthreads().values())))
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Have a function called by a worker of the cluster."""
+        return self._executor.submit(function, *arguments)
+
+    def lost(self, error: BaseException) -> bool:
+        """Whether workers died of the task."""
+        from distributed import KilledWorker
+
+        return isinstance(error, KilledWorker)
+
+    def leave(self) -> None:
+        """Take back what is not done, and close the connection."""
+        self._executor.shutdown(wait=False)
+        self._client.close()
+
+
+def crew(workers: int | None, cluster: str | None) -> Crew:
+    """The crew a user asks for.
+
+    Raises
+    ------
+    InvalidInput
+        When both are given, or the number is not positive.
+    """
+    from flocking.model.checks import integer
+
+    if cluster is not None:
+        if workers is not None:
+            raise InvalidInput("sweep", "workers", "must be left out with a cluster, which has its own", workers)
+        return Cluster(cluster)
+    if workers is None:
+        from joblib import cpu_count
+
+        workers = int(cpu_count())
+    count = integer("sweep", "workers", workers, least=1)
+    return Alone() if count == 1 else LocalProcesses(count)

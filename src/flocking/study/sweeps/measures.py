@@ -1,0 +1,184 @@
+"""What is measured of every run of a sweep, by name."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.run import Run
+from flocking.errors import InvalidInput
+from flocking.model import observables
+from flocking.model.tracking import Track
+from flocking.study.evidence import Evidence
+from flocking.study.general_claims import SETTLED
+
+Measured = float | bool
+Measuring = Callable[[Evidence], Measured]
+
+
+def _settling(t: Any, sizes: Any) -> float:
+    """First time from which sizes stay within `SETTLED` of their largest; nan when they do not in the end."""
+    outside = np.flatnonzero(sizes > SETTLED * sizes.max(initial=0.0))
+    if len(outside) == 0:
+        return float(t[0])
+    return float(t[outside[-1] + 1]) if outside[-1] + 1 < len(t) else math.nan
+
+
+def convergence_time(e: Evidence) -> float:
+    """First frame from which on the velocity spread is a hundredth of its largest; nan when never."""
+    return _settling(e.run.t, e.velocity_spread)
+
+
+def following_time(e: Evidence) -> float:
+    """First frame from which on every velocity is the leader's, to a hundredth of the largest difference."""
+    track = next((term for term in e.law.body_terms if isinstance(term, Track)), None)
+    if track is None:
+        raise InvalidInput("sweep", "measures", "has 'following_time', which needs a law with a leader", e.law)
+    goal = np.array([track.leader.at(float(t))[1] for t in e.run.t])
+    return _settling(e.run.t, np.linalg.norm(e.run.p - goal[:, None, :], axis=2).max(axis=1))
+
+
+def _or_nan(value: float) -> float:
+    return value if math.isfinite(value) else math.nan
+
+
+MEASURES: dict[str, tuple[str, Measuring]] = {
+    "flocks": ("flocks at the end", lambda e: e.flocks_at_end),
+    "density": ("share of the agents in the largest flock at the end",
+                lambda e: observables.density(e.link_history[-1][1])),
+    "connected": ("whether the graph is connected throughout", lambda e: math.isinf(e.first_disconnected)),
+    "connected_at_end": ("whether the graph is connected at the end", lambda e: e.flocks_at_end == 1),
+    "disconnected_at": ("time at which the graph first falls apart", lambda e: _or_nan(e.first_disconnected)),
+    "velocity_spread": ("largest difference from the mean velocity at the end", lambda e: float(e.velocity_spread[-1])),
+    "order": ("length of the mean unit velocity at the end", lambda e: observables.order(e.run.state(-1))),
+    "speed": ("largest speed at the end", lambda e: float(e.speeds[-1])),
+    "diameter": ("largest distance of two agents at the end", lambda e: float(e.diameter[-1])),
+    "closest": ("closest pair of the whole run", lambda e: _or_nan(e.run.closest.distance)),
+    "closest_linked": ("closest linked pair of the whole run", lambda e: _or_nan(e.run.closest_linked.distance)),
+    "convergence_time": ("time from which the velocities agree", convergence_time),
+    "converged": ("whether the velocities agree at the end", lambda e: not math.isnan(convergence_time(e))),
+    "following_time": ("time from which the velocities are the leader's", following_time),
+    "following": ("whether the velocities are the leader's at the end", lambda e: not math.isnan(following_time(e))),
+    "energy_start": ("energy at the start", lambda e: float(e.run.trace["energy"][0])),
+    "energy": ("energy at the end", lambda e: float(e.run.trace["energy"][-1])),
+    "energy_most": ("largest energy of the run", lambda e: float(e.run.trace["energy"].max())),
+    "dissipated": ("energy dissipated", lambda e: float(e.run.trace["dissipated"][-1])),
+    "links_created": ("links that appeared", lambda e: e.links_created),
+    "links_lost": ("links that broke", lambda e: e.links_lost),
+    "last_switch": ("time of the last link switch", lambda e: e.last_switch),
+    "ledger_closes": ("whether the energy ledger closes", lambda e: e.ledger_closes),
+}  # fmt: skip
+"""What can be measured, by name: a description, and the function of the evidence of a run."""
+
+
+class OfRun:
+    """A measure given as a function of the run.
+
+    Parameters
+    ----------
+    function
+        Takes the run.
+    """
+
+    def __init__(self, function: Callable[[Run], Any]) -> None:
+        self.function = function
+
+    def __call__(self, evidence: Evidence) -> Any:
+        """Measure the run."""
+        return self.function(evidence.run)
+
+
+def find_measures(
+    wanted: Sequence[str | Callable[[Run], Any]] | Mapping[str, Callable[[Run], Any]] | str,
+    more: Mapping[str, tuple[str, Measuring]] | None = None,
+) -> dict[str, Measuring]:
+    """Measures by name.
+
+    Parameters
+    ----------
+    wanted
+        Names of `MEASURES` and functions of a run, each under its own name; or a mapping of names to functions.
+    more
+        Further measures that may be named.
+
+    Raises
+    ------
+    InvalidInput
+        When a name is unknown or taken twice, or a function has no name.
+    """
+    from flocking.study.scenario_values import nearest
+    from flocking.study.sweeps.plan import RESERVED
+
+    known = {**MEASURES, **(more or {})}
+    entries: list[tuple[str | None, Any]]
+    if isinstance(wanted, Mapping):
+        entries = list(wanted.items())
+    else:
+        entries = [(None, entry) for entry in ([wanted] if isinstance(wanted, str) else wanted)]
+    found: dict[str, Measuring] = {}
+    for given, entry in entries:
+        if isinstance(entry, str):
+            if entry not in known:
+                raise InvalidInput("sweep", "measures", "must be known by name", entry, nearest(entry, known))
+            name, function = str(given or entry), known[entry][1]
+        elif callable(entry):
+            name = str(given or getattr(entry, "__name__", ""))
+            if not name or name == "<lambda>":
+                raise InvalidInput(
+                    "sweep", "measures", "must have names", entry, 'Pass a mapping such as {"speed": lambda run: ...}.'
+                )
+            function = OfRun(entry)
+        else:
+            raise InvalidInput("sweep", "measures", "must be names, or functions of a run", entry)
+        if name in found or name in RESERVED:
+            raise InvalidInput("sweep", "measures", "must have names that are free and not taken twice", name)
+        found[name] = function
+    return found
+
+
+def plain_measure(name: str, value: Any) -> Measured | int:
+    """A measured value as a number or a truth value.
+
+    Raises
+    ------
+    InvalidInput
+        When it is neither.
+    """
+    if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
+        value = value.item()
+    if not isinstance(value, bool | int | float):
+        raise InvalidInput("sweep", f"measures[{name!r}]", "must give one number or a truth value", value)
+    return value
+
+
+def code_of(function: Any) -> str:
+    """Name of a function with a digest of its code, the same in every process, so that a changed one is noticed."""
+    import hashlib
+
+    inner = function.function if isinstance(function, OfRun) else function
+    inner = inspect.unwrap(inner)
+    name = getattr(inner, "__qualname__", type(inner).__qualname__)
+    code = getattr(inner, "__code__", None)
+    if code is None:
+        return name if " at 0x" in repr(inner) else f"{name} {inner!r}"
+    return f"{name} {hashlib.sha256(_code_text(code, inner).encode()).hexdigest()[:12]}"
+
+
+def _code_text(code: Any, function: Any = None) -> str:
+    constants = []
+    for c in code.co_consts:
+        # The order of a set of texts differs from process to process.
+        content = sorted(map(repr, c)) if isinstance(c, frozenset) else c
+        constants.append(_code_text(c) if inspect.iscode(c) else repr(content))
+    captured = []
+    if function is not None:
+        captured = [repr(value) for value in (function.__defaults__ or ())]
+        for cell in function.__closure__ or ():
+            content = cell.cell_contents
+            # The default text of an object is its address, which no second process has.
+            captured.append(type(content).__qualname__ if " at 0x" in repr(content) else repr(content))
+    return repr((code.co_code.hex(), code.co_names, code.co_varnames, constants, captured))

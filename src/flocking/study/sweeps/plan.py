@@ -1,0 +1,225 @@
+"""The plan of a sweep: which runs there are, with which parameters and which seed, whatever order they come in."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.model.checks import integer
+from flocking.study.sweeps.sampling import Sample
+
+MOST_RUNS = 100_000
+"""Runs a sweep may have unless more are asked for."""
+
+RESERVED = ("seed", "replicate", "sample", "status", "message", "seconds", "tries", "run", "runs", "failed")
+"""Names the table of results uses itself."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """One run of a sweep.
+
+    Parameters
+    ----------
+    index
+        Its number in the plan.
+    parameters
+        Arguments of the family of scenarios, without the seed.
+    seed
+        Seed of the run.
+    """
+
+    index: int
+    parameters: Mapping[str, Any]
+    seed: int
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Runs of a sweep: every combination of the grid, with every drawn point, with every seed.
+
+    Parameters
+    ----------
+    grid
+        Values of each parameter by name.
+    sample
+        Points drawn from ranges, where there are any.
+    seeds
+        The seeds that every point runs with; or how many runs every point gets, each with a seed of its own,
+        made from ``root`` and the run's place in the plan alone.
+    root
+        Where the seeds of the runs come from when ``seeds`` is a number.
+    most_runs
+        Runs there may be.
+
+    Raises
+    ------
+    InvalidInput
+        When a name is taken twice or reserved, an axis is empty, or there are too many runs.
+    """
+
+    grid: Mapping[str, tuple[Any, ...]]
+    sample: Sample | None = None
+    seeds: int | tuple[int, ...] = 1
+    root: int = 0
+    most_runs: int = MOST_RUNS
+
+    def __post_init__(self) -> None:
+        names = [*self.grid, *(self.sample.ranges if self.sample else ())]
+        for name in names:
+            if not isinstance(name, str) or not name:
+                raise InvalidInput("sweep", "grid", "must have names as its keys", name)
+            if name in RESERVED:
+                raise InvalidInput("sweep", "grid", f"must not use the name {name!r}, which the results use", name)
+        if len(set(names)) < len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise InvalidInput("sweep", "sample", "must not draw a parameter of the grid", twice)
+        for name, values in self.grid.items():
+            if not values:
+                raise InvalidInput("sweep", f"grid[{name!r}]", "must hold at least one value", list(values))
+            labels = [label(value) for value in values]
+            if len(set(labels)) < len(labels):
+                twice = next(x for x in labels if labels.count(x) > 1)
+                raise InvalidInput("sweep", f"grid[{name!r}]", "must not hold a value twice", twice)
+        if self.size > self.most_runs:
+            raise InvalidInput(
+                "sweep", "grid", f"must make at most {self.most_runs} runs", self.size,
+                f"Pass most_runs={self.size} (--most-runs {self.size}) if you mean it.",
+            )  # fmt: skip
+
+    @property
+    def lengths(self) -> dict[str, int]:
+        """Dimensions of the table of results and their lengths, the runs of one point last."""
+        found = {name: len(values) for name, values in self.grid.items()}
+        if self.sample:
+            found["sample"] = self.sample.count
+        return {**found, self.run_dimension: self.runs_per_point}
+
+    @property
+    def run_dimension(self) -> str:
+        """Name of the last dimension: seeds that were given, or numbered runs."""
+        return "replicate" if isinstance(self.seeds, int) else "seed"
+
+    @property
+    def runs_per_point(self) -> int:
+        """Runs of each point."""
+        return self.seeds if isinstance(self.seeds, int) else len(self.seeds)
+
+    @property
+    def size(self) -> int:
+        """Number of runs."""
+        return math.prod(self.lengths.values())
+
+    @property
+    def points(self) -> int:
+        """Number of points, each with all its runs."""
+        return self.size // self.runs_per_point
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all parameters."""
+        return (*self.grid, *self.drawn)
+
+    @cached_property
+    def drawn(self) -> dict[str, tuple[Any, ...]]:
+        """Drawn values, one column per parameter."""
+        return self.sample.points() if self.sample else {}
+
+    def parameters(self, point: int) -> dict[str, Any]:
+        """Parameters of a point by its number."""
+        lengths = [len(values) for values in self.grid.values()]
+        shape = (*lengths, self.sample.count) if self.sample else tuple(lengths)
+        places = np.unravel_index(point, shape) if shape else ()
+        found = {name: values[int(k)] for (name, values), k in zip(self.grid.items(), places, strict=False)}
+        return found | {name: column[int(places[-1])] for name, column in self.drawn.items()}
+
+    def task(self, index: int) -> Task:
+        """The run with a number."""
+        point, replicate = divmod(index, self.runs_per_point)
+        if isinstance(self.seeds, int):
+            # A child of the root by its place alone: neither order nor the number of workers can change it.
+            child = np.random.SeedSequence(self.root, spawn_key=(point, replicate))
+            seed = int(child.generate_state(1, np.uint64)[0] >> np.uint64(1))
+        else:
+            seed = self.seeds[replicate]
+        return Task(index, self.parameters(point), seed)
+
+    def as_data(self) -> dict[str, Any]:
+        """Plain data that fixes every run."""
+        return {
+            "grid": {name: [recorded(value) for value in values] for name, values in self.grid.items()},
+            "sample": self.sample.as_data() if self.sample else None,
+            "seeds": self.seeds if isinstance(self.seeds, int) else list(self.seeds),
+            "root": self.root,
+        }
+
+
+def make_plan(
+    grid: Mapping[str, Iterable[Any]] | None,
+    sample: Sample | None,
+    seeds: int | Iterable[int],
+    root: int,
+    most_runs: int,
+) -> Plan:
+    """A plan from what a user gives, checked.
+
+    Raises
+    ------
+    InvalidInput
+        When a part of it breaks a rule.
+    """
+    if grid is not None and not isinstance(grid, Mapping):
+        raise InvalidInput("sweep", "grid", "must be a mapping of names to values", grid)
+    if sample is not None and not isinstance(sample, Sample):
+        raise InvalidInput("sweep", "sample", "must be a Sample", sample)
+    axes: dict[str, tuple[Any, ...]] = {}
+    for name, values in (grid or {}).items():
+        if isinstance(values, str | bytes) or not isinstance(values, Iterable):
+            raise InvalidInput("sweep", f"grid[{name!r}]", "must be a list of values", values, f"Write [{values!r}].")
+        axes[name] = tuple(_bounded(values, most_runs, f"grid[{name!r}]"))
+    if isinstance(seeds, int | np.integer) and not isinstance(seeds, bool):
+        kept: int | tuple[int, ...] = integer("sweep", "seeds", seeds, least=1)
+    elif isinstance(seeds, Iterable) and not isinstance(seeds, str | bytes):
+        kept = tuple(integer("sweep", "seeds", seed, least=0) for seed in _bounded(seeds, most_runs, "seeds"))
+        if not kept:
+            raise InvalidInput("sweep", "seeds", "must hold at least one seed", list(kept))
+        if len(set(kept)) < len(kept):
+            raise InvalidInput("sweep", "seeds", "must not hold a seed twice", list(kept)[:8])
+    else:
+        raise InvalidInput("sweep", "seeds", "must be a number of runs or a list of seeds", seeds)
+    return Plan(
+        axes, sample, kept, integer("sweep", "seed", root, least=0), integer("sweep", "most_runs", most_runs, least=1)
+    )
+
+
+def _bounded(values: Iterable[Any], most: int, place: str) -> list[Any]:
+    """The values, but no more than a sweep may have runs: an endless iterator ends here."""
+    found = []
+    for value in values:
+        found.append(value.item() if isinstance(value, np.generic) else value)
+        if len(found) > most:
+            raise InvalidInput("sweep", place, f"must hold at most {most} values", "more", "Pass most_runs for more.")
+    return found
+
+
+def recorded(value: Any) -> Any:
+    """A value as the record of a sweep holds it: itself where JSON can tell it, its text where not."""
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [recorded(entry) for entry in value]
+    try:
+        json.dumps(value)
+    except (TypeError, ValueError):
+        return {"repr": repr(value)}
+    return value
+
+
+def label(value: Any) -> str:
+    """A value in one line, for coordinates and messages."""
+    return value if isinstance(value, str) else json.dumps(recorded(value))

@@ -1,0 +1,54 @@
+"""How far a sweep is: runs done, failures and the time left, on the terminal's error stream."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import Any
+
+
+class Progress:
+    """A bar on a terminal; nothing elsewhere.
+
+    Parameters
+    ----------
+    wanted
+        Whether to show it.
+    total, done
+        Number of runs, and how many were done before.
+    """
+
+    def __init__(self, wanted: bool, total: int, done: int) -> None:
+        self._wanted, self._total, self._done = wanted, total, done
+        self._failed = 0
+        self._bar: Any = None
+        self._task: Any = None
+
+    def __enter__(self) -> Progress:
+        if not self._wanted:
+            return self
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+        from rich.progress import Progress as Bar
+
+        console = Console(stderr=True)
+        if not console.is_terminal:
+            return self
+        columns = (
+            TextColumn("runs"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[failed]}"),
+            TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(),
+        )  # fmt: skip
+        self._bar = Bar(*columns, console=console, transient=True, speed_estimate_period=120)
+        self._task = self._bar.add_task("runs", total=self._total, completed=self._done, failed="")
+        self._bar.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def advance(self, done: int, failed: int) -> None:
+        """Count finished runs, some of which failed."""
+        self._failed += failed
+        if self._bar is not None:
+            text = f"{self._failed} failed" if self._failed else ""
+            self._bar.update(self._task, advance=done, failed=text)

@@ -1,0 +1,112 @@
+"""Which parameters a sweep tries: values drawn from ranges at random, in a Latin square or along a Sobol sequence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array, integer, number
+
+METHODS = ("random", "latin", "sobol")
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Points drawn from ranges of parameters.
+
+    Parameters
+    ----------
+    method
+        ``"random"``: independent and uniform. ``"latin"``: every one of ``count`` equal slices of each range is met
+        once. ``"sobol"``: a scrambled Sobol sequence, which fills the ranges most evenly.
+    count
+        How many points.
+    ranges
+        Lowest and highest value of each parameter by name. Two whole numbers give whole numbers, both ends among them.
+    log
+        Names of parameters whose logarithm is drawn evenly.
+    seed
+        Seed of the draw; the same seed gives the same points.
+
+    Raises
+    ------
+    InvalidInput
+        When the method is unknown, a range is empty, or the logarithm of a range does not exist.
+    """
+
+    method: str
+    count: int
+    ranges: Mapping[str, tuple[float, float]]
+    log: Sequence[str] = ()
+    seed: int = 0
+    _whole: tuple[bool, ...] = field(init=False, repr=False, compare=False, default=())
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise InvalidInput("Sample", "method", f"must be one of {', '.join(METHODS)}", self.method)
+        integer("Sample", "count", self.count, least=1)
+        integer("Sample", "seed", self.seed, least=0)
+        if not self.ranges:
+            raise InvalidInput("Sample", "ranges", "must name at least one parameter", self.ranges)
+        whole = []
+        for name, ends in self.ranges.items():
+            where = f"ranges[{name!r}]"
+            if not isinstance(ends, Sequence) or isinstance(ends, str) or len(ends) != 2:
+                raise InvalidInput("Sample", where, "must be a lowest and a highest value", ends)
+            low, high = (number("Sample", where, end) for end in ends)
+            if not low < high:
+                raise InvalidInput("Sample", where, "must have its lower end first", list(ends))
+            if name in self.log and low <= 0:
+                raise InvalidInput("Sample", where, "must be above 0 to be drawn by its logarithm", list(ends))
+            whole.append(all(isinstance(end, int | np.integer) and not isinstance(end, bool) for end in ends))
+        unknown = [name for name in self.log if name not in self.ranges]
+        if unknown:
+            raise InvalidInput("Sample", "log", f"must be among {', '.join(self.ranges)}", unknown[0])
+        object.__setattr__(self, "_whole", tuple(whole))
+
+    def points(self) -> dict[str, tuple[Any, ...]]:
+        """The values drawn, one column per parameter."""
+        shares = self._shares()
+        columns: dict[str, tuple[Any, ...]] = {}
+        for k, (name, (low, high)) in enumerate(self.ranges.items()):
+            whole = self._whole[k]
+            first, last = (float(low) - 0.5, float(high) + 0.5) if whole else (float(low), float(high))
+            if name in self.log:
+                first = max(first, float(low) / 2)
+                values = first * (last / first) ** shares[:, k]
+            else:
+                values = first + (last - first) * shares[:, k]
+            if whole:
+                columns[name] = tuple(int(v) for v in np.clip(np.rint(values), low, high))
+            else:
+                columns[name] = tuple(float(v) for v in np.clip(values, low, high))
+        return columns
+
+    def _shares(self) -> Array:
+        """Points of the unit cube, shape (count, parameters)."""
+        rng = np.random.default_rng(self.seed)
+        size = len(self.ranges)
+        if self.method == "random":
+            return np.asarray(rng.random((self.count, size)))
+        import warnings
+
+        from scipy.stats import qmc
+
+        if self.method == "latin":
+            return np.asarray(qmc.LatinHypercube(size, rng=rng).random(self.count))
+        with warnings.catch_warnings():
+            # Counts other than powers of two balance less well, and are still a Sobol sequence.
+            warnings.simplefilter("ignore", UserWarning)
+            return np.asarray(qmc.Sobol(size, rng=rng).random(self.count))
+
+    def as_data(self) -> dict[str, Any]:
+        """Plain data for the record of a sweep."""
+        ranges = {name: list(ends) for name, ends in self.ranges.items()}
+        return {
+            "method": self.method, "count": int(self.count), "ranges": ranges, "log": sorted(self.log),
+            "seed": int(self.seed),
+        }  # fmt: skip

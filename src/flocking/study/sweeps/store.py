@@ -1,0 +1,211 @@
+"""A sweep on disk: its record, written first, and chunks of rows, each appended whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import re
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from flocking.engine import durable
+from flocking.errors import StorageError
+from flocking.study.sweeps.work import LONGEST_MESSAGE, Row
+
+FORMAT = 1
+"""Version of the layout on disk; a reader refuses newer ones."""
+
+RECORD = "sweep.json"
+ROWS = "rows"
+LARGEST_FILE = 64 * 2**20
+MOST_CHUNKS = 10_000_000
+_CHUNK = re.compile(r"\d{8}\.json")
+_FIELDS = {"index", "status", "values", "verdicts", "message", "tries", "seconds"}
+
+
+@contextmanager
+def open_store(folder: Path, record: Mapping[str, Any]) -> Iterator[Store]:
+    """The store of a sweep, made new or gone on with, for one writer.
+
+    Raises
+    ------
+    StorageError
+        When the folder cannot be used, holds another sweep or something else, or is being written.
+    """
+    with durable.told(folder, "make the folder of the sweep"):
+        folder.mkdir(parents=True, exist_ok=True)
+        foreign = [p.name for p in folder.iterdir() if p.name not in (RECORD, ROWS, ".lock")]
+    fresh = not (folder / RECORD).exists()
+    if fresh and [name for name in foreign if not name.endswith(durable.PARTIAL)]:
+        raise StorageError(f"{folder}: holds something else already ({foreign[0]}). Choose an empty or new folder.")
+    if (folder / ROWS).is_symlink():
+        raise StorageError(f"{folder}: its {ROWS} is a link to elsewhere; nothing is written through it.")
+    with durable.told(folder, "write the sweep"), durable.only_writer(folder):
+        if fresh:
+            durable.sweep(folder)
+            durable.put(folder / RECORD, _sealed(dict(record)))
+            durable.settle({folder})
+        else:
+            _compare(folder, read_record(folder), json.loads(json.dumps(record)))
+            durable.sweep(folder)
+        yield Store(folder)
+
+
+class Store:
+    """Rows of a sweep in its folder.
+
+    Parameters
+    ----------
+    folder
+        The folder, which `open_store` has prepared.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._rows = folder / ROWS
+        self._folder = folder
+        with durable.told(folder, "write the sweep"):
+            self._rows.mkdir(exist_ok=True)
+        numbers = [int(path.stem) for path in _chunks(folder)]
+        self._next = max(numbers, default=-1) + 1
+
+    def append(self, rows: Sequence[Row]) -> None:
+        """Commit rows; they are on the disk when this returns.
+
+        Raises
+        ------
+        StorageError
+            When they cannot be written; what was committed before stays.
+        """
+        with durable.told(self._folder, "write results of the sweep"):
+            durable.put(self._rows / f"{self._next:08d}.json", _sealed({"rows": list(rows)}))
+            durable.settle({self._rows})
+        self._next += 1
+
+
+def read_record(folder: Path) -> dict[str, Any]:
+    """Record of a stored sweep.
+
+    Raises
+    ------
+    StorageError
+        When there is none, it is damaged, or a newer version wrote it.
+    """
+    path = folder / RECORD
+    if not path.is_file():
+        raise StorageError(f"{folder}: no sweep here. A sweep is a folder with a {RECORD}.")
+    record = _opened(path, check_format=True)
+    if record.get("format") != FORMAT or not isinstance(record.get("plan"), dict):
+        raise StorageError(f"{path}: no record of a sweep: the file was damaged or comes from elsewhere.")
+    return record
+
+
+def read_rows(folder: Path, size: int) -> dict[int, Row]:
+    """Committed rows by the number of their run; where a run has several, the first.
+
+    Parameters
+    ----------
+    folder
+        Folder of the sweep.
+    size
+        Number of runs of the sweep.
+
+    Raises
+    ------
+    StorageError
+        When a chunk is damaged.
+    """
+    found: dict[int, Row] = {}
+    for path in _chunks(folder):
+        rows = _opened(path).get("rows")
+        if not isinstance(rows, list) or not all(_is_row(row, size) for row in rows):
+            raise _damaged(path)
+        for row in rows:
+            found.setdefault(row["index"], row)
+    return found
+
+
+def _chunks(folder: Path) -> list[Path]:
+    rows = folder / ROWS
+    if rows.is_symlink() or not rows.is_dir():
+        return []
+    with durable.told(folder, "read the sweep"):
+        return sorted(path for path in rows.iterdir() if _CHUNK.fullmatch(path.name))
+
+
+def _is_row(row: Any, size: int) -> bool:
+    if not isinstance(row, dict) or set(row) != _FIELDS:
+        return False
+    index, values, verdicts = row["index"], row["values"], row["verdicts"]
+    return (
+        type(index) is int and 0 <= index < size
+        and row["status"] in ("ok", "failed")
+        and isinstance(row["message"], str) and len(row["message"]) <= LONGEST_MESSAGE
+        and type(row["tries"]) is int and isinstance(row["seconds"], float)
+        and isinstance(values, dict) and all(isinstance(v, bool | int | float) for v in values.values())
+        and isinstance(verdicts, dict) and all(isinstance(v, str) for v in verdicts.values())
+    )  # fmt: skip
+
+
+def _sealed(data: dict[str, Any]) -> bytes:
+    body = json.dumps(data, sort_keys=True)
+    return json.dumps({"body": body, "seal": zlib.crc32(body.encode())}).encode()
+
+
+def _opened(path: Path, *, check_format: bool = False) -> dict[str, Any]:
+    try:
+        if path.is_symlink() or not path.is_file() or path.stat().st_size > LARGEST_FILE:
+            raise _damaged(path)
+        outer = json.loads(path.read_bytes())
+        body = outer["body"]
+        whole = zlib.crc32(body.encode()) == outer["seal"]
+        inner = json.loads(body)
+    except OSError as error:
+        raise StorageError(f"{path}: cannot be read: {error.strerror}.") from None
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        raise _damaged(path) from None
+    if not whole or not isinstance(inner, dict):
+        raise _damaged(path)
+    if check_format and isinstance(inner.get("format"), int) and inner["format"] > FORMAT:
+        raise StorageError(
+            f"{path.parent}: written by a newer version of flocking "
+            f"(format {inner['format']}; this one reads {FORMAT}). Update flocking to read it."
+        )
+    return inner
+
+
+def _damaged(path: Path) -> StorageError:
+    if path.name == RECORD:
+        return StorageError(f"{path}: the record of the sweep is damaged or comes from elsewhere.")
+    return StorageError(
+        f"{path}: these results are damaged. All other chunks are untouched; delete this file and run the sweep again "
+        "to make its runs anew."
+    )
+
+
+def _compare(folder: Path, stored: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
+    """Refuse to mix two sweeps, naming everything in which they differ."""
+    different = []
+    for name in sorted({*stored, *asked} - {"provenance", "title"}):
+        different += _differences(name, stored.get(name), asked.get(name))
+    if different:
+        lines = "\n".join(f"  {line}" for line in different[:20])
+        raise StorageError(
+            f"{folder}: holds another sweep, which differs in:\n{lines}\n"
+            "Choose another folder, or ask for the same again."
+        )
+
+
+def _differences(place: str, stored: Any, asked: Any) -> list[str]:
+    if isinstance(stored, dict) and isinstance(asked, dict):
+        found = []
+        for name in dict.fromkeys([*stored, *asked]):
+            found += _differences(f"{place}.{name}", stored.get(name), asked.get(name))
+        return found
+    return [] if stored == asked else [f"{place}: stored {_shown(stored)}, asked for {_shown(asked)}"]
+
+
+def _shown(value: Any) -> str:
+    text = "nothing" if value is None else json.dumps(value)
+    return text if len(text) <= 100 else text[:97] + "..."

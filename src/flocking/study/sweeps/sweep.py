@@ -1,0 +1,245 @@
+"""The one entry: run a family of scenarios over parameters and seeds, and go on where an earlier attempt ended."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from flocking.engine.run import Run
+from flocking.errors import InvalidInput
+from flocking.model.law import Scenario
+from flocking.study.claims import Claim
+from flocking.study.sweeps.measures import code_of, find_measures
+from flocking.study.sweeps.plan import MOST_RUNS, Plan, make_plan
+from flocking.study.sweeps.sampling import Sample
+from flocking.study.sweeps.store import FORMAT, open_store, read_record, read_rows
+from flocking.study.sweeps.table import SweepTable
+from flocking.study.sweeps.work import Row, Work
+
+Auditing = bool | Sequence[Claim] | Callable[[Run], Any]
+
+
+def sweep(
+    make: Callable[..., Scenario],
+    *,
+    grid: Mapping[str, Iterable[Any]] | None = None,
+    sample: Sample | None = None,
+    seeds: int | Iterable[int] = 1,
+    measures: Sequence[str | Callable[[Run], Any]] | Mapping[str, Any] | str = ("flocks", "velocity_spread"),
+    audit: Auditing = False,
+    out: str | Path | None = None,
+    workers: int | None = None,
+    cluster: str | None = None,
+    seed: int = 0,
+    engine: str = "auto",
+    options: Mapping[str, Any] | None = None,
+    most_runs: int = MOST_RUNS,
+    progress: bool = True,
+    record: Mapping[str, Any] | None = None,
+    more_measures: Mapping[str, Any] | None = None,
+) -> SweepTable:
+    """Run a family of scenarios over parameters and seeds, and measure every run.
+
+    A run that fails becomes a row with its message. With ``out``, results are committed as they arrive; the same call
+    again makes only the runs that are missing, after Ctrl-C, a crash or a killed worker.
+
+    Parameters
+    ----------
+    make
+        Called as ``make(**parameters, seed=...)``; gives the scenario. A lambda will do.
+    grid
+        Values of each parameter by name; every combination is run.
+    sample
+        Points drawn from ranges, each run with every point of the grid.
+    seeds
+        Seeds that every point runs with, or how many runs every point gets. Then each has its own seed, fixed by
+        ``seed`` and the run's place in the sweep alone, whatever the order and the number of workers.
+    measures
+        Names from `flocking.study.sweeps.measures.MEASURES`, functions of a run, or a mapping of names to either.
+    audit
+        True to hold the general claims against every run; or the claims; or a function of a run, such as ``fk.audit``.
+    out
+        New folder to keep results in, or that of an earlier attempt at the same sweep.
+    workers
+        Local processes; as many as cores when absent. One works in this process.
+    cluster
+        Address of a Dask scheduler whose workers are used instead.
+    seed
+        Where the seeds of the runs come from when ``seeds`` is a number.
+    engine, options
+        Engine and its options, see `flocking.engine.simulate.simulate`.
+    most_runs
+        Runs the sweep may have.
+    progress
+        Show a bar with the time left on a terminal.
+    record
+        Plain data that says what ``make`` is, kept and compared instead of its code.
+    more_measures
+        Further measures that ``measures`` may name.
+
+    Returns
+    -------
+    SweepTable
+        One row per run. After Ctrl-C it holds those that were finished, and its status says so.
+
+    Raises
+    ------
+    InvalidInput
+        When an argument breaks a rule.
+    StorageError
+        When ``out`` holds another sweep, is damaged, or cannot be written.
+    SweepError
+        When workers die before they begin anything.
+    """
+    if not callable(make):
+        raise InvalidInput("sweep", "make", "must be a function that gives a Scenario", make)
+    plan = make_plan(grid, sample, seeds, seed, most_runs)
+    _check_call(make, plan)
+    found = find_measures(measures, more_measures)
+    choices = {"engine": engine, **(options or {})}
+    _check_engine(engine)
+    work = Work(make, found, auditing(audit), choices)
+    about = {
+        "format": FORMAT,
+        "plan": plan.as_data(),
+        "make": dict(record) if record is not None else code_of(make),
+        "measures": {name: code_of(function) if name not in _known(more_measures) else name
+                     for name, function in found.items()},
+        "audit": _audit_data(audit),
+        "options": {name: str(value) for name, value in choices.items()},
+        "provenance": _provenance(),
+    }  # fmt: skip
+    return _run(plan, work, about, Path(out) if out is not None else None, workers, cluster, progress)
+
+
+def _run(
+    plan: Plan,
+    work: Work,
+    about: dict[str, Any],
+    folder: Path | None,
+    workers: int | None,
+    cluster: str | None,
+    show: bool,
+) -> SweepTable:
+    from flocking.study.sweeps.campaign import Campaign
+    from flocking.study.sweeps.crew import crew
+    from flocking.study.sweeps.progress import Progress
+
+    rows: dict[int, Row] = {}
+    status = "finished"
+    with ExitStack() as open_things:
+        store = open_things.enter_context(open_store(folder, about)) if folder is not None else None
+        if folder is not None:
+            rows.update(read_rows(folder, plan.size))
+        missing = [k for k in range(plan.size) if k not in rows]
+        if missing:
+            bar = open_things.enter_context(Progress(show, plan.size, len(rows)))
+
+            def keep(new: Sequence[Row]) -> None:
+                if store is not None:
+                    store.append(new)
+                rows.update((row["index"], row) for row in new)
+                bar.advance(len(new), sum(row["status"] == "failed" for row in new))
+
+            try:
+                with crew(workers, cluster) as everyone:
+                    Campaign(work, everyone, keep).run(plan.task(k) for k in missing)
+            except KeyboardInterrupt:
+                status = "interrupted"
+    return SweepTable(plan, rows, tuple(work.measures), about, status)
+
+
+def read_sweep(folder: str | Path) -> SweepTable:
+    """Read the results of a sweep from its folder, finished or not.
+
+    Raises
+    ------
+    StorageError
+        When there is no sweep, or it is damaged.
+    """
+    from flocking.errors import StorageError
+
+    folder = Path(folder)
+    record = read_record(folder)
+    try:
+        data = record["plan"]
+        drawn = data["sample"]
+        sample = None
+        if drawn is not None:
+            ranges = {name: (low, high) for name, (low, high) in drawn["ranges"].items()}
+            sample = Sample(drawn["method"], drawn["count"], ranges, tuple(drawn["log"]), drawn["seed"])
+        plan = make_plan(data["grid"], sample, data["seeds"], data["root"], 10_000_000)
+        measures = tuple(str(name) for name in record["measures"])
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise StorageError(f"{folder}: the record of the sweep says what no sweep can be ({error}).") from None
+    rows = read_rows(folder, plan.size)
+    status = "finished" if len(rows) == plan.size else "interrupted"
+    return SweepTable(plan, rows, measures, record, status)
+
+
+def auditing(audit: Auditing) -> Callable[[Run], Any] | None:
+    """The function that audits a run.
+
+    Raises
+    ------
+    InvalidInput
+        When it is nothing that can audit.
+    """
+    from flocking.study.audit import audit as audit_claims
+
+    if audit is False or audit is None:
+        return None
+    if audit is True:
+        return audit_claims
+    if callable(audit):
+        return audit
+    if isinstance(audit, Sequence) and all(isinstance(claim, Claim) for claim in audit):
+        claims = tuple(audit)
+        return lambda run: audit_claims(run, claims)
+    raise InvalidInput("sweep", "audit", "must be true or false, claims, or a function of a run", audit)
+
+
+def _audit_data(audit: Auditing) -> Any:
+    if isinstance(audit, bool):
+        return audit
+    return code_of(audit) if callable(audit) else [claim.key for claim in audit]
+
+
+def _known(more: Mapping[str, Any] | None) -> set[str]:
+    from flocking.study.sweeps.measures import MEASURES
+
+    return {*MEASURES, *(more or {})}
+
+
+def _check_call(make: Callable[..., Any], plan: Plan) -> None:
+    """Refuse at once parameters that ``make`` does not take, not run by run."""
+    try:
+        signature = inspect.signature(make)
+    except (TypeError, ValueError):
+        return
+    try:
+        signature.bind(**dict.fromkeys(plan.names), seed=0)
+    except TypeError as error:
+        raise InvalidInput(
+            "sweep", "make", f"must take the parameters of the sweep and seed ({error})", str(signature)
+        ) from None
+
+
+def _check_engine(engine: str) -> None:
+    from flocking.engine.simulate import ENGINES
+
+    if engine not in ENGINES:
+        raise InvalidInput("sweep", "engine", f"must be one of {', '.join(ENGINES)}", engine)
+
+
+def _provenance() -> dict[str, Any]:
+    import platform
+
+    import numpy as np
+
+    from flocking.engine.provenance import _version
+
+    return {"flocking": _version("flocking"), "numpy": np.__version__, "python": platform.python_version()}

@@ -1,0 +1,341 @@
+"""Sweeps as TOML files: read with every fault named at once; nothing in a file is executed, nothing else is read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.model.law import Scenario
+from flocking.study.scenario_file import MOST_AGENTS, ScenarioFileError
+from flocking.study.scenario_values import RefusedError, nearest
+from flocking.study.sweeps.families import Family, FamilyScenario, FileScenario, path_steps, with_value
+from flocking.study.sweeps.measures import MEASURES, Measuring
+from flocking.study.sweeps.plan import MOST_RUNS, Plan, make_plan
+from flocking.study.sweeps.sampling import Sample
+
+LARGEST_FILE = 2**20
+MOST_TRIED = 200
+"""Values of a scenario written in the file that are tried before any run; others are met when their run is made."""
+
+
+class SweepFileError(ScenarioFileError):
+    """A sweep file with faults.
+
+    Parameters
+    ----------
+    source
+        Name of the file.
+    problems
+        Every fault, as one line of text each.
+    """
+
+    def __init__(self, source: str, problems: list[str]) -> None:
+        super().__init__(source, problems)
+        head = f"{source}: {len(problems)} fault{'s' * (len(problems) > 1)} in the sweep"
+        self.args = ("\n".join([head, *(f"  {line}" for line in problems)]),)
+
+
+@dataclass(frozen=True)
+class SweepFile:
+    """A sweep as a file describes it.
+
+    Parameters
+    ----------
+    name
+        Its name.
+    make
+        Gives the scenarios.
+    plan
+        Which runs there are.
+    measures
+        Names of what is measured.
+    more_measures
+        Measures of the family.
+    audit
+        Whether claims are held against the runs.
+    engine
+        Name of the engine.
+    record
+        What the file says of the scenarios, for the record of the sweep.
+    """
+
+    name: str
+    make: Callable[..., Scenario]
+    plan: Plan
+    measures: tuple[str, ...]
+    more_measures: Mapping[str, tuple[str, Measuring]] = field(default_factory=dict)
+    audit: bool = False
+    engine: str = "auto"
+    record: Mapping[str, Any] = field(default_factory=dict)
+
+
+def read_sweep_file(
+    path: str | Path,
+    families: Mapping[str, Family],
+    *,
+    most_runs: int = MOST_RUNS,
+    most_agents: int = MOST_AGENTS,
+) -> SweepFile:
+    """Read a sweep from a TOML file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    families
+        Families of scenarios it may name.
+    most_runs
+        Runs it may ask for.
+    most_agents
+        Agents a scenario written in it may ask for.
+
+    Raises
+    ------
+    SweepFileError
+        When the file has faults; the message lists every one with its place.
+    InvalidInput
+        When the file cannot be read.
+    """
+    file = Path(path)
+    try:
+        with file.open("rb") as stream:
+            content = stream.read(LARGEST_FILE + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InvalidInput("sweep", "path", f"cannot be read ({reason})", str(path)) from None
+    if len(content) > LARGEST_FILE:
+        raise InvalidInput("sweep", "path", f"must be a file of at most {LARGEST_FILE} bytes", str(path))
+    try:
+        text = content.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise SweepFileError(str(path), [f"file: must be UTF-8 text; byte {error.start} is not"]) from None
+    return parse_sweep(
+        text, families, source=str(path), name=file.stem, most_runs=most_runs, most_agents=most_agents
+    )  # fmt: skip
+
+
+def parse_sweep(
+    text: str,
+    families: Mapping[str, Family],
+    *,
+    source: str = "sweep",
+    name: str = "sweep",
+    most_runs: int = MOST_RUNS,
+    most_agents: int = MOST_AGENTS,
+) -> SweepFile:
+    """Read a sweep from TOML text.
+
+    Parameters
+    ----------
+    text
+        The text.
+    families
+        Families of scenarios it may name.
+    source
+        What error messages call it.
+    name
+        Name of the sweep where the text gives none.
+    most_runs
+        Runs it may ask for.
+    most_agents
+        Agents a scenario written in it may ask for.
+
+    Raises
+    ------
+    SweepFileError
+        When the text has faults; the message lists every one with its place.
+    """
+    from flocking.study.scenario_file import _toml
+    from flocking.study.sweeps.sweep_schema import read_sections
+
+    try:
+        data = _toml(text, source)
+    except ScenarioFileError as error:
+        raise SweepFileError(source, list(error.problems)) from None
+    found, problems = read_sections(data)
+    lines = [str(problem) for problem in problems]
+    reader = _Reader(found, families, most_agents, lines)
+    grid, sample = reader.grid(), reader.sample()
+    plan: Plan | None = None
+    try:
+        plan = make_plan(grid, sample, found.get("seeds", 1), found.get("seed", 0), most_runs)
+    except InvalidInput as error:
+        reader.say(_place(error.parameter), error.rule, error.value, error.fix)
+    make = reader.make(grid, sample)
+    measures = reader.measures()
+    if lines or plan is None or make is None:
+        raise SweepFileError(source, list(dict.fromkeys(lines)))
+    record = {"scenario": found["scenario"], "options": found.get("options", {})}
+    return SweepFile(
+        found.get("name", name), make, plan, measures, reader.more, found.get("audit", False),
+        found.get("engine", "auto"), record,
+    )  # fmt: skip
+
+
+def _place(parameter: str) -> str:
+    return parameter.replace("['", ".").replace("']", "")
+
+
+def _text(value: Any) -> str:
+    from flocking.study.scenario_schema import shown
+
+    return value if isinstance(value, str) else shown(value)
+
+
+class _Reader:
+    """Checks sections against each other; every fault becomes a line.
+
+    Parameters
+    ----------
+    found
+        Sections without fault of their own.
+    families
+        Families that may be named.
+    most_agents
+        Agents a scenario in the file may ask for.
+    lines
+        Faults, to which more are added.
+    """
+
+    def __init__(
+        self, found: Mapping[str, Any], families: Mapping[str, Family], most_agents: int, lines: list[str]
+    ) -> None:
+        self._found, self._lines, self._most_agents = found, lines, most_agents
+        self._scenario = found.get("scenario")
+        self._family: Family | None = None
+        if isinstance(self._scenario, str):
+            self._family = families.get(self._scenario)
+            if self._family is None:
+                self.say("scenario", "must be a family of scenarios", self._scenario, nearest(self._scenario, families))
+        self.more = self._family.measures if self._family else {}
+
+    def say(self, place: str, rule: str, value: Any = None, fix: str = "") -> None:
+        """Note a fault."""
+        from flocking.study.scenario_schema import Problem
+
+        self._lines.append(str(Problem(place, rule, "" if value is None else _text(value), fix)))
+
+    def grid(self) -> dict[str, list[Any]]:
+        """Values of every axis."""
+        axes: dict[str, list[Any]] = {}
+        for name, axis in self._found.get("grid", {}).items():
+            if isinstance(axis, list):
+                values = axis
+            elif axis.high <= axis.low or (axis.log and axis.low <= 0):
+                self.say(f"grid.{name}", "must have low below high, and above 0 where log is true")
+                continue
+            else:
+                space = np.geomspace if axis.log else np.linspace
+                values = [float(v) for v in space(axis.low, axis.high, axis.count)]
+            axes[name] = [self._checked(f"grid.{name}[{k}]", name, value) for k, value in enumerate(values)]
+        return axes
+
+    def sample(self) -> Sample | None:
+        """The drawn points."""
+        section = self._found.get("sample")
+        if section is None:
+            return None
+        for name, ends in section.ranges.items():
+            for end in ("low", "high"):
+                self._checked(f"sample.ranges.{name}.{end}", name, getattr(ends, end))
+        ranges = {name: (ends.low, ends.high) for name, ends in section.ranges.items()}
+        log = tuple(name for name, ends in section.ranges.items() if ends.log)
+        if section.count > MOST_RUNS * 100:
+            self.say("sample.count", f"must be at most {MOST_RUNS * 100}", section.count)
+            return None
+        try:
+            return Sample(section.method, section.count, ranges, log, section.seed)
+        except InvalidInput as error:
+            self.say(f"sample.{_place(error.parameter)}", error.rule, error.value, error.fix)
+            return None
+
+    def _checked(self, place: str, name: str, value: Any) -> Any:
+        """A value that a family's option takes, or any value at all for a scenario in the file."""
+        if self._family is not None:
+            option = self._family.options.get(name)
+            if option is None:
+                fix = nearest(name, self._family.options) if self._family.options else ""
+                self.say(place.split("[")[0].removesuffix(".low").removesuffix(".high"), "is no option of this family",
+                          None, fix)  # fmt: skip
+                return value
+            try:
+                return option.check(value)
+            except RefusedError as refused:
+                self.say(place, refused.rule, value, refused.fix)
+        elif isinstance(value, float) and not math.isfinite(value):
+            self.say(place, "must be finite", value)
+        return value
+
+    def make(self, grid: Mapping[str, list[Any]], sample: Sample | None) -> Callable[..., Scenario] | None:
+        """What gives the scenarios."""
+        options = self._found.get("options", {})
+        if self._family is not None:
+            kept = {name: self._checked(f"options.{name}", name, value) for name, value in options.items()}
+            for name in kept:
+                if name in grid or (sample is not None and name in sample.ranges):
+                    self.say(f"options.{name}", "must not be fixed and vary at once")
+            return FamilyScenario(self._family, kept)
+        if isinstance(self._scenario, dict):
+            if options:
+                self.say("options", "is for families of scenarios; write the values into [scenario]")
+            made = FileScenario(self._scenario, self._most_agents)
+            if not made.drawn and self._found.get("seeds", 1) not in (1, [0]):
+                self.say("seeds", "must be left out: nothing in [scenario] is drawn at random")
+            self._try(made, grid, sample)
+            return made
+        return None
+
+    def _try(self, make: FileScenario, grid: Mapping[str, list[Any]], sample: Sample | None) -> None:
+        """Build the scenario of the file with every value of every axis once, all else at its first."""
+        if self._lines:
+            self._attempt(make, {}, "")
+            return
+        first = {name: values[0] for name, values in grid.items() if values}
+        if sample is not None:
+            first |= {name: ends[0] for name, ends in sample.ranges.items()}
+        for count, (place, changes) in enumerate(_changes(grid, sample)):
+            if count < MOST_TRIED:
+                self._attempt(make, {**first, **changes}, place)
+        if not grid and sample is None:
+            self._attempt(make, first, "")
+
+    def _attempt(self, make: FileScenario, values: Mapping[str, Any], place: str) -> None:
+        try:
+            for name, value in values.items():
+                try:
+                    with_value(dict(make.tables), path_steps(name), value)
+                except RefusedError as refused:
+                    self.say(f"grid.{name}", refused.rule)
+                    return
+            make(seed=0, **values)
+        except ScenarioFileError as error:
+            self._lines.extend(f"{place + ': ' if place else ''}scenario.{line}" for line in error.problems)
+        except InvalidInput as error:
+            self.say(place or "scenario", f"{error.parameter} {error.rule}", None, error.fix)
+
+    def measures(self) -> tuple[str, ...]:
+        """Names of what is measured."""
+        wanted = self._found.get("measures", ["flocks", "velocity_spread"])
+        known = {**MEASURES, **self.more}
+        for k, name in enumerate(wanted):
+            if name not in known:
+                self.say(f"measures[{k}]", "is not known", name, nearest(name, known))
+            elif name in wanted[:k]:
+                self.say(f"measures[{k}]", "must not be named twice", name)
+        return tuple(wanted)
+
+
+def _changes(grid: Mapping[str, list[Any]], sample: Sample | None) -> Iterator[tuple[str, dict[str, Any]]]:
+    for name, values in grid.items():
+        for k, value in enumerate(values):
+            yield f"grid.{name}[{k}]", {name: value}
+    if sample is not None:
+        for name, ends in sample.ranges.items():
+            for end, value in zip(("low", "high"), ends, strict=True):
+                yield f"sample.ranges.{name}.{end}", {name: value}

@@ -1,0 +1,251 @@
+"""Results of a sweep: one row per run, as an xarray Dataset, as Parquet or CSV, and summed up with intervals."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flocking.errors import InvalidInput, StorageError
+from flocking.model.checks import Array
+from flocking.study.sweeps.intervals import bootstrap, check_level, wilson
+from flocking.study.sweeps.plan import Plan, label
+from flocking.study.sweeps.work import Row
+
+if TYPE_CHECKING:
+    import xarray
+
+CLAIM = "claim_"
+"""Prefix of the columns that hold verdicts."""
+
+
+@dataclass(frozen=True, eq=False)
+class SweepTable:
+    """What the runs of a sweep gave.
+
+    Parameters
+    ----------
+    plan
+        Which runs there are.
+    rows
+        Outcomes by the number of the run; fewer than planned when the sweep was interrupted.
+    measures
+        Names of what was measured.
+    record
+        Record of the sweep: what it was made with.
+    status
+        ``"finished"`` or ``"interrupted"``.
+    """
+
+    plan: Plan
+    rows: Mapping[int, Row]
+    measures: tuple[str, ...]
+    record: Mapping[str, Any] = field(default_factory=dict)
+    status: str = "finished"
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def complete(self) -> bool:
+        """Whether every planned run has a row."""
+        return len(self.rows) == self.plan.size
+
+    @property
+    def failures(self) -> list[dict[str, Any]]:
+        """Parameters, seed and message of every run that failed."""
+        found = []
+        for index in sorted(self.rows):
+            if (row := self.rows[index])["status"] == "failed":
+                task = self.plan.task(index)
+                found.append({**task.parameters, "seed": task.seed, "message": row["message"], "tries": row["tries"]})
+        return found
+
+    @cached_property
+    def claims(self) -> tuple[str, ...]:
+        """Keys of the claims that were audited."""
+        return tuple(dict.fromkeys(key for index in sorted(self.rows) for key in self.rows[index]["verdicts"]))
+
+    @cached_property
+    def columns(self) -> dict[str, list[Any]]:
+        """One list per column, one entry per run that has a row, in the order of the plan."""
+        order = sorted(self.rows)
+        tasks = [self.plan.task(index) for index in order]
+        found: dict[str, list[Any]] = {"run": order}
+        for name in self.plan.names:
+            values = [task.parameters[name] for task in tasks]
+            simple = all(isinstance(v, bool | int | float) for v in values) or all(isinstance(v, str) for v in values)
+            found[name] = values if simple else [label(v) for v in values]
+        found["seed"] = [task.seed for task in tasks]
+        for name in ("status", "message", "seconds", "tries"):
+            found[name] = [self.rows[index][name] for index in order]
+        for name in self.measures:
+            found[name] = [self.rows[index]["values"].get(name) for index in order]
+        for key in self.claims:
+            found[CLAIM + key] = [self.rows[index]["verdicts"].get(key) for index in order]
+        return found
+
+    def is_share(self, measure: str) -> bool:
+        """Whether a measure is a truth value in every run, so that its mean is a share."""
+        values = [row["values"][measure] for row in self.rows.values() if measure in row["values"]]
+        return bool(values) and all(isinstance(value, bool) for value in values)
+
+    def values(self, measure: str) -> Array:
+        """A measure of every run, shape (points, runs per point); nan where a run failed or is missing.
+
+        Raises
+        ------
+        InvalidInput
+            When nothing of that name was measured.
+        """
+        if measure not in self.measures:
+            raise InvalidInput("SweepTable", "measure", f"must be one of {', '.join(self.measures)}", measure)
+        found = np.full(self.plan.size, np.nan)
+        for index, row in self.rows.items():
+            if measure in row["values"]:
+                found[index] = float(row["values"][measure])
+        return found.reshape(self.plan.points, self.plan.runs_per_point)
+
+    @cached_property
+    def dataset(self) -> xarray.Dataset:
+        """All results with labelled dimensions: the parameters of the grid, drawn points, and runs of each point."""
+        import xarray
+
+        lengths = self.plan.lengths
+        names, shape = tuple(lengths), tuple(lengths.values())
+        variables: dict[str, Any] = {}
+        for measure in self.measures:
+            variables[measure] = (names, self.values(measure).reshape(shape))
+        size = self.plan.size
+        states = np.full(size, "missing", dtype=object)
+        messages, seconds, tries = np.full(size, "", dtype=object), np.full(size, np.nan), np.zeros(size, dtype=int)
+        for index, row in self.rows.items():
+            states[index], messages[index] = row["status"], row["message"]
+            seconds[index], tries[index] = row["seconds"], row["tries"]
+        for name, column in (("status", states), ("message", messages)):
+            variables[name] = (names, column.astype(str).reshape(shape))
+        variables["seconds"] = (names, seconds.reshape(shape), {"units": "s"})
+        variables["tries"] = (names, tries.reshape(shape))
+        for key in self.claims:
+            verdicts = np.array([self.rows[k]["verdicts"].get(key, "") if k in self.rows else "" for k in range(size)])
+            variables[CLAIM + key] = (names, verdicts.reshape(shape))
+        return xarray.Dataset(variables, self._coordinates(with_runs=True), {"provenance": json.dumps(self.record)})
+
+    def _coordinates(self, *, with_runs: bool) -> dict[str, Any]:
+        found: dict[str, Any] = {}
+        for name, values in self.plan.grid.items():
+            simple = all(isinstance(v, bool | int | float) for v in values) or all(isinstance(v, str) for v in values)
+            found[name] = list(values) if simple else [label(v) for v in values]
+        for name, column in self.plan.drawn.items():
+            found[name] = ("sample", list(column))
+        if with_runs and isinstance(self.plan.seeds, int):
+            seeds = np.array([self.plan.task(k).seed for k in range(self.plan.size)])
+            found["seed"] = (tuple(self.plan.lengths), seeds.reshape(tuple(self.plan.lengths.values())))
+        elif with_runs:
+            found["seed"] = list(self.plan.seeds)  # type: ignore[arg-type]
+        return found
+
+    def summary(self, level: float = 0.95, seed: int = 0) -> xarray.Dataset:
+        """Mean of each measure at each point, with its interval: ``NAME``, ``NAME_low`` and ``NAME_high``.
+
+        Wilson's interval for truth values, whose mean is a share; the bootstrap of the mean for all others. Values
+        that are nan are left out; ``NAME_count`` says how many were not. ``runs`` and ``failed`` count the runs.
+
+        Parameters
+        ----------
+        level
+            Level of confidence.
+        seed
+            Seed of the bootstrap.
+
+        Raises
+        ------
+        InvalidInput
+            When the level is not between 0 and 1.
+        """
+        import xarray
+
+        check_level(level)
+        lengths = {name: length for name, length in self.plan.lengths.items() if name != self.plan.run_dimension}
+        names, shape = tuple(lengths), tuple(lengths.values())
+        variables: dict[str, Any] = {}
+        for number, measure in enumerate(self.measures):
+            means, lows, highs, counts = [], [], [], []
+            share = self.is_share(measure)
+            for point, values in enumerate(self.values(measure)):
+                kept = values[~np.isnan(values)]
+                if share:
+                    ends = wilson(int(kept.sum()), len(kept), level)
+                else:
+                    own = np.random.SeedSequence(seed, spawn_key=(number, point)).generate_state(1)[0]
+                    ends = bootstrap(kept, level, int(own))
+                means.append(float(kept.mean()) if len(kept) else np.nan)
+                lows.append(ends[0])
+                highs.append(ends[1])
+                counts.append(len(kept))
+            kind = {"interval": "Wilson" if share else "bootstrap of the mean", "level": level}
+            for ending, column in (("", means), ("_low", lows), ("_high", highs), ("_count", counts)):
+                variables[measure + ending] = (names, np.array(column).reshape(shape), kind if not ending else {})
+        done, failed = np.zeros(self.plan.points, dtype=int), np.zeros(self.plan.points, dtype=int)
+        for index, row in self.rows.items():
+            done[index // self.plan.runs_per_point] += 1
+            failed[index // self.plan.runs_per_point] += row["status"] == "failed"
+        variables["runs"], variables["failed"] = (names, done.reshape(shape)), (names, failed.reshape(shape))
+        return xarray.Dataset(variables, self._coordinates(with_runs=False))
+
+    def to_csv(self, path: str | Path) -> Path:
+        """Write one line per run.
+
+        Raises
+        ------
+        StorageError
+            When it cannot be written.
+        """
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(self.columns)
+        for cells in zip(*self.columns.values(), strict=True):
+            writer.writerow(["" if cell is None else cell for cell in cells])
+        return _put(Path(path), text.getvalue().encode())
+
+    def to_parquet(self, path: str | Path) -> Path:
+        """Write one row per run, with the record of the sweep as metadata.
+
+        Raises
+        ------
+        StorageError
+            When it cannot be written, or pyarrow is not installed.
+        """
+        try:
+            import pyarrow
+            from pyarrow import parquet
+        except ImportError:
+            raise StorageError("Parquet needs pyarrow. Install it: pip install 'flocking[export]'.") from None
+        arrays = {name: pyarrow.array(_alike(column)) for name, column in self.columns.items()}
+        table = pyarrow.table(arrays).replace_schema_metadata({"flocking": json.dumps(self.record)})
+        sink = pyarrow.BufferOutputStream()
+        parquet.write_table(table, sink)
+        return _put(Path(path), sink.getvalue().to_pybytes())
+
+
+def _alike(column: Sequence[Any]) -> Sequence[Any]:
+    """A column whose entries have one type: whole numbers beside fractions become fractions."""
+    kinds = {type(entry) for entry in column if entry is not None}
+    return (
+        [None if entry is None else float(entry) for entry in column] if len(kinds) > 1 and str not in kinds else column
+    )
+
+
+def _put(path: Path, content: bytes) -> Path:
+    from flocking.engine.durable import put, told
+
+    with told(path, "write the results"):
+        put(path, content)
+    return path

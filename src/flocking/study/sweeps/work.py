@@ -1,0 +1,177 @@
+"""What a worker does: run scenarios of a batch one after the other and measure them; a failure becomes a row."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from flocking.errors import FlockingError, InvalidInput
+from flocking.study.sweeps.measures import Measuring, plain_measure
+from flocking.study.sweeps.plan import Task
+
+Row = dict[str, Any]
+"""Outcome of one run: its index, status, measured values, verdicts, seconds, and a message where it failed."""
+
+LONGEST_MESSAGE = 500
+
+
+@dataclass(frozen=True)
+class Work:
+    """What is done for every run.
+
+    Parameters
+    ----------
+    make
+        Gives the scenario from the parameters and the seed.
+    measures
+        What is measured.
+    audit
+        Gives the report on a run; None for no audit.
+    options
+        Further arguments of `simulate`.
+    """
+
+    make: Callable[..., Any]
+    measures: Mapping[str, Measuring]
+    audit: Callable[[Any], Any] | None = None
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+def run_task(work: Work, task: Task) -> Row:
+    """Run one scenario and measure it."""
+    begin = time.perf_counter()
+    row: Row = {"index": task.index, "status": "ok", "values": {}, "verdicts": {}, "message": "", "tries": 1}
+    doing = "make"
+    try:
+        run = _simulated(work, task)
+        from flocking.study.evidence import Evidence
+
+        evidence = Evidence(run)
+        for name, measure in work.measures.items():
+            doing = name
+            row["values"][name] = plain_measure(name, measure(evidence))
+        doing = "audit"
+        if work.audit is not None:
+            row["verdicts"] = {r.claim.key: str(r.verdict) for r in work.audit(run).results}
+    except Exception as error:
+        text = str(error) if isinstance(error, FlockingError) else f"{type(error).__name__}: {error}"
+        where = f"{doing}: " if doing != "make" else ""
+        row |= {"status": "failed", "values": {}, "verdicts": {}, "message": f"{where}{text}"[:LONGEST_MESSAGE]}
+    row["seconds"] = time.perf_counter() - begin
+    return row
+
+
+def _simulated(work: Work, task: Task) -> Any:
+    from flocking.engine.simulate import simulate
+    from flocking.model.law import Scenario
+
+    scenario = work.make(**task.parameters, seed=task.seed)
+    if not isinstance(scenario, Scenario):
+        raise InvalidInput("sweep", "make", "must give a Scenario", scenario)
+    run = simulate(scenario, progress=False, **work.options)
+    if run.status.startswith("interrupted"):
+        raise KeyboardInterrupt
+    return run
+
+
+def packed(work: Work) -> bytes:
+    """The work as bytes that any process with this library can unpack; functions written on the spot among it."""
+    import cloudpickle
+
+    try:
+        return bytes(cloudpickle.dumps(work))
+    except Exception as error:
+        raise InvalidInput(
+            "sweep", "make", f"must be a function that can be sent to other processes ({error})", work.make,
+            "Pass workers=1, or make what it holds inside the function.",
+        ) from None  # fmt: skip
+
+
+@lru_cache(maxsize=4)
+def _unpacked(content: bytes) -> Work:
+    import pickle
+
+    work = pickle.loads(content)
+    assert isinstance(work, Work)
+    return work
+
+
+def run_batch(content: bytes, tasks: Sequence[Task], scratch: str | None) -> list[Row]:
+    """Run a batch in a worker.
+
+    Parameters
+    ----------
+    content
+        The work, packed.
+    tasks
+        The runs.
+    scratch
+        Folder in which the worker notes what it is at, so that its death can be laid to that run; None for none.
+    """
+    _leave_interrupts_to_the_parent()
+    work = _unpacked(content)
+    rows = []
+    for task in tasks:
+        with _noted(scratch, task.index), _first_alone(scratch):
+            rows.append(run_task(work, task))
+    return rows
+
+
+def run_here(work: Work, tasks: Sequence[Task], _: str | None) -> list[Row]:
+    """Run a batch in this process."""
+    return [run_task(work, task) for task in tasks]
+
+
+def _leave_interrupts_to_the_parent() -> None:
+    """A terminal sends Ctrl-C to the workers too; the parent stops them once it has kept what they finished."""
+    import signal
+    import threading
+
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@contextmanager
+def _noted(scratch: str | None, index: int) -> Iterator[None]:
+    if scratch is None:
+        yield
+        return
+    note = Path(scratch) / f"{os.getpid()}.at"
+    note.write_text(str(index))
+    yield
+    note.write_text("")
+
+
+@contextmanager
+def _first_alone(scratch: str | None) -> Iterator[None]:
+    """Let one worker make the first run, which may compile kernels that all others then load."""
+    warm = Path(scratch) / "warm" if scratch is not None else None
+    if warm is None or warm.exists():
+        yield
+        return
+    with suppress(ImportError), open(warm.with_suffix(".lock"), "ab") as file:
+        import fcntl
+
+        fcntl.flock(file, fcntl.LOCK_EX)
+        if not warm.exists():
+            yield
+            warm.touch()
+            return
+    yield
+
+
+def noted_tasks(scratch: str) -> set[int]:
+    """Numbers of the runs that workers were at when they were last heard of; forgets them."""
+    found = set()
+    for note in Path(scratch).glob("*.at"):
+        text = note.read_text()
+        note.unlink()
+        if text:
+            found.add(int(text))
+    return found
