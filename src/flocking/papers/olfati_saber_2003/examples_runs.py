@@ -22,7 +22,7 @@ FEW_AGENTS = 24
 FEW_START = ((40.0, 12.5), (40.0, 20.0))
 """Start box of the few agents: as crowded as that of the hundred, close to the first obstacle."""
 FEW_DURATION = 30.0
-SEEDS = range(6)
+SEEDS = range(5)
 
 
 def scaled_law(law: Law, scale: float) -> Law:

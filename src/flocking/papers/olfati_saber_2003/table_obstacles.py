@@ -13,7 +13,7 @@ BRACKET = (
     " only, as printed; x_i is x_k."
 )
 SHARED_PLACE = "The place of a gamma-agent is x_k = b_k + lambda_d n_d; (54) calls it x_i."
-OUTSIDE = "Right outside the obstacle. Inside, the velocity along the wall is p's own."
+OUTSIDE = "Outside the obstacle. Inside, where the printed argmin is the agent itself, distances count negative."
 COLUMNS = "The columns are (b_k, l_k)."
 ALONG_X = "p_d = (10, 0): the gap of 15 between the last two obstacles is along y."
 TRACKING = "u_tr is not given: -c2 (p_i - p_d) for every agent, c2 = 10. The shared (66) does not reproduce Fig. 8."
@@ -26,7 +26,9 @@ def obstacle_rows() -> tuple[Row, ...]:
     claims, figures = f"{HERE}.theorems.claims", f"{HERE}.pictures.figures"
     return (
         row("d(q, O)", "definition", "distance from an obstacle", f"{obstacle}.distance", examples.distance),
-        row("(53)", "equation", "projection on an obstacle", f"{obstacle}.project", examples.projection),
+        row(
+            "(53)", "equation", "projection on an obstacle", f"{obstacle}.project", examples.projection, reading=OUTSIDE
+        ),
         row(
             "beta-agent",
             "definition",
@@ -42,7 +44,6 @@ def obstacle_rows() -> tuple[Row, ...]:
             avoid,
             examples.gamma_pull,
             reading=SHARED_PLACE,
-            demonstration=wrong.gamma_place,
         ),
         row("Fig. 6", "figure", "an alpha-, a beta- and a gamma-agent", figures, examples.figure_6),
         row(
@@ -71,7 +72,6 @@ def obstacle_rows() -> tuple[Row, ...]:
             f"{obstacle}.geometry",
             examples.beta_velocity,
             reading=OUTSIDE,
-            demonstration=wrong.inside_velocity,
         ),
         row("(57)", "equation", "rate of the contraction", f"{obstacle}.geometry", examples.contraction_rate),
         row("Remark 7", "remark", "moving obstacles", f"{obstacle}.geometry", examples.moving_beta_velocity),

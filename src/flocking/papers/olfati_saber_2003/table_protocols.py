@@ -17,7 +17,7 @@ UNWEIGHTED = (
 NONSMOOTH = "Holds with the nonsmooth V of (28); with the smooth one the bound fails just within r."
 REPELLED = "|phi_alpha(-d_alpha)| < b pushes agents apart that meet; phi_alpha(d_alpha) < a."
 CLOSE = "A negative vote says too close, not far."
-ORDERED = "The sum runs over ordered pairs, every link twice."
+ORDERED = "E lists ordered pairs here, every link twice; |E| in (47) counts links once."
 RISES = "Between switches H_s never rises; a new link adds h_0, and the sequence may rise."
 SMALL_W = "No w is given. At rest at a sink grad V_i = -q_i, so that w must be small: 0.01."
 TILDE = "H_s is a function of q and p~; sec. 10 prints p-bar."
@@ -166,7 +166,6 @@ def dissipation_rows() -> tuple[Row, ...]:
             dissipation,
             energies.smooth_dissipation,
             reading=ORDERED,
-            demonstration=wrong.link_count,
         ),
         row("(46)", "equation", "defect factor mu", f"{STUDY}.structure.defect", energies.defect_of, reading=SMALL_W),
         row(
@@ -193,7 +192,6 @@ def dissipation_rows() -> tuple[Row, ...]:
             dissipation,
             energies.dissipation,
             reading=ORDERED,
-            demonstration=wrong.link_count,
         ),
         row(
             "A.2",
@@ -249,7 +247,15 @@ def separation_rows() -> tuple[Row, ...]:
             f"{STUDY}.structure.structural_energy",
             energies.largest_potential,
         ),
-        row("(62)", "equation", "dH_s/dt under (48)", evaluate, protocols.ledger_rates, reading=TILDE),
+        row(
+            "(62)",
+            "equation",
+            "dH_s/dt under (48)",
+            evaluate,
+            protocols.ledger_rates,
+            reading=TILDE,
+            demonstration=wrong.mean_for_relative,
+        ),
         row("(63)", "equation", "dH_tr/dt towards a sink", track, protocols.sink_rate),
         row("(64)", "equation", "bounded feedback towards a sink", track, protocols.sink_controller),
         row(
@@ -259,6 +265,7 @@ def separation_rows() -> tuple[Row, ...]:
             track,
             protocols.velocity_rate,
             reading="H_tr is half of |p-bar - p_d|^2; printed without the bar.",
+            demonstration=wrong.velocity_without_bar,
         ),
         row("(66)", "equation", "bounded feedback towards a velocity", track, protocols.velocity_controller),
     )
