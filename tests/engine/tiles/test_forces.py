@@ -216,6 +216,5 @@ def test_many_obstacles():
     balls = [Ball(c, r) for c, r in zip(rng.random((40, 2)) * 25, rng.uniform(0.3, 2.0, 40), strict=True)]
     moving = Ball(fk.Velocity([3.0, 1.0], start=[5.0, 5.0]), 1.0)
     state = states(600, 2, seed=5)["random"]
-    for obstacles in (balls, [*balls[:5], moving]):
-        found, expected, scale = accelerations(avoiding(obstacles), fk.State(state.q, state.p, t=0.3))
-        assert_close(found, expected, scale + 1 + np.linalg.norm(expected, axis=1), 1e-11)
+    found, expected, scale = accelerations(avoiding([*balls, moving]), fk.State(state.q, state.p, t=0.3))
+    assert_close(found, expected, scale + 1 + np.linalg.norm(expected, axis=1), 1e-11)

@@ -336,14 +336,22 @@ def test_options_are_checked():
 
 def test_flight_through_obstacles_against_the_exact_engine():
     leader = fk.Velocity([4.0, 0.0])
-    obstacles = [Ball([5.0, 0.4], 0.8), Ball([8.0, -1.0], 0.6), Ball(fk.Velocity([-2.0, 0.0], start=[12.0, 1.0]), 0.5)]
+    obstacles = [Ball([3.0, 0.4], 0.8), Ball([5.0, -1.0], 0.6)]
     law = fk.Law(
         fk.Proximity(1.2),
-        [fk.Gradient(structural()), fk.Consensus(1.0), fk.Track(leader, velocity_gain=2.0)]
-        + [Avoid(obstacles, leader, range=0.7, attraction=structural(1.0), repulsion_gain=20.0)],
+        [
+            fk.Gradient(structural()),
+            fk.Consensus(1.0),
+            fk.Track(leader, velocity_gain=2.0),
+            Avoid(obstacles, leader, range=0.7, attraction=structural(1.0), repulsion_gain=20.0),
+        ],
     )
-    scenario = fk.Scenario(law, fk.start.hexagonal(30, spacing=0.95, noise=0.02, seed=4), t_end=2.5, frames=6)
+    scenario = fk.Scenario(law, fk.start.hexagonal(20, spacing=0.95, noise=0.02, seed=4), t_end=1.6, frames=6)
     exact = fk.simulate(scenario, progress=False)
-    run = fk.simulate(scenario, engine="tiles", step=0.0005, progress=False)
-    assert np.abs(run.q - exact.q).max() < 0.02
+    run = fk.simulate(scenario, engine="tiles", step=0.001, progress=False)
+    assert np.abs(run.q - exact.q).max() < 0.03
     assert abs(run.residual[-1]) < 0.02 * run.turnover
+    free = fk.simulate(
+        scenario.with_(law=fk.Law(law.graph, law.terms[:3])), engine="tiles", step=0.001, ledger=False, progress=False
+    )
+    assert np.abs(run.q - free.q).max() > 0.3

@@ -337,6 +337,26 @@ def narrow(typing_context: Any, value: Any, like: Any) -> Any:
     return kind(value, like), build
 
 
+@intrinsic
+def bits_of(typing_context: Any, mask: Any) -> Any:
+    """A mask as an integer: bit k is lane k."""
+
+    def build(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return builder.zext(builder.bitcast(args[0], ir.IntType(WIDTH)), ir.IntType(64))
+
+    return types.int64(mask), build
+
+
+@intrinsic
+def first_bit(typing_context: Any, bits: Any) -> Any:
+    """Number of the lowest bit that is set in a positive integer."""
+
+    def build(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return builder.cttz(args[0], ir.Constant(ir.IntType(1), 1))
+
+    return types.int64(bits), build
+
+
 def _halves(builder: Any, value: Any, join: Callable[[Any, Any], Any]) -> Any:
     """Lanes joined pairwise, then the results pairwise: always in the same order."""
     parts = [builder.extract_element(value, ir.Constant(ir.IntType(32), k)) for k in range(WIDTH)]
@@ -399,7 +419,7 @@ def each_lane(typing_context: Any, function: Any, value: Any) -> Any:
 
 
 __all__ = [
-    "FLAGS", "LANES", "WIDTH", "Lanes", "each_lane", "float_bits", "float_of", "float_of_bits", "floor_of",
+    "FLAGS", "LANES", "WIDTH", "Lanes", "bits_of", "each_lane", "first_bit", "float_bits", "float_of", "float_of_bits", "floor_of",
     "gather",
     "highest", "load", "lowest", "narrow", "numbers_from", "root", "select", "spread", "store", "total",
     "whole_of", "widen",

@@ -13,6 +13,7 @@ import numba
 import numpy as np
 
 from flocking.engine.tiles.cells import Grid, cell_of
+from flocking.engine.tiles.lanes import bits_of, first_bit, load, numbers_from, spread
 from flocking.engine.tiles.threads import Workers
 
 WIDTH = 16
@@ -74,6 +75,89 @@ def _held_links(i, rows, first, count, place, held):  # type: ignore[no-untyped-
 
 
 @_compiled
+def _search_alone(tile, x, y, z, three, n, reach2, each_reach2, origin, inverse, shape, start, deep, found, numbers):  # type: ignore[no-untyped-def]
+    """Neighbours of the agents of a tile, each by itself: for tiles at the ends of rows of cells."""
+    nx, ny, nz = shape[0], shape[1], shape[2]
+    for lane in range(WIDTH):
+        i = tile * WIDTH + lane
+        numbers[lane] = 0
+        if i >= n:
+            continue
+        xi, yi, zi = x[i], y[i], z[i]
+        limit = each_reach2[i] if each_reach2.shape[0] > 1 else reach2
+        cx = cell_of(xi, origin[0], inverse, nx)
+        cy = cell_of(yi, origin[1], inverse, ny)
+        cz = cell_of(zi, origin[2], inverse, nz) if three else 0
+        k = 0
+        for layer in range(-1 if three else 0, 2 if three else 1):
+            oz = (cz + layer + nz) % nz
+            for line in range(-1, 2):
+                base = (oz * ny + (cy + line + ny) % ny) * nx
+                # Three cells in a row are one run of agents, or two where the row wraps.
+                for part in range(2):
+                    if cx == 0:
+                        a, b = (0, 2) if part == 0 else (nx - 1, nx)
+                    elif cx == nx - 1:
+                        a, b = (cx - 1, nx) if part == 0 else (0, 1)
+                    elif part == 0:
+                        a, b = cx - 1, cx + 2
+                    else:
+                        a, b = 0, 0
+                    for j in range(start[base + a], start[base + b]):
+                        dx = x[j] - xi
+                        dy = y[j] - yi
+                        s = dx * dx + dy * dy
+                        if three:
+                            dz = z[j] - zi
+                            s += dz * dz
+                        if s < limit and j != i:
+                            if k < deep:
+                                found[k, lane] = j
+                            k += 1
+        numbers[lane] = k
+
+
+@_compiled
+def _search_together(tile, x, y, z, three, reach2, each_reach2, origin, inverse, shape, start, deep, found, numbers):  # type: ignore[no-untyped-def]
+    """Neighbours of 16 agents in one row of cells, tested side by side; false where they are not in one row.
+
+    Finds the neighbours of each agent in the order in which `_search_alone` does.
+    """
+    nx, ny, nz = shape[0], shape[1], shape[2]
+    i, last = tile * WIDTH, tile * WIDTH + WIDTH - 1
+    cy = cell_of(y[i], origin[1], inverse, ny)
+    cz = cell_of(z[i], origin[2], inverse, nz) if three else 0
+    low, high = cell_of(x[i], origin[0], inverse, nx), cell_of(x[last], origin[0], inverse, nx)
+    if cy != cell_of(y[last], origin[1], inverse, ny) or low < 1 or high > nx - 2 or high - low > 64:
+        return False
+    if three and cz != cell_of(z[last], origin[2], inverse, nz):
+        return False
+    numbers[:] = 0
+    own_x, own_y, own_z, own = load(x, i), load(y, i), load(z, i), numbers_from(i)
+    limit = load(each_reach2, i) if each_reach2.shape[0] > 1 else spread(reach2)
+    for layer in range(-1 if three else 0, 2 if three else 1):
+        oz = (cz + layer + nz) % nz
+        for line in range(-1, 2):
+            base = (oz * ny + (cy + line + ny) % ny) * nx
+            for j in range(start[base + low - 1], start[base + high + 2]):
+                dx = x[j] - own_x
+                dy = y[j] - own_y
+                s = dx * dx + dy * dy
+                if three:
+                    dz = z[j] - own_z
+                    s = s + dz * dz
+                bits = bits_of((s < limit) & (own != np.uint32(j)))
+                while bits:
+                    lane = first_bit(bits)
+                    bits &= bits - 1
+                    k = numbers[lane]
+                    if k < deep:
+                        found[k, lane] = j
+                    numbers[lane] = k + 1
+    return True
+
+
+@_compiled
 def _build(  # type: ignore[no-untyped-def]
     first_chunk, last_chunk, q, n, reach2, each_reach2, origin, inverse, shape, start, deep,
     rows, first, count, stretch, room, need, deepest,
@@ -83,100 +167,60 @@ def _build(  # type: ignore[no-untyped-def]
     x = q[0]
     y = q[1]
     z = q[2] if three else q[1]
-    nx, ny, nz = shape[0], shape[1], shape[2]
     found = np.empty((deep, WIDTH), np.uint32)
     held = np.empty(deep if carry else 1, np.int64)
     numbers = np.empty(WIDTH, np.int64)
-    uneven = each_reach2.shape[0] > 1
     tiles = first.shape[0]
     for chunk in range(first_chunk, last_chunk):
         cursor = stretch[chunk]
         end = cursor + room[chunk]
         wanted = 0
         for tile in range(chunk * TILES_IN_CHUNK, min((chunk + 1) * TILES_IN_CHUNK, tiles)):
-            most = 0
-            for lane in range(WIDTH):
-                i = tile * WIDTH + lane
-                numbers[lane] = 0
-                if i >= n:
-                    continue
-                xi, yi, zi = x[i], y[i], z[i]
-                limit = each_reach2[i] if uneven else reach2
-                cx = cell_of(xi, origin[0], inverse, nx)
-                cy = cell_of(yi, origin[1], inverse, ny)
-                cz = cell_of(zi, origin[2], inverse, nz) if three else 0
-                links = _held_links(order[i], old_rows, old_first, old_count, place, held) if carry else 0
-                kept = 0
-                k = 0
-                for layer in range(-1 if three else 0, 2 if three else 1):
-                    oz = cz + layer
-                    if oz < 0:
-                        oz += nz
-                    elif oz >= nz:
-                        oz -= nz
-                    for line in range(-1, 2):
-                        oy = cy + line
-                        if oy < 0:
-                            oy += ny
-                        elif oy >= ny:
-                            oy -= ny
-                        base = (oz * ny + oy) * nx
-                        # Three cells in a row are one run of agents, or two where the row wraps.
-                        for part in range(2):
-                            if cx == 0:
-                                a, b = (0, 2) if part == 0 else (nx - 1, nx)
-                            elif cx == nx - 1:
-                                a, b = (cx - 1, nx) if part == 0 else (0, 1)
-                            elif part == 0:
-                                a, b = cx - 1, cx + 2
-                            else:
-                                a, b = 0, 0
-                            for j in range(start[base + a], start[base + b]):
-                                dx = x[j] - xi
-                                dy = y[j] - yi
-                                s = dx * dx + dy * dy
-                                if three:
-                                    dz = z[j] - zi
-                                    s += dz * dz
-                                if s < limit and j != i:
-                                    if k < deep:
-                                        entry = np.uint32(j)
-                                        if begin:
-                                            if s < (begin2[i] if begin2.shape[0] > 1 else begin2[0]):
-                                                entry |= LINKED
-                                        elif carry:
-                                            for h in range(links):
-                                                if held[h] == j:
-                                                    entry |= LINKED
-                                                    kept += 1
-                                                    break
-                                        found[k, lane] = entry
-                                    k += 1
-                numbers[lane] = k
-                most = max(most, k)
-                if carry and k <= deep and kept < links:
-                    # A linked pair has left the reach: say who, where the caller can see it.
-                    for h in range(links):
-                        here = False
-                        for c in range(k):
-                            here = here or np.int64(found[c, lane] & NUMBER) == held[h]
-                        if not here:
-                            lost[0] = i
-                            lost[1] = held[h]
+            if (tile + 1) * WIDTH > n or not _search_together(
+                tile, x, y, z, three, reach2, each_reach2, origin, inverse, shape, start, deep, found, numbers
+            ):
+                _search_alone(
+                    tile, x, y, z, three, n, reach2, each_reach2, origin, inverse, shape, start, deep, found, numbers
+                )
+            most = numbers.max()
             deepest[chunk] = max(deepest[chunk], most)
             wanted += most
-            if most <= deep and cursor + most <= end:
-                first[tile] = cursor
-                count[tile] = most
-                for lane in range(WIDTH):
-                    for k in range(numbers[lane]):
-                        rows[cursor + k, lane] = found[k, lane]
-                    own = np.uint32(min(tile * WIDTH + lane, first.shape[0] * WIDTH - 1))
-                    for k in range(numbers[lane], most):
-                        rows[cursor + k, lane] = own
-                cursor += most
-            else:
+            if most > deep or cursor + most > end:
                 cursor = end + 1
+                continue
+            for lane in range(WIDTH):
+                i = tile * WIDTH + lane
+                if begin:
+                    limit = begin2[min(i, n - 1)] if begin2.shape[0] > 1 else begin2[0]
+                    for k in range(numbers[lane]):
+                        j = np.int64(found[k, lane])
+                        dx = x[j] - x[i]
+                        dy = y[j] - y[i]
+                        s = dx * dx + dy * dy
+                        if three:
+                            dz = z[j] - z[i]
+                            s += dz * dz
+                        if s < limit:
+                            found[k, lane] |= LINKED
+                elif carry and i < n:
+                    links = _held_links(order[i], old_rows, old_first, old_count, place, held)
+                    for h in range(links):
+                        here = False
+                        for k in range(numbers[lane]):
+                            if np.int64(found[k, lane] & NUMBER) == held[h]:
+                                found[k, lane] |= LINKED
+                                here = True
+                        if not here:
+                            # A linked pair has left the reach: say who, where the caller can see it.
+                            lost[0] = i
+                            lost[1] = held[h]
+                for k in range(numbers[lane]):
+                    rows[cursor + k, lane] = found[k, lane]
+                for k in range(numbers[lane], most):
+                    rows[cursor + k, lane] = np.uint32(i)
+            first[tile] = cursor
+            count[tile] = most
+            cursor += most
         need[chunk] = wanted
 
 

@@ -114,6 +114,9 @@ def check_supported(scenario: Scenario) -> None:
     for term in law.pair_terms:
         if getattr(term, "functional", False):
             raise refuse(f"{type(term).__name__} with a graph functional")
+    for leader in Layout(law, scenario.energy).leaders():
+        if not leader.closed_form:
+            raise refuse(f"the leader {type(leader).__name__}, whose position has no closed form")
     for _, owned in Layout(law, scenario.energy).owners():
         for name, value in owned.items():
             if hasattr(value, "matrix") and not isinstance(value, HashedWeights | MatrixWeights):
