@@ -1,0 +1,32 @@
+"""The picture at the head of the README, computed: python docs/make_images.py."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import flocking as fk
+from flocking.papers.olfati_saber_2003.system import obstacle_scenario, obstacles
+from flocking.show import plane
+from flocking.show.sheet import panel, sheet
+from flocking.show.style import save
+
+TIMES = (12.0, 20.0, 26.0, 42.0)
+
+
+def main() -> None:
+    run = fk.simulate(obstacle_scenario(seed=0).with_(frames=TIMES))
+    panels = []
+    for frame, _ in enumerate(TIMES):
+        middle = float(run.q[frame, :, 0].mean())
+        seen = [o for o in obstacles() if abs(float(o.outline(8)[:, 0].mean()) - middle) < 140.0]
+        panels.append(
+            panel(
+                plane.net, run, frame=frame, arrows=False, obstacles=seen, leader=False, color="flock",
+                limits=((middle - 120.0, -28.0), (middle + 120.0, 74.0)),
+            )
+        )  # fmt: skip
+    save(sheet(panels, columns=2, width=10.0, ratio=0.5, letters=False), Path(__file__).parent / "images/obstacles", ("png",))
+
+
+if __name__ == "__main__":
+    main()
