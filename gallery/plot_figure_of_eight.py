@@ -22,7 +22,7 @@ law = fk.Law(
     [
         fk.Gradient(fk.Potential("1/r + 1/(R - r)", R=4.0)),
         fk.Consensus(2.0),
-        fk.Track(leader, position_gain=informed, velocity_gain=2 * informed, acceleration_gain=informed),
+        fk.Track(leader, position_gain=4 * informed, velocity_gain=6 * informed, acceleration_gain=informed),
     ],
 )
 begin = fk.start.ball(n, radius=3.0, speed=0.5, seed=7, connected_under=graph)

@@ -1,0 +1,189 @@
+"""Every script of the gallery runs, draws its picture, and shows what it says it shows."""
+
+from __future__ import annotations
+
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flocking as fk
+
+GALLERY = Path(__file__).resolve().parents[2] / "gallery"
+SCRIPTS = {path.stem.removeprefix("plot_"): path for path in sorted(GALLERY.glob("plot_*.py"))}
+
+
+def tanner_2003_fixed(made):
+    report = fk.audit(made["run"])
+    assert report.as_expected
+    assert report["energy-falls"].verdict == "holds"
+
+
+def tanner_2003_dynamic(made):
+    assert made["ends"][made["whole"]] == 1
+    assert made["ends"][made["split"]] > 1
+
+
+def zhou_2015(made):
+    assert fk.audit(made["run"]).as_expected
+    assert not (made["run"].switches["kind"] == "break").any()
+
+
+def shi_2009(made):
+    assert made["measured"] == pytest.approx(1 / np.sqrt(2), abs=2e-3)
+    late = made["informed"].p[-1] - [np.sin(30), np.cos(30)]
+    assert np.abs(late).max() < 1e-2
+
+
+def olfati_saber_2003(made):
+    run = made["run"]
+    for ball in made["system"].obstacles():
+        away = np.linalg.norm(run.q - ball.centre.at(0.0)[0], axis=-1)
+        assert away.min() > ball.radius
+    assert run.q[-1, :, 0].mean() > 200
+
+
+def own_potential(made):
+    run = made["run"]
+    assert made["fk"].audit(run)["velocities-agree"].verdict == "holds"
+    lines = (GALLERY / "plot_own_potential.py").read_text().split("# %%")[0].split('"""')[2]
+    assert len([line for line in lines.splitlines() if line.strip()]) <= 15
+
+
+def space(made):
+    run = made["run"]
+    assert run.q.shape[2] == 3
+    assert np.abs(run.p[-1] - run.p[-1].mean(axis=0)).max() < 0.2
+
+
+def field_of_view(made):
+    around, ahead = (np.linalg.norm(np.ptp(made[k].p.mean(axis=1), axis=0)) for k in ("around", "ahead"))
+    assert around < 1e-12
+    assert ahead > 0.05
+
+
+def moving_obstacles(made):
+    run = made["run"]
+    for ball in (made["swing"], made["drift"]):
+        away = [np.linalg.norm(q - ball.centre.at(t)[0], axis=1).min() for t, q in zip(run.t, run.q, strict=True)]
+        assert min(away) > ball.radius
+
+
+def figure_of_eight(made):
+    run = made["run"]
+    centre = run.q.mean(axis=1)
+    leader = np.array([made["leader"].at(t)[0] for t in run.t])
+    assert np.linalg.norm(centre - leader, axis=1)[len(run.t) // 2 :].max() < 2.5
+    assert (made["informed"] > 0).sum() == 3
+
+
+def cucker_smale(made):
+    spread = {b: np.ptp(run.p[-1], axis=0).max() for b, run in made["runs"].items()}
+    assert max(spread[0.2], spread[0.45]) < 1e-6
+    assert spread[1.5] > 1
+    run = made["runs"][0.8]
+    q, p = run.q[0], run.p[0]
+    r2 = ((q[:, None] - q[None]) ** 2).sum(axis=-1)
+    brute = np.einsum("ij,ijk->ik", 8.0 / 20 / (1 + r2) ** 0.8, p[None] - p[:, None])
+    np.testing.assert_allclose(fk.control(run.scenario.law, run.scenario.start), brute, rtol=1e-12, atol=1e-13)
+
+
+def reynolds(made):
+    start, law = made["begin"], made["law"]
+    offset = start.q[None] - start.q[:, None]
+    r = np.sqrt((offset**2).sum(axis=-1)) + np.eye(start.n)
+    off = ~np.eye(start.n, dtype=bool)
+    push = np.where((r < 1.0) & off, 3.0 * (1 - 1 / r**2), 0.0)
+    pull = np.where((r < 3.5) & off, 0.12, 0.0)
+    brute = np.einsum("ij,ijk->ik", (push + pull) / r, offset)
+    brute += np.einsum("ij,ijk->ik", np.where((r < 2.0) & off, 0.3, 0.0), start.p[None] - start.p[:, None])
+    brute += 0.5 * (1 - (start.p**2).sum(axis=1, keepdims=True)) * start.p
+    np.testing.assert_allclose(fk.control(law, start), brute, rtol=1e-10, atol=1e-11)
+    assert made["order"](made["run"].state(-1)) > 0.9
+
+
+def vicsek(made):
+    values = list(made["settled"].values())
+    assert values[0] < 0.3
+    assert values[-1] > 0.9
+
+
+def olfati_saber_2006(made):
+    """The three laws against a transcription of the paper's own formulas."""
+    eps, d, r, h = 0.1, 7.0, 8.4, 0.2
+
+    def sigma(z):
+        return (np.sqrt(1 + eps * z**2) - 1) / eps
+
+    def bump(z, onset):
+        return np.where(z < onset, 1.0, np.where(z <= 1, (1 + np.cos(np.pi * (z - onset) / (1 - onset))) / 2, 0.0))
+
+    def unit(z):
+        return z / np.sqrt(1 + z**2)
+
+    rng = np.random.default_rng(0)
+    around = [made["balls"][k % 3] for k in range(30)]
+    angle, gap = rng.uniform(0, 2 * np.pi, 30), rng.uniform(0.1, 6.0, 30)
+    way = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    q = np.array([o.centre.at(0.0)[0] for o in around]) + way * (gap + [o.radius for o in around])[:, None]
+    p = rng.normal(size=(30, 2))
+    offset = q[None] - q[:, None]
+    length = np.sqrt((offset**2).sum(axis=-1))
+    adjacency = bump(sigma(length) / sigma(r), h) * ~np.eye(len(q), dtype=bool)
+    action = adjacency * 5.0 * unit(sigma(length) - sigma(d))
+    expected = np.einsum("ij,ijk->ik", action / np.sqrt(1 + eps * length**2), offset)
+    expected += np.einsum("ij,ijk->ik", adjacency, p[None] - p[:, None])
+    state = fk.State(q, p)
+    laws = made["laws"]
+    np.testing.assert_allclose(fk.control(laws["Algorithm 1"], state), expected, rtol=1e-9, atol=1e-10)
+    expected = expected - 0.1 * (q - [40.0, 20.0]) - 0.4 * (p - [5.0, 0.0])
+    np.testing.assert_allclose(fk.control(laws["Algorithm 2"], state), expected, rtol=1e-9, atol=1e-9)
+    clearance, met = 0.6 * d, 0
+    for ball in made["balls"]:
+        middle = ball.centre.at(0.0)[0]
+        away = q - middle
+        distance = np.linalg.norm(away, axis=1)
+        normal = away / distance[:, None]
+        gap = distance - ball.radius
+        moved = ball.radius / distance[:, None] * (p - (p * normal).sum(axis=1, keepdims=True) * normal)
+        z = sigma(gap)
+        # The paper's n is (qhat - q)/sqrt(1 + eps |qhat - q|^2).
+        near = (gap > 0) & (gap < clearance)
+        met += near.sum()
+        b = np.where(near, bump(z / sigma(clearance), 0.9), 0.0)
+        push = b * (unit(z - sigma(clearance)) - 1)
+        toward = -normal * (gap / np.sqrt(1 + eps * gap**2))[:, None]
+        expected = expected + 40.0 * push[:, None] * toward + 8.0 * b[:, None] * (moved - p)
+    assert met >= 12
+    np.testing.assert_allclose(fk.control(laws["Algorithm 3"], state), expected, rtol=1e-9, atol=1e-9)
+    assert made["flocks"](made["runs"]["Algorithm 1"].links_at(-1)) > 1
+    assert made["flocks"](made["runs"]["Algorithm 2"].links_at(-1)) == 1
+
+
+SHOWS = {check.__name__: check for check in (
+    tanner_2003_fixed, tanner_2003_dynamic, zhou_2015, shi_2009, olfati_saber_2003, own_potential, space, field_of_view,
+    moving_obstacles, figure_of_eight, cucker_smale, reynolds, vicsek, olfati_saber_2006,
+)}  # fmt: skip
+
+SLOW = {"reynolds", "vicsek", "space", "moving_obstacles", "olfati_saber_2003", "olfati_saber_2006"}
+"""Their kernels are their own and take long to compile the first time; the others are in the default tests."""
+
+
+def test_every_script_is_held_to_what_it_shows():
+    assert set(SCRIPTS) == set(SHOWS)
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in SLOW else n for n in sorted(SCRIPTS)])
+def test_script_runs_and_draws(name, tmp_path, monkeypatch, capsys):
+    from matplotlib.image import imread
+
+    monkeypatch.chdir(tmp_path)
+    made = runpy.run_path(str(SCRIPTS[name]), run_name="__main__")
+    assert [path.name for path in tmp_path.iterdir()] == [f"plot_{name}.png"]
+    picture = imread(tmp_path / f"plot_{name}.png")[..., :3]
+    assert min(picture.shape[:2]) > 200
+    assert 0.005 < (picture < 0.9).any(axis=-1).mean() < 0.6
+    assert capsys.readouterr().out.strip()
+    assert made["picture"].axes
+    SHOWS[name](made)
