@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from flocking.engine.run import Run
+from typing import Any
 
 
 class FlockingError(Exception):
@@ -47,7 +44,7 @@ class FormulaError(InvalidInput):
 
 
 class SimulationError(FlockingError):
-    """A run that could not go on; ``run`` holds what was computed until then.
+    """A run that could not go on; ``run`` holds what was computed until then, a `flocking.engine.run.Run`.
 
     Parameters
     ----------
@@ -62,7 +59,7 @@ class SimulationError(FlockingError):
     def __init__(self, message: str, *, time: float, agents: tuple[int, ...] = ()) -> None:
         self.time = time
         self.agents = agents
-        self.run: Run | None = None
+        self.run: Any = None
         where = f" (t = {time:.9g}" + (f", agents {list(agents)}" if agents else "") + ")"
         super().__init__(message + where)
 

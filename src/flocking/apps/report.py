@@ -8,17 +8,15 @@ from collections.abc import Iterable
 from html import escape
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from flocking.apps.findings import Reproduction
 from flocking.apps.report_style import STYLE
 from flocking.apps.tables import short
 from flocking.engine.run import Run
 from flocking.model.potentials import Potential
 from flocking.model.terms import Gradient
 from flocking.study.audit import Judgement
-
-if TYPE_CHECKING:
-    from flocking.apps.reproduction import Reproduction
 
 FILM_SECONDS = 5.0
 FILM_RATE = 10

@@ -6,52 +6,18 @@ import json
 import os
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from flocking.apps.findings import Reproduction
+from flocking.apps.report import write_report
 from flocking.engine.run import Run
 from flocking.errors import SimulationError
 from flocking.papers import KEYS, paper
 from flocking.study.audit import Judgement, Report
 from flocking.study.audit import audit as audit_claims
 from flocking.study.claims import Result, Verdict
-
-
-@dataclass(frozen=True)
-class Reproduction:
-    """What a reproduction found.
-
-    Parameters
-    ----------
-    judgements
-        Per scenario name, one judgement per claim.
-    errata
-        Per paper, the refuted statements with their counter-examples.
-    figures
-        Files drawn.
-    seconds
-        Wall time.
-    runs
-        The run of seed 0 of each scenario.
-    """
-
-    judgements: dict[str, list[Judgement]]
-    errata: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
-    figures: list[Path] = field(default_factory=list)
-    seconds: float = 0.0
-    runs: dict[str, Run] = field(default_factory=dict)
-
-    @property
-    def as_expected(self) -> bool:
-        """Whether every claim came out as fixed before the runs."""
-        return all(j.as_expected for found in self.judgements.values() for j in found)
-
-    def as_list(self) -> list[dict[str, Any]]:
-        """Rows of ``claims.json``."""
-        return [j.as_dict(name) for name, found in self.judgements.items() for j in found]
-
 
 Verdicts = list[tuple[str, str, float, float, str]]
 
@@ -135,8 +101,6 @@ def reproduce(
     figures = _write(out, modules, judgements, errata, runs)
     found = Reproduction(judgements, errata, figures, time.monotonic() - begin, runs)
     if out is not None:
-        from flocking.apps.report import write_report
-
         write_report(found, modules, out)
     return found
 

@@ -1,0 +1,44 @@
+"""What a reproduction of papers found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from flocking.engine.run import Run
+from flocking.study.audit import Judgement
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """What a reproduction found.
+
+    Parameters
+    ----------
+    judgements
+        Per scenario name, one judgement per claim.
+    errata
+        Per paper, the refuted statements with their counter-examples.
+    figures
+        Files drawn.
+    seconds
+        Wall time.
+    runs
+        The run of seed 0 of each scenario.
+    """
+
+    judgements: dict[str, list[Judgement]]
+    errata: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
+    figures: list[Path] = field(default_factory=list)
+    seconds: float = 0.0
+    runs: dict[str, Run] = field(default_factory=dict)
+
+    @property
+    def as_expected(self) -> bool:
+        """Whether every claim came out as fixed before the runs."""
+        return all(j.as_expected for found in self.judgements.values() for j in found)
+
+    def as_list(self) -> list[dict[str, Any]]:
+        """Rows of ``claims.json``."""
+        return [j.as_dict(name) for name, found in self.judgements.items() for j in found]
