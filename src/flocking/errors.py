@@ -97,7 +97,7 @@ class CacheError(FlockingError):
 class StorageError(FlockingError):
     """A run on disk cannot be read or written; ``run`` holds what a simulation had computed until then."""
 
-    run: Run | None = None
+    run: Any = None
 
 
 class UnsupportedLaw(FlockingError):
