@@ -25,7 +25,11 @@ def main() -> None:
                 limits=((middle - 120.0, -28.0), (middle + 120.0, 74.0)),
             )
         )  # fmt: skip
-    save(sheet(panels, columns=2, width=10.0, ratio=0.5, letters=False), Path(__file__).parent / "images/obstacles", ("png",))
+    save(
+        sheet(panels, columns=2, width=10.0, ratio=0.5, letters=False),
+        Path(__file__).parent / "images/obstacles",
+        ("png",),
+    )
 
 
 if __name__ == "__main__":

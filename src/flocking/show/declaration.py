@@ -61,7 +61,7 @@ def snapshot(time: float | None = None, **options: Any) -> Draw:
 
 
 def snapshots(times: Sequence[float], columns: int = 2, **options: Any) -> Draw:
-    """The net at several times on one sheet, read row by row."""
+    """The net at several times on one sheet of so many ``columns``, read row by row."""
     chosen = tuple(float(t) for t in times)
     return lambda run: sheet([panel(plane.net, run, time=t, **options) for t in chosen], columns=columns)
 
@@ -82,7 +82,7 @@ def velocity_errors(axis: int | Sequence[int] = (0, 1), **options: Any) -> Draw:
 
 
 def potential(psi: Potential, **options: Any) -> Draw:
-    """A potential and its slope; options are those of `flocking.show.curves.potential`."""
+    """The potential ``psi`` and its slope; options are those of `flocking.show.curves.potential`."""
     return lambda run: curves.potential(psi, **options).figure
 
 

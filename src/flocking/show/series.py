@@ -132,7 +132,7 @@ def centre_errors(run: Run, *, quantity: str = "velocity", axes: Axes | None = N
 
 
 def agent_lines(axes: Any, t: Array, values: Array, label: str) -> Any:
-    """Draw one line per agent, ``values`` of shape (F, N), as one collection with the gid ``agents``."""
+    """Draw a line per agent, ``values`` (F, N) called ``label``, as one collection with the gid ``agents``."""
     from matplotlib.collections import LineCollection
 
     n = values.shape[1]

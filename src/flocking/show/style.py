@@ -162,7 +162,7 @@ def figure(width: float = COLUMN, height: float | None = None) -> Figure:
 def axes_or_new(
     axes: Axes | None, *, width: float = COLUMN, height: float | None = None, projection: Any = None
 ) -> Any:
-    """``axes``, or the axes of a new figure when there are none."""
+    """``axes``, or those of a new figure of that ``width``, ``height`` and ``projection`` when there are none."""
     if axes is not None:
         return axes
     return figure(width, height).add_subplot(projection=projection)

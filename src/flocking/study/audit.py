@@ -136,7 +136,7 @@ class Judgement:
         return self.verdict == self.claim.expected
 
     def as_dict(self, paper: str) -> dict[str, Any]:
-        """Plain data for ``claims.json``."""
+        """Plain data for ``claims.json``, under the key of the ``paper``."""
         worst = self.worst
         return {
             "paper": paper,
@@ -154,5 +154,5 @@ class Judgement:
 
 
 def judge(claims: Sequence[Claim], reports: Sequence[Report]) -> list[Judgement]:
-    """Collect the results of several audits by claim."""
+    """Collect the results of several audits, their ``reports``, by claim."""
     return [Judgement(c, tuple(report[c.key] for report in reports)) for c in claims]

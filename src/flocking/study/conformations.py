@@ -120,7 +120,7 @@ def conformations(n: int, ratio: float) -> list[Conformation]:
 
 
 def count(n: int, ratio: float) -> int:
-    """f(n, k): 1, 2, 4 and 10 for n = 1 to 4 and 1 < k < sqrt 2; f(4, k) = 9 for sqrt 2 <= k < sqrt 3.
+    """f(n, k), k the ``ratio``: 1, 2, 4 and 10 for n = 1 to 4 and 1 < k < sqrt 2; f(4, k) = 9 for sqrt 2 <= k < sqrt 3.
 
     Olfati-Saber's Remark 3 prints 9 for f(4, k), k < sqrt 2, but only the complete graph is missing among the 11.
 

@@ -18,7 +18,7 @@ STATIONARY = 1e-3
 
 
 def from_paper(claim: Claim, source: str, **changes: object) -> Claim:
-    """The same claim under the words of a paper."""
+    """The same claim under the words of a paper, stated at ``source``."""
     return replace(claim, source=source, **changes)  # type: ignore[arg-type]
 
 

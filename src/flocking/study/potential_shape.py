@@ -27,7 +27,7 @@ SAME = 1e-10
 
 @dataclass(frozen=True)
 class Limit:
-    """Where values tend to: ``"finite"``, ``"infinite"`` (the sign is that of ``value``) or ``"none"``."""
+    """Where values tend to, by ``kind``: ``"finite"``, ``"infinite"`` (the sign is that of ``value``) or ``"none"``."""
 
     kind: str
     value: float = np.nan
@@ -77,7 +77,7 @@ class Break:
 
 @dataclass(frozen=True)
 class Minimum:
-    """A local minimum, or a flat stretch from ``at`` to ``until`` that nothing around it undercuts."""
+    """A local minimum of some ``value``, or a flat stretch from ``at`` to ``until`` that nothing near undercuts."""
 
     at: float
     value: float
@@ -127,7 +127,7 @@ class Shape:
 
 
 def same(a: float, b: float) -> bool:
-    """Whether two numbers agree to `SAME`."""
+    """Whether two numbers ``a`` and ``b`` agree to `SAME`."""
     if np.isinf(a) or np.isinf(b):
         return a == b
     return bool(abs(a - b) <= SAME * max(1.0, abs(a), abs(b)))

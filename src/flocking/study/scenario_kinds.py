@@ -40,7 +40,7 @@ class Context:
 
 @dataclass(frozen=True)
 class Nested:
-    """A field that holds a part of another group, or several."""
+    """A field that holds a part of another group, or ``many``."""
 
     group: str
     many: bool = False
@@ -48,14 +48,14 @@ class Nested:
 
 @dataclass(frozen=True)
 class Field:
-    """A field of a part's table."""
+    """A field of a part's table: what it ``holds`` and whether it is ``required``."""
 
     holds: Value | Nested
     required: bool = False
 
 
 def need(holds: Value | Nested) -> Field:
-    """A field that must be given."""
+    """A field that must be given and ``holds`` such values."""
     return Field(holds, required=True)
 
 

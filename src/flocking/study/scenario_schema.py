@@ -204,7 +204,7 @@ def tag_of(name: str, value: Any) -> str | None:
 
 
 def faults(error: ValidationError, data: Any, prefix: tuple[str | int, ...], group: str | None) -> list[Problem]:
-    """The faults pydantic found in ``data``, in plain words and with their places in the file."""
+    """The faults pydantic found in ``data``, below ``prefix`` and in a ``group``, in plain words with their places."""
     found = []
     for entry in error.errors(include_url=False):
         if entry["type"] == "known elsewhere":

@@ -19,7 +19,7 @@ class PartWriter:
         self._names: dict[int, str] = {}
 
     def count(self, group_name: str, part: Any) -> None:
-        """Note that ``part`` stands in one more place."""
+        """Note that ``part`` of the group ``group_name`` stands in one more place."""
         kind = GROUPS[group_name].kind_of(part)
         if kind is None:
             return
@@ -31,7 +31,7 @@ class PartWriter:
                     self.count(entry.holds.group, value)
 
     def table(self, group_name: str, part: Any) -> Any:
-        """The table of a part, or its name.
+        """The table of a part of the group ``group_name``, or its name.
 
         Raises
         ------

@@ -17,7 +17,7 @@ from flocking.study.nets import adjacency
 
 
 def deviation(q: Array, links: Links, distance: float) -> float:
-    """Largest | |q_j - q_i| - d | over the links; 0 for a net without links."""
+    """Largest | |q_j - q_i| - d | over the links, d the ``distance``; 0 for a net without links."""
     i, j = np.nonzero(links)
     if not len(i):
         return 0.0

@@ -98,7 +98,7 @@ def hard_net() -> Proximity:
 
 
 def smooth_net(bump: str = "cosine") -> Smooth:
-    """The uniform net with smooth adjacency (17)."""
+    """The uniform net with smooth adjacency (17) and such a ``bump``."""
     return Smooth(RADIUS, ONSET, bump)
 
 

@@ -148,7 +148,10 @@ def _track(setting: Setting, leader: Path, gains: Array, chosen: NDArray[np.int6
 
 
 def start(seed: int, connected: bool, *, compact: bool) -> State:
-    """A start: agents in a disc with random velocities, redrawn until connected or, for Fig. 6 and 11, until not."""
+    """A start: agents in a disc with random velocities, redrawn until connected or, for Fig. 6 and 11, until not.
+
+    A connected start may be ``compact``: within the smaller radius, at the smaller speeds.
+    """
     radius, speed = (COMPACT_RADIUS, COMPACT_SPEED) if compact and connected else (START_RADIUS, LARGEST_SPEED)
     graph = Proximity(SENSING_RADIUS, closed=True)
     if connected:

@@ -98,7 +98,7 @@ def scenario(
 
 
 def frame_times(duration: float = DURATION) -> tuple[float, ...]:
-    """Dense times while the velocities still change fast, then every half second."""
+    """Dense times while the velocities still change fast, then every half second until ``duration``."""
     early = (0.05 * k for k in range(241))
     late = (0.5 * k for k in range(2 * int(duration) + 1))
     return tuple(sorted({round(t, 9) for t in (*early, *late, duration) if t <= duration}))

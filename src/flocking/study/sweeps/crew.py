@@ -174,7 +174,7 @@ class Cluster(Crew):
 
 
 def crew(workers: int | None, cluster: str | None) -> Crew:
-    """The crew a user asks for.
+    """The crew a user asks for: so many ``workers`` here, or those of a ``cluster``.
 
     Raises
     ------

@@ -97,7 +97,7 @@ def path_steps(path: str) -> tuple[str | int, ...]:
 
 
 def with_value(data: Any, steps: tuple[str | int, ...], value: Any) -> Any:
-    """A copy of nested tables and lists in which one value is another.
+    """A copy of nested tables and lists in which the value that ``steps`` lead to is another.
 
     Raises
     ------

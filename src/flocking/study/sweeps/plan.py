@@ -141,7 +141,7 @@ class Plan:
         return found | {name: column[int(places[-1])] for name, column in self.drawn.items()}
 
     def task(self, index: int) -> Task:
-        """The run with a number."""
+        """The run with the number ``index``."""
         point, replicate = divmod(index, self.runs_per_point)
         if isinstance(self.seeds, int):
             # A child of the root by its place alone: neither order nor the number of workers can change it.
@@ -157,7 +157,7 @@ class Plan:
             "grid": {name: [recorded(value) for value in values] for name, values in self.grid.items()},
             "sample": self.sample.as_data() if self.sample else None,
             "seeds": self.seeds if isinstance(self.seeds, int) else list(self.seeds),
-            "root": self.root,
+            "seed": self.root,
         }
 
 
@@ -168,7 +168,7 @@ def make_plan(
     root: int,
     most_runs: int,
 ) -> Plan:
-    """A plan from what a user gives, checked.
+    """A plan from a ``grid`` or ``sample``, a ``root`` seed and a limit ``most_runs``, checked.
 
     Raises
     ------

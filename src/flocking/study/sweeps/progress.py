@@ -47,7 +47,7 @@ class Progress:
             self._bar.stop()
 
     def advance(self, done: int, failed: int) -> None:
-        """Count finished runs, some of which failed."""
+        """Count ``done`` runs, some of which failed."""
         self._failed += failed
         if self._bar is not None:
             text = f"{self._failed} failed" if self._failed else ""

@@ -27,7 +27,7 @@ _FIELDS = {"index", "status", "values", "verdicts", "message", "tries", "seconds
 
 @contextmanager
 def open_store(folder: Path, record: Mapping[str, Any]) -> Iterator[Store]:
-    """The store of a sweep, made new or gone on with, for one writer.
+    """The store of a sweep with such a ``record``, made new or gone on with, for one writer.
 
     Raises
     ------

@@ -44,7 +44,7 @@ class Work:
 
 
 def run_task(work: Work, task: Task) -> Row:
-    """Run one scenario and measure it."""
+    """Run one scenario and measure it, as ``work`` says."""
     begin = time.perf_counter()
     row: Row = {"index": task.index, "status": "ok", "values": {}, "verdicts": {}, "message": "", "tries": 1}
     doing = "make"
@@ -124,7 +124,7 @@ def run_batch(content: bytes, tasks: Sequence[Task], scratch: str | None) -> lis
 
 
 def run_here(work: Work, tasks: Sequence[Task], _: str | None) -> list[Row]:
-    """Run a batch in this process."""
+    """Run a batch of ``work`` in this process."""
     return [run_task(work, task) for task in tasks]
 
 
@@ -167,7 +167,7 @@ def _first_alone(scratch: str | None) -> Iterator[None]:
 
 
 def noted_tasks(scratch: str) -> set[int]:
-    """Numbers of the runs that workers were at when they were last heard of; forgets them."""
+    """Numbers of the runs that workers were at, read from ``scratch``; forgets them."""
     found = set()
     for note in Path(scratch).glob("*.at"):
         text = note.read_text()
