@@ -313,6 +313,17 @@ def test_large_runs_keep_no_matrices_and_refuse_endless_frames():
     assert len(quiet.observables) == 4
 
 
+def test_the_ledger_books_what_links_bring():
+    """Links that appear and break carry energy; the books close, and would not without them."""
+    start = fk.start.hexagonal(60, spacing=1.1, noise=0.05, speed=0.6, seed=0)
+    scenario = fk.Scenario(saber(), start, t_end=1.0, frames=3, energy=fk.Energy(unlinked=0.01))
+    exact = fk.simulate(scenario, progress=False)
+    run = fk.simulate(scenario, engine="tiles", step=0.004, scheme="rk4", progress=False)
+    assert abs(exact.trace["jumped"][-1]) > 100 * abs(run.residual[-1])
+    assert run.trace["jumped"][-1] == pytest.approx(exact.trace["jumped"][-1], rel=0.05)
+    assert run.trace["energy"][0] == pytest.approx(exact.trace["energy"][0], rel=1e-12)
+
+
 def test_energy_ledger_sees_a_wrong_kernel(monkeypatch):
     """A run whose kicks are half too strong does not balance its books."""
     original = crowd_module.Crowd.move

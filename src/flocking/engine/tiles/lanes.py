@@ -337,7 +337,7 @@ def narrow(typing_context: Any, value: Any, like: Any) -> Any:
     return kind(value, like), build
 
 
-@intrinsic
+@intrinsic  # type: ignore[untyped-decorator]
 def bits_of(typing_context: Any, mask: Any) -> Any:
     """A mask as an integer: bit k is lane k."""
 
@@ -347,7 +347,7 @@ def bits_of(typing_context: Any, mask: Any) -> Any:
     return types.int64(mask), build
 
 
-@intrinsic
+@intrinsic  # type: ignore[untyped-decorator]
 def first_bit(typing_context: Any, bits: Any) -> Any:
     """Number of the lowest bit that is set in a positive integer."""
 
@@ -419,8 +419,7 @@ def each_lane(typing_context: Any, function: Any, value: Any) -> Any:
 
 
 __all__ = [
-    "FLAGS", "LANES", "WIDTH", "Lanes", "bits_of", "each_lane", "first_bit", "float_bits", "float_of", "float_of_bits", "floor_of",
-    "gather",
-    "highest", "load", "lowest", "narrow", "numbers_from", "root", "select", "spread", "store", "total",
-    "whole_of", "widen",
+    "FLAGS", "LANES", "WIDTH", "Lanes", "bits_of", "each_lane", "first_bit", "float_bits", "float_of", "float_of_bits",
+    "floor_of", "gather", "highest", "load", "lowest", "narrow", "numbers_from", "root", "select", "spread", "store",
+    "total", "whole_of", "widen",
 ]  # fmt: skip

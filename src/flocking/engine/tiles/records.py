@@ -57,6 +57,7 @@ class Records:
         self.trace: list[tuple[float, ...]] = []
         self.observed: list[tuple[float, ...]] = []
         self.closest = Closest()
+        self.apart = 0.0
 
     def copy(self) -> Records:
         """A copy that goes on by itself; stored frames are never changed and are shared."""
@@ -86,9 +87,13 @@ class Records:
         """Add a row to the ledger; a second row of the same time replaces the first."""
         sums = books.sums
         energy = sums["pairs"] + sums["bodies"] + sums["kinetic"]
-        if unlinked:
-            energy += 0.5 * (n * (n - 1.0) - sums["links"]) * unlinked
-        row = (t, energy, sums["kinetic"], *(float(x) for x in books.integrals), books.jumped)
+        # What pairs without a link carry changes by jumps alone.
+        apart = 0.5 * (n * (n - 1.0) - sums["links"]) * unlinked
+        if not self.trace:
+            self.apart = apart
+        row = (
+            t, energy + apart, sums["kinetic"], *(float(x) for x in books.integrals), books.jumped + apart - self.apart,
+        )  # fmt: skip
         if self.trace and self.trace[-1][0] == t:
             self.trace.pop()
         self.trace.append(row)

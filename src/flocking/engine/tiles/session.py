@@ -299,9 +299,24 @@ class TilesSession:
         """Store a frame where one is due."""
         if not self.records.due(self.time):
             return
+        if not (self.options.keep_frames or self.options.observe):
+            self._guarded(lambda: self._scheme.look(self._crowd, self.time, self.step))
+            self._book()
+            self.records.count += 1
+            return
         q, p = self._look()
         if not (np.isfinite(q).all() and np.isfinite(p).all()):
             raise NotFinite("The state became infinite or NaN.", time=self.time)
+        self._book()
+        observed = None
+        if self.options.observe:
+            from flocking.engine.tiles.observables import observe
+
+            observed = observe(self._crowd, self.time, p)
+        self.records.frame(self.time, q, p, self._links(), observed)
+
+    def _book(self) -> None:
+        """Bring the ledger up to date, and check the step against it."""
         if self.options.ledger:
             self.records.book(self.time, self._scheme.books, self._crowd.n, self.scenario.energy.unlinked)
             if not self.steps and not np.isfinite(self.records.trace[-1][1]):
@@ -310,12 +325,6 @@ class TilesSession:
                     "Two agents sit where the potential is infinite; move them apart or inside its range.",
                 )  # fmt: skip
             checks.ledger(self)
-        observed = None
-        if self.options.observe:
-            from flocking.engine.tiles.observables import observe
-
-            observed = observe(self._crowd, self.time, p)
-        self.records.frame(self.time, q, p, self._links(), observed)
 
     def snapshot(self) -> TilesSnapshot:
         """Everything needed to go on bit for bit: sort order, lists, link memory and rebuild reference included."""
