@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -15,7 +17,10 @@ LEADERS = {
     "circle": fk.Path(["sin(t)", "cos(t)"], start=[3, -1], start_time=0.25),
     "parameters": fk.Path(["a*sin(w*t)", "exp(-b*t)"], a=2, w=3, b=0.4),
     "polynomial": fk.Path(["t^2 - 1", "3", "t"], start=[0, 1, 2]),
+    "still": fk.Path(["0", "t - t"], start=[1, 2]),
     "line": fk.Path(["t*exp(-t)"]),
+    "waves": fk.Path(["t^2*exp(-b*t)*sin(w*t + c)", "cos(3*t)^3*sin(2*t)", "cosh(t)*(1 + t)^2"], b=0.3, w=1.7, c=0.4),
+    "no closed form": fk.Path(["exp(-t^2)", "1/(1 + t^2)"], start=[1, -1], start_time=-0.5),
 }  # fmt: skip
 
 
@@ -42,10 +47,41 @@ def test_position_is_the_integral_of_the_velocity(name):
         assert leader.at(3.0)[0][axis] == pytest.approx(start[axis] + moved, abs=1e-9)
 
 
-def test_a_path_without_closed_form_has_no_position():
-    place, speed, _ = fk.Path(["sin(t^2 + cos(t))"]).at(1.0)
-    assert np.isnan(place).all()
-    assert speed[0] == pytest.approx(np.sin(1 + np.cos(1)))
+@pytest.mark.parametrize("name", LEADERS)
+def test_forms_in_the_table_are_found(name):
+    assert LEADERS[name].closed_form == (name != "no closed form")
+
+
+@pytest.mark.parametrize("begin", [-3.0, 0.0])
+def test_quadrature_gives_the_error_function(begin):
+    from scipy.special import erf
+
+    leader = fk.Path(["exp(-t^2)"], start=[2.0], start_time=begin)
+    for t in (-2.0, 0.5, 4.0, 1000.0):
+        moved = np.sqrt(np.pi) / 2 * (erf(t) - erf(begin))
+        assert leader.at(t)[0][0] == pytest.approx(2.0 + moved, abs=1e-12)
+
+
+def test_equal_frequencies_are_no_division_by_zero():
+    leader = fk.Path(["sin(a*t)*sin(b*t)"], a=2.0, b=2.0)
+    assert not leader.closed_form
+    assert leader.at(1.5)[0][0] == pytest.approx(0.75 - np.sin(6.0) / 8, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    "formula",
+    [
+        "exp(sin(t)*log(2 + t^2))/(1 + t^4 + tanh(t))",
+        "(1 + t + sin(t) + exp(-t))^40",
+        "exp(t^2)*sin(t^3)",
+        "*".join(f"(t + sin({k}*t))" for k in range(1, 30)),
+        "sin(" * 50 + "t" + ")" * 50,
+    ],
+)
+def test_looking_for_a_closed_form_is_quick(formula):
+    begin = time.perf_counter()
+    assert not fk.Path([formula]).closed_form
+    assert time.perf_counter() - begin < 10.0
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from types import ModuleType
 
 import numpy as np
 
-from flocking.engine.codegen import compiled_kernels
+from flocking.engine.codegen import RATES, compiled_kernels
 from flocking.engine.layout import Layout
 from flocking.engine.switching import LinkState, has_barrier
 from flocking.errors import InvalidInput
@@ -14,9 +14,14 @@ from flocking.model.checks import Array
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 
+LEDGER = len(RATES)
+"""Number of integrated quantities of the ledger."""
+
 
 class Dynamics:
-    """The right-hand side of the state vector [q, p, work, dissipated, supplied].
+    """The right-hand side of the state vector [q, p, work, dissipated, supplied, places].
+
+    Places are the coordinates of leaders whose position has no closed form.
 
     Parameters
     ----------
@@ -51,6 +56,10 @@ class Dynamics:
                 )  # fmt: skip
             declared = Layout(scenario.law, scenario.energy)
             self._declared = (compiled_kernels(declared, m, self.order), declared)
+        self._places = list(self.layout.places)
+        self._known = len(self._places)
+        if self._declared is not None:
+            self._places += self._declared[1].places
         self.barriers = [has_barrier(law, g) for g in law.graphs]
         self.singular = law.singular_at_zero()
 
@@ -75,20 +84,36 @@ class Dynamics:
         self._functionals = links.functionals()
         self._linked = int(np.count_nonzero(links.links[0]))
 
+    def places(self, t: float) -> Array:
+        """Coordinates at time ``t`` of the leaders whose position has no closed form."""
+        return np.array([place.at(t) for _, place in self._places])
+
+    def _locate(self, y: Array) -> None:
+        """Put these coordinates where the kernels read them."""
+        known = y[self.order * self.n * self.m + LEDGER :]
+        for k, ((slot, _), coordinate) in enumerate(zip(self._places, known, strict=True)):
+            slots = self._slots if k < self._known or self._ledger is None else self._ledger[1]
+            slots[0][slot] = coordinate
+
     def slope(self, t: float, y: Array) -> Array:
         """dy/dt; with a plant the ledger's powers are those of the declared law along the plant's motion."""
+        self._locate(y)
         dy: Array = self._kernels.rhs(t, y, self.n, *self.pairs, *self._slots, self._functionals)
+        tail = self.order * self.n * self.m
+        for k, (_, place) in enumerate(self._places):
+            dy[tail + LEDGER + k] = place.leader.velocity_at(t)[place.axis]
         if self._ledger is None:
             return dy
         module, slots = self._ledger
         q, p, _ = self.split(y)
-        rates = np.empty(3)
+        rates = np.empty(LEDGER)
         module.control(t, q, p, *self.pairs, *slots, self._functionals, np.empty_like(q), rates)
-        dy[self.order * self.n * self.m + 1 :] = rates[1:]
+        dy[tail + 1 : tail + LEDGER] = rates[1:]
         return dy
 
     def energy(self, t: float, y: Array) -> tuple[float, float]:
         """Energy and kinetic energy of a state vector under the declared law."""
+        self._locate(y)
         module, slots = self._ledger or (self._kernels, self._slots)
         q, p, _ = self.split(y)
         pairs, bodies, kinetic = module.energies(t, q, p, *self.pairs, *slots, self._functionals)
@@ -116,4 +141,5 @@ class Dynamics:
         parts = [np.full(count, tolerance * max(1.0, spread))]
         if self.order == 2:
             parts.append(np.full(count, tolerance * max(1.0, speed)))
-        return np.concatenate([*parts, np.full(3, tolerance * max(1.0, abs(energy)))])
+        parts.append(np.full(LEDGER, tolerance * max(1.0, abs(energy))))
+        return np.concatenate([*parts, np.full(len(self._places), tolerance * max(1.0, spread))])

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from flocking.engine import interruption
-from flocking.engine.dynamics import Dynamics
+from flocking.engine.dynamics import LEDGER, Dynamics
 from flocking.engine.guards import deepest_dip, reach
 from flocking.engine.provenance import provenance
 from flocking.engine.recorder import Recorder
@@ -61,7 +61,7 @@ class ExactSession:
         self.recorder = Recorder(scenario.frame_times, start.n, start.dimension)
         self.steps = 0
         self.jumped = 0.0
-        self._tail = np.zeros(3)
+        self._tail = np.zeros(LEDGER)
         self._prepare(start.n, start.dimension)
         self._begin(start, LinkState(plant or scenario.law, start.q, start.links, start.t, scenario.agents.headings))
         self._record_frames()
@@ -79,6 +79,7 @@ class ExactSession:
         dynamics.repack(state.t)
         self._links = links
         dynamics.relink(links)
+        self._tail = np.concatenate([self._tail[:LEDGER], dynamics.places(state.t)])
         y = dynamics.join(state, self._tail)
         self.energy, self.kinetic = dynamics.energy(state.t, y)
         if not np.isfinite(self.energy):
@@ -189,7 +190,7 @@ class ExactSession:
 
     def _ledger_gap(self, t: float, y: Array, risen: float) -> float:
         """What the ledger misses between the start of the step and ``y``, relative to the energies."""
-        _, dissipated, supplied = y[self._dynamics.order * self.n * self.m :] - self._tail
+        _, dissipated, supplied = (y[self._dynamics.order * self.n * self.m :] - self._tail)[:LEDGER]
         energy, kinetic = self._dynamics.energy(t, y)
         gap = abs(energy - risen - self.energy + dissipated - supplied)
         gap /= max(1.0, abs(self.energy), abs(supplied), self.kinetic, kinetic)
@@ -301,7 +302,7 @@ class ExactSession:
             self.recorder.frame(t, q, p, self._links.links[0])
 
     def _record_trace(self) -> None:
-        work, dissipated, supplied = self._tail
+        work, dissipated, supplied = self._tail[:LEDGER]
         self.recorder.trace.append(
             (self._segment.t1, self.energy, self.kinetic, work, dissipated, supplied, self.jumped)
         )

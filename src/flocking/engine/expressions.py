@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from flocking.engine.encounter_formulas import EncounterFormulas, encounter_formulas
 from flocking.engine.layout import DAMPING, MASS, Layout
-from flocking.errors import UnsupportedLaw
 from flocking.model.leaders import Leader
 from flocking.model.symbols import BodySymbols, PairSymbols
 from flocking.model.tracking import Compensate
@@ -81,11 +80,6 @@ def law_formulas(layout: Layout, dimension: int) -> LawFormulas:
 
     Symbols: ``r``, ``speed2``, ``radial``, ``functional``, ``push`` and ``pull`` of a pair; ``q0...``, ``p0...``,
     ``t``, ``mean_q0...``, ``mean_p0...`` of an agent; the slots of `Layout` for parameters.
-
-    Raises
-    ------
-    UnsupportedLaw
-        When a leader's position is needed and has no closed form.
     """
     body = _body_formulas(layout, dimension)
     leaders = (None, *layout.leaders())
@@ -167,7 +161,7 @@ def _leader_motion(
     parameter = _parameters(layout, f"leader{layout.leader_number(leader)}")
     place = leader.position(t, parameter)
     return (
-        place if place is not None else _vector("leader_position_unknown", dimension),
+        place if place is not None else [parameter(f"place_{k}") for k in range(dimension)],
         leader.velocity(t, parameter),
         leader.acceleration(t, parameter),
     )
@@ -206,18 +200,16 @@ def _body_formulas(layout: Layout, dimension: int) -> BodyFormulas:
         dissipated, supplied = term.balance(x)
         dissipation += dissipated
         supply += supplied
-    flow = sympy.diff(storage, _symbol("t")) + sum(
+    passing = sympy.diff(storage, _symbol("t"))
+    for leader in layout.leaders():
+        if not leader.closed_form:
+            place, velocity, _ = _leader_motion(layout, leader, dimension)
+            passing += sum((sympy.diff(storage, x) * v for x, v in zip(place, velocity, strict=True)), sympy.Integer(0))
+    flow = passing + sum(
         (
             sympy.expand(f + sympy.diff(storage, x)) * u
             for f, x, u in zip(force, q, _vector("u", dimension), strict=True)
         ),
         sympy.Integer(0),
     )
-    body = BodyFormulas(tuple(force), storage, dissipation, sympy.expand(supply), tuple(frame), flow)
-    unknown = [s for f in (*force, storage, supply) for s in f.free_symbols if str(s).startswith("leader_position")]
-    if unknown:
-        raise UnsupportedLaw(
-            "Track: the position of this leader has no closed form. "
-            "Write its velocity with polynomials, sin, cos and exp, or set position_gain to 0."
-        )
-    return body
+    return BodyFormulas(tuple(force), storage, dissipation, sympy.expand(supply), tuple(frame), flow)

@@ -21,6 +21,26 @@ from flocking.model.weights import PairWeights
 MASS, DAMPING = "A0", "A1"
 
 
+@dataclass(frozen=True)
+class Place:
+    """One coordinate of a leader whose position has no closed form: a parameter that is integrated as time goes on.
+
+    Parameters
+    ----------
+    leader
+        The leader.
+    axis
+        Which coordinate.
+    """
+
+    leader: Leader
+    axis: int
+
+    def at(self, t: float) -> float:
+        """The coordinate at time ``t``."""
+        return float(self.leader.at(t)[0][self.axis])
+
+
 @dataclass(frozen=True, eq=False)
 class Layout:
     """Slots of all parameters of a law, in an order that depends on its structure alone.
@@ -51,14 +71,27 @@ class Layout:
     def _encounters(self) -> tuple[tuple[ObstacleTerm, ObstacleGroup], ...]:
         return tuple((t, g) for t in self.law.body_terms if isinstance(t, ObstacleTerm) for g in t.groups)
 
-    def owners(self) -> list[tuple[str, dict[str, Value | PerObstacle]]]:
+    def owners(self) -> list[tuple[str, dict[str, Value | PerObstacle | Place]]]:
         """Every owner of parameters with what it owns, in slot order."""
-        found: list[tuple[str, dict[str, Value | PerObstacle]]] = []
+        found: list[tuple[str, dict[str, Value | PerObstacle | Place]]] = []
         found += [(f"graph{k}", dict(g.parameters)) for k, g in enumerate(self.law.graphs)]
         found += [(f"term{k}", dict(t.parameters)) for k, t in enumerate(self.law.terms)]
-        found += [(f"leader{k}", dict(x.parameters)) for k, x in enumerate(self.leaders())]
+        found += [(f"leader{k}", {**x.parameters, **self._places(x)}) for k, x in enumerate(self.leaders())]
         found += [(f"obstacles{k}", dict(group.rows)) for k, (_, group) in enumerate(self.encounters())]
         return found
+
+    @staticmethod
+    def _places(leader: Leader) -> dict[str, Place]:
+        if leader.closed_form:
+            return {}
+        return {f"place_{k}": Place(leader, k) for k in range(leader.dimension)}
+
+    @cached_property
+    def places(self) -> tuple[tuple[int, Place], ...]:
+        """Positions in P of the coordinates that are integrated as time goes on."""
+        owned = dict(self.owners())
+        found = ((slot, owned[owner][name]) for (owner, name), slot in self.slots.items())
+        return tuple((int(slot[1:]), value) for slot, value in found if isinstance(value, Place))
 
     @cached_property
     def slots(self) -> dict[tuple[str, str], str]:
@@ -124,7 +157,7 @@ class Layout:
             for value in owned.values():
                 if isinstance(value, PerObstacle):
                     continue
-                if isinstance(value, Schedule):
+                if isinstance(value, Schedule | Place):
                     value = value.at(t)
                 if isinstance(value, PairWeights):
                     matrices.append(value.of(agents.headings, n))
@@ -145,8 +178,10 @@ class Layout:
         return table
 
 
-def _kind(value: Value | PerObstacle) -> str:
+def _kind(value: Value | PerObstacle | Place) -> str:
     """Letter of the slots for a parameter."""
+    if isinstance(value, Place):
+        return "P"
     if isinstance(value, PairWeights):
         return "W"
     if isinstance(value, PerObstacle):

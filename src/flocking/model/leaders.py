@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,28 +50,53 @@ class Leader(ABC):
         return [sympy.diff(v, t) for v in self.velocity(t, parameter)]
 
     def position(self, t: sympy.Symbol, parameter: Callable[[str], sympy.Expr]) -> list[sympy.Expr] | None:
-        """Position x0(t): the integral of the velocity, or None where SymPy finds no closed form."""
+        """Position x0(t): the integral of the velocity, or None where no closed form is known."""
         import sympy
+
+        from flocking.model.leader_positions import antiderivative
 
         velocity = self.velocity(t, parameter)
         # Parameters that are zero were written as 0, so that an integral may divide by the others.
         names = {s for v in velocity for s in v.free_symbols} - {t}
         nonzero = {s: sympy.Dummy(s.name, real=True, nonzero=True) for s in names}
         back = {dummy: symbol for symbol, dummy in nonzero.items()}
-        integrals = [sympy.integrate(v.xreplace(nonzero), t).xreplace(back) for v in velocity]
-        if any(value.has(sympy.Integral) or value.has(sympy.Piecewise) for value in integrals):
-            return None
-        return [
-            parameter(f"start_{k}") + value - value.subs(t, parameter("start_time"))
-            for k, value in enumerate(integrals)
-        ]
+        places = []
+        for k, v in enumerate(velocity):
+            integral = antiderivative(v.xreplace(nonzero), t)
+            if integral is None:
+                return None
+            moved = integral.xreplace(back)
+            places.append(parameter(f"start_{k}") + moved - moved.subs(t, parameter("start_time")))
+        return places
+
+    @property
+    def closed_form(self) -> bool:
+        """Whether the position has a closed form; else engines integrate it along with the agents."""
+        return bool(self._module.CLOSED)
+
+    @property
+    def _module(self) -> ModuleType:
+        names = tuple(self.parameters)
+        return generated_module(("leader", self.structure, names), lambda: _leader_source(self, names))
 
     def at(self, t: float) -> tuple[Array, Array, Array]:
-        """Position, velocity and acceleration at time ``t``, shape (m,) each; position NaN without closed form."""
-        names = tuple(self.parameters)
-        module = generated_module(("leader", self.structure, names), lambda: _leader_source(self, names))
-        q, p, a = module.leader(float(t), *self.parameters.values())
-        return np.array(q, dtype=np.float64), np.array(p, dtype=np.float64), np.array(a, dtype=np.float64)
+        """Position, velocity and acceleration at time ``t``, shape (m,) each.
+
+        Without closed form the position is found by quadrature, to about 12 digits.
+        """
+        module, values = self._module, tuple(self.parameters.values())
+        q, p, a = (np.array(x, dtype=np.float64) for x in module.leader(float(t), *values))
+        if not module.CLOSED:
+            from flocking.model.leader_positions import travelled
+
+            given = self.parameters
+            start = np.array([given[f"start_{k}"] for k in range(self.dimension)])
+            q = start + travelled(self.velocity_at, given["start_time"], float(t))
+        return q, p, a
+
+    def velocity_at(self, t: float) -> Array:
+        """Velocity at time ``t``, shape (m,)."""
+        return np.array(self._module.leader(float(t), *self.parameters.values())[1], dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +137,11 @@ class Sink(Leader):
     def structure(self) -> tuple[object, ...]:
         """The dimension."""
         return ("sink", self.dimension)
+
+    @property
+    def closed_form(self) -> bool:
+        """True."""
+        return True
 
     def velocity(self, t: sympy.Expr, parameter: Callable[[str], sympy.Expr]) -> Sequence[sympy.Expr]:
         """Zero."""
@@ -175,6 +206,11 @@ class Velocity(Leader):
     def structure(self) -> tuple[object, ...]:
         """The dimension."""
         return ("velocity", self.dimension)
+
+    @property
+    def closed_form(self) -> bool:
+        """True."""
+        return True
 
     def velocity(self, t: sympy.Expr, parameter: Callable[[str], sympy.Expr]) -> Sequence[sympy.Expr]:
         """The constant vector."""
@@ -278,6 +314,6 @@ def _leader_source(leader: Leader, names: tuple[str, ...]) -> str:
     q = leader.position(t, parameter)
     place = written(q) if q is not None else f"[math.nan] * {leader.dimension}"
     return (
-        f"import math\n\ndef leader(t, {', '.join(names)}):\n"
+        f"import math\n\nCLOSED = {q is not None}\n\n\ndef leader(t, {', '.join(names)}):\n"
         f"    return {place}, {written(leader.velocity(t, parameter))}, {written(leader.acceleration(t, parameter))}\n"
     )

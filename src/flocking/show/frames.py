@@ -43,7 +43,7 @@ def frame_at(run: Run, time: float | None = None, frame: int | None = None) -> i
 
 
 def leader_at(leader: Leader, time: float) -> tuple[Array, Array]:
-    """Position and velocity of a leader, shape (m,) each; position NaN where it has no closed form."""
+    """Position and velocity of a leader, shape (m,) each."""
     q, p, _ = leader.at(time)
     return q, p
 
