@@ -188,7 +188,8 @@ def free_scenario(seed: int = 0, *, smooth: bool = False, agents: int = FREE_AGE
     """Protocol (34) or (35) alone, from a disturbed lattice: what Propositions 4 and 5 are about.
 
     They suppose a flock at the end. Nothing holds the agents together but their links, and from spread-out or fast
-    starts they fall into several flocks; from these starts most nets stay one.
+    starts they fall into several flocks; from these starts most nets stay one. The damping of (35)
+    jumps at r as printed: a slow pair may come to slide along r, and then the run ends with an error that says so.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ from flocking.study.equations import Row
 SETTLED = "The paper's own limits have V > 0: quasi-realizations. Condition i) holds."
 TWICE = "d/dt |q_j - q_i|^2 is twice the product; the conclusions need only where it vanishes."
 UNWEIGHTED = (
-    "The damping has no a_ij, as printed, so the law jumps where a link appears; weighted damping is an option."
+    "Damping without a_ij, as printed: the law jumps at r, where pairs may slide. Weighted damping is an option."
 )
 NONSMOOTH = "Holds with the nonsmooth V of (28); with the smooth one the bound fails just within r."
 REPELLED = "|phi_alpha(-d_alpha)| < b pushes agents apart that meet; phi_alpha(d_alpha) < a."
