@@ -42,6 +42,8 @@ def test_every_claim_and_erratum_is_in_the_report(folder):
     for row in claims:
         assert row["statement"].replace("'", "&#x27;").replace('"', "&quot;").replace(">", "&gt;") in text
         assert row["seeds"]["tried"] == 5
+        assert row["paper"] == "tanner-2003-fixed"
+        assert row["scenario"].startswith(row["paper"])
     for row in json.loads((out / "errata.json").read_text(encoding="utf-8"))["tanner-2003-fixed"]:
         assert row["number"] in text
         assert row["verdict"] == "wrong"

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from flocking.engine.run import Run
+from flocking.papers import paper_of
 from flocking.study.audit import Judgement
 
 
@@ -41,4 +42,9 @@ class Reproduction:
 
     def as_list(self) -> list[dict[str, Any]]:
         """Rows of ``claims.json``."""
-        return [j.as_dict(name) for name, found in self.judgements.items() for j in found]
+        return claim_rows(self.judgements)
+
+
+def claim_rows(judgements: dict[str, list[Judgement]]) -> list[dict[str, Any]]:
+    """Plain data of all judgements, by scenario name."""
+    return [j.as_dict(paper_of(name), name) for name, found in judgements.items() for j in found]

@@ -10,7 +10,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from flocking.apps.findings import Reproduction
+from flocking.apps.findings import Reproduction, claim_rows
 from flocking.apps.report import write_report
 from flocking.engine.run import Run
 from flocking.errors import SimulationError
@@ -129,7 +129,7 @@ def _write(
     if out is None:
         return []
     out.mkdir(parents=True, exist_ok=True)
-    rows = [j.as_dict(name) for name, found in judgements.items() for j in found]
+    rows = claim_rows(judgements)
     (out / "claims.json").write_text(json.dumps(rows, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     (out / "errata.json").write_text(json.dumps(errata, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     drawn: list[Path] = []

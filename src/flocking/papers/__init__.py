@@ -25,6 +25,11 @@ def paper(key: str) -> ModuleType:
     return import_module(f"flocking.papers.{key.replace('-', '_')}")
 
 
+def paper_of(scenario: str) -> str:
+    """Key of the paper a scenario belongs to by its name; empty when it belongs to none."""
+    return max((key for key in KEYS if scenario == key or scenario.startswith(f"{key}-")), key=len, default="")
+
+
 def __getattr__(name: str) -> Any:
     if name.replace("_", "-") in KEYS:
         return paper(name.replace("_", "-"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from flocking.engine.run import Run
-from flocking.papers import KEYS, paper
+from flocking.papers import paper, paper_of
 from flocking.study.audit import Report
 from flocking.study.audit import audit as audit_claims
 from flocking.study.claims import Claim
@@ -27,9 +27,7 @@ def audit(run: Run, claims: Sequence[Claim] | None = None) -> Report:
 
 def paper_claims(scenario: str) -> tuple[Claim, ...] | None:
     """Claims about a paper's scenario by its name; None for any other name."""
-    for key in KEYS:
-        if scenario.startswith(key):
-            found = paper(key)
-            if scenario in found.scenarios():
-                return tuple(found.claims(scenario))
-    return None
+    key = paper_of(scenario)
+    if not key or scenario not in paper(key).scenarios():
+        return None
+    return tuple(paper(key).claims(scenario))
