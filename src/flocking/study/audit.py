@@ -135,11 +135,18 @@ class Judgement:
         """Whether the verdict is the one fixed before the runs."""
         return self.verdict == self.claim.expected
 
-    def as_dict(self, paper: str) -> dict[str, Any]:
-        """Plain data for ``claims.json``, under the key of the ``paper``."""
+    def as_dict(self, paper: str, scenario: str) -> dict[str, Any]:
+        """Plain data for ``claims.json``.
+
+        Parameters
+        ----------
+        paper, scenario
+            Key of the paper and name of its scenario.
+        """
         worst = self.worst
         return {
             "paper": paper,
+            "scenario": scenario,
             "claim": self.claim.key,
             "statement": self.claim.statement,
             "source": self.claim.source,
