@@ -7,7 +7,7 @@ import pytest
 
 import flocking as fk
 from flocking.engine.tiles import crowd as crowd_module
-from flocking.engine.tiles.lists import listed_pairs
+from flocking.engine.tiles.pairs import listed_pairs
 from flocking.engine.tiles.session import TilesOptions, TilesSession
 from flocking.errors import LinkLost, NotFinite, StepTooLarge, TooCrowded
 from flocking.model.avoidance import Avoid

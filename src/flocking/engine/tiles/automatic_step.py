@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.tiles.crowd import Crowd, tile_pairs
+from flocking.engine.tiles.crowd import Crowd
+from flocking.engine.tiles.pairs import tile_pairs
 from flocking.model.law import Scenario
 from flocking.model.terms import Gradient
 
@@ -38,7 +39,7 @@ def choose(crowd: Crowd, scenario: Scenario, scheme: str) -> float:
         if lists is None:
             continue
         tiles = range(0, crowd.tiles, max(1, n // SAMPLE))
-        i, j = tile_pairs(crowd, lists, tiles)
+        i, j = tile_pairs(lists, tiles, crowd.n)
         if not len(i):
             continue
         offset = (crowd.X[:m, j] - crowd.X[:m, i]).astype(np.float64)

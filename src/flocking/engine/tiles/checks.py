@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flocking.engine.run import Closest
-from flocking.engine.tiles.crowd import Crowd, tile_pairs
+from flocking.engine.tiles.crowd import Crowd
+from flocking.engine.tiles.pairs import tile_pairs
 from flocking.errors import LinkLost, NotFinite, StepTooLarge
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ def after_step(session: TilesSession, crowd: Crowd, h: float) -> None:
 
 def _listed(crowd: Crowd, tiles: Any) -> tuple[Any, Any]:
     """Places of all listed pairs of some tiles, over all graphs."""
-    found = [tile_pairs(crowd, lists, tiles) for lists in crowd.lists if lists is not None]
+    found = [tile_pairs(lists, tiles, crowd.n) for lists in crowd.lists if lists is not None]
     return np.concatenate([i for i, _ in found]), np.concatenate([j for _, j in found])
 
 

@@ -9,7 +9,6 @@ have moved is kept at every step, and lists are rebuilt before it exceeds half t
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,13 +27,11 @@ from flocking.engine.tiles.lists import (
     fixed_lists,
 )
 from flocking.engine.tiles.nearby_obstacles import NearbyObstacles
+from flocking.engine.tiles.numbers import kernel_numbers
 from flocking.engine.tiles.spec import PRECISIONS, KernelSpec
 from flocking.engine.tiles.threads import Workers
-from flocking.model.avoidance import PerObstacle
 from flocking.model.law import Scenario
-from flocking.model.schedules import Schedule
 from flocking.model.state import State
-from flocking.model.weights import HashedWeights, MatrixWeights
 
 CERTAIN = 0.999
 """Share of half the skin that may be used up; the rest covers rounding."""
@@ -159,33 +156,8 @@ class Crowd:
                 self.each[number] = np.nextafter(each, self.dtype(np.inf)) if closed else each
 
     def _set_parameters(self, scenario: Scenario, t: float) -> None:
-        n, agents = self.n, scenario.agents
-        numbers: list[float] = []
-        rows: list[Any] = [agents.masses, agents.damping]
-        pairs: list[Any] = []
-        for _, owned in self.spec.layout.owners():
-            value: Any
-            for value in owned.values():
-                if isinstance(value, PerObstacle):
-                    continue
-                if isinstance(value, Schedule):
-                    value = value.at(t)
-                if isinstance(value, HashedWeights | MatrixWeights):
-                    pairs.append(value)
-                elif np.ndim(value):
-                    rows.append(value)
-                else:
-                    numbers.append(float(value))
-        for value in rows[:2]:
-            numbers.append(0.0 if np.ndim(value) else float(value))
-        self.seeds: Any = np.zeros(max(1, len(pairs)), np.uint64)
-        for k, weights in enumerate(pairs):
-            if isinstance(weights, HashedWeights):
-                numbers += [weights.low, weights.high - weights.low]
-                self.seeds[k] = weights.seed % 2**64
-            else:
-                numbers += [0.0, 0.0]
-        self.P: Any = np.array(numbers, dtype=np.float64)
+        n = self.n
+        self.P, rows, self.seeds, self.matrices = kernel_numbers(scenario, self.spec, t)
         several = len(rows) > 2 or self.spec.mass_each or self.spec.damping_each
         self.A: Any = np.zeros((len(rows) if several else 0, self.size), self.dtype)
         for k, value in enumerate(rows if several else []):
@@ -194,13 +166,6 @@ class Crowd:
             else:
                 self.A[k] = value
         self.A[:, n:] = self.A[:, n - 1 : n]
-        if any(isinstance(w, MatrixWeights) for w in pairs):
-            self.matrices: Any = np.zeros((len(pairs), n * n))
-            for k, weights in enumerate(pairs):
-                if isinstance(weights, MatrixWeights):
-                    self.matrices[k] = weights.values.ravel()
-        else:
-            self.matrices = np.zeros((1, 1))
 
     def pass_switch_time(self, scenario: Scenario, t: float) -> None:
         """Take the values of scheduled gains from time ``t`` on."""
@@ -428,19 +393,6 @@ _KEPT = (
     "_rounding",
     "_first_links", "lost",
 )  # fmt: skip
-
-
-def tile_pairs(crowd: Crowd, lists: TileLists, tiles: Iterable[int]) -> tuple[Any, Any]:
-    """Places of the ordered pairs that the lists of some tiles hold."""
-    none = np.zeros(0, np.int64)
-    found = [(none, none)]
-    for tile in tiles:
-        entries = lists.rows[lists.first[tile] : lists.first[tile] + lists.count[tile]]
-        i = np.broadcast_to(tile * WIDTH + np.arange(WIDTH), entries.shape)
-        j = (entries & NUMBER).astype(np.int64)
-        keep = (i != j) & (i < crowd.n)
-        found.append((i[keep], j[keep]))
-    return np.concatenate([i for i, _ in found]), np.concatenate([j for _, j in found])
 
 
 def _cutoffs(graphs: Any, spec: KernelSpec) -> list[float]:

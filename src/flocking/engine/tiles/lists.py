@@ -369,18 +369,3 @@ def fixed_lists(ids: Any, place: Any, offsets: Any, neighbours: Any, workers: Wo
     lists = TileLists(np.empty((max(int(count.sum()), 1), WIDTH), np.uint32), first, count)
     workers.each(_fixed, tiles, n, ids, place, offsets, neighbours, lists.rows, first, count)
     return lists
-
-
-def listed_pairs(lists: TileLists, n: int, *, linked: bool = False) -> tuple[Any, Any]:
-    """All ordered pairs of places in the lists, or only the linked ones, sorted by the sensing place."""
-    tile = np.repeat(np.arange(len(lists.count)), lists.count)
-    row = np.arange(len(tile)) - np.repeat(np.cumsum(lists.count) - lists.count, lists.count)
-    entries = lists.rows[np.repeat(lists.first, lists.count) + row]
-    i = np.broadcast_to(tile[:, None] * WIDTH + np.arange(WIDTH), entries.shape)
-    j = (entries & NUMBER).astype(np.int64)
-    chosen = (j != i) & (i < n)
-    if linked:
-        chosen &= entries > NUMBER
-    i, j = i[chosen], j[chosen]
-    ranks = np.lexsort((j, i))
-    return i[ranks], j[ranks]

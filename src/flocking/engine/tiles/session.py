@@ -16,7 +16,8 @@ from flocking.engine.run import Run
 from flocking.engine.tiles import automatic_step, checks
 from flocking.engine.tiles.crowd import Crowd, CrowdMemory
 from flocking.engine.tiles.kernels import is_compiled
-from flocking.engine.tiles.lists import TooManyNeighboursError, listed_pairs
+from flocking.engine.tiles.lists import TooManyNeighboursError
+from flocking.engine.tiles.pairs import listed_pairs
 from flocking.engine.tiles.records import Records
 from flocking.engine.tiles.schemes import Scheme, scheme_named
 from flocking.engine.tiles.spec import PRECISIONS, SCHEMES, KernelSpec, check_supported, graph_kinds
