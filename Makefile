@@ -10,9 +10,10 @@ PYTEST_ARGS ?=
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 MPI_READY := $(VENV)/.mpi-ready
+CLUSTER_READY := $(VENV)/.cluster-ready
 DOCS_READY := $(VENV)/.docs-ready
 
-.PHONY: setup reproduce test test-mpi validate lint docs clean
+.PHONY: setup reproduce test test-mpi test-cluster validate lint docs clean
 
 setup: $(READY)
 
@@ -38,6 +39,14 @@ test-mpi: $(MPI_READY)
 
 $(MPI_READY): $(READY)
 	$(BIN)/python -m pip install --quiet --editable '.[mpi]'
+	@touch $@
+
+# Sweeps on two Dask workers over TCP on this machine, workers killed among them.
+test-cluster: $(CLUSTER_READY)
+	$(BIN)/python -m pytest -m cluster -p no:xdist tests/cluster $(PYTEST_ARGS)
+
+$(CLUSTER_READY): $(READY)
+	$(BIN)/python -m pip install --quiet --editable '.[cluster]'
 	@touch $@
 
 # The slow tests: many seeds, long runs, the package built and installed anew.

@@ -14,6 +14,8 @@ from flocking.study.sweeps.plan import label
 if TYPE_CHECKING:
     from flocking.study.sweeps.table import SweepTable
 
+MOST_TICKS = 8
+
 
 def _need_grid(table: SweepTable, *names: str) -> None:
     for name in names:
@@ -130,6 +132,8 @@ def bands(
             axes.plot(np.repeat(places, each.shape[1]), each.ravel(), ".", color=theme().faint, ms=2, zorder=0)
     if by:
         axes.legend(title=by)
+    if len(places) <= MOST_TICKS:
+        axes.set_xticks(places)
     axes.set_xlabel(x_label or x)
     axes.set_ylabel(y_label or measure)
     axes.set_title(title)

@@ -47,6 +47,7 @@ class Campaign:
         self._suspects: deque[Task] = deque()
         self._running: dict[Future[list[Row]], list[Task]] = {}
         self._deaths: Counter[int] = Counter()
+        self._alone: set[int] = set()
         self._barren = 0
         self._seconds, self._done = 0.0, 0
         self._scratch: str | None = None
@@ -70,7 +71,9 @@ class Campaign:
         if self._suspects and not self._waiting:
             # One alone, so that if a worker dies there is no doubt of what.
             if not self._running:
-                self._submit([self._suspects.popleft()])
+                task = self._suspects.popleft()
+                self._alone.add(task.index)
+                self._submit([task])
             return
         while self._waiting and len(self._running) < AHEAD * self._crew.size:
             size = min(self._batch_size(), len(self._waiting))
@@ -135,7 +138,7 @@ class Campaign:
                 again.append(task)
                 continue
             self._deaths[task.index] += self._crew.deaths_told
-            if self._deaths[task.index] >= TRIES:
+            if self._deaths[task.index] >= TRIES and task.index in self._alone:
                 given_up.append(task)
             else:
                 self._suspects.append(task)
@@ -151,6 +154,8 @@ class Campaign:
             self._give_up(given_up)
 
     def _give_up(self, tasks: Sequence[Task]) -> None:
-        text = f"its worker died each of {TRIES} times it was tried: killed, most often because memory ran out"
-        row: Row = {"status": "failed", "values": {}, "verdicts": {}, "message": text, "seconds": 0.0, "tries": TRIES}
-        self._keep([{**row, "index": task.index} for task in tasks])
+        row: Row = {"status": "failed", "values": {}, "verdicts": {}, "seconds": 0.0}
+        for task in tasks:
+            tries = self._deaths[task.index]
+            text = f"its worker died each of {tries} times it was tried: killed, most often because memory ran out"
+            self._keep([{**row, "index": task.index, "message": text, "tries": tries}])

@@ -124,9 +124,6 @@ class Cluster(Crew):
         When Dask is not installed, or nothing answers at the address.
     """
 
-    # Dask itself lets a task kill several workers before it gives it up.
-    deaths_told = 2
-
     def __init__(self, address: str) -> None:
         try:
             from distributed import Client
@@ -151,6 +148,8 @@ class Cluster(Crew):
                 "sweep", "cluster", "must have workers", address, "Start some with 'dask worker ADDRESS'."
             ) from None
         self._executor: Executor = self._client.get_executor(pure=False)
+        # Dask itself lets a task kill so many workers before it tells of it.
+        self.deaths_told = 1 + int(self._client.run_on_scheduler(_allowed_failures))
 
     @property
     def size(self) -> int:
@@ -171,6 +170,10 @@ class Cluster(Crew):
         """Take back what is not done, and close the connection."""
         self._executor.shutdown(wait=False)
         self._client.close()
+
+
+def _allowed_failures(dask_scheduler: Any) -> int:
+    return int(dask_scheduler.allowed_failures)
 
 
 def crew(workers: int | None, cluster: str | None) -> Crew:

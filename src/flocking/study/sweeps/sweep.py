@@ -171,7 +171,7 @@ def read_sweep(folder: str | Path) -> SweepTable:
         if drawn is not None:
             ranges = {name: (low, high) for name, (low, high) in drawn["ranges"].items()}
             sample = Sample(drawn["method"], drawn["count"], ranges, tuple(drawn["log"]), drawn["seed"])
-        plan = make_plan(data["grid"], sample, data["seeds"], data["root"], 10_000_000)
+        plan = make_plan(data["grid"], sample, data["seeds"], data["seed"], 10_000_000)
         measures = tuple(str(name) for name in record["measures"])
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise StorageError(f"{folder}: the record of the sweep says what no sweep can be ({error}).") from None

@@ -182,12 +182,6 @@ def _place(parameter: str) -> str:
     return parameter.replace("['", ".").replace("']", "")
 
 
-def _text(value: Any) -> str:
-    from flocking.study.scenario_schema import shown
-
-    return value if isinstance(value, str) else shown(value)
-
-
 class _Reader:
     """Checks sections against each other; every fault becomes a line.
 
@@ -217,9 +211,9 @@ class _Reader:
 
     def say(self, place: str, rule: str, value: Any = None, fix: str = "") -> None:
         """Note a fault."""
-        from flocking.study.scenario_schema import Problem
+        from flocking.study.scenario_schema import Problem, shown
 
-        self._lines.append(str(Problem(place, rule, "" if value is None else _text(value), fix)))
+        self._lines.append(str(Problem(place, rule, "" if value is None else shown(value), fix)))
 
     def grid(self) -> dict[str, list[Any]]:
         """Values of every axis."""

@@ -1,0 +1,145 @@
+"""Sweeps whose workers, or which themselves, are killed: nothing is lost but time."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from tests.study.sweep_cases import killing, make, slow
+
+SPEEDS = [0.5, 1.0, 2.0]
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def run(**arguments):
+    return fk.sweep(**{"workers": 2, "progress": False, "measures": ["velocity_spread"], **arguments})
+
+
+def expected(seeds):
+    return run(make=make, grid={"speed": SPEEDS}, seeds=seeds, workers=1).values("velocity_spread")
+
+
+def test_two_workers_killed_while_they_run_cost_nothing_but_time(tmp_path):
+    """One at a time, at different moments: each takes the pool of processes down with it."""
+    place = tmp_path / "workers"
+    place.mkdir()
+    killed = []
+
+    def kill():
+        deadline = time.monotonic() + 60
+        while len(killed) < 2 and time.monotonic() < deadline:
+            fresh = [pid for pid in map(int, (p.name for p in place.iterdir())) if pid not in killed]
+            for pid in fresh:
+                try:
+                    os.kill(pid, signal.SIGKILL)
+                except ProcessLookupError:
+                    continue
+                killed.append(pid)
+                (place / str(pid)).unlink()
+                break
+            time.sleep(0.3)
+
+    hunter = threading.Thread(target=kill)
+    hunter.start()
+    table = run(make=slow(place), grid={"speed": SPEEDS}, seeds=range(8), out=tmp_path / "out")
+    hunter.join()
+    assert len(killed) == 2
+    assert table.complete
+    assert table.failures == []
+    assert np.array_equal(table.values("velocity_spread"), expected(range(8)))
+
+
+def test_a_run_that_kills_its_worker_each_time_is_given_up_after_three_tries_and_one_that_did_once_is_not(tmp_path):
+    table = run(make=killing(tmp_path), grid={"speed": SPEEDS}, seeds=range(4), out=tmp_path / "out")
+    assert (tmp_path / "deaths").read_text() == "xxx"
+    assert (tmp_path / "once").exists()
+    assert table.dataset.tries.sel(speed=1.0, seed=3) == 2
+    assert table.complete
+    (failure,) = table.failures
+    assert (failure["speed"], failure["seed"], failure["tries"]) == (2.0, 1, 3)
+    assert "worker died each of 3 times" in failure["message"]
+    whole = expected(range(4))
+    found = table.values("velocity_spread")
+    assert np.isnan(found[2, 1])
+    found[2, 1] = whole[2, 1]
+    assert np.array_equal(found, whole)
+    # What was given up counts as done: the same sweep again does not die of it anew.
+    assert run(make=killing(tmp_path), grid={"speed": SPEEDS}, seeds=range(4), out=tmp_path / "out").complete
+    assert (tmp_path / "deaths").read_text() == "xxx"
+
+
+def test_workers_that_die_before_they_begin_end_the_sweep_with_a_reason(tmp_path):
+    class Bomb:
+        def __reduce__(self):
+            return os._exit, (1,)
+
+    bomb = Bomb()
+    with pytest.raises(fk.FlockingError, match="died 3 times before they began"):
+        run(make=lambda seed: (bomb, make(seed=seed))[1], out=tmp_path / "out")
+
+
+SWEEP = """
+import sys
+sys.path.insert(0, {root!r})
+import flocking as fk
+from tests.study.sweep_cases import make, slow
+if __name__ == "__main__":
+    table = fk.sweep(slow({place!r}, {seconds}), grid={{"speed": [0.5, 1.0, 2.0]}}, seeds=range(8), workers={workers},
+                     measures=["velocity_spread"], out={out!r}, progress=False)
+    print(table.status, len(table))
+"""
+
+
+def start(tmp_path, workers, seconds=0.1):
+    place = tmp_path / "workers"
+    place.mkdir(exist_ok=True)
+    code = SWEEP.format(root=str(ROOT), place=str(place), out=str(tmp_path / "out"), workers=workers, seconds=seconds)
+    return subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )  # fmt: skip
+
+
+def wait_for_rows(folder, count):
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline:
+        if len(list((folder / "rows").glob("*.json"))) >= count:
+            return
+        time.sleep(0.02)
+    raise AssertionError("no results came")
+
+
+def test_a_sweep_killed_outright_goes_on_where_it_was(tmp_path):
+    running = start(tmp_path, workers=2)
+    wait_for_rows(tmp_path / "out", 3)
+    os.killpg(running.pid, signal.SIGKILL)
+    running.communicate()
+    kept = fk.read_sweep(tmp_path / "out")
+    assert 3 <= len(kept) < 24
+    before = {index: row["seconds"] for index, row in kept.rows.items()}
+    table = run(
+        make=slow(tmp_path / "workers"), grid={"speed": SPEEDS}, seeds=range(8), out=tmp_path / "out", workers=1
+    )
+    assert table.complete
+    assert {index: table.rows[index]["seconds"] for index in before} == before
+    assert np.array_equal(table.values("velocity_spread"), expected(range(8)))
+
+
+def test_ctrl_c_to_a_whole_terminal_ends_in_order_and_keeps_what_was_done(tmp_path):
+    """A terminal sends SIGINT to the workers too."""
+    running = start(tmp_path, workers=2)
+    wait_for_rows(tmp_path / "out", 3)
+    os.killpg(running.pid, signal.SIGINT)
+    out, errors = running.communicate(timeout=60)
+    assert "Traceback" not in errors, errors
+    assert running.returncode == 0
+    status, count = out.split()
+    assert status == "interrupted"
+    assert 3 <= int(count) < 24
+    assert len(fk.read_sweep(tmp_path / "out")) == int(count)
