@@ -35,7 +35,7 @@ GRAPH_ARGUMENTS = ("rows", "first", "count", "each", "limits")
 def _printers() -> str:
     folder = Path(__file__).parent
     digest = hashlib.sha256()
-    for name in ("kernels", "printing", "vector_math", "spec"):
+    for name in ("kernels", "printing", "vector_math", "spec", "lanes", "reductions"):
         digest.update((folder / f"{name}.py").read_bytes())
     return digest.hexdigest()[:12]
 
@@ -336,7 +336,8 @@ def _source(spec: KernelSpec, formulas: LawFormulas) -> str:
     text = "\n".join(tile)
     used = {name for name in ("fast_sin", "fast_cos", "fast_exp", "fast_log") if name + "(" in text}
     header = "import math\n\nimport numba\nimport numpy as np\n\n"
-    header += f"from flocking.engine.tiles.lanes import ({', '.join(_PRIMITIVES)})\n\n"
+    header += f"from flocking.engine.tiles.lanes import ({', '.join(_PRIMITIVES)})\n"
+    header += "from flocking.engine.tiles.reductions import highest, lowest, total\n\n"
     header += f"T = np.{spec.precision}\nNUMBER = {2**31 - 1}\nLINKED = {2**31}\n\n\n"
     header += vector_math.source(used, spec.precision == "float64")
     if "hash" in spec.weights:
@@ -364,8 +365,8 @@ def _scalars(w: _Writer, expressions: list[Any]) -> list[str]:
 
 
 _PRIMITIVES = (
-    "each_lane", "float_bits", "float_of", "float_of_bits", "floor_of", "gather", "highest", "load", "lowest",
-    "narrow", "numbers_from", "root", "select", "spread", "store", "total", "whole_of", "widen",
+    "each_lane", "float_bits", "float_of", "float_of_bits", "floor_of", "gather", "load",
+    "narrow", "numbers_from", "root", "select", "spread", "store", "whole_of", "widen",
 )  # fmt: skip
 
 _HASH = """@numba.njit(inline="always")

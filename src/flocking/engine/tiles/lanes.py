@@ -33,7 +33,7 @@ _SCALARS = {
     types.float64: "f8", types.float32: "f4", types.int32: "u4", types.uint32: "u4", types.int64: "u8",
     types.uint64: "u8", types.boolean: "b1",
 }  # fmt: skip
-_BACK = {"f8": types.float64, "f4": types.float32, "u4": types.uint32, "u8": types.uint64, "b1": types.boolean}
+SCALAR_OF = {"f8": types.float64, "f4": types.float32, "u4": types.uint32, "u8": types.uint64, "b1": types.boolean}
 
 
 class Lanes(types.Type):  # type: ignore[misc]
@@ -303,7 +303,7 @@ floor_of = intrinsic(_unary("floor"))
 def _cast(target_of: Callable[[Any], Any], operation: Callable[[Any, Any, Any], Any]) -> Any:
     def typing(typing_context: Any, value: Any) -> Any:
         target = target_of(value.kind if isinstance(value, Lanes) else _SCALARS[value])
-        kind: Any = LANES[target] if isinstance(value, Lanes) else _BACK[str(target)]
+        kind: Any = LANES[target] if isinstance(value, Lanes) else SCALAR_OF[str(target)]
 
         def build(context: Any, builder: Any, sig: Any, args: Any) -> Any:
             return operation(builder, args[0], context.get_value_type(kind))
@@ -338,71 +338,10 @@ def narrow(typing_context: Any, value: Any, like: Any) -> Any:
 
 
 @intrinsic  # type: ignore[untyped-decorator]
-def bits_of(typing_context: Any, mask: Any) -> Any:
-    """A mask as an integer: bit k is lane k."""
-
-    def build(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return builder.zext(builder.bitcast(args[0], ir.IntType(WIDTH)), ir.IntType(64))
-
-    return types.int64(mask), build
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def first_bit(typing_context: Any, bits: Any) -> Any:
-    """Number of the lowest bit that is set in a positive integer."""
-
-    def build(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return builder.cttz(args[0], ir.Constant(ir.IntType(1), 1))
-
-    return types.int64(bits), build
-
-
-def _halves(builder: Any, value: Any, join: Callable[[Any, Any], Any]) -> Any:
-    """Lanes joined pairwise, then the results pairwise: always in the same order."""
-    parts = [builder.extract_element(value, ir.Constant(ir.IntType(32), k)) for k in range(WIDTH)]
-    while len(parts) > 1:
-        parts = [join(parts[k], parts[k + len(parts) // 2]) for k in range(len(parts) // 2)]
-    return parts[0]
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def highest(typing_context: Any, value: Any) -> Any:
-    """Largest lane."""
-
-    def build(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return _halves(builder, args[0], lambda a, b: builder.select(builder.fcmp_ordered(">", a, b), a, b))
-
-    return _BACK[value.kind](value), build
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def lowest(typing_context: Any, value: Any) -> Any:
-    """Smallest lane."""
-
-    def build(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return _halves(builder, args[0], lambda a, b: builder.select(builder.fcmp_ordered("<", a, b), a, b))
-
-    return _BACK[value.kind](value), build
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def total(typing_context: Any, value: Any) -> Any:
-    """Sum of the lanes in float64."""
-
-    def build(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        wide = args[0]
-        if sig.args[0].kind == "f4":
-            wide = builder.fpext(wide, ir.VectorType(ir.DoubleType(), WIDTH))
-        return _halves(builder, wide, builder.fadd)
-
-    return types.float64(value), build
-
-
-@intrinsic  # type: ignore[untyped-decorator]
 def each_lane(typing_context: Any, function: Any, value: Any) -> Any:
     """A scalar function of the mathematics library applied lane by lane (slow, for rare functions)."""
     kind = value if isinstance(value, Lanes) else None
-    scalar = _BACK[value.kind] if kind is not None else value
+    scalar = SCALAR_OF[value.kind] if kind is not None else value
 
     def build(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         inner = signature(scalar, scalar)
@@ -419,7 +358,7 @@ def each_lane(typing_context: Any, function: Any, value: Any) -> Any:
 
 
 __all__ = [
-    "FLAGS", "LANES", "WIDTH", "Lanes", "bits_of", "each_lane", "first_bit", "float_bits", "float_of", "float_of_bits",
-    "floor_of", "gather", "highest", "load", "lowest", "narrow", "numbers_from", "root", "select", "spread", "store",
-    "total", "whole_of", "widen",
+    "FLAGS", "LANES", "WIDTH", "Lanes", "each_lane", "float_bits", "float_of", "float_of_bits",
+    "floor_of", "gather", "load", "narrow", "numbers_from", "root", "select", "spread", "store",
+    "whole_of", "widen",
 ]  # fmt: skip

@@ -13,7 +13,8 @@ import numba
 import numpy as np
 
 from flocking.engine.tiles.cells import Grid, cell_of
-from flocking.engine.tiles.lanes import bits_of, first_bit, load, numbers_from, spread
+from flocking.engine.tiles.lanes import load, numbers_from, spread
+from flocking.engine.tiles.reductions import bits_of, first_bit
 from flocking.engine.tiles.threads import Workers
 
 WIDTH = 16
