@@ -15,8 +15,6 @@ from text_tables import code, table
 
 from flocking.papers import KEYS
 
-COMMANDS = ("", "list", "run", "resume", "info", "diff", "export", "reproduce", "audit", "check", "equations", "schema")
-
 
 def papers_index() -> str:
     """The page that lists the papers."""
@@ -53,12 +51,15 @@ def mutants_page() -> str:
 
 def command_line_page() -> str:
     """What every command says when asked for help."""
+    from flocking.apps.cli import command_line
+
+    commands = ["", *(name for name in command_line() if not name.startswith("-"))]
     environment = {**os.environ, "COLUMNS": "88", "NO_COLOR": "1"}
     parts = [
         "# Command line\n\nExit codes: 0 fine, 1 a verdict or a run came out otherwise, 2 bad input, 130 interrupted. "
         "With `--json` a command prints one JSON document and nothing else to its output.\n"
     ]
-    for command in COMMANDS:
+    for command in commands:
         words = [sys.executable, "-m", "flocking.apps.cli", *([command] if command else []), "--help"]
         shown = subprocess.run(words, capture_output=True, text=True, env=environment, check=True)
         text = "\n".join(line.rstrip() for line in shown.stdout.strip().splitlines()).replace("cli.py", "flocking")

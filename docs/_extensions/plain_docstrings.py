@@ -17,6 +17,8 @@ def escaped(line: str) -> str:
 
 def escape_docstring(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
     """Escape all lines but examples and indented code."""
+    if what in ("attribute", "data") and lines:
+        lines[0] = lines[0].replace(": ", " – ", 1)  # what stands before a colon would be read as a type
     example = False
     for k, line in enumerate(lines):
         example = line.lstrip().startswith((">>>", "...")) or (example and bool(line.strip()))
