@@ -1,0 +1,44 @@
+"""The Python code on the pages runs as it stands."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+BEFORE = {
+    "index": "",
+    "quick_start": "",
+    "writing_laws": (
+        "import flocking as fk\nlaw = fk.Law(fk.Proximity(2.0), [fk.Consensus(1.0)])\n"
+        "state = fk.State([[0.0, 0.0], [1.0, 0.0]], [[0.0, 1.0], [0.0, 0.0]])\nagent = fk.Agent(state.q[0], state.p[0])\n"
+        "neighbours = [fk.Agent(state.q[1], state.p[1])]\nt = 0.0\n"
+    ),
+    "storage": (
+        "import flocking as fk\nlaw = fk.Law(fk.Proximity(2.0), [fk.Consensus(1.0)])\n"
+        "scenario = fk.Scenario(law, fk.start.box(3, side=1, speed=1, seed=0), t_end=1)\n"
+    ),
+    "tiles": (
+        "import flocking as fk\nlaw = fk.Law(fk.Proximity(2.0), [fk.Consensus(1.0)])\n"
+        "scenario = fk.Scenario(law, fk.start.box(50, side=10, speed=1, seed=0), t_end=0.1, frames=3)\n"
+    ),
+}  # fmt: skip
+
+
+def blocks(page):
+    return re.findall(r"```python\n(.*?)```", (DOCS / f"{page}.md").read_text(), re.DOTALL)
+
+
+def test_every_page_with_code_is_run():
+    assert {path.stem for path in DOCS.glob("*.md") if blocks(path.stem)} == set(BEFORE)
+
+
+@pytest.mark.parametrize("page", sorted(BEFORE))
+def test_code_of_a_page_runs(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {"__name__": __name__}
+    exec(BEFORE[page], names)
+    for block in blocks(page):
+        exec(compile(block, f"{page}.md", "exec"), names)
