@@ -13,7 +13,8 @@ BEFORE = {
     "quick_start": "",
     "writing_laws": (
         "import flocking as fk\nlaw = fk.Law(fk.Proximity(2.0), [fk.Consensus(1.0)])\n"
-        "state = fk.State([[0.0, 0.0], [1.0, 0.0]], [[0.0, 1.0], [0.0, 0.0]])\nagent = fk.Agent(state.q[0], state.p[0])\n"
+        "state = fk.State([[0.0, 0.0], [1.0, 0.0]], [[0.0, 1.0], [0.0, 0.0]])\n"
+        "agent = fk.Agent(state.q[0], state.p[0])\n"
         "neighbours = [fk.Agent(state.q[1], state.p[1])]\nt = 0.0\n"
     ),
     "storage": (
