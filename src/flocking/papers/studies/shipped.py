@@ -50,6 +50,12 @@ class Study:
             self.text, families(), source=f"{self.name}.toml", name=self.name, most_runs=most_runs or MOST_RUNS
         )  # fmt: skip
 
+    def stored(self) -> SweepTable:
+        """The results that come with the library, as `run` gave them; its record says with which versions."""
+        from flocking.study.sweeps.sweep import read_sweep
+
+        return read_sweep(Path(__file__).parent / "results" / self.name)
+
     def run(self, out: str | Path | None = None, **arguments: Any) -> SweepTable:
         """Make its runs, or those that are missing in ``out``.
 
@@ -127,7 +133,7 @@ def _shi(table: SweepTable) -> Figure:
     return sheet(
         [
             lambda axes: bands(table, "following_time", "informed", x_label=count, runs=True,
-                               y_label="time until all follow the leader", axes=axes),
+                               y_label="time until all follow (where they do)", axes=axes),
             lambda axes: bands(table, "following", "informed", x_label=count,
                                y_label="share that follow within 100 s", axes=axes),
         ],

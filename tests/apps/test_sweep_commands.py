@@ -1,0 +1,99 @@
+"""The sweep command: what it prints, writes and answers."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from flocking.apps.cli import main
+
+FILE = """
+name = "speeds"
+scenario = "tanner-2003-dynamic"
+seeds = 2
+measures = ["connected", "closest"]
+[grid]
+speed = [0.5, 1.0]
+"""
+
+
+@pytest.fixture
+def file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "speeds.toml"
+    path.write_text(FILE)
+    return path
+
+
+def test_a_file_is_run_written_and_summed_up(file, tmp_path, capsys):
+    assert main(["sweep", str(file), "--workers", "1"]) == 0
+    shown = capsys.readouterr().out
+    assert "speeds: means with 95 % intervals" in shown
+    assert "4 of 4 runs, 0 failed" in shown
+    folder = tmp_path / "out" / "sweeps" / "speeds"
+    assert {p.name for p in folder.iterdir()} == {"results", "runs.csv", "runs.parquet", "summary.csv"}
+    assert len((folder / "runs.csv").read_text().splitlines()) == 5
+    before = (folder / "runs.csv").read_bytes()
+    assert main(["sweep", str(file), "--workers", "1", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["runs"], found["done"], found["failed"], found["status"]) == (4, 4, 0, "finished")
+    assert [row["speed"] for row in found["summary"]] == [0.5, 1.0]
+    assert (folder / "runs.csv").read_bytes() == before
+
+
+def test_a_file_that_changed_is_not_mixed_with_its_earlier_results(file, capsys):
+    assert main(["sweep", str(file), "--workers", "1"]) == 0
+    file.write_text(FILE.replace("1.0]", "2.0]"))
+    assert main(["sweep", str(file), "--workers", "1"]) == 2
+    assert "plan.grid.speed: stored [0.5, 1.0], asked for [0.5, 2.0]" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["absent.toml"], "cannot be read"),
+        (["tanner-conectivity"], "Did you mean 'tanner-connectivity'?"),
+        (["speeds.toml", "--level", "95"], "must be below 1"),
+        (["speeds.toml", "--most-runs", "3"], "must make at most 3 runs; got 4. Pass most_runs=4 (--most-runs 4)"),
+        (["speeds.toml", "--workers", "0"], "at least 1"),
+        (["speeds.toml", "--out", "speeds.toml"], "speeds.toml"),
+    ],
+)
+def test_what_is_wrong_is_told_in_one_line(file, words, told, capsys):
+    assert main(["sweep", *words]) == 2
+    shown = capsys.readouterr().err
+    assert told in shown
+    assert "Traceback" not in shown
+
+
+def test_runs_that_fail_are_counted_and_change_the_exit_code(file, capsys):
+    file.write_text(FILE.replace("seeds = 2", "seeds = 1").replace('"closest"', '"following_time"'))
+    assert main(["sweep", str(file), "--workers", "1"]) == 1
+    shown = capsys.readouterr().out
+    assert "2 failed" in shown
+    assert "needs a law with a leader" in shown
+
+
+def test_ctrl_c_says_what_is_kept_and_the_same_command_goes_on(file, tmp_path):
+    file.write_text(FILE.replace("seeds = 2", "seeds = 20"))
+    command = [sys.executable, "-m", "flocking.apps.cli", "sweep", str(file), "--workers", "1"]
+    running = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    rows = tmp_path / "out" / "sweeps" / "speeds" / "results" / "rows"
+    deadline = time.monotonic() + 60
+    while len(list(rows.glob("*.json"))) < 2 and time.monotonic() < deadline:
+        time.sleep(0.02)
+    os.kill(running.pid, signal.SIGINT)
+    _, errors = running.communicate(timeout=60)
+    assert running.returncode == 130, errors
+    assert "of 40 runs are kept in" in errors
+    assert "the same command goes on" in errors
+    assert "Traceback" not in errors
+    kept = {path.name: path.read_bytes() for path in rows.iterdir()}
+    assert kept
+    again = subprocess.run([*command, "--json"], cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    assert json.loads(again.stdout)["done"] == 40
+    assert {name: (rows / name).read_bytes() for name in kept} == kept
