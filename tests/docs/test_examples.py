@@ -27,13 +27,16 @@ BEFORE = {
     ),
 }  # fmt: skip
 
+TOO_LONG = {"sweeps"}
+"""Pages whose code makes hundreds of runs; what it calls has tests of its own."""
+
 
 def blocks(page):
     return re.findall(r"```python\n(.*?)```", (DOCS / f"{page}.md").read_text(), re.DOTALL)
 
 
 def test_every_page_with_code_is_run():
-    assert {path.stem for path in DOCS.glob("*.md") if blocks(path.stem)} == set(BEFORE)
+    assert {path.stem for path in DOCS.glob("*.md") if blocks(path.stem)} == {*BEFORE, *TOO_LONG}
 
 
 @pytest.mark.parametrize("page", sorted(BEFORE))
