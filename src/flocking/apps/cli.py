@@ -124,6 +124,7 @@ def run(
     out: Path | None = None,
     seed: int | None = None,
     engine: str = "auto",
+    step: float | None = None,
     most_agents: int | None = None,
     as_json: Json = False,
 ) -> int:
@@ -138,7 +139,9 @@ def run(
     seed
         Seed of the random draws.
     engine
-        Which engine computes it.
+        Which engine computes it: exact, tiles, lammps (also under mpiexec), or auto.
+    step
+        Time step of the engines with a fixed one.
     most_agents
         Largest number of agents a file may ask for; one million by default.
     as_json
@@ -148,8 +151,9 @@ def run(
     from flocking.engine.simulate import simulate
 
     found = find_scenario(scenario, seed, most_agents)
+    options = {} if step is None else {"step": step}
     progress = not as_json and sys.stderr.isatty()
-    return _print_run(lambda: simulate(found, engine=engine, save=out, progress=progress), out, as_json)
+    return _print_run(lambda: simulate(found, engine=engine, save=out, progress=progress, **options), out, as_json)
 
 
 def resume(folder: Path, *, as_json: Json = False) -> int:
@@ -176,6 +180,8 @@ def _print_run(make: Callable[[], Run], out: Path | None, as_json: bool) -> int:
     stopped = False
     try:
         result = make()
+        if result.provenance.get("rank", 0):
+            return FINE  # the first rank of the job speaks for all
     except SimulationError as error:
         if error.run is None:
             raise

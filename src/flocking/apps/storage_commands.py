@@ -44,23 +44,43 @@ def info(folder: Path, *, as_json: Json = False) -> int:
     return EQUAL
 
 
-def export(folder: Path, *, to: str = "gsd", out: Path | None = None) -> int:
-    """Write a saved run for other programs.
+def export(
+    folder: Path, *, to: str = "gsd", out: Path | None = None, step: float | None = None, seed: int | None = None
+) -> int:
+    """Write a saved run for other programs, or a scenario as an input deck for LAMMPS.
 
     Parameters
     ----------
     folder
-        Folder of the run.
+        Folder of the run; for lammps a scenario: a name that 'flocking list' shows, or a TOML file.
     to
-        gsd (OVITO, freud), xyz (extended XYZ), npz (all arrays), csv or parquet (observables of every frame).
+        gsd (OVITO, freud), xyz (extended XYZ), npz (all arrays), csv or parquet (observables of every frame); lammps.
     out
-        The file; the folder's name with the format as its ending when absent.
+        The file; the folder's name with the format as its ending when absent. For lammps a new folder.
+    step
+        Time step, for lammps.
+    seed
+        Seed of the scenario's draws, for lammps.
     """
+    if to.lower() == "lammps":
+        return _export_deck(str(folder), out, step, seed)
     from flocking.engine.exchange import export_run
     from flocking.engine.storage import read_run
 
     place = out or folder.resolve().with_name(f"{folder.resolve().name}.{to.lower()}")
     print(export_run(read_run(folder), place, to=to))
+    return EQUAL
+
+
+def _export_deck(scenario: str, out: Path | None, step: float | None, seed: int | None) -> int:
+    from flocking.apps.scenario_names import find_scenario
+    from flocking.engine.lammps.deck import export_deck
+    from flocking.errors import InvalidInput
+
+    if step is None:
+        raise InvalidInput("export", "step", "must be given for lammps", None, "Add --step 0.01.")
+    place = out or Path(f"{Path(scenario).stem}.lammps")
+    print(export_deck(find_scenario(scenario, seed, None), place, step=step))
     return EQUAL
 
 

@@ -50,6 +50,12 @@ def read_record(folder: str | Path) -> dict[str, Any]:
     return record
 
 
+def written_by(folder: Path) -> str:
+    """Name of the engine that computed a run; empty where the run does not say."""
+    read_record(folder)
+    return str(json.loads((folder / RECORD).read_bytes())["attributes"].get("provenance", {}).get("engine", ""))
+
+
 def write_record(folder: Path, record: dict[str, Any], provenance: dict[str, Any]) -> None:
     """Replace the record of a run, and with it the shapes a reader sees, in one step."""
     metadata = {name: json.loads((folder / name / RECORD).read_bytes()) for name in record["arrays"]}

@@ -8,6 +8,7 @@ from pathlib import Path
 from flocking.engine.checkpoint import unpack
 from flocking.engine.durable import told
 from flocking.engine.exact import ExactSession
+from flocking.engine.record import written_by
 from flocking.engine.run import Run
 from flocking.engine.run_writer import RunWriter
 from flocking.engine.saving import Saving
@@ -42,6 +43,10 @@ def resume(
         When the run cannot go on; its ``run`` holds what was computed until then.
     """
     folder = Path(folder)
+    if written_by(folder) == "lammps":
+        from flocking.engine.lammps.run import resume_on_ranks
+
+        return resume_on_ranks(folder, scenario=scenario, progress=progress)
     with RunWriter.reopen(folder) as writer:
         if scenario is None:
             scenario, plant = read_scenario_of(folder)

@@ -111,6 +111,10 @@ def simulate(
     if engine == "tiles":
         options.setdefault("tell", progress)
     session = start(scenario, engine, plant=plant, **options)
+    if session.engine == "lammps":
+        from flocking.engine.lammps.run import drive_ranks
+
+        return drive_ranks(session, save=save, progress=progress)
     if save is None:
         return drive(session, progress=progress)
     if not isinstance(session, ExactSession):
@@ -146,8 +150,8 @@ def drive(session: ExactSession | TilesSession, *, progress: bool, saving: Savin
     status = "finished"
     deferred = Deferred()
     try:
-        with deferred, _Progress(progress, scenario) as bar:
-            for t in _stops(scenario, session.time, often=saving is not None):
+        with deferred, Progress(progress, scenario) as bar:
+            for t in stops(scenario, session.time, often=saving is not None):
                 session.advance(t)
                 bar.show(t, session.steps * scenario.start.n)
                 if saving is not None and t < scenario.t_end:
@@ -175,14 +179,15 @@ def drive(session: ExactSession | TilesSession, *, progress: bool, saving: Savin
     return session.run(status)
 
 
-def _stops(scenario: Scenario, now: float, *, often: bool) -> list[float]:
+def stops(scenario: Scenario, now: float, *, often: bool) -> list[float]:
+    """Times at which a session is looked at on its way to the end of its scenario; often: also at its frames."""
     times = np.linspace(scenario.start.t, scenario.t_end, 101)
     if often:
         times = np.union1d(times, scenario.frame_times)
     return [float(t) for t in times if now < t < scenario.t_end] + [scenario.t_end]
 
 
-class _Progress:
+class Progress:
     """A progress bar that stays away from short runs."""
 
     def __init__(self, wanted: bool, scenario: Scenario) -> None:
@@ -192,7 +197,7 @@ class _Progress:
         self._bar: Any = None
         self._task: Any = None
 
-    def __enter__(self) -> _Progress:
+    def __enter__(self) -> Progress:
         return self
 
     def __exit__(self, *_: object) -> None:

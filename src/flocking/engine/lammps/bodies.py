@@ -1,0 +1,151 @@
+"""The terms that act on one agent, as atom-style variables that ``fix addforce`` applies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flocking.engine.lammps.pairs import numbers
+from flocking.engine.lammps.printing import variable
+from flocking.engine.layout import DAMPING, MASS, Layout
+
+if TYPE_CHECKING:
+    import sympy
+
+    from flocking.engine.expressions import LawFormulas
+
+AXES = "xyz"
+MOST_GROUPS = 24
+"""Dynamic groups of agents near obstacles; LAMMPS knows 32 groups in all."""
+
+
+@dataclass
+class BodyDeck:
+    """Commands for the body terms.
+
+    Parameters
+    ----------
+    lines
+        Commands, in order.
+    properties
+        Slots of per-agent parameters that the commands use.
+    """
+
+    lines: list[str] = field(default_factory=list)
+    properties: set[str] = field(default_factory=set)
+
+
+class _Names:
+    """What LAMMPS calls the symbols of formulas."""
+
+    def __init__(self, dimension: int, masses_differ: bool, mass: float) -> None:
+        self.fixed = {"t": "v_now", MASS: "mass" if masses_differ else repr(mass)}
+        for k in range(dimension):
+            self.fixed |= {f"q{k}": AXES[k], f"p{k}": f"v{AXES[k]}"}
+            self.fixed |= {f"mean_q{k}": f"xcm(all,{AXES[k]})", f"mean_p{k}": f"vcm(all,{AXES[k]})"}
+        self.properties: set[str] = set()
+
+    def text(self, expression: sympy.Expr, P: Any, own: dict[str, str] | None = None) -> str:
+        """A formula for ``variable``."""
+        expression = numbers(P, expression)
+        names = {**self.fixed, **(own or {})}
+        for s in expression.free_symbols:
+            if s.name[0] == "A" and s.name[1:].isdigit() and s.name not in names:
+                names[s.name] = f"d_{s.name}"
+                self.properties.add(s.name)
+        return variable(expression, names)
+
+
+def body_deck(formulas: LawFormulas, layout: Layout, P: Any, agents: Any) -> BodyDeck:
+    """Translate all body terms, and the damping of the agents themselves.
+
+    Parameters
+    ----------
+    formulas
+        Formulas of the law.
+    layout
+        Its slots.
+    P
+        Values of the single-number parameters.
+    agents
+        Masses and damping.
+    """
+    import sympy
+
+    m = formulas.dimension
+    names = _Names(m, np.ndim(agents.masses) > 0, float(np.max(agents.masses)))
+    deck = BodyDeck()
+    damping: sympy.Expr = sympy.Symbol(DAMPING, real=True)
+    if not np.ndim(agents.damping):
+        value = float(agents.damping)
+        damping = sympy.Float(value, 17) if value else sympy.Integer(0)
+    forces = [
+        f.xreplace({sympy.Symbol(DAMPING, real=True): damping}) - damping * sympy.Symbol(f"p{k}", real=True)
+        for k, f in enumerate(formulas.body.force)
+    ]
+    if any(f != 0 for f in forces):
+        for k, f in enumerate(forces):
+            deck.lines.append(f'variable force_{AXES[k]} atom "{names.text(f, P)}"')
+        deck.lines.append(f"fix body all addforce {_vector('force_', m)}")
+    _encounters(deck, formulas, layout, P, names)
+    deck.properties = names.properties
+    return deck
+
+
+def _vector(prefix: str, m: int) -> str:
+    return " ".join(f"v_{prefix}{AXES[k]}" for k in range(m)) + (" 0.0" if m == 2 else "")
+
+
+def _encounters(deck: BodyDeck, formulas: LawFormulas, layout: Layout, P: Any, names: _Names) -> None:
+    """Beta- and gamma-agents: variables per obstacle, applied to a dynamic group of the agents near some of them."""
+    import sympy
+
+    m, rows = formulas.dimension, layout.obstacle_rows()
+    met: list[tuple[str, float]] = []
+    for number, (term, group) in enumerate(layout.encounters()):
+        stages = formulas.encounters[number].geometry
+        wanted = _needed(formulas.encounters[number])
+        for column, which in enumerate(group.numbers):
+            prefix = f"o{number}_{which}_"
+            table = {
+                sympy.Symbol(f"O{k}", real=True): sympy.Float(float(row[column]), 17) for k, row in enumerate(rows)
+            }
+            own: dict[str, str] = {}
+            deck.lines.append(f"# obstacle {which}: {_told(group.obstacles[column])}")
+            for stage in stages:
+                for name, e in stage.items():
+                    if name in wanted:
+                        deck.lines.append(f'variable {prefix}{name} atom "{names.text(e.xreplace(table), P, own)}"')
+                own |= {name: f"v_{prefix}{name}" for name in stage}
+            near = f"v_{prefix}distance < {term.range!r}"
+            for k, f in enumerate(formulas.encounters[number].force):
+                inside = names.text(f.xreplace(table), P, own)
+                deck.lines.append(f'variable {prefix}{AXES[k]} atom "ternary({near}, {inside}, 0)"')
+            met.append((prefix, term.range))
+    chunks = np.array_split(np.arange(len(met)), min(MOST_GROUPS, len(met))) if met else []
+    for number, chunk in enumerate(chunks):
+        some = [met[k] for k in chunk]
+        condition = " || ".join(f"(v_{prefix}distance < {reach!r})" for prefix, reach in some)
+        deck.lines.append(f'variable near{number} atom "{condition}"')
+        deck.lines.append(f"group near{number} dynamic all var near{number} every 1")
+        for k in range(m):
+            total = "+".join(f"v_{prefix}{AXES[k]}" for prefix, _ in some)
+            deck.lines.append(f'variable avoid{number}_{AXES[k]} atom "{total}"')
+        deck.lines.append(f"fix avoid{number} near{number} addforce {_vector(f'avoid{number}_', m)}")
+
+
+def _needed(encounter: Any) -> set[str]:
+    """Names of the stages that the force uses, directly or through others."""
+    wanted = {s.name for f in encounter.force for s in f.free_symbols} | {"distance"}
+    for stage in reversed(encounter.geometry):
+        for name, e in stage.items():
+            if name in wanted:
+                wanted |= {s.name for s in e.free_symbols}
+    return wanted
+
+
+def _told(obstacle: Any) -> str:
+    values = ", ".join(f"{name} = {value:g}" for name, value in obstacle.parameters.items())
+    return f"{type(obstacle).__name__.lower()} with {values}"

@@ -1,0 +1,68 @@
+"""What this engine refuses to run, by name, with the way out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flocking.engine.layout import Layout
+from flocking.errors import InvalidInput, UnsupportedLaw
+from flocking.model.graphs import Hysteresis, Proximity
+from flocking.model.law import Scenario
+from flocking.model.schedules import Schedule
+from flocking.model.smooth_graphs import Smooth
+from flocking.model.weights import PairWeights
+
+MOST_AGENTS = 2**31 - 1
+
+
+def _refusal(what: str, way_out: str = "Use engine='tiles' or 'exact'.") -> UnsupportedLaw:
+    return UnsupportedLaw(f"LAMMPS cannot run {what}. {way_out}")
+
+
+def check_supported(scenario: Scenario) -> None:
+    """Refuse by name what has no translation.
+
+    Raises
+    ------
+    UnsupportedLaw
+        When a part of the scenario needs another engine.
+    InvalidInput
+        When the number of agents is too large for this build of LAMMPS.
+    """
+    law, agents = scenario.law, scenario.agents
+    n, dimension = scenario.start.q.shape
+    if n > MOST_AGENTS:
+        raise InvalidInput("Scenario", "start", f"must have at most {MOST_AGENTS} agents for LAMMPS", n)
+    if agents.order != 2:
+        raise _refusal("first-order agents (Agents(order=1))", "Use engine='exact'.")
+    if dimension not in (2, 3):
+        raise _refusal(f"{dimension} dimensions, only 2 or 3", "Use engine='exact'.")
+    for graph in law.graphs:
+        if isinstance(graph, Hysteresis) and graph.gap > 0:
+            raise _refusal(
+                f"Hysteresis with a gap ({graph.gap:g}): its pair styles remember no links",
+                "Use engine='tiles' or 'exact', or Proximity.",
+            )
+        if not isinstance(graph, Proximity | Smooth | Hysteresis):
+            raise _refusal(f"the graph {type(graph).__name__}: pairs are found by one distance alone")
+    for term in law.pair_terms:
+        if getattr(term, "functional", False):
+            raise _refusal(f"{type(term).__name__} with a graph functional", "Use engine='exact'.")
+    for leader in Layout(law, scenario.energy).leaders():
+        if not leader.closed_form:
+            raise _refusal(f"the leader {type(leader).__name__}, whose position has no closed form")
+    for owner, owned in Layout(law, scenario.energy).owners():
+        for name, value in owned.items():
+            if isinstance(value, PairWeights):
+                raise _refusal(
+                    f"the pair weights {type(value).__name__} of {name}",
+                    "Use engine='tiles' or 'exact', or one constant gain.",
+                )
+            if isinstance(value, Schedule):
+                raise _refusal(f"the Schedule of {name}", "Use engine='tiles' or 'exact', or one run per stage.")
+            if (
+                isinstance(value, np.ndarray)
+                and owner.startswith("term")
+                and scenario.law.terms[int(owner[4:])] in law.pair_terms
+            ):
+                raise _refusal(f"one {name} per agent in a pair term: its pair forces are opposite and equal")

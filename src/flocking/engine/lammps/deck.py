@@ -1,0 +1,254 @@
+"""A scenario as a LAMMPS input deck and data file: what this engine runs, and what `export_deck` writes."""
+
+from __future__ import annotations
+
+import inspect
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.durable import put, told
+from flocking.engine.lammps.bodies import AXES, BodyDeck, body_deck
+from flocking.engine.lammps.checks import check_supported
+from flocking.engine.lammps.pairs import PairPart, pair_commands, pair_part, table_text
+from flocking.engine.layout import DAMPING, MASS, Layout
+from flocking.errors import InvalidInput, StorageError
+from flocking.model.checks import number
+from flocking.model.law import Scenario
+
+BALANCE_EVERY = 500
+"""Steps between two checks whether ranks have equal numbers of agents."""
+UNEVEN = 1.1
+"""Largest over mean number of agents per rank above which the ranks' boxes are cut anew."""
+SKIN_SHARE = 0.15
+"""Skin of the neighbour lists, in radii, where none is given."""
+
+
+@dataclass(frozen=True, eq=False)
+class Deck:
+    """A scenario for LAMMPS.
+
+    Parameters
+    ----------
+    scenario
+        What to simulate.
+    skin
+        Skin of the neighbour lists.
+    parts
+        Pair terms per graph.
+    body
+        Body terms.
+    A
+        Values per agent, shape (slots, N).
+    """
+
+    scenario: Scenario
+    skin: float
+    parts: list[PairPart]
+    body: BodyDeck
+    A: Any
+
+    @property
+    def dimension(self) -> int:
+        """Number of axes."""
+        return self.scenario.start.dimension
+
+    @property
+    def reach(self) -> float:
+        """Largest radius of a link."""
+        return max(part.radius for part in self.parts)
+
+    @property
+    def columns(self) -> list[str]:
+        """Slots of the per-agent values of the data file, beside positions and velocities."""
+        masses = [MASS] if np.ndim(self.scenario.agents.masses) else []
+        return masses + sorted(self.body.properties - {MASS}, key=lambda s: int(s[1:]))
+
+    def properties(self) -> list[str]:
+        """Commands that declare the per-agent values; they come before agents are read."""
+        if not self.columns:
+            return []
+        words = " ".join("rmass" if c == MASS else f"d_{c}" for c in self.columns)
+        return [f"fix nature all property/atom {words}"]
+
+    def world(self) -> list[str]:
+        """Commands up to the box: units, dimension, open boundaries."""
+        boundary = "boundary s s p" if self.dimension == 2 else "boundary s s s"
+        return [
+            "units lj", f"dimension {self.dimension}", f"{boundary}  # open: the box follows the agents",
+            "atom_style atomic", "newton on", *self.settings(),
+        ]  # fmt: skip
+
+    def settings(self) -> list[str]:
+        """Commands that a restart file does not hold."""
+        return [
+            "atom_modify map yes",
+            "comm_style tiled",
+            "comm_modify vel yes  # consensus needs the neighbours' velocities",
+        ]
+
+    def agents(self, data: str) -> list[str]:
+        """Commands that read the agents from a data file."""
+        extra = " fix nature NULL Nature" if self.columns else ""
+        return [*self.properties(), f"read_data {data}{extra}"]
+
+    def law(self, ranks: int = 1) -> list[str]:
+        """Commands for neighbours, pair terms, motion and body terms."""
+        scenario = self.scenario
+        lines = [f"neighbor {self.skin!r} bin", "neigh_modify every 1 delay 0 check yes", ""]
+        for term in scenario.law.pair_terms:
+            lines.append(f"# {_headline(term)}")
+            lines += [f"#   {name} = {value!r}" for name, value in term.parameters.items()]
+        if bound := max(part.table_error for part in self.parts):
+            lines.append(f"# tabulated forces are within {bound:.1e} of the formula")
+        lines += [*pair_commands(self.parts), "", "# half-step velocities: positions at t, velocities at t - h/2"]
+        lines += ["fix move all nve", f"variable now equal time+({float(scenario.start.t)!r})", ""]
+        for body in scenario.law.body_terms:
+            lines.append(f"# {_headline(body)}")
+        if np.any(scenario.agents.damping):
+            lines.append("# and the agents' own damping -k_i p_i")
+        lines += self.body.lines
+        if self.dimension == 2:
+            lines.append("fix flat all enforce2d")
+        if ranks > 1:
+            lines.append(f"fix even all balance {BALANCE_EVERY} {UNEVEN} rcb")
+        return lines
+
+    def data_text(self) -> str:
+        """The data file: agents, their velocities and their own values, with all digits."""
+        q, p = self.scenario.start.q, self.scenario.start.p
+        n, m = q.shape
+        low, high = _box(q)
+        lines = [f"{self.scenario.name or 'flock'}: {n} agents", "", f"{n} atoms", "1 atom types", ""]
+        lines += [f"{low[k]:.17g} {high[k]:.17g} {AXES[k]}lo {AXES[k]}hi" for k in range(m)]
+        lines += ["-10000.0 10000.0 zlo zhi"] if m == 2 else []  # thicker than the cells of a scattered flock
+        mass = 1.0 if np.ndim(self.scenario.agents.masses) else float(self.scenario.agents.masses)
+        lines += ["", "Masses", "", f"1 {mass!r}", "", "Atoms # atomic", ""]
+        flat = np.zeros((n, 3 - m))
+        lines += _rows("%d 1 %.17g %.17g %.17g", q, flat)
+        lines += ["", "Velocities", "", *_rows("%d %.17g %.17g %.17g", p, flat)]
+        if self.columns:
+            values = self.A[[int(c[1:]) for c in self.columns]].T
+            lines += ["", "Nature", "", *_rows("%d" + " %.17g" * len(self.columns), values)]
+        return "\n".join(lines) + "\n"
+
+    def tables(self) -> dict[str, str]:
+        """Files of tabulated forces by name."""
+        return {f"table{k}.txt": table_text("REST", p.table) for k, p in enumerate(self.parts) if p.table is not None}
+
+
+def _rows(pattern: str, *columns: Any) -> list[str]:
+    table = np.concatenate(columns, axis=1).tolist()
+    return [pattern % (k, *row) for k, row in enumerate(table, start=1)]
+
+
+def _box(q: Any) -> tuple[Any, Any]:
+    """Corners of a box around all agents, never flat."""
+    low, high = q.min(axis=0), q.max(axis=0)
+    margin = 1e-6 * np.maximum(1.0, np.maximum(np.abs(low), np.abs(high)))
+    return low - margin, high + margin
+
+
+def _headline(part: Any) -> str:
+    """First sentence of a part's description: what it is and its equation in the papers."""
+    return (inspect.getdoc(type(part)) or type(part).__name__).splitlines()[0]
+
+
+def make_deck(scenario: Scenario, skin: float | None = None) -> Deck:
+    """Translate a scenario.
+
+    Parameters
+    ----------
+    scenario
+        What to simulate.
+    skin
+        Skin of the neighbour lists; a share of the largest radius when absent.
+
+    Raises
+    ------
+    UnsupportedLaw
+        When a part has no translation.
+    """
+    from flocking.engine.expressions import law_formulas
+
+    check_supported(scenario)
+    layout = Layout(scenario.law, scenario.energy)
+    formulas = law_formulas(layout, scenario.start.dimension)
+    P, A, _ = layout.values(scenario.agents, scenario.start.n, scenario.start.t)
+    parts = [
+        pair_part(f, P, float(graph.break_radius)) for f, graph in zip(formulas.pairs, scenario.law.graphs, strict=True)
+    ]
+    reach = max(part.radius for part in parts)
+    width = SKIN_SHARE * reach if skin is None else number("engine='lammps'", "skin", skin, above=0.0)
+    return Deck(scenario, width, parts, body_deck(formulas, layout, P, scenario.agents), A)
+
+
+def steps_between(start: float, end: float, step: float) -> int:
+    """How many steps of at most ``step`` lead from one time to another."""
+    return max(1, int(np.ceil((end - start) / step - 1e-9)))
+
+
+def export_deck(scenario: Scenario, folder: str | Path, *, step: float) -> Path:
+    """Write a scenario for a cluster that has LAMMPS alone: ``in.flocking``, ``data.flocking`` and tables.
+
+    Run it there with ``mpiexec -n 64 lmp -in in.flocking``. Frames go to ``frames.lammpstrj``.
+
+    Parameters
+    ----------
+    scenario
+        What to simulate.
+    folder
+        A new or empty folder.
+    step
+        Largest time step; it is shortened a little so that frames fall on steps.
+
+    Returns
+    -------
+    Path
+        The input deck.
+
+    Raises
+    ------
+    UnsupportedLaw
+        When a part has no translation.
+    InvalidInput
+        When the step is not positive or the frames are not evenly spaced.
+    StorageError
+        When the folder holds something already or cannot be written.
+    """
+    step = number("export_deck", "step", step, above=0.0)
+    deck = make_deck(scenario)
+    folder = Path(folder)
+    times = scenario.frame_times
+    gaps = np.diff(times)
+    if len(gaps) and not np.allclose(gaps, gaps[0], rtol=1e-9):
+        raise InvalidInput("export_deck", "frames", "must be evenly spaced", "uneven times", "Give a number of frames.")
+    each = (
+        steps_between(times[0], times[1], step) if len(gaps) else steps_between(scenario.start.t, scenario.t_end, step)
+    )
+    h = float(gaps[0] if len(gaps) else scenario.t_end - scenario.start.t) / each
+    count = round((scenario.t_end - scenario.start.t) / h) if h else 0
+    velocities = " ".join(f"v{AXES[k]}" for k in range(deck.dimension))
+    places = " ".join(AXES[: deck.dimension])
+    lines = [
+        f"# {scenario.name or 'flock'}: {scenario.start.n} agents until t = {scenario.t_end:g}, written by flocking.",
+        "# LAMMPS of July 2025 or newer with the packages LEPTON, DPD-BASIC and EXTRA-FIX. Equation numbers are the",
+        "# papers'. One unit of length, time and mass throughout.", "",
+        *deck.world(), "", *deck.agents("data.flocking"), "", *deck.law(ranks=2), "",
+        f"timestep {h!r}", f"thermo {each}", "thermo_style custom step time atoms ke pe",
+        f"dump frames all custom {each} frames.lammpstrj id {places} {velocities}",
+        "dump_modify frames sort id format float %.17g",
+        f"restart {max(each, 1000)} restart.1 restart.2", f"run {count}",
+    ]  # fmt: skip
+    with told(folder, "write the deck"):
+        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise StorageError(f"{folder}: not an empty folder. Choose another one; nothing is ever overwritten.")
+        files = {"in.flocking": "\n".join(lines) + "\n", "data.flocking": deck.data_text(), **deck.tables()}
+        for name, text in files.items():
+            put(folder / name, text.encode())
+    return folder / "in.flocking"
+
+
+__all__ = ["DAMPING", "Deck", "export_deck", "make_deck", "steps_between"]

@@ -1,0 +1,160 @@
+"""The pair terms of a law as LAMMPS pair styles: an energy in ``lepton``, what it lacks in a table, and the drag."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flocking.engine.lammps.printing import lepton
+from flocking.errors import UnsupportedLaw
+
+if TYPE_CHECKING:
+    import sympy
+
+    from flocking.engine.expressions import PairFormulas
+
+TABLE_ROWS = 20_000
+"""Rows of a table, evenly spaced in r^2."""
+
+SEED = 1
+"""Seed of the thermostat's noise, which is zero at temperature zero."""
+
+
+@dataclass(frozen=True)
+class PairPart:
+    """The pair terms over one graph.
+
+    Parameters
+    ----------
+    radius
+        Where the links end.
+    energy
+        Energy of a pair as a Lepton expression; empty for none.
+    table
+        Distances and the forces that the energy lacks, shape (2, rows); None where it lacks nothing.
+    drag
+        Coefficient of p_j - p_i.
+    """
+
+    radius: float
+    energy: str
+    table: np.ndarray[Any, Any] | None
+    drag: float
+
+    @property
+    def table_error(self) -> float:
+        """Bound on the error of a tabulated force: that of straight lines between its rows, max |second difference|/8.
+
+        LAMMPS lays cubic splines through the rows, which follow a smooth force far better.
+        """
+        return 0.0 if self.table is None else float(np.abs(np.diff(self.table[1], 2)).max(initial=0.0)) / 8
+
+
+def numbers(layout_values: Any, expression: sympy.Expr) -> sympy.Expr:
+    """The expression with its single-number parameters ``P0``, ``P1``... replaced by their values."""
+    import sympy
+
+    known = {
+        s: sympy.Float(float(layout_values[int(s.name[1:])]), 17)
+        for s in expression.free_symbols
+        if s.name[0] == "P" and s.name[1:].isdigit()
+    }
+    return expression.xreplace(known)
+
+
+def pair_part(formulas: PairFormulas, P: Any, radius: float) -> PairPart:
+    """Translate the pair terms over one graph.
+
+    Parameters
+    ----------
+    formulas
+        Their formulas.
+    P
+        Values of the single-number parameters.
+    radius
+        Where the links end.
+
+    Raises
+    ------
+    UnsupportedLaw
+        When a force depends on more than distance and relative velocity, or the drag on the distance.
+    """
+    import sympy
+
+    r = sympy.Symbol("r", positive=True)
+    along, storage, drag = (numbers(P, e) for e in (formulas.along, formulas.storage, formulas.drag))
+    if drag.free_symbols:
+        raise UnsupportedLaw(
+            "LAMMPS cannot run a consensus term whose weight depends on the distance (Consensus(weighted=True)): "
+            "dpd/ext/tstat knows one constant. Use engine='tiles' or 'exact', or Consensus(weighted=False)."
+        )
+    strange = (along.free_symbols | storage.free_symbols) - {r}
+    if strange:
+        raise UnsupportedLaw(
+            f"LAMMPS cannot run a pair force that depends on {sorted(map(str, strange))[0]}, only one of the distance. "
+            "Use engine='tiles' or 'exact'."
+        )
+    slope = sympy.diff(storage, r)
+    # The two are equal as they stand where the force is a gradient; the energy carries what it can either way.
+    rest = sympy.Integer(0) if along == slope else along - slope
+    energy = lepton(storage) if storage.has(r) else ""
+    return PairPart(radius, energy, _table(rest, radius) if rest != 0 else None, float(drag))
+
+
+def _table(rest: sympy.Expr, radius: float) -> np.ndarray[Any, Any]:
+    import sympy
+
+    from flocking.formula.printing import code
+
+    inner = 1e-3 * radius
+    distances = np.sqrt(np.linspace(inner**2, radius**2, TABLE_ROWS))
+    source = code(rest.xreplace({sympy.Symbol("r", positive=True): sympy.Symbol("r", real=True)}), arrays=True)
+    with np.errstate(all="ignore"):
+        # Printed from a formula of the whitelisted grammar.
+        forces = -np.asarray(_evaluated(source, distances)) * np.ones(TABLE_ROWS)
+    forces[-1] = 0.0 if not np.isfinite(forces[-1]) else forces[-1]
+    return np.array([distances, forces])
+
+
+def _evaluated(source: str, distances: Any) -> Any:
+    from flocking.formula.compiled import generated_module
+
+    module = generated_module(
+        ("lammps table", source), lambda: f"import numpy\n\n\ndef force(r):\n    return {source}\n"
+    )
+    return module.force(distances)
+
+
+def table_text(name: str, table: np.ndarray[Any, Any]) -> str:
+    """A table as the text of a file for ``pair_style table``."""
+    distances, forces = table
+    energies = np.concatenate([np.cumsum((0.5 * (forces[1:] + forces[:-1]) * np.diff(distances))[::-1])[::-1], [0.0]])
+    head = f"# force beyond the energy of lepton\n\n{name}\n"
+    head += f"N {len(distances)} RSQ {distances[0]:.17g} {distances[-1]:.17g}\n\n"
+    rows = zip(range(1, len(distances) + 1), distances, energies, forces, strict=True)
+    return head + "".join(f"{k} {r:.17g} {e:.17g} {f:.17g}\n" for k, r, e, f in rows)
+
+
+def pair_commands(parts: list[PairPart]) -> list[str]:
+    """Commands that set up all pair styles; tables are read from files ``table0.txt``, ``table1.txt``..."""
+    styles: list[tuple[str, str, str]] = []
+    for number, part in enumerate(parts):
+        if part.energy:
+            styles.append(("lepton", f"{part.radius!r}", f'"{part.energy}" {part.radius!r}'))
+        if part.table is not None:
+            styles.append(("table", f"spline {TABLE_ROWS}", f"table{number}.txt REST {part.radius!r}"))
+        if part.drag:
+            settings = f"{part.drag!r} {part.drag!r} 0 0 {part.radius!r}"
+            styles.append(("dpd/ext/tstat", f"0 0 {part.radius!r} {SEED}", settings))
+    if not styles:
+        return ["pair_style zero 1.0", "pair_coeff * *"]
+    lines = ["pair_style hybrid/overlay &"]
+    lines += [f"  {name} {arguments} &" for name, arguments, _ in styles]
+    lines[-1] = lines[-1].removesuffix(" &")
+    names = [name for name, _, _ in styles]
+    for k, (name, _, settings) in enumerate(styles):
+        which = f" {names[: k + 1].count(name)}" if names.count(name) > 1 else ""
+        lines.append(f"pair_coeff 1 1 {name}{which} {settings}")
+    return lines

@@ -1,0 +1,211 @@
+"""Whole runs under LAMMPS: the first rank writes them to disk while they go on, any number of ranks resumes them."""
+
+from __future__ import annotations
+
+import io
+import json
+import time
+import zipfile
+from contextlib import suppress
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from flocking.engine.lammps import library
+from flocking.engine.lammps.ranks import Ranks
+from flocking.engine.lammps.session import LammpsOptions, LammpsSession, Restart
+from flocking.engine.run import SWITCH_FIELDS, TRACE_FIELDS, Run
+from flocking.engine.run_writer import RunWriter
+from flocking.engine.storage import read_run, read_scenario_of
+from flocking.errors import SimulationError, StorageError
+from flocking.model.law import Scenario
+from flocking.model.state import State
+
+COMMIT_SECONDS = 5.0
+"""Wall time between two commits with a restart file; a kill loses no more than this and one frame."""
+
+
+class _Writing:
+    """Writes a session to disk: frames at once, a commit with a restart file every few seconds."""
+
+    def __init__(self, session: LammpsSession, writer: RunWriter | None, every: float) -> None:
+        self._session, self._writer, self._every = session, writer, every
+        self._last = time.monotonic()
+
+    def keep(self) -> None:
+        """Commit when it is time to; all ranks call it together."""
+        ranks = self._session.ranks
+        if not ranks.comm.bcast(time.monotonic() - self._last >= self._every):
+            return
+        restart = self._session.restart()
+        ranks.alone(lambda: self._commit("unfinished", restart))
+        self._last = time.monotonic()
+
+    def finish(self, status: str) -> None:
+        """Commit the last records of a run that will not go on."""
+        self._session.ranks.alone(lambda: self._commit(status, None))
+
+    def _commit(self, status: str, restart: Restart | None) -> None:
+        writer, records = self._writer, self._session.records
+        assert writer is not None
+        counts = writer.counts
+        new = slice(counts["time"], len(records.t))
+        if records.t[new]:
+            links = np.array(records.links[new]) if records.with_links else None
+            writer.append(np.array(records.t[new]), np.array(records.q[new]), np.array(records.p[new]), links)
+        rows = np.array(records.ledger.trace[counts["step"] :], dtype=TRACE_FIELDS)
+        writer.append_records(np.zeros(0, dtype=SWITCH_FIELDS), rows)
+        writer.commit(
+            status, closest=(records.ledger.closest_linked, records.ledger.closest_unlinked),
+            provenance=self._session.about,
+            checkpoint=None if restart is None else _packed(restart, self._session.options),
+        )  # fmt: skip
+
+
+def _packed(restart: Restart, options: LammpsOptions) -> bytes:
+    text = json.dumps(
+        {
+            "engine": "lammps",
+            "time": restart.time,
+            "steps": restart.steps,
+            "plan": restart.plan,
+            **{"options": asdict(options)},
+        }
+    )
+    file = io.BytesIO()
+    np.savez(
+        file, numbers=np.frombuffer(text.encode(), dtype=np.uint8), forces=restart.forces,
+        restart=np.frombuffer(restart.file, dtype=np.uint8),
+    )  # fmt: skip
+    return file.getvalue()
+
+
+def _unpacked(data: bytes, where: Path) -> tuple[Restart, LammpsOptions]:
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as file:
+            numbers = json.loads(file["numbers"].tobytes())
+            plan = tuple(numbers["plan"])
+            restart = Restart(file["restart"].tobytes(), file["forces"], numbers["time"], numbers["steps"], plan)
+        return restart, LammpsOptions(**numbers["options"])
+    except (ValueError, KeyError, TypeError, OSError, EOFError, zipfile.BadZipFile) as error:
+        raise StorageError(f"{where}: no checkpoint this version can go on from ({error}).") from None
+
+
+def drive_ranks(
+    session: LammpsSession, *, save: str | Path | None, progress: bool, every: float = COMMIT_SECONDS
+) -> Run:
+    """Advance a session to the end of its scenario on all ranks; the run's frames are on the first rank.
+
+    Parameters
+    ----------
+    session
+        The session, on all ranks.
+    save
+        New or empty folder to write the run to while it goes on; nothing is written when absent.
+    progress
+        Show a progress bar on the first rank.
+    every
+        Wall time between two commits.
+
+    Raises
+    ------
+    SimulationError
+        When the run cannot go on; its ``run`` holds what was computed until then.
+    StorageError
+        When the run cannot be saved.
+    """
+    if save is None:
+        return _drive(session, None, progress)
+    records = session.records
+    writer = session.ranks.alone(lambda: RunWriter.create(save, session.scenario, with_links=records.with_links))
+    return _written(session, writer, progress, every)
+
+
+def resume_on_ranks(folder: str | Path, *, scenario: Scenario | None, progress: bool) -> Run:
+    """Go on with a run on disk from its last commit, on any number of ranks.
+
+    Raises
+    ------
+    StorageError
+        When there is no run, it is damaged, or it ended in a way that cannot go on.
+    """
+    folder = Path(folder)
+    ranks = Ranks(library.communicator())
+    writer = ranks.alone(lambda: RunWriter.reopen(folder))
+    try:
+        found = ranks.comm.bcast(ranks.alone(lambda: _last_commit(folder, writer, scenario)))
+        records, data = found
+        if data is None:
+            return records  # type: ignore[no-any-return]
+        restart, options = _unpacked(data, folder)
+        session = LammpsSession(records.scenario, options, restart=restart)
+        _recall(session, records)
+    except BaseException:
+        if writer is not None:
+            writer.close()
+        raise
+    return _written(session, writer, progress, COMMIT_SECONDS)
+
+
+def _last_commit(folder: Path, writer: RunWriter | None, scenario: Scenario | None) -> tuple[Run, bytes | None]:
+    assert writer is not None
+    records = read_run(folder, scenario=scenario if scenario is not None else read_scenario_of(folder)[0])
+    if records.finished:
+        return records, None
+    kept = writer.record["checkpoint"]
+    if kept is None:
+        raise StorageError(f"{folder}: this run cannot go on, it has no restart file: {records.status}")
+    return records, (folder / kept["file"]).read_bytes()
+
+
+def _recall(session: LammpsSession, run: Run) -> None:
+    """Give a session the records of the run it goes on with."""
+    records = session.records
+    records.count = len(run.t)
+    now = session.whole_state()
+    if now is None:
+        return
+    records.t, records.q, records.p = [float(t) for t in run.t], list(run.q), list(run.p)
+    records.links = list(run.links) if records.with_links else []
+    records.ledger.closest_linked, records.ledger.closest_unlinked = run.closest_linked, run.closest_unlinked
+    if session.options.ledger:
+        records.ledger.go_on(run.trace.tolist(), State(now.q, now.p, session.time))
+
+
+def _written(session: LammpsSession, writer: RunWriter | None, progress: bool, every: float) -> Run:
+    try:
+        writing = _Writing(session, writer, every)
+        writing.keep()
+        return _drive(session, writing, progress)
+    finally:
+        if writer is not None:
+            writer.close()
+
+
+def _drive(session: LammpsSession, writing: _Writing | None, progress: bool) -> Run:
+    from flocking.engine.simulate import Progress, stops
+
+    scenario = session.scenario
+    status = "finished"
+    try:
+        with Progress(progress and session.ranks.first, scenario) as bar:
+            for t in stops(scenario, session.time, often=writing is not None):
+                session.advance(t)
+                bar.show(t, session.steps * scenario.start.n)
+                if writing is not None and t < scenario.t_end:
+                    writing.keep()
+        if writing is not None:
+            writing.finish(status)
+    except KeyboardInterrupt:
+        if session.ranks.size > 1:
+            raise
+        status = f"interrupted at t = {session.time:.9g}"
+    except SimulationError as error:
+        if writing is not None:
+            with suppress(StorageError):
+                writing.finish(str(error))
+        raise
+    finally:
+        session.close()
+    return session.run(status)

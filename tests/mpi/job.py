@@ -1,0 +1,65 @@
+"""What the tests start under mpiexec: a law run on all ranks, and what came out written down by the first."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+
+import numpy as np
+
+import flocking as fk
+from flocking.engine.lammps.run import drive_ranks
+from flocking.engine.lammps.session import LammpsOptions, LammpsSession
+from tests.mpi.laws import law, start
+
+
+def scenario(name, dimension, *, n=300, t_end=0.5, frames=6, side=1.0, speed=1.0):
+    state = start(dimension, n, speed=speed)
+    if name == "split":  # two halves that fly apart, one of them across the other's place
+        q = np.array(state.q)
+        away = np.where(q[:, :1] > 0, 1.0, -1.0) * np.array([60.0, 25.0, 10.0][:dimension])
+        state = fk.State(q, state.p + away)
+        name = "olfati-saber (35)"
+    found, agents = law(name, dimension, state.n)
+    return fk.Scenario(found, state, t_end=t_end, frames=frames, agents=agents, name=name)
+
+
+def main():
+    asked = json.loads(sys.argv[1])
+    made = scenario(asked["law"], asked["dimension"], **asked.get("scenario", {}))
+    session = LammpsSession(made, LammpsOptions(step=asked["step"], **asked.get("options", {})))
+    before = session.ranks.comm.gather(set(session._ids.tolist()))
+    if "die_at" in asked:
+        doomed = session.ranks.size - 1
+        take = session._take_steps
+
+        def dying(to):
+            if session.time >= asked["die_at"] and session.ranks.rank == doomed:
+                if asked["how"] == "signal":
+                    os.kill(os.getpid(), signal.SIGKILL)
+                raise RuntimeError("this rank has had enough")
+            take(to)
+
+        session._take_steps = dying
+    crossed = []
+    close = session.close
+
+    def look():
+        after = session.ranks.comm.gather(set(session._ids.tolist()))
+        if session.ranks.first:
+            crossed.extend(len(a - b) for a, b in zip(after, before, strict=True))
+        close()
+
+    session.close = look
+    run = drive_ranks(session, save=asked.get("save"), progress=False, every=asked.get("every", 5.0))
+    if session.ranks.first and "out" in asked:
+        np.savez(
+            asked["out"], t=run.t, q=run.q, p=run.p, trace=run.trace, crossed=crossed, ranks=session.ranks.size,
+            owned=[len(b) for b in before],
+        )  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()

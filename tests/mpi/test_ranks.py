@@ -1,0 +1,82 @@
+"""One, two and four ranks give the same run; a rank that dies ends the job; a killed run goes on."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from tests.mpi.job import scenario
+from tests.mpi.jobs import launch, run_job
+
+pytestmark = pytest.mark.mpi
+FIGURES = {"law": "olfati-saber (58)", "dimension": 2, "step": 0.01}
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_ranks_agree_while_agents_cross_their_borders(tmp_path, dimension):
+    asked = {"scenario": {"t_end": 1.0, "speed": 6.0, "n": 200}, "options": {"ledger": 10}}
+    found = [run_job(ranks, tmp_path, "split", dimension, **asked) for ranks in (1, 2, 4)]
+    assert [int(f["ranks"]) for f in found] == [1, 2, 4]
+    assert min(found[1]["owned"]) > 0
+    assert sum(found[2]["crossed"]) > 20
+    for other in found[1:]:
+        np.testing.assert_allclose(other["q"], found[0]["q"], rtol=0, atol=1e-9)
+        np.testing.assert_allclose(other["p"], found[0]["p"], rtol=0, atol=1e-9)
+        assert np.abs(other["trace"]["energy"] / found[0]["trace"]["energy"] - 1).max() < 1e-10
+
+
+@pytest.mark.parametrize("how", ["signal", "error"])
+def test_a_rank_that_dies_ends_the_job_and_the_run_goes_on_from_its_last_commit(tmp_path, how):
+    import json
+
+    folder, whole = tmp_path / "killed", tmp_path / "whole"
+    made = {"t_end": 1.0, "frames": 11, "n": 150}
+    asked = {**FIGURES, "scenario": made, "every": 0.0, "options": {"ledger": 5}}
+    died = launch(
+        2, sys.executable, "-m", "tests.mpi.job", json.dumps({**asked, "save": str(folder), "die_at": 0.55, "how": how})
+    )
+    assert died.returncode != 0
+    assert ("BAD TERMINATION" if how == "signal" else "this rank has had enough") in died.stdout + died.stderr
+    left = fk.read_run(folder)
+    assert left.status == "unfinished"
+    assert 5 <= len(left.t) <= 6
+    done = launch(2, sys.executable, "-m", "tests.mpi.job", json.dumps({**asked, "save": str(whole)}))
+    assert done.returncode == 0, done.stderr[-3000:]
+    expected = fk.read_run(whole)
+    gone_on = fk.resume(folder, progress=False)  # on one rank
+    assert gone_on.finished
+    assert gone_on.trace["time"].tolist() == pytest.approx(expected.trace["time"].tolist(), abs=1e-12)
+    np.testing.assert_allclose(gone_on.q, expected.q, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(gone_on.p, expected.p, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(gone_on.trace["supplied"], expected.trace["supplied"], rtol=1e-9)
+    assert fk.read_run(folder).finished
+
+
+def test_the_command_line_runs_under_mpiexec_and_resumes(tmp_path):
+    file, folder = tmp_path / "flock.toml", tmp_path / "run"
+    made = scenario("olfati-saber (35)", 2, n=60, t_end=0.2, frames=3)
+    fk.write_scenario(made, file)
+    done = launch(2, sys.executable, "-m", "flocking.apps.cli", "run", str(file), "--engine", "lammps", "--step", "0.01",
+                  "--out", str(folder))  # fmt: skip
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert done.stdout.count("status") == 1
+    run = fk.read_run(folder)
+    assert (run.finished, len(run.t), run.provenance["ranks"]) == (True, 3, 2)
+    assert fk.audit(run).results
+    again = launch(2, sys.executable, "-m", "flocking.apps.cli", "resume", str(folder))
+    assert again.returncode == 0, again.stderr[-3000:]
+
+
+def test_a_bad_folder_is_told_once_and_ends_all_ranks(tmp_path):
+    file, folder = tmp_path / "flock.toml", tmp_path / "taken"
+    folder.mkdir()
+    (folder / "something").write_text("here")
+    fk.write_scenario(scenario("olfati-saber (35)", 2, n=10, t_end=0.2, frames=3), file)
+    done = launch(2, sys.executable, "-m", "flocking.apps.cli", "run", str(file), "--engine", "lammps", "--step", "0.01",
+                  "--out", str(folder))  # fmt: skip
+    assert done.returncode != 0
+    assert "not an empty folder" in done.stderr
+    assert "Traceback" not in done.stderr

@@ -1,0 +1,78 @@
+"""What LAMMPS cannot run is refused by name; what is missing is told with the line that installs it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.engine.lammps import library
+from flocking.engine.lammps.deck import make_deck
+from flocking.errors import EngineMissing, InvalidInput, UnsupportedLaw
+from tests.mpi.laws import start
+
+pytestmark = pytest.mark.mpi
+N = 20
+PSI = fk.Potential("(r - 7)**2")
+
+
+def scenario(graph=None, *terms, agents=None):
+    state = start(2, N)
+    return fk.Scenario(
+        fk.Law(graph or fk.Proximity(8.4), terms or [fk.Consensus(1.0)]), state, 1.0, agents or fk.Agents()
+    )
+
+
+@pytest.mark.parametrize(
+    ("made", "named"),
+    [
+        (lambda: scenario(fk.Hysteresis(8.4, 1.0)), "Hysteresis"),
+        (lambda: scenario(fk.Fixed.complete(N)), "Fixed"),
+        (lambda: scenario(fk.PerAgentRadii(np.full(N, 8.0))), "PerAgentRadii"),
+        (lambda: scenario(None, fk.Consensus(1.0, weights=fk.HashedWeights(0.0, 1.0, 1))), "HashedWeights"),
+        (lambda: scenario(None, fk.Consensus(1.0, weights=np.ones((N, N)))), "MatrixWeights"),
+        (lambda: scenario(None, fk.Consensus(np.ones(N))), "gain per agent"),
+        (lambda: scenario(fk.Smooth(8.4, 0.8), fk.Consensus(1.0, weighted=True)), "weighted=True"),
+        (lambda: scenario(None, fk.Gradient(PSI), agents=fk.Agents(order=1)), "order=1"),
+        (lambda: scenario(None, fk.Track(fk.Velocity([1.0, 0.0]), velocity_gain=fk.Schedule([0.5], [1.0, 0.0]))), "Schedule"),
+        (lambda: scenario(None, fk.Consensus(1.0, functional=True)), "functional"),
+    ],
+)  # fmt: skip
+def test_refused_by_name_with_a_way_out(made, named):
+    with pytest.raises(UnsupportedLaw, match=named) as error:
+        fk.start(made(), "lammps", step=0.01)
+    assert "engine='" in str(error.value)
+
+
+def test_a_step_is_needed_and_options_are_checked():
+    for options in (
+        {},
+        {"step": -1.0},
+        {"step": 0.1, "ledger": -1},
+        {"step": 0.1, "skin": 0.0},
+        {"step": 0.1, "tea": 1},
+    ):
+        with pytest.raises(InvalidInput):
+            fk.start(scenario(), "lammps", **options)
+
+
+def test_a_missing_library_is_told_with_the_install_line(monkeypatch, tmp_path):
+    monkeypatch.setattr(library, "_files", lambda package: [])
+    monkeypatch.setattr(library.sys, "prefix", str(tmp_path))
+    with pytest.raises(EngineMissing, match=r"pip install 'flocking\[mpi\]'"):
+        library.mpi_library()
+
+
+def test_an_old_or_incomplete_lammps_is_told(monkeypatch):
+    comm = library.communicator()
+    monkeypatch.setattr(library, "OLDEST", 30000101)
+    with pytest.raises(EngineMissing, match="30000101"):
+        library.instance(comm)
+    monkeypatch.undo()
+    monkeypatch.setitem(library.NEEDED, "fix", ("flying/carpet",))
+    with pytest.raises(EngineMissing, match="flying/carpet"):
+        library.instance(comm)
+
+
+def test_a_deck_needs_no_library():
+    assert make_deck(scenario()).law()
