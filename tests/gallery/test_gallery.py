@@ -166,6 +166,16 @@ SHOWS = {check.__name__: check for check in (
     moving_obstacles, figure_of_eight, cucker_smale, reynolds, vicsek, olfati_saber_2006,
 )}  # fmt: skip
 
+
+def study(made):
+    """A study that comes with the library: its stored results are there, and most of its runs went through."""
+    table = made["table"]
+    assert len(table) >= 50
+    assert len(table.failures) < 0.1 * len(table)
+
+
+SHOWS |= dict.fromkeys((name for name in SCRIPTS if name.startswith("study_")), study)
+
 SLOW = {"reynolds", "vicsek", "space", "moving_obstacles", "olfati_saber_2003", "olfati_saber_2006"}
 """Their kernels are their own and take long to compile the first time; the others are in the default tests."""
 
