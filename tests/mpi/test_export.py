@@ -34,8 +34,8 @@ def test_lammps_alone_runs_the_deck_on_two_ranks(tmp_path, name, dimension):
     made = scenario(name, dimension, n=100, t_end=0.3, frames=4)
     deck = export_deck(made, tmp_path / "deck", step=0.01)
     library = {"LD_LIBRARY_PATH": str(Path(sys.prefix) / "lib"), "PATH": "/usr/bin:/bin", "OMP_NUM_THREADS": "1"}
-    done = subprocess.run([MPIEXEC, "-n", "2", LMP, "-in", deck.name], cwd=deck.parent, env=library, capture_output=True,
-                          text=True, timeout=200)  # fmt: skip
+    words = [MPIEXEC, "-n", "2", LMP, "-in", deck.name]
+    done = subprocess.run(words, cwd=deck.parent, env=library, capture_output=True, text=True, timeout=200)
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
     q, p = frames(deck.parent / "frames.lammpstrj", 100, dimension)
     run = fk.simulate(made, engine="lammps", step=0.01, ledger=0, progress=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 
 import numpy as np
@@ -12,6 +13,7 @@ from tests.mpi.job import scenario
 from tests.mpi.jobs import launch, run_job
 
 pytestmark = pytest.mark.mpi
+RUN = (sys.executable, "-m", "flocking.apps.cli", "run", "--engine", "lammps", "--step", "0.01")
 FIGURES = {"law": "olfati-saber (58)", "dimension": 2, "step": 0.01}
 
 
@@ -30,8 +32,6 @@ def test_ranks_agree_while_agents_cross_their_borders(tmp_path, dimension):
 
 @pytest.mark.parametrize("how", ["signal", "error"])
 def test_a_rank_that_dies_ends_the_job_and_the_run_goes_on_from_its_last_commit(tmp_path, how):
-    import json
-
     folder, whole = tmp_path / "killed", tmp_path / "whole"
     made = {"t_end": 1.0, "frames": 11, "n": 150}
     asked = {**FIGURES, "scenario": made, "every": 0.0, "options": {"ledger": 5}}
@@ -59,8 +59,7 @@ def test_the_command_line_runs_under_mpiexec_and_resumes(tmp_path):
     file, folder = tmp_path / "flock.toml", tmp_path / "run"
     made = scenario("olfati-saber (35)", 2, n=60, t_end=0.2, frames=3)
     fk.write_scenario(made, file)
-    done = launch(2, sys.executable, "-m", "flocking.apps.cli", "run", str(file), "--engine", "lammps", "--step", "0.01",
-                  "--out", str(folder))  # fmt: skip
+    done = launch(2, *RUN, str(file), "--out", str(folder))
     assert done.returncode == 0, done.stderr[-3000:]
     assert done.stdout.count("status") == 1
     run = fk.read_run(folder)
@@ -75,8 +74,7 @@ def test_a_bad_folder_is_told_once_and_ends_all_ranks(tmp_path):
     folder.mkdir()
     (folder / "something").write_text("here")
     fk.write_scenario(scenario("olfati-saber (35)", 2, n=10, t_end=0.2, frames=3), file)
-    done = launch(2, sys.executable, "-m", "flocking.apps.cli", "run", str(file), "--engine", "lammps", "--step", "0.01",
-                  "--out", str(folder))  # fmt: skip
+    done = launch(2, *RUN, str(file), "--out", str(folder))
     assert done.returncode != 0
     assert "not an empty folder" in done.stderr
     assert "Traceback" not in done.stderr

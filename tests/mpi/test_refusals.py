@@ -34,7 +34,7 @@ def scenario(graph=None, *terms, agents=None):
         (lambda: scenario(None, fk.Consensus(np.ones(N))), "gain per agent"),
         (lambda: scenario(fk.Smooth(8.4, 0.8), fk.Consensus(1.0, weighted=True)), "weighted=True"),
         (lambda: scenario(None, fk.Gradient(PSI), agents=fk.Agents(order=1)), "order=1"),
-        (lambda: scenario(None, fk.Track(fk.Velocity([1.0, 0.0]), velocity_gain=fk.Schedule([0.5], [1.0, 0.0]))), "Schedule"),
+        (lambda: scenario(None, fk.Track([1.0, 0.0], velocity_gain=fk.Schedule([0.5], [1.0, 0.0]))), "Schedule"),
         (lambda: scenario(None, fk.Consensus(1.0, functional=True)), "functional"),
     ],
 )  # fmt: skip

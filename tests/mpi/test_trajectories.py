@@ -46,3 +46,13 @@ def test_momentum_is_kept_and_the_ledger_closes():
     moved = trace["dissipated"][-1]
     assert moved > 0.05 * trace["energy"][0]
     assert np.abs(run.residual).max() < 0.02 * moved
+
+
+def test_an_audit_claims_nothing_that_was_not_recorded():
+    made = scenario("olfati-saber (34)", 2, n=60).with_(tolerance=1e-3)
+    run = fk.simulate(made, engine="lammps", step=0.002, progress=False)
+    found = {r.claim.key: r for r in fk.audit(run).results}
+    assert str(found["momentum"].verdict) == "holds"
+    for key in ("links-kept", "switching-stops", "linked-apart", "all-apart"):
+        assert str(found[key].verdict) == "not applicable", key
+        assert found[key].note

@@ -105,6 +105,14 @@ class Claim:
 
     def examine(self, evidence: Evidence) -> Result:
         """Hold the claim against the evidence of one run."""
+        from flocking.study.evidence import NotMeasurable
+
+        try:
+            return self._examined(evidence)
+        except NotMeasurable as reason:
+            return Result(self, Verdict.NOT_APPLICABLE, note=str(reason))
+
+    def _examined(self, evidence: Evidence) -> Result:
         if reason := self.obstacle(evidence):
             return Result(self, Verdict.NOT_APPLICABLE, note=reason)
         hypothesis = self.hypothesis(evidence)

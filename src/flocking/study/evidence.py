@@ -17,6 +17,14 @@ LEDGER_FACTOR = 100.0
 """The ledger must close to this many tolerances times the total energy moved."""
 
 
+MOST_DENSE = 4000
+"""Largest group whose pairs are all looked at at once."""
+
+
+class NotMeasurable(Exception):  # noqa: N818  a verdict, not a fault
+    """A quantity that this run does not let one compute; a claim that needs it is not applicable."""
+
+
 class Evidence:
     """Measured quantities of a run, each computed when first asked for.
 
@@ -44,6 +52,8 @@ class Evidence:
         """How much closer than recorded two agents may have come."""
         if self.sampled:
             return float(self.run.provenance["gap"])
+        if "closest" in self.run.provenance:
+            raise NotMeasurable(f"agents' distances were looked at only {self.run.provenance['closest']}")
         return 10 * self.run.scenario.tolerance * max(1.0, float(self.diameter[0]))
 
     @property
@@ -98,6 +108,7 @@ class Evidence:
     @cached_property
     def diameter(self) -> Array:
         """Largest distance of two agents at each frame, shape (F,)."""
+        self._need_all_pairs()
         found = []
         for q in self.run.q:
             offsets = q[None] - q[:, None]
@@ -107,6 +118,7 @@ class Evidence:
     @cached_property
     def distance_rate(self) -> float:
         """Largest rate of change of a pair distance at the last frame."""
+        self._need_all_pairs()
         q, p = self.run.q[-1], self.run.p[-1]
         i, j = np.triu_indices(self.run.n, 1)
         if len(i) == 0:
@@ -115,9 +127,15 @@ class Evidence:
         r = np.linalg.norm(d, axis=1)
         return float(np.abs((d * v).sum(axis=1) / np.where(r > 0, r, 1.0)).max())
 
+    def _need_all_pairs(self) -> None:
+        if self.run.n > MOST_DENSE:
+            raise NotMeasurable(f"{self.run.n} agents have too many pairs")
+
     @cached_property
     def link_history(self) -> list[tuple[float, Links]]:
         """Link matrix of the law's graph from each time it changed on, the first at the start."""
+        if self.run.links.shape[1:] != (self.run.n, self.run.n):
+            raise NotMeasurable(f"frames of {self.run.n} agents hold no link matrices")
         links = np.array(self.run.links[0])
         if self.sampled:
             return [(float(t), np.asarray(x)) for t, x in zip(self.run.t, self.run.links, strict=True)]

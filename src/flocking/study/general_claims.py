@@ -214,7 +214,9 @@ def needs_switches(e: Evidence) -> str:
 
 
 def needs_switching(e: Evidence) -> str:
-    """A fixed graph has no switches."""
+    """A fixed graph has no switches, and some engines record none."""
+    if e.run.provenance.get("switches") == "not recorded":
+        return f"out of reach: the engine {e.run.provenance['engine']} records no switches"
     return "" if e.law.graph.moves else "the graph is fixed"
 
 

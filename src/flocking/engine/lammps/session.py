@@ -380,7 +380,8 @@ class LammpsSession:
         found = provenance(self.engine, self.scenario) | library.versions()
         return found | {
             "steps": self.steps, "step": self.options.step, "scheme": "verlet", "ranks": self.ranks.size,
-            "rank": self.ranks.rank, "switches": "not recorded", "ledger": f"trapezoidal, a row every {self.options.ledger} steps",
+            "rank": self.ranks.rank, "switches": "not recorded",
+            "ledger": f"trapezoidal, a row every {self.options.ledger} steps",
             "closest": "at the rows of the ledger",
         }  # fmt: skip
 
