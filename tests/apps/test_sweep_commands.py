@@ -45,6 +45,18 @@ def test_a_file_is_run_written_and_summed_up(file, tmp_path, capsys):
     assert (folder / "runs.csv").read_bytes() == before
 
 
+def test_a_sweep_without_a_grid_and_one_of_drawn_points(file, tmp_path, capsys):
+    file.write_text(FILE.split("[grid]")[0])
+    assert main(["sweep", str(file), "--workers", "1"]) == 0
+    assert "2 of 2 runs, 0 failed" in capsys.readouterr().out
+    drawn = '[sample]\nmethod = "latin"\ncount = 2\nranges = {speed = {low = 0.5, high = 2.0}}\n'
+    file.write_text(FILE.split("[grid]")[0].replace("speeds", "drawn") + drawn)
+    assert main(["sweep", str(file), "--workers", "1"]) == 0
+    lines = (tmp_path / "out" / "sweeps" / "drawn" / "summary.csv").read_text().splitlines()
+    assert lines[0].startswith("speed,sample,connected,connected_low")
+    assert len(lines) == 3
+
+
 def test_a_file_that_changed_is_not_mixed_with_its_earlier_results(file, capsys):
     assert main(["sweep", str(file), "--workers", "1"]) == 0
     file.write_text(FILE.replace("1.0]", "2.0]"))

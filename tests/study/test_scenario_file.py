@@ -374,7 +374,7 @@ def places(table, path=()):
         yield from places(child, (*path, key))
 
 
-@settings(max_examples=200, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_mutated_files_are_read_or_refused_in_plain_words(data):
     from flocking.study.toml_text import toml_text

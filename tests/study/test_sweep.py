@@ -174,6 +174,18 @@ def test_another_sweep_in_the_folder_is_refused_with_every_difference(tmp_path):
         run(**arguments, audit=True)
 
 
+def test_the_order_of_the_grid_is_kept_and_another_order_is_another_sweep(tmp_path):
+    arguments = {"seeds": [3, 4], "measures": ["velocity_spread", "flocks"], "out": tmp_path / "out"}
+    table = run(grid={"speed": SPEEDS, "n": [2, 3]}, **arguments)
+    stored = fk.read_sweep(tmp_path / "out")
+    assert stored.dataset.velocity_spread.equals(table.dataset.velocity_spread)
+    assert stored.measures == ("velocity_spread", "flocks")
+    alone = run(grid={"speed": [2.0], "n": [3]}, seeds=[4], measures=["velocity_spread"])
+    assert stored.dataset.velocity_spread.sel(speed=2.0, n=3, seed=4) == alone.values("velocity_spread")[0, 0]
+    with pytest.raises(StorageError, match=r"plan.dimensions"):
+        run(grid={"n": [2, 3], "speed": SPEEDS}, **arguments)
+
+
 def test_a_changed_function_is_noticed_and_a_moved_one_is_not(tmp_path):
     from flocking.study.sweeps.measures import code_of
 

@@ -59,8 +59,12 @@ def sweep(
     file = find_sweep(sweep, most_runs, most_agents)
     folder = out or Path("out") / "sweeps" / file.name
     begin = time.monotonic()
-    table = run_file(file, folder / "results", workers=workers, cluster=cluster, progress=not as_json)
-    written = write_results(table, folder, sweep, level)
+    try:
+        table = run_file(file, folder / "results", workers=workers, cluster=cluster, progress=not as_json)
+        written = write_results(table, folder, sweep, level)
+    except KeyboardInterrupt:
+        print(f"flocking: interrupted; what {folder} holds is whole, and the same command goes on.", file=sys.stderr)
+        return INTERRUPTED
     _print(table, file, folder, written, level, time.monotonic() - begin, as_json)
     if not table.complete:
         kept = f"{len(table)} of {table.plan.size} runs are kept in {folder}; the same command goes on."
@@ -99,16 +103,13 @@ def write_results(table: SweepTable, folder: Path, name: str, level: float) -> l
     """Write tables of the runs there are, and the picture of a shipped study once it is complete."""
     from importlib.util import find_spec
 
-    from flocking.engine.durable import put, told
     from flocking.papers.studies.shipped import STUDIES
+    from flocking.study.sweeps.table import write_csv
 
     written = [table.to_csv(folder / "runs.csv")]
     if find_spec("pyarrow") is not None:
         written.append(table.to_parquet(folder / "runs.parquet"))
-    summary = folder / "summary.csv"
-    with told(folder, "write the results"):
-        put(summary, table.summary(level).to_dataframe().to_csv().encode())
-    written.append(summary)
+    written.append(write_csv(folder / "summary.csv", _summary_rows(table, level)))
     if name in STUDIES and table.complete:
         from flocking.show.style import save
 
@@ -151,8 +152,15 @@ def _print(
 
 
 def _summary_rows(table: SweepTable, level: float) -> list[dict[str, Any]]:
-    frame = table.summary(level).to_dataframe().reset_index()
-    return [{str(name): _plain(value) for name, value in row.items()} for row in frame.to_dict("records")]
+    summary = table.summary(level)
+    columns = {str(name): summary[name].values.ravel() for name in summary.data_vars}
+    rows = []
+    for point in range(table.plan.points):
+        places = dict(table.plan.parameters(point))
+        if table.plan.sample is not None:
+            places["sample"] = point % table.plan.sample.count
+        rows.append({**places, **{name: _plain(column[point]) for name, column in columns.items()}})
+    return rows
 
 
 def _plain(value: Any) -> Any:

@@ -10,7 +10,9 @@ from typing import Any
 
 from flocking.errors import InvalidInput
 
-IDLE_SECONDS = 300
+IDLE_SECONDS = 30
+"""Processes without work leave after this long, whatever became of the one that started them."""
+
 CONNECT_SECONDS = 20
 
 

@@ -154,6 +154,8 @@ class Plan:
     def as_data(self) -> dict[str, Any]:
         """Plain data that fixes every run."""
         return {
+            # The order of the names decides which run a number means, and mappings compare without it.
+            "dimensions": list(self.lengths),
             "grid": {name: [recorded(value) for value in values] for name, values in self.grid.items()},
             "sample": self.sample.as_data() if self.sample else None,
             "seeds": self.seeds if isinstance(self.seeds, int) else list(self.seeds),

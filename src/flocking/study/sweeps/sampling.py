@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array, integer, number
+from flocking.model.checks import Array, integer, listed, number, one_of
 
 METHODS = ("random", "latin", "sobol")
 
@@ -46,12 +46,12 @@ class Sample:
     _whole: tuple[bool, ...] = field(init=False, repr=False, compare=False, default=())
 
     def __post_init__(self) -> None:
-        if self.method not in METHODS:
-            raise InvalidInput("Sample", "method", f"must be one of {', '.join(METHODS)}", self.method)
+        one_of("Sample", "method", self.method, METHODS)
         integer("Sample", "count", self.count, least=1)
         integer("Sample", "seed", self.seed, least=0)
-        if not self.ranges:
+        if not isinstance(self.ranges, Mapping) or not self.ranges:
             raise InvalidInput("Sample", "ranges", "must name at least one parameter", self.ranges)
+        listed("Sample", "log", self.log, "must be names of parameters")
         whole = []
         for name, ends in self.ranges.items():
             where = f"ranges[{name!r}]"

@@ -149,7 +149,7 @@ def _is_row(row: Any, size: int) -> bool:
 
 
 def _sealed(data: dict[str, Any]) -> bytes:
-    body = json.dumps(data, sort_keys=True)
+    body = json.dumps(data)
     return json.dumps({"body": body, "seal": zlib.crc32(body.encode())}).encode()
 
 

@@ -173,6 +173,8 @@ def read_sweep(folder: str | Path) -> SweepTable:
             sample = Sample(drawn["method"], drawn["count"], ranges, tuple(drawn["log"]), drawn["seed"])
         plan = make_plan(data["grid"], sample, data["seeds"], data["seed"], 10_000_000)
         measures = tuple(str(name) for name in record["measures"])
+        if data["dimensions"] != list(plan.lengths):
+            raise ValueError("its dimensions are not those of its grid")
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise StorageError(f"{folder}: the record of the sweep says what no sweep can be ({error}).") from None
     rows = read_rows(folder, plan.size)

@@ -208,12 +208,8 @@ class SweepTable:
         StorageError
             When it cannot be written.
         """
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(self.columns)
-        for cells in zip(*self.columns.values(), strict=True):
-            writer.writerow(["" if cell is None else cell for cell in cells])
-        return _put(Path(path), text.getvalue().encode())
+        rows = [dict(zip(self.columns, cells, strict=True)) for cells in zip(*self.columns.values(), strict=True)]
+        return write_csv(Path(path), rows, tuple(self.columns))
 
     def to_parquet(self, path: str | Path) -> Path:
         """Write one row per run, with the record of the sweep as metadata.
@@ -241,6 +237,23 @@ def _alike(column: Sequence[Any]) -> Sequence[Any]:
     return (
         [None if entry is None else float(entry) for entry in column] if len(kinds) > 1 and str not in kinds else column
     )
+
+
+def write_csv(path: Path, rows: Sequence[Mapping[str, Any]], head: Sequence[str] | None = None) -> Path:
+    """Write a table to the file ``path``, one line for each of ``rows``, under the names in ``head`` or their own.
+
+    Raises
+    ------
+    StorageError
+        When it cannot be written.
+    """
+    text = io.StringIO()
+    names = list(rows[0]) if head is None else list(head)
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(names)
+    for row in rows:
+        writer.writerow(["" if row[name] is None else row[name] for name in names])
+    return _put(path, text.getvalue().encode())
 
 
 def _put(path: Path, content: bytes) -> Path:
