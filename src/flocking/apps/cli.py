@@ -13,6 +13,7 @@ from cyclopts import App, CycloptsError, Parameter
 
 from flocking.apps.picture_commands import animate, plot
 from flocking.apps.storage_commands import diff, export, info
+from flocking.apps.sweep_commands import sweep
 
 if TYPE_CHECKING:
     from flocking.engine.run import Run
@@ -35,7 +36,7 @@ def command_line() -> App:
         default_parameter=Parameter(negative=()),
     )
     app.command(list_scenarios, name="list")
-    for command in (run, resume, info, diff, export, plot, animate, reproduce, audit, check, equations, schema):
+    for command in (run, resume, info, diff, export, plot, animate, reproduce, sweep, audit, check, equations, schema):
         app.command(command)
     return app
 
