@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from flocking import papers as papers
+    from flocking.apps.lab.server import lab as lab
     from flocking.engine.compare import first_difference as first_difference
     from flocking.engine.exact import ExactSession as ExactSession
     from flocking.engine.exchange import export_run as export_run
@@ -96,7 +97,7 @@ _HOMES = {
     "Wall": "model.obstacles", "animate": "show.animate", "audit": "papers.auditing",
     "check_potential": "study.potential_check", "control": "engine.reference", "control_of": "engine.reference",
     "evaluate": "engine.reference", "export_run": "engine.exchange", "first_difference": "engine.compare",
-    "plot": "show.plot", "read_run": "engine.storage", "read_scenario": "study.scenario_file",
+    "lab": "apps.lab.server", "plot": "show.plot", "read_run": "engine.storage", "read_scenario": "study.scenario_file",
     "read_start": "engine.start_files", "read_sweep": "study.sweeps.sweep", "resume": "engine.resuming",
     "simulate": "engine.simulate", "start": "engine.starting", "structural_potential": "model.structural",
     "sweep": "study.sweeps.sweep", "write_run": "engine.storage", "write_scenario": "study.scenario_file",

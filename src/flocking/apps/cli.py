@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, CycloptsError, Parameter
 
 from flocking.apps.picture_commands import animate, plot
+from flocking.apps.lab.command import lab
 from flocking.apps.storage_commands import diff, export, info
 from flocking.apps.sweep_commands import sweep
 
@@ -36,7 +37,22 @@ def command_line() -> App:
         default_parameter=Parameter(negative=()),
     )
     app.command(list_scenarios, name="list")
-    for command in (run, resume, info, diff, export, plot, animate, reproduce, sweep, audit, check, equations, schema):
+    for command in (
+        run,
+        resume,
+        info,
+        diff,
+        export,
+        plot,
+        animate,
+        reproduce,
+        sweep,
+        audit,
+        check,
+        equations,
+        lab,
+        schema,
+    ):
         app.command(command)
     return app
 

@@ -1,0 +1,306 @@
+"""The scene: agents, links, trails, obstacles and leaders of a frame, drawn on a viser server."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from flocking.apps.lab import glyphs
+from flocking.apps.lab.clock import Clock, Frame
+from flocking.apps.lab.solids import Solid, imagined, solids
+from flocking.model.law import Scenario
+from flocking.model.state import State
+
+LINK_BUDGET = 6000
+MOST_GLYPHS = 20_000
+"""Larger groups are drawn as points."""
+
+MOST_TRAILS = 500
+TRAIL_POINTS = 30
+MOST_ENERGIES = 500
+FASTEST_PAINT = 1 / 30
+AMBIENT = 2.2
+SIDE_BY_SIDE = 1.25
+"""Distance of two groups that are compared, in sizes of the first."""
+
+LIGHT, DARK = (70, 70, 80), (200, 200, 210)
+
+
+@dataclass
+class Look:
+    """What of a scene is shown, and how."""
+
+    color: str = "speed"
+    links: bool = True
+    trails: bool = False
+    follow: bool = True
+    imagined: bool = False
+    dark: bool = False
+    highlight: tuple[int, ...] = ()
+
+
+@dataclass
+class _Group:
+    """Handles of one experiment's group."""
+
+    agents: Any
+    links: Any
+    trails: Any
+    ghosts: Any
+    solids: list[tuple[Solid, Any]]
+    past: deque[Any] = field(default_factory=lambda: deque(maxlen=TRAIL_POINTS))
+    turns: Any = None
+    shape: tuple[Any, ...] = ()
+
+
+Dragged = Callable[[tuple[Any, ...], list[float]], None]
+
+
+class Scene:
+    """Draws the frames of a clock.
+
+    Parameters
+    ----------
+    server
+        A viser server.
+    clock
+        The clock.
+    dragged
+        Called with the path of a leader and the point it was dragged to.
+    """
+
+    def __init__(self, server: Any, clock: Clock, dragged: Dragged) -> None:
+        self.server, self.clock, self.look = server, clock, Look()
+        self.note = ""
+        """What is not shown in full."""
+        self.painted = 0
+        self.rate = 0.0
+        self._dragged = dragged
+        self._held: dict[tuple[Any, ...], float] = {}
+        self._groups: list[_Group] = []
+        self._size = self._fastest = 1.0
+        self._shift = np.zeros(3)
+        self._grip = np.zeros(3)
+        self._stored: Frame | None = None
+        server.scene.set_up_direction("+z")
+        # Plain light from everywhere: flat agents keep the colours they are given.
+        server.scene.configure_default_lights(False, False)
+        server.scene.add_light_ambient("/light", intensity=AMBIENT)
+        server.scene.add_light_directional("/sun", intensity=0.4, cast_shadow=False, position=(1.0, -1.0, 2.0))
+        server.scene.add_frame("/world", show_axes=False)
+        self._grid = server.scene.add_grid(
+            "/world/grid", width=10.0, height=10.0, plane="xy", infinite_grid=True, position=(0.0, 0.0, -0.01)
+        )
+        self.aim(clock.frame)
+        self._thread = threading.Thread(target=self._run, name="flocking-lab-scene", daemon=True)
+
+    def begin(self) -> None:
+        """Start the thread that paints."""
+        self._thread.start()
+
+    def join(self) -> None:
+        """Wait for the thread; the clock must be closed."""
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def aim(self, frame: Frame) -> None:
+        """Measure the group and point every camera at it, from above in the plane."""
+        state = frame.states[0]
+        self._spacing = glyphs.spacing(state.q)
+        q = glyphs.in_space(state.q)
+        centre = (q.min(axis=0) + q.max(axis=0)) / 2
+        self._size = max(float((q.max(axis=0) - q.min(axis=0)).max()), 2 * self._spacing)
+        self._fastest = max(float(np.linalg.norm(state.p, axis=1).max()), 1e-9)
+        self._shift = -centre if self.look.follow else np.zeros(3)
+        look_at = np.zeros(3) if self.look.follow else centre
+        far = 1.6 * self._size
+        # Exactly from above the camera's turn about its own axis would be undefined.
+        offset = np.array([0.0, -1e-3 * far, far]) if state.dimension < 3 else np.array([0.6, -1.0, 0.6]) * far
+        cell = 10 ** np.floor(np.log10(self._size / 2))
+        self._grid.cell_size, self._grid.section_size = float(cell), float(5 * cell)
+        self._grid.fade_distance = float(8 * self._size)
+        camera = self.server.initial_camera
+        camera.position, camera.look_at, camera.up = look_at + offset, look_at, (0.0, 0.0, 1.0)
+        camera.far, camera.fov = float(100 * self._size), 0.9
+        for client in self.server.get_clients().values():
+            client.camera.position, client.camera.look_at = look_at + offset, look_at
+
+    def show_stored(self, states: list[State], scenario: Scenario, *, aim: bool = False) -> None:
+        """Show states from elsewhere instead of the clock's."""
+        live = self.clock.frame
+        self._stored = replace(live, time=states[0].t, states=tuple(states), scenarios=(scenario,))
+        if aim:
+            self.aim(self._stored)
+        self.repaint()
+
+    def show_live(self) -> None:
+        """Show what the clock shows again."""
+        self._stored = None
+        self.aim(self.clock.frame)
+        self.repaint()
+
+    def repaint(self) -> None:
+        """Paint the last frame again: something about its look changed."""
+        self.clock.post(lambda: None, "repaint")
+
+    def _run(self) -> None:
+        number = 0
+        while not self.clock.closed:
+            frame = self.clock.next_frame(number)
+            if frame is None:
+                continue
+            number = frame.number
+            begin = time.perf_counter()
+            self.paint(self._stored or frame)
+            took = time.perf_counter() - begin
+            # Leave twice the time of painting to the simulation and to sending.
+            pause = max(FASTEST_PAINT - took, 2 * took)
+            self.rate = 0.9 * self.rate + 0.1 / (took + pause)
+            time.sleep(pause)
+
+    def paint(self, frame: Frame) -> None:
+        """Draw a frame."""
+        with self.server.atomic():
+            while len(self._groups) > len(frame.states):
+                self._remove(self._groups.pop())
+            notes = []
+            if self.look.follow:
+                self._shift = -_centre(frame.states[0].q)
+            # The grid moves under a group that stays where it is: a lagging client never loses it.
+            self._grid.position = (*np.fmod(self._shift[:2], self._grid.section_size), -0.01)
+            for k, (state, scenario) in enumerate(zip(frame.states, frame.scenarios, strict=True)):
+                notes.append(self._paint_group(k, state, scenario))
+        self.note = " ".join(dict.fromkeys(n for n in notes if n))
+        self.painted += 1
+
+    def _paint_group(self, k: int, state: State, scenario: Scenario) -> str:
+        things = solids(scenario, state.t)
+        shape = (state.n, state.dimension, tuple(thing.shape for thing in things), self.look.dark)
+        if k == len(self._groups):
+            self._groups.append(self._made(k, state, things, shape))
+        elif self._groups[k].shape != shape:
+            self._remove(self._groups[k])
+            self._groups[k] = self._made(k, state, things, shape)
+        group = self._groups[k]
+        q = glyphs.in_space(state.q, self._shift)
+        energies = None
+        if self.look.color == "energy" and state.n <= MOST_ENERGIES:
+            from flocking.study.state_energy import agent_energies
+
+            energies = agent_energies(scenario.law, state, scenario.energy)
+        colors = glyphs.colors(state, self.look.color, self._fastest, energies)
+        chosen = [i for i in self.look.highlight if i < state.n] if k == 0 else []
+        if chosen:
+            colors[chosen] = glyphs.HIGHLIGHT
+        if state.n <= MOST_GLYPHS:
+            group.turns = glyphs.turns(state.p, group.turns)
+            group.agents.batched_positions, group.agents.batched_wxyzs = q, group.turns
+            group.agents.batched_colors = colors
+        else:
+            group.agents.points, group.agents.colors = q, colors
+        note = self._paint_links(group, state, q)
+        self._paint_trails(group, state.q)
+        for (_, handle), thing in zip(group.solids, things, strict=True):
+            if time.monotonic() - self._held.get(thing.path, -1.0) > 0.3:
+                handle.position = tuple(thing.position + self._shift)
+        points = imagined(scenario, state) if self.look.imagined else np.zeros((0, 3))
+        group.ghosts.visible = len(points) > 0
+        if len(points):
+            group.ghosts.points = (points + self._shift).astype(np.float32)
+        return note
+
+    def _paint_links(self, group: _Group, state: State, q: Any) -> str:
+        note = ""
+        segments = np.zeros((0, 2, 3), dtype=np.float32)
+        if self.look.links:
+            segments, count = glyphs.link_segments(state, q, LINK_BUDGET)
+            if count > len(segments):
+                note = f"{len(segments)} of {count} links drawn."
+            elif state.links is None:
+                note = "Links are not drawn for so many agents."
+        group.links.visible = len(segments) > 0
+        if len(segments):
+            group.links.points = segments
+        return note
+
+    def _paint_trails(self, group: _Group, q: Any) -> None:
+        if not (self.look.trails and len(q) <= MOST_TRAILS):
+            group.past.clear()
+            group.trails.visible = False
+            return
+        group.past.append(q)
+        path = np.array([glyphs.in_space(x, self._shift) for x in group.past])
+        group.trails.visible = len(path) > 1
+        if len(path) > 1:
+            group.trails.points = np.stack([path[:-1], path[1:]], axis=2).reshape(-1, 2, 3)
+
+    def _made(self, k: int, state: State, things: list[Solid], shape: tuple[Any, ...]) -> _Group:
+        scene, root = self.server.scene, f"/world/{k}"
+        scene.add_frame(root, show_axes=False, position=(k * SIDE_BY_SIDE * self._size, 0.0, 0.0))
+        q = glyphs.in_space(state.q)
+        ink = DARK if self.look.dark else LIGHT
+        length = min(0.5 * self._spacing, 0.06 * self._size)
+        if state.n <= MOST_GLYPHS:
+            vertices, faces = glyphs.dart(state.dimension)
+            agents = scene.add_batched_meshes_simple(
+                f"{root}/agents", vertices * np.float32(length), faces, glyphs.turns(state.p), q,
+                side="double", cast_shadow=False, receive_shadow=False, lod="off", flat_shading=True,
+            )  # fmt: skip
+        else:
+            agents = scene.add_point_cloud(
+                f"{root}/agents", q, ink, point_size=0.5 * length, point_shape="circle", precision="float32",
+                point_shading="flat",
+            )  # fmt: skip
+        empty = np.zeros((1, 2, 3), dtype=np.float32)
+        lines = [
+            scene.add_line_segments(
+                f"{root}/{name}", empty, color, thickness=width, thickness_units="screen", visible=False
+            )
+            for name, color, width in (("links", (150, 150, 160), 1.0), ("trails", (90, 160, 220), 1.5))
+        ]
+        ghosts = scene.add_point_cloud(
+            f"{root}/imagined", np.zeros((1, 3), dtype=np.float32), (230, 120, 0), point_size=0.4 * length,
+            point_shape="diamond", precision="float32", visible=False,
+        )  # fmt: skip
+        found = [(thing, self._solid(f"{root}/solid{j}", thing)) for j, thing in enumerate(things)]
+        return _Group(agents, lines[0], lines[1], ghosts, found, shape=shape)
+
+    def _solid(self, name: str, thing: Solid) -> Any:
+        scale = 1.0 if thing.kind == "obstacle" else 0.035 * self._size
+        handle = self.server.scene.add_mesh_simple(
+            name, (thing.vertices * scale).astype(np.float32), thing.faces,
+            color=(190, 80, 60) if thing.kind == "obstacle" else (20, 150, 90), side="double", flat_shading=True,
+            opacity=0.75 if thing.kind == "obstacle" else None, cast_shadow=False,
+            position=tuple(thing.position + self._shift),
+        )  # fmt: skip
+        if thing.path:
+            handle.on_drag(lambda event: self._drag(event, thing, handle))
+        return handle
+
+    def _drag(self, event: Any, thing: Solid, handle: Any) -> None:
+        """Move with the pointer, by as much as it moved."""
+        if event.phase == "start":
+            self._grip = np.asarray(handle.position) - np.asarray(event.start_position)
+        self._held[thing.path] = time.monotonic()
+        where = np.asarray(event.end_position) + self._grip
+        if thing.dimension < 3:
+            where[2] = 0.0
+        handle.position = tuple(where)
+        self._dragged(thing.path, [float(x) for x in (where - self._shift)[: thing.dimension]])
+
+    def _remove(self, group: _Group) -> None:
+        for handle in (group.agents, group.links, group.trails, group.ghosts, *(h for _, h in group.solids)):
+            handle.remove()
+
+
+def _centre(q: Any) -> Any:
+    """Mean position as a point of space."""
+    found = np.zeros(3)
+    found[: min(3, q.shape[1])] = q.mean(axis=0)[:3]
+    return found
