@@ -13,11 +13,11 @@ import argparse
 from pathlib import Path
 
 import numpy as np
+from tests.mpi.laws import NAMES, law, start
 
 import flocking as fk
 from flocking.engine.lammps.session import LammpsOptions, LammpsSession
 from flocking.engine.tiles.session import TilesOptions, TilesSession
-from tests.mpi.laws import NAMES, law, start
 
 AGENTS, UNTIL, STEP = 64, 0.2, 0.005
 HEAD = (

@@ -38,7 +38,7 @@ def picture(run: fk.Run, path: Path) -> None:
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots(1, 3, figsize=(15, 5.2), sharey=True)
+    figure, axes = plt.subplots(1, 3, figsize=(15, 3.0), sharey=True, layout="constrained")
     for axis, frame in zip(axes, (0, len(run.t) // 2, len(run.t) - 1), strict=True):
         slip = np.linalg.norm(run.p[frame] - np.array(system.DESIRED_VELOCITY), axis=1)
         shown = axis.scatter(*run.q[frame].T, c=slip, s=0.6, vmin=0.0, vmax=4.0, linewidths=0, rasterized=True)
@@ -46,7 +46,7 @@ def picture(run: fk.Run, path: Path) -> None:
             axis.add_patch(plt.Circle(ball.centre.point, ball.radius, color="0.6"))
         axis.set(xlim=(-150.0, 650.0), ylim=(-180.0, 220.0), aspect="equal", xlabel="x", title=f"t = {run.t[frame]:g}")
     axes[0].set_ylabel("y")
-    figure.colorbar(shown, ax=axes, label="$|p_i - p_d|$", shrink=0.7)
+    figure.colorbar(shown, ax=axes, label="$|p_i - p_d|$", pad=0.01)
     figure.suptitle(f"{run.n:,} agents past the obstacles of (59), on {run.provenance['ranks']} MPI ranks")
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=130, bbox_inches="tight")

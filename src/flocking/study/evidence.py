@@ -188,4 +188,5 @@ class Evidence:
     @cached_property
     def equilibrium(self) -> Equilibrium:
         """Forces and stiffness of the potentials at the last frame."""
+        self._need_all_pairs()
         return Equilibrium(self.law, self.run.state(-1))
