@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, CycloptsError, Parameter
 
-from flocking.apps.picture_commands import animate, plot
 from flocking.apps.lab.command import lab
+from flocking.apps.picture_commands import animate, plot
 from flocking.apps.storage_commands import diff, export, info
 from flocking.apps.sweep_commands import sweep
 
