@@ -56,14 +56,6 @@ bench: $(READY)
 	$(BIN)/python benchmarks/ensembles.py
 	$(BIN)/python benchmarks/speed.py --peers $(PEERS)
 
-# The engine for clusters on 1, 2 and 4 ranks of this machine. Its packages bring MPI along: nothing else is needed.
-test-mpi: $(MPI_READY)
-	$(BIN)/python -m pytest -m mpi -p no:xdist tests/mpi $(PYTEST_ARGS)
-
-$(MPI_READY): $(READY)
-	$(BIN)/python -m pip install --quiet --editable '.[mpi]'
-	@touch $@
-
 # The slow tests: many seeds, long runs, the package built and installed anew.
 validate: $(READY)
 	$(BIN)/python -m pytest -m slow $(PYTEST_ARGS)
