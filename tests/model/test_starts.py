@@ -60,7 +60,7 @@ def test_an_unreachable_start_says_so(monkeypatch):
     from flocking.model import starts
 
     monkeypatch.setattr(starts, "MOST_DRAWS", 20)
-    with pytest.raises(InvalidInput, match="no connected graph in 20 draws"):
+    with pytest.raises(InvalidInput, match="no connected graph of 10 agents in 20 draws"):
         fk.start.box(10, side=1000, seed=0, connected_under=fk.Proximity(1))
 
 

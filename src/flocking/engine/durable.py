@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from flocking.errors import StorageError
+from flocking.errors import FlockingError, StorageError
 
 PARTIAL = ".partial"
 """Ending of a file that is still being written; a kill may leave one behind, and nothing ever reads it."""
@@ -83,6 +83,20 @@ def told(folder: Path, doing: str) -> Iterator[None]:
         yield
     except OSError as error:
         raise StorageError(f"{folder}: cannot {doing}: {_reason(error)}") from error
+
+
+@contextmanager
+def read_soundly(folder: Path) -> Iterator[None]:
+    """Turn what a reader of strange data may meet into a `StorageError`."""
+    try:
+        yield
+    except FlockingError:
+        raise
+    except (ValueError, KeyError, TypeError, IndexError, AttributeError, ArithmeticError, RuntimeError) as error:
+        reason = f"{type(error).__name__}: {error}"[:300]
+        raise StorageError(f"{folder}: the file was damaged or comes from elsewhere ({reason}).") from error
+    except MemoryError:
+        raise StorageError(f"{folder}: the run asks for more memory than there is.") from None
 
 
 def _reason(error: OSError) -> str:

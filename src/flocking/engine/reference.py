@@ -11,7 +11,8 @@ import numpy as np
 from flocking.engine.codegen import array_kernels, free_names
 from flocking.engine.layout import Layout
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array, array
+from flocking.model.checks import Array, array, listed
+from flocking.model.checks import number as checked_number
 from flocking.model.connectivity import Links
 from flocking.model.energy import Energy
 from flocking.model.graphs import Graph
@@ -107,8 +108,11 @@ def evaluate(law: Law, state: State, *, agents: Agents | None = None, energy: En
     """
     if not isinstance(state, State):
         raise InvalidInput("control", "state", "must be a State", state, "Use fk.State(q, p).")
+    for name, part, kind in (("law", law, Law), ("agents", agents, Agents | None), ("energy", energy, Energy | None)):
+        if not isinstance(part, kind):
+            raise InvalidInput("control", name, f"must be {name.capitalize()}", part)
     n, m = state.q.shape
-    agents = agents or Agents()
+    agents = Agents() if agents is None else agents
     agents.check_count(n)
     if agents.order == 1:
         state = replace(state, p=np.zeros_like(state.q))
@@ -302,6 +306,12 @@ def control_of(
     InvalidInput
         When the law needs more than neighbours can tell.
     """
+    for name, part, kind in (("law", law, Law), ("agent", agent, Agent)):
+        if not isinstance(part, kind):
+            raise InvalidInput("control_of", name, f"must be {name.capitalize()}", part)
+    t = checked_number("control_of", "t", t)
+    mass = checked_number("control_of", "mass", mass, above=0.0)
+    damping = checked_number("control_of", "damping", damping, least=0.0)
     if not law.distributed:
         raise InvalidInput(
             "control_of", "law", "must be distributed", f"a law that needs the {', '.join(law.beyond_neighbours)}",
@@ -311,6 +321,11 @@ def control_of(
     layout = Layout(law, Energy())
     module = array_kernels(layout, m)
     lists = neighbours if isinstance(neighbours, Mapping) else {law.graph: neighbours}
+    rule = "must be agents with as many coordinates"
+    lists = {graph: listed("control_of", "neighbours", group, rule) for graph, group in lists.items()}
+    for seen_one in (b for group in lists.values() for b in group):
+        if not isinstance(seen_one, Agent) or len(seen_one.q) != m:
+            raise InvalidInput("control_of", "neighbours", rule, seen_one)
     count = 1 + max([agent.index, *(b.index for group in lists.values() for b in group)])
     P, A, W = _known_slots(law, layout, agent, count, mass, damping, t)
     u = np.zeros(m)

@@ -6,7 +6,7 @@ import zlib
 from pathlib import Path
 
 from flocking.engine.checkpoint import unpack
-from flocking.engine.durable import told
+from flocking.engine.durable import read_soundly, told
 from flocking.engine.exact import ExactSession
 from flocking.engine.record import written_by
 from flocking.engine.run import Run
@@ -14,7 +14,7 @@ from flocking.engine.run_writer import RunWriter
 from flocking.engine.saving import Saving
 from flocking.engine.simulate import drive
 from flocking.engine.storage import read_run, read_scenario_of
-from flocking.errors import StorageError
+from flocking.errors import InvalidInput, StorageError
 from flocking.model.law import Law, Scenario
 
 
@@ -42,7 +42,14 @@ def resume(
     SimulationError
         When the run cannot go on; its ``run`` holds what was computed until then.
     """
+    if not isinstance(folder, str | Path):
+        raise InvalidInput("resume", "folder", "must be a path", folder)
     folder = Path(folder)
+    with read_soundly(folder):
+        return _resume(folder, scenario, plant, progress)
+
+
+def _resume(folder: Path, scenario: Scenario | None, plant: Law | None, progress: bool) -> Run:
     if written_by(folder) == "lammps":
         from flocking.engine.lammps.run import resume_on_ranks
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -49,7 +49,7 @@ def start(
     """
     if not isinstance(scenario, Scenario):
         raise InvalidInput("start", "scenario", "must be a Scenario", scenario)
-    if engine not in ENGINES:
+    if not isinstance(engine, str) or engine not in ENGINES:
         raise InvalidInput("start", "engine", f"must be one of {', '.join(ENGINES)}", engine)
     if engine == "tiles":
         from flocking.engine.tiles.session import TilesSession, tiles_options
@@ -108,15 +108,16 @@ def simulate(
     StorageError
         When the run cannot be saved; its ``run`` holds what was computed until then.
     """
-    if engine == "tiles":
+    if isinstance(engine, str) and engine == "tiles":
         options.setdefault("tell", progress)
     session = start(scenario, engine, plant=plant, **options)
     if session.engine == "lammps":
         from flocking.engine.lammps.run import drive_ranks
 
-        return drive_ranks(session, save=save, progress=progress)
+        return drive_ranks(cast("LammpsSession", session), save=save, progress=progress)
+    shared = cast("ExactSession | TilesSession", session)
     if save is None:
-        return drive(session, progress=progress)
+        return drive(shared, progress=progress)
     if not isinstance(session, ExactSession):
         return _drive_and_write(session, save, progress=progress)
     from flocking.engine.saving import Saving

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from flocking.engine.columns import ARRAYS, FRAME_PARTS, LEDGER, SWITCHES, frame_checksums, ledger_table, switch_table
-from flocking.engine.durable import told
+from flocking.engine.durable import read_soundly, told
 from flocking.engine.record import SCENARIO, read_record
 from flocking.engine.run import Closest, Run
 from flocking.engine.run_writer import RunWriter
-from flocking.errors import InvalidInput, StorageError
+from flocking.errors import FlockingError, InvalidInput, StorageError
 from flocking.model.checks import integer
 from flocking.model.law import Law, Scenario
 from flocking.model.serial import from_data
@@ -58,10 +58,17 @@ def read_run(folder: str | Path, *, scenario: Scenario | None = None, frames: in
     StorageError
         When there is no run, it was written by a newer version, or data do not match their checksums.
     """
-    folder = Path(folder)
-    record = read_record(folder)
+    if not isinstance(folder, str | Path):
+        raise InvalidInput("read_run", "folder", "must be a path", folder)
     if frames is not None:
         integer("read_run", "frames", frames, least=0)
+    folder = Path(folder)
+    with read_soundly(folder):
+        return _read_run(folder, scenario, frames)
+
+
+def _read_run(folder: Path, scenario: Scenario | None, frames: int | None) -> Run:
+    record = read_record(folder)
     if scenario is None:
         scenario, _ = read_scenario_of(folder)
     with told(folder, "read the run"):
@@ -95,6 +102,11 @@ def stored_facts(folder: str | Path) -> dict[str, Any]:
         When there is no run, its record is damaged, or a newer version wrote it.
     """
     folder = Path(folder)
+    with read_soundly(folder):
+        return _stored_facts(folder)
+
+
+def _stored_facts(folder: Path) -> dict[str, Any]:
     record = read_record(folder)
     with told(folder, "read the run"):
         size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
@@ -127,7 +139,7 @@ def read_scenario_of(folder: str | Path) -> tuple[Scenario, Law | None]:
         raise StorageError(f"{folder / SCENARIO}: the scenario does not match its checksum; the file was damaged.")
     try:
         scenario, plant = from_data(json.loads(text))
-    except (InvalidInput, ValueError, TypeError) as error:
+    except (FlockingError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         raise StorageError(f"{folder / SCENARIO}: no scenario that this version can build: {error}") from None
     if not isinstance(scenario, Scenario) or not isinstance(plant, Law | None):
         raise StorageError(f"{folder / SCENARIO}: holds no scenario.")

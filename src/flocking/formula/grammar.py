@@ -151,9 +151,7 @@ def _convert(node: ast.expr, text: str, owner: str) -> Node:
             pair = (sign, _convert(left, text, owner), _convert(right, text, owner))
             if sign == "**":
                 _check_exponent(pair[2], text, owner)
-                if _total_exponent(pair) > LARGEST_NESTED_EXPONENT:
-                    rule = f"must have powers of powers that multiply to at most {LARGEST_NESTED_EXPONENT}"
-                    raise _reject(owner, text, rule)
+                _check_powers(pair, text, owner)
             if sign == "/" and constant_value(pair[2]) == 0:
                 raise _reject(owner, text, "must not divide by zero")
             return pair
@@ -173,7 +171,9 @@ def _convert_call(name: str, arguments: list[ast.expr], text: str, owner: str) -
     if len(arguments) != FUNCTIONS[name]:
         raise _reject(owner, text, f"calls {name} with {len(arguments)} arguments, not {FUNCTIONS[name]}")
     if name != "where":
-        return ("call", name, *(_convert(a, text, owner) for a in arguments))
+        call: Node = ("call", name, *(_convert(a, text, owner) for a in arguments))
+        _check_powers(call, text, owner)
+        return call
     condition, *branches = arguments
     match condition:
         case ast.Compare(left=left, ops=[operator], comparators=[right]) if type(operator) in _COMPARISON:
@@ -188,15 +188,45 @@ def _check_exponent(node: Node, text: str, owner: str) -> None:
     value = constant_value(node)
     if value is not None and abs(value) > LARGEST_EXPONENT:
         raise _reject(owner, text, f"must have exponents of at most {LARGEST_EXPONENT}")
-    if value is None and any(part[0] == "**" for part in _walk(node)):
+    if value is None and any(part[0] == "**" or _power_in_disguise(part) for part in _walk(node)):
         raise _reject(owner, text, "must not have powers inside an exponent")
+
+
+def _check_powers(node: Node, text: str, owner: str) -> None:
+    if _total_exponent(node) > LARGEST_NESTED_EXPONENT:
+        rule = f"must have powers of powers that multiply to at most {LARGEST_NESTED_EXPONENT}"
+        raise _reject(owner, text, rule, "exp(n*log(x)) is such a power, too.")
+
+
+def _power_in_disguise(node: Node) -> bool:
+    """Whether a node is exp of something with a logarithm: exp(n*log(x)) is x**n."""
+    return node[:2] == ("call", "exp") and any(part[:2] == ("call", "log") for part in _walk(node))
 
 
 def _total_exponent(node: Node) -> float:
     """Largest product of exponents on a path: exact arithmetic takes time and memory in proportion to it."""
     inner = max((_total_exponent(child) for child in node if isinstance(child, tuple)), default=1.0)
+    if _power_in_disguise(node) and isinstance(node[2], tuple):
+        return inner * _multiplier(node[2])
     value = constant_value(node[2]) if node[0] == "**" and isinstance(node[2], tuple) else None
     return inner if value is None else inner * max(1.0, abs(value))
+
+
+def _multiplier(node: Node) -> float:
+    """Bound on the whole number by which an exponent multiplies the logarithms in it."""
+    match node:
+        case ("number", int() as value):
+            return max(1.0, abs(float(value)))
+        case ("call", "log", *_):
+            return 1.0
+        case ("+" | "-", tuple() as left, tuple() as right):
+            return max(_multiplier(left), _multiplier(right))
+        case _:
+            product = 1.0
+            for child in node:
+                if isinstance(child, tuple):
+                    product *= _multiplier(child)
+            return product
 
 
 def constant_value(node: Node) -> float | None:

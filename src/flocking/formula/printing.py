@@ -16,11 +16,23 @@ def _printer(arrays: bool) -> Any:
     from sympy.printing.pycode import PythonCodePrinter
 
     settings = {"fully_qualified_modules": True, "allow_unknown_functions": False}
+
+    def print_integer(printer: Any, expr: Any) -> str:
+        # NumPy's functions and 64-bit registers know no larger integers.
+        return str(int(expr)) if abs(expr) < 2**53 else repr(float(expr))
+
+    class ScalarPrinter(PythonCodePrinter):  # type: ignore[misc]
+        """Large integers become floats."""
+
+        _print_Integer = print_integer  # noqa: N815
+
     if not arrays:
-        return PythonCodePrinter(settings)
+        return ScalarPrinter(settings)
 
     class ArrayPrinter(NumPyPrinter):  # type: ignore[misc]
         """Joins conditions with operators: NumPy's reduce cannot mix numbers with arrays."""
+
+        _print_Integer = print_integer  # noqa: N815
 
         def _print_And(self, expr: Any) -> str:  # noqa: N802
             return "(" + " & ".join(f"({self._print(c)})" for c in expr.args) + ")"

@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     import sympy
 
 
+LARGEST_EXACT = 10**100
+
+
 def to_sympy(formula: Formula, values: Mapping[str, sympy.Expr]) -> sympy.Expr:
     """SymPy form of ``formula`` with each name replaced by its entry in ``values``.
 
@@ -33,6 +36,8 @@ def to_sympy(formula: Formula, values: Mapping[str, sympy.Expr]) -> sympy.Expr:
     except (TypeError, ValueError, ArithmeticError):  # a comparison with such a number
         result = sympy.nan
     powers = [p for p in result.atoms(sympy.Pow) if p.is_number]
+    if any(abs(n.p) > LARGEST_EXACT or n.q > LARGEST_EXACT for n in result.atoms(sympy.Rational)):
+        raise FormulaError(formula.owner, "formula", "must have exact numbers below 1e100", formula.text)
     unreal = any(p.base.is_negative and p.exp.is_integer is False for p in powers)
     if unreal or result.has(sympy.I, sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
         raise FormulaError(

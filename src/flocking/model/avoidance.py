@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from flocking.errors import InvalidInput
 from flocking.model.bumps import Bump, bump_named
-from flocking.model.checks import number
+from flocking.model.checks import listed, number, truth
 from flocking.model.leaders import Leader, Velocity
 from flocking.model.obstacles import TINY, Obstacle
 from flocking.model.potentials import Potential
@@ -172,7 +172,8 @@ class Avoid(ObstacleTerm):
     gamma_agents: bool = field(default=True, kw_only=True)
 
     def __post_init__(self) -> None:
-        obstacles = (self.obstacles,) if isinstance(self.obstacles, Obstacle) else tuple(self.obstacles)
+        given = (self.obstacles,) if isinstance(self.obstacles, Obstacle) else self.obstacles
+        obstacles = tuple(listed("Avoid", "obstacles", given, "must be obstacles"))
         for obstacle in obstacles:
             if not isinstance(obstacle, Obstacle):
                 raise InvalidInput(
@@ -194,6 +195,7 @@ class Avoid(ObstacleTerm):
         for name in ("repulsion", "attraction"):
             if not isinstance(getattr(self, name), Potential):
                 raise InvalidInput("Avoid", name, "must be a Potential", getattr(self, name))
+        truth("Avoid", "gamma_agents", self.gamma_agents)
         if self.gamma_agents and self.leader is None:
             raise InvalidInput(
                 "Avoid", "leader", "must be given for gamma-agents", None,

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from flocking.errors import InvalidInput
 from flocking.formula.compiled import generated_module
 from flocking.formula.grammar import Formula
-from flocking.model.checks import Array, number
+from flocking.model.checks import Array, number, one_of
 
 if TYPE_CHECKING:
     import sympy
@@ -125,6 +125,5 @@ def bump_named(owner: str, bump: str | Bump) -> Bump:
     """
     if isinstance(bump, Bump):
         return bump
-    if bump not in BUMPS:
-        raise InvalidInput(owner, "bump", f"must be one of {', '.join(BUMPS)} or a Bump", bump)
+    one_of(owner, "bump", bump, BUMPS, f"must be one of {', '.join(BUMPS)} or a Bump")
     return BUMPS[bump]

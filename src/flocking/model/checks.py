@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,8 @@ def number(
         raise InvalidInput(owner, parameter, "must be a number", value)
     try:
         result = float(value)
+    except OverflowError:
+        raise InvalidInput(owner, parameter, "must be a number that fits 64 bits", "a number too large") from None
     except (TypeError, ValueError):
         raise InvalidInput(owner, parameter, "must be a number", value) from None
     if not math.isfinite(result):
@@ -72,7 +74,7 @@ def array(owner: str, parameter: str, value: Any, *, ndim: int) -> Array:
     """
     try:
         result = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InvalidInput(owner, parameter, "must be an array of numbers", value) from None
     if result.ndim != ndim:
         raise InvalidInput(owner, parameter, f"must have {ndim} axes", f"shape {result.shape}")
@@ -91,7 +93,7 @@ def scalar_or_each(owner: str, parameter: str, value: Any, *, least: float | Non
     InvalidInput
         When a value is not finite or below ``least``.
     """
-    if np.ndim(value) == 0:
+    if axes_of(value) == 0:
         return number(owner, parameter, value, least=least)
     result = array(owner, parameter, value, ndim=1)
     if least is not None and (result < least).any():
@@ -100,6 +102,55 @@ def scalar_or_each(owner: str, parameter: str, value: Any, *, least: float | Non
             owner, parameter, f"must be at least {least:g} for every agent", f"{result[agent]:g} for agent {agent}"
         )
     return result
+
+
+def axes_of(value: Any) -> int:
+    """Number of axes of an array, or -1 for nested sequences that are none."""
+    try:
+        return np.ndim(value)
+    except ValueError:
+        return -1
+
+
+def one_of(owner: str, parameter: str, value: Any, words: Collection[Any], rule: str = "") -> None:
+    """Check that ``value`` is one of some words or whole numbers.
+
+    Raises
+    ------
+    InvalidInput
+        When it is not.
+    """
+    if not isinstance(value, str | int) or isinstance(value, bool) or value not in words:
+        raise InvalidInput(owner, parameter, rule or f"must be one of {', '.join(map(str, words))}", value)
+
+
+def truth(owner: str, parameter: str, value: Any) -> bool:
+    """True or False.
+
+    Raises
+    ------
+    InvalidInput
+        When ``value`` is neither.
+    """
+    if not isinstance(value, bool | np.bool_):
+        raise InvalidInput(owner, parameter, "must be True or False", value)
+    return bool(value)
+
+
+def listed(owner: str, parameter: str, value: Any, rule: str) -> list[Any]:
+    """The entries of a sequence.
+
+    Raises
+    ------
+    InvalidInput
+        When ``value`` is text, or no sequence.
+    """
+    try:
+        if isinstance(value, str | bytes):
+            raise TypeError
+        return list(value)
+    except TypeError:
+        raise InvalidInput(owner, parameter, rule, value) from None
 
 
 def parameters(owner: str, given: Mapping[str, Any]) -> dict[str, float]:

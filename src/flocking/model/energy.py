@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from flocking.errors import InvalidInput
-from flocking.model.checks import number
+from flocking.model.checks import number, one_of
 from flocking.model.leaders import Leader
 
 FRAMES = ("lab", "centre of mass", "leader")
@@ -38,8 +38,9 @@ class Energy:
     name: str = "H"
 
     def __post_init__(self) -> None:
-        if self.frame not in FRAMES:
-            raise InvalidInput("Energy", "frame", f"must be one of {', '.join(FRAMES)}", self.frame)
+        one_of("Energy", "frame", self.frame, FRAMES)
+        if self.leader is not None and not isinstance(self.leader, Leader):
+            raise InvalidInput("Energy", "leader", "must be a leader", self.leader)
         if (self.frame == "leader") != (self.leader is not None):
             raise InvalidInput("Energy", "leader", "must be given exactly when the frame is 'leader'", self.leader)
         object.__setattr__(self, "unlinked", number("Energy", "unlinked", self.unlinked))

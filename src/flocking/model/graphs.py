@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array, integer, number
+from flocking.model.checks import Array, axes_of, integer, listed, number
 from flocking.model.connectivity import Links, is_connected
 from flocking.model.weights import PairWeights
 
@@ -146,9 +146,11 @@ class Fixed(Graph):
 
     def __post_init__(self) -> None:
         integer("Fixed", "n", self.n, least=1)
+        if not isinstance(self.directed, bool | np.bool_):
+            raise InvalidInput("Fixed", "directed", "must be True or False", self.directed)
         pairs = set()
-        for edge in self.edges:
-            if np.shape(edge) != (2,):
+        for edge in listed("Fixed", "edges", self.edges, "must be pairs of agents"):
+            if axes_of(edge) != 1 or np.shape(edge) != (2,):
                 raise InvalidInput("Fixed", "edges", "must be pairs of agents", edge, "Write [(0, 1), (1, 2)].")
             i, j = (integer("Fixed", "edges", k, least=0) for k in edge)
             if i == j or max(i, j) >= self.n:

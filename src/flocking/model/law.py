@@ -142,6 +142,10 @@ class Law:
                 )  # fmt: skip
 
 
+MOST_FRAMES = 10_000_000
+"""Most frames at even times; a list of times has no limit."""
+
+
 @dataclass(frozen=True, eq=False)
 class Scenario:
     """Everything an engine needs: a law, a start, the agents, and how long to run.
@@ -198,6 +202,10 @@ class Scenario:
         object.__setattr__(self, "tolerance", number("Scenario", "tolerance", self.tolerance, above=0.0, below=0.1))
         if np.ndim(self.frames) == 0:
             object.__setattr__(self, "frames", integer("Scenario", "frames", self.frames, least=1))
+            if isinstance(self.frames, int) and self.frames > MOST_FRAMES:
+                raise InvalidInput(
+                    "Scenario", "frames", f"must be at most {MOST_FRAMES}", self.frames, "Give the times for more."
+                )
         else:
             times = array("Scenario", "frames", self.frames, ndim=1)
             if len(times) == 0 or (np.diff(times) <= 0).any() or times[0] < self.start.t or times[-1] > self.t_end:

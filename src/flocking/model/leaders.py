@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from flocking.errors import InvalidInput
 from flocking.formula.compiled import generated_module
 from flocking.formula.grammar import Formula
-from flocking.model.checks import Array, array, number
+from flocking.model.checks import Array, array, listed, number
 from flocking.model.checks import parameters as checked_parameters
 
 if TYPE_CHECKING:
@@ -84,9 +84,8 @@ class Leader(ABC):
 
         Without closed form the position is found by quadrature, to about 12 digits.
         """
-        module, values = self._module, tuple(self.parameters.values())
-        q, p, a = (np.array(x, dtype=np.float64) for x in module.leader(float(t), *values))
-        if not module.CLOSED:
+        q, p, a = self._motion(float(t))
+        if not self._module.CLOSED:
             from flocking.model.leader_positions import travelled
 
             given = self.parameters
@@ -96,7 +95,14 @@ class Leader(ABC):
 
     def velocity_at(self, t: float) -> Array:
         """Velocity at time ``t``, shape (m,)."""
-        return np.array(self._module.leader(float(t), *self.parameters.values())[1], dtype=np.float64)
+        return np.asarray(self._motion(float(t))[1])
+
+    def _motion(self, t: float) -> Array:
+        """What the formulas say, shape (3, m); NaN where they have no real value."""
+        try:
+            return np.array(self._module.leader(t, *self.parameters.values()), dtype=np.float64)
+        except (ValueError, ArithmeticError, TypeError):  # a root of something negative is a complex number
+            return np.full((3, self.dimension), np.nan)
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,7 +254,8 @@ class Path(Leader):
     ) -> None:
         if isinstance(velocity, str):
             raise InvalidInput("Path", "velocity", "must have one formula per axis", velocity, f"Write [{velocity!r}].")
-        self.formulas = tuple(Formula(text, "Path") for text in velocity)
+        texts = listed("Path", "velocity", velocity, "must have one formula per axis")
+        self.formulas = tuple(Formula(text, "Path") for text in texts)
         if not self.formulas:
             raise InvalidInput("Path", "velocity", "must have one formula per axis", velocity)
         self.start = array("Path", "start", np.zeros(len(self.formulas)) if start is None else start, ndim=1)

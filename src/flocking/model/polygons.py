@@ -56,7 +56,7 @@ class ConvexPolygon(Obstacle):
             vertices = array("ConvexPolygon", "vertices", vertices[::-1], ndim=2)
         object.__setattr__(self, "vertices", vertices)
         object.__setattr__(self, "rounding", number("ConvexPolygon", "rounding", self.rounding, above=0.0))
-        if self.motion is not None and self.motion.dimension != 2:
+        if self.motion is not None and not (isinstance(self.motion, Leader) and self.motion.dimension == 2):
             raise InvalidInput("ConvexPolygon", "motion", "must be a leader in the plane", self.motion)
 
     @property

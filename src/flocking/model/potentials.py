@@ -132,7 +132,8 @@ class Potential:
         module = generated_module(("potential", self.formula.structure, names), lambda: _array_source(self))
         distances = np.asarray(r, dtype=np.float64)
         with np.errstate(all="ignore"):
-            values = getattr(module, which)(distances, *self.parameters.values())
+            # Plain floats would raise where an array holds NaN or infinity.
+            values = getattr(module, which)(distances, *map(np.float64, self.parameters.values()))
         return np.asarray(values, dtype=np.float64) + np.zeros_like(distances)
 
     def kinks(self) -> tuple[float, ...]:

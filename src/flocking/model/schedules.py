@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array, array, scalar_or_each
+from flocking.model.checks import Array, array, listed, scalar_or_each
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +42,7 @@ class Schedule:
         checked = array("Schedule", "times", times, ndim=1)
         if (np.diff(checked) <= 0).any():
             raise InvalidInput("Schedule", "times", "must be strictly ascending", list(times))
+        values = listed("Schedule", "values", values, "must be a sequence")
         if len(values) != len(checked) + 1:
             raise InvalidInput(
                 "Schedule",

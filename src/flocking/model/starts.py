@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array, array, integer, number
+from flocking.model.checks import Array, array, integer, number, one_of
 from flocking.model.connectivity import is_connected
 from flocking.model.state import State
 
@@ -17,6 +17,18 @@ if TYPE_CHECKING:
 
 MOST_DRAWS = 100_000
 """Draws tried before a connected start is declared out of reach."""
+
+MOST_PAIRS = 4 * 10**8
+"""Pairs looked at in all these draws: of many agents fewer draws are tried."""
+
+MOST_AGENTS = 200_000_000
+"""Most agents of a random start, unless the caller says otherwise."""
+
+MOST_DIMENSIONS = 1000
+"""Most axes of a random start."""
+
+MOST_CONNECTED = 10_000
+"""Most agents of a start that must be connected."""
 
 
 def box(
@@ -29,6 +41,7 @@ def box(
     dimension: int = 2,
     velocities: str = "disc",
     connected_under: Graph | None = None,
+    most_agents: int = MOST_AGENTS,
 ) -> State:
     """Positions uniform in a box, velocities random.
 
@@ -51,13 +64,16 @@ def box(
         [0, speed).
     connected_under
         Redraw until the initial links of this graph connect all agents.
+    most_agents
+        Limit on ``n``, so that a slip does not fill the memory.
 
     Raises
     ------
     InvalidInput
-        When a value is out of range, or no connected draw is found in 100,000 tries.
+        When a value is out of range, or no connected draw is found in 100,000 tries
+        (fewer for more than 63 agents: 400 million pairs in all).
     """
-    n = integer("start.box", "n", n, least=1)
+    n = _count("start.box", n, dimension, most_agents)
     dimension = integer("start.box", "dimension", dimension, least=1)
     sides = array("start.box", "side", [side] * dimension if np.ndim(side) == 0 else side, ndim=1)
     for value in sides:
@@ -80,6 +96,7 @@ def ball(
     dimension: int = 2,
     velocities: str = "disc",
     connected_under: Graph | None = None,
+    most_agents: int = MOST_AGENTS,
 ) -> State:
     """Positions uniform in a ball about the origin, velocities random.
 
@@ -100,13 +117,16 @@ def ball(
         [0, speed).
     connected_under
         Redraw until the initial links of this graph connect all agents.
+    most_agents
+        Limit on ``n``, so that a slip does not fill the memory.
 
     Raises
     ------
     InvalidInput
-        When a value is out of range, or no connected draw is found in 100,000 tries.
+        When a value is out of range, or no connected draw is found in 100,000 tries
+        (fewer for more than 63 agents: 400 million pairs in all).
     """
-    n = integer("start.ball", "n", n, least=1)
+    n = _count("start.ball", n, dimension, most_agents)
     dimension = integer("start.ball", "dimension", dimension, least=1)
     outer = number("start.ball", "radius", radius, above=0.0)
 
@@ -116,7 +136,9 @@ def ball(
     return _draw("start.ball", n, dimension, positions, speed, velocities, seed, connected_under)
 
 
-def hexagonal(n: int, *, spacing: float, noise: float = 0.0, speed: float = 0.0, seed: int) -> State:
+def hexagonal(
+    n: int, *, spacing: float, noise: float = 0.0, speed: float = 0.0, seed: int, most_agents: int = MOST_AGENTS
+) -> State:
     """The n points of a planar triangular lattice nearest its centre, with Gaussian noise.
 
     Parameters
@@ -131,13 +153,15 @@ def hexagonal(n: int, *, spacing: float, noise: float = 0.0, speed: float = 0.0,
         Standard deviation of each velocity component.
     seed
         Seed of the random generator; the same seed gives the same state.
+    most_agents
+        Limit on ``n``, so that a slip does not fill the memory.
 
     Raises
     ------
     InvalidInput
         When a value is out of range.
     """
-    n = integer("start.hexagonal", "n", n, least=1)
+    n = _count("start.hexagonal", n, 2, most_agents)
     spacing = number("start.hexagonal", "spacing", spacing, above=0.0)
     noise = number("start.hexagonal", "noise", noise, least=0.0)
     speed = number("start.hexagonal", "speed", speed, least=0.0)
@@ -155,6 +179,30 @@ def _directions(rng: np.random.Generator, n: int, dimension: int) -> Array:
     return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
 
 
+def _count(owner: str, n: int, dimension: int, most_agents: int) -> int:
+    n = integer(owner, "n", n, least=1)
+    if n > most_agents:
+        raise InvalidInput(owner, "n", f"must be at most {most_agents}", n, "Pass most_agents for more.")
+    if integer(owner, "dimension", dimension, least=1) > MOST_DIMENSIONS:
+        raise InvalidInput(owner, "dimension", f"must be at most {MOST_DIMENSIONS}", dimension)
+    return n
+
+
+def _check_graph(owner: str, n: int, graph: object) -> None:
+    from flocking.model.graphs import Graph
+
+    if graph is None:
+        return
+    if not isinstance(graph, Graph):
+        raise InvalidInput(owner, "connected_under", "must be a graph", graph, "Use Proximity or Hysteresis.")
+    if n > MOST_CONNECTED:
+        raise InvalidInput(
+            owner, "n", f"must be at most {MOST_CONNECTED} where the start must be connected", n,
+            "Every pair is looked at: draw without connected_under, or smaller parts.",
+        )  # fmt: skip
+    graph.check_count(n)
+
+
 def _draw(
     owner: str,
     n: int,
@@ -167,16 +215,17 @@ def _draw(
 ) -> State:
     speed = number(owner, "speed", speed, least=0.0)
     integer(owner, "seed", seed, least=0)
-    if velocities not in ("disc", "box"):
-        raise InvalidInput(owner, "velocities", "must be 'disc' or 'box'", velocities)
+    one_of(owner, "velocities", velocities, ("disc", "box"), "must be 'disc' or 'box'")
+    _check_graph(owner, n, graph)
     rng = np.random.default_rng(seed)
-    for _ in range(MOST_DRAWS):
+    allowed = MOST_DRAWS if graph is None else max(1, min(MOST_DRAWS, MOST_PAIRS // max(1, n * n)))
+    for _ in range(allowed):
         q = positions(rng)
         if graph is None or is_connected(graph.initial(q)):
             break
     else:
         raise InvalidInput(
-            owner, "connected_under", f"gave no connected graph in {MOST_DRAWS} draws", graph,
+            owner, "connected_under", f"gave no connected graph of {n} agents in {allowed} draws", graph,
             "Draw from a smaller region or use a larger radius.",
         )  # fmt: skip
     if velocities == "disc":

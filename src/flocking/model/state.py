@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array, array, number, scalar_or_each
+from flocking.model.checks import Array, array, axes_of, number, one_of, scalar_or_each
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,10 +106,9 @@ class Agents:
             raise InvalidInput("Agents", "masses", "must be positive", self.masses)
         object.__setattr__(self, "masses", masses)
         object.__setattr__(self, "damping", scalar_or_each("Agents", "damping", self.damping, least=0.0))
-        if self.order not in (1, 2):
-            raise InvalidInput("Agents", "order", "must be 1 or 2", self.order)
+        one_of("Agents", "order", self.order, (1, 2), "must be 1 or 2")
         if self.headings is not None:
-            ndim = np.ndim(self.headings)
+            ndim = axes_of(self.headings)
             if ndim not in (1, 3):
                 raise InvalidInput("Agents", "headings", "must have shape (N,) or (N, d, d)", f"{ndim} axes")
             object.__setattr__(self, "headings", array("Agents", "headings", self.headings, ndim=ndim))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array, scalar_or_each
+from flocking.model.checks import Array, one_of, scalar_or_each, truth
 from flocking.model.graphs import Graph
 from flocking.model.potentials import Potential
 from flocking.model.schedules import Schedule
@@ -149,8 +149,7 @@ class Gradient(PairTerm):
                 "Write Gradient(Potential('1/r + 1/(R - r)', R=4)).",
             )
         _check_graph("Gradient", self.over)
-        if self.weighting not in ("energy", "force"):
-            raise InvalidInput("Gradient", "weighting", "must be 'energy' or 'force'", self.weighting)
+        one_of("Gradient", "weighting", self.weighting, ("energy", "force"), "must be 'energy' or 'force'")
 
     @property
     def parameters(self) -> dict[str, Value]:
@@ -225,8 +224,8 @@ class Consensus(PairTerm):
             weights = MatrixWeights(weights)
         object.__setattr__(self, "gain", scalar_or_each("Consensus", "gain", gain, least=0.0))
         object.__setattr__(self, "weights", weights)
-        object.__setattr__(self, "weighted", bool(weighted))
-        object.__setattr__(self, "functional", bool(functional))
+        object.__setattr__(self, "weighted", truth("Consensus", "weighted", weighted))
+        object.__setattr__(self, "functional", truth("Consensus", "functional", functional))
         object.__setattr__(self, "over", over)
 
     @property

@@ -11,7 +11,7 @@ import numpy as np
 
 from flocking.errors import InvalidInput
 from flocking.model.bumps import Bump, bump_named
-from flocking.model.checks import Array, number, scalar_or_each
+from flocking.model.checks import Array, number, one_of, scalar_or_each
 from flocking.model.connectivity import Links
 from flocking.model.graphs import Graph, pair_distances
 from flocking.model.weights import PairWeights
@@ -124,8 +124,7 @@ class Cone(HeadingGraph):
         object.__setattr__(self, "opening", scalar_or_each("Cone", "opening", self.opening, least=0.0))
         if not (np.asarray(self.radius) > 0).all():
             raise InvalidInput("Cone", "radius", "must be positive", self.radius)
-        if self.measure not in MEASURES:
-            raise InvalidInput("Cone", "measure", f"must be one of {', '.join(MEASURES)}", self.measure)
+        one_of("Cone", "measure", self.measure, MEASURES)
 
     @property
     def directed(self) -> bool:  # type: ignore[override]
@@ -251,8 +250,7 @@ class SmoothCone(HeadingGraph):
         object.__setattr__(self, "onset", number("SmoothCone", "onset", self.onset, above=0.0, below=1.0))
         object.__setattr__(self, "opening", number("SmoothCone", "opening", self.opening, above=0.0))
         bump_named("SmoothCone", self.bump)
-        if self.measure not in MEASURES:
-            raise InvalidInput("SmoothCone", "measure", f"must be one of {', '.join(MEASURES)}", self.measure)
+        one_of("SmoothCone", "measure", self.measure, MEASURES)
 
     @property
     def appear_radius(self) -> float:

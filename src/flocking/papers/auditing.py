@@ -22,7 +22,7 @@ def audit(run: Run, claims: Sequence[Claim] | None = None) -> Report:
         The claims. When absent: those of the paper whose scenario the run has by name, else those that make
         sense for any law; each says why it does not apply where it does not.
     """
-    return audit_claims(run, paper_claims(run.scenario.name) if claims is None else claims)
+    return audit_claims(run, paper_claims(run.scenario.name) if claims is None and isinstance(run, Run) else claims)
 
 
 def paper_claims(scenario: str) -> tuple[Claim, ...] | None:

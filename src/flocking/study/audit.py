@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from flocking.engine.run import Run
+from flocking.errors import InvalidInput
+from flocking.model.checks import listed
 from flocking.study.claims import Claim, Result, Verdict, finite
 from flocking.study.evidence import Evidence
 
@@ -76,8 +78,14 @@ def audit(run: Run, claims: Sequence[Claim] | None = None) -> Report:
     """
     from flocking.study.general_claims import GENERAL
 
+    if not isinstance(run, Run):
+        raise InvalidInput("audit", "run", "must be a Run", run, "Use fk.simulate(scenario).")
+    held = listed("audit", "claims", GENERAL if claims is None else claims, "must be claims")
+    for claim in held:
+        if not isinstance(claim, Claim):
+            raise InvalidInput("audit", "claims", "must be claims", claim)
     evidence = Evidence(run)
-    return Report(run, tuple(c.examine(evidence) for c in (GENERAL if claims is None else claims)))
+    return Report(run, tuple(claim.examine(evidence) for claim in held))
 
 
 @dataclass(frozen=True)

@@ -61,11 +61,11 @@ def read_scenario(
     InvalidInput
         When the file cannot be read.
     """
-    file = Path(path)
     try:
+        file = Path(path)
         with file.open("rb") as stream:
             content = stream.read(largest_file + 1)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, TypeError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise InvalidInput("read_scenario", "path", f"cannot be read ({reason})", str(path)) from None
     if len(content) > largest_file:
@@ -223,6 +223,8 @@ def scenario_to_text(scenario: Scenario) -> str:
     from flocking.study.scenario_writer import PartWriter
     from flocking.study.toml_text import toml_text
 
+    if not isinstance(scenario, Scenario):
+        raise InvalidInput("write_scenario", "scenario", "must be a Scenario", scenario)
     try:
         NAME.check(scenario.name)
     except RefusedError as refused:
@@ -273,11 +275,13 @@ def write_scenario(scenario: Scenario, path: str | Path) -> Path:
     InvalidInput
         When the scenario cannot be written as text, or the file cannot be written.
     """
+    if not isinstance(path, str | Path):
+        raise InvalidInput("write_scenario", "path", "must be a path", path)
     file = Path(path)
     text = scenario_to_text(scenario)
     try:
         file.write_text(text, encoding="utf-8")
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, TypeError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise InvalidInput("write_scenario", "path", f"cannot be written ({reason})", str(path)) from None
     return file

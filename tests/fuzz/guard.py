@@ -1,0 +1,108 @@
+"""What every fuzz case must keep: its deadline, its share of memory, its folder, and the family of errors."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import resource
+import signal
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+
+from flocking.errors import FlockingError
+
+DEADLINE = 20.0
+"""Seconds a case may take on a busy machine."""
+
+ROOM = 2 * 2**30
+"""Address space in bytes that a case may ask for beyond what the process has."""
+
+tried: dict[str, int] = {}
+"""Cases tried, by kind."""
+
+DEFAULT = {"files": 120, "formulas": 80, "constructors": 150, "calls": 50, "commands": 60, "stored runs": 40}
+SLOW_FACTOR = 20
+
+
+class HangError(Exception):
+    """A case did not end in time."""
+
+
+@contextlib.contextmanager
+def guarded(kind: str) -> Iterator[None]:
+    """Run a case: errors of the library's family are fine, everything else goes through as a failure."""
+    tried[kind] = tried.get(kind, 0) + 1
+
+    def ring(*_: object) -> None:
+        raise HangError(f"longer than {DEADLINE} s")
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    pages = int(Path("/proc/self/statm").read_text().split()[0]) if os.path.exists("/proc/self/statm") else 0
+    before = signal.signal(signal.SIGALRM, ring)
+    signal.setitimer(signal.ITIMER_REAL, DEADLINE)
+    if pages:
+        resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + ROOM, hard))
+    try:
+        yield
+    except FlockingError as error:
+        assert str(error).strip(), type(error)
+        assert len(str(error)) < 20_000, type(error)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
+
+
+@contextlib.contextmanager
+def interrupted_after(seconds: float) -> Iterator[None]:
+    """Press Ctrl-C after some time: what may rightly take long must end then."""
+    before = signal.signal(signal.SIGALRM, signal.default_int_handler)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    except KeyboardInterrupt:
+        pass  # between two statements, before the run had begun or after it had ended
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def fuzz(kind: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Make a function of ``data`` a test with the kind's share of cases, and a slow one with twenty times as many."""
+
+    def make(function: Callable[..., None]) -> Callable[..., None]:
+        @pytest.mark.parametrize(
+            "count", [DEFAULT[kind], pytest.param(SLOW_FACTOR * DEFAULT[kind], marks=pytest.mark.slow)]
+        )
+        def test(count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+            monkeypatch.chdir(tmp_path)
+            before = tried.get(kind, 0)
+
+            @settings(
+                max_examples=count,
+                deadline=None,
+                suppress_health_check=list(HealthCheck),
+                database=None,
+                phases=[Phase.generate],
+            )
+            @given(data=st.data())
+            def run(data: Any) -> None:
+                function(data, tmp_path)
+
+            run()
+            assert tried.get(kind, 0) - before >= count
+
+        test.__doc__ = function.__doc__
+        return test
+
+    return make
+
+
+def files_below(folder: Path) -> set[str]:
+    """Every path below a folder."""
+    return {str(p.relative_to(folder)) for p in folder.rglob("*")}
