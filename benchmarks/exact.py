@@ -72,7 +72,11 @@ class Plain:
         memory = session._stepper.memory
         self.y, self.tolerance = memory.y, session._stepper.tolerance
         self.n, self.m = scenario.start.q.shape
-        self._rhs, self._slots, self._functionals = session._dynamics._kernels.rhs, session._dynamics._slots, session._dynamics._functionals
+        self._rhs, self._slots, self._functionals = (
+            session._dynamics._kernels.rhs,
+            session._dynamics._slots,
+            session._dynamics._functionals,
+        )
 
     def __call__(self, t: float, y: Any) -> Any:
         q = y[: self.n * self.m].reshape(self.n, self.m)

@@ -168,7 +168,7 @@ def run(
     from flocking.engine.simulate import simulate
 
     found = find_scenario(scenario, seed, most_agents)
-    options = {} if step is None else {"step": step}
+    options: dict[str, Any] = {} if step is None else {"step": step}
     progress = not as_json and sys.stderr.isatty()
     return _print_run(lambda: simulate(found, engine=engine, save=out, progress=progress, **options), out, as_json)
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from flocking.papers.shi_2009.table import equations
 from flocking.papers.shi_2009.pictures import figure, figures
 from flocking.papers.shi_2009.system import potential, scenario, scenarios
+from flocking.papers.shi_2009.table import equations
 from flocking.papers.shi_2009.theorems import claims
 
 KEY = "shi-2009"
