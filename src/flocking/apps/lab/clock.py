@@ -135,7 +135,12 @@ class Clock:
     def step(self, duration: float) -> None:
         """Pause, and go on by ``duration`` once."""
         self.pause()
-        self.post(lambda: self._advance(self.experiments[0].time + duration))
+        self.post(lambda: self._go_on(self.experiments[0].time + duration))
+
+    def _go_on(self, to: float) -> None:
+        first = self.experiments[0]
+        while first.time < to and not first.failure and not self._closed:
+            self._advance(to)
 
     def next_frame(self, after: int, timeout: float | None = None) -> Frame | None:
         """Wait for a frame with a number above ``after``; None when there is none in time, or the clock was stopped."""

@@ -25,7 +25,9 @@ MOST_TRAILS = 500
 TRAIL_POINTS = 30
 MOST_ENERGIES = 500
 FASTEST_PAINT = 1 / 30
-AMBIENT = 2.2
+AMBIENT = 1.0
+FAR_OFF = 3.0
+"""Leaders and obstacles further away than this, in sizes of the group, do not widen the view."""
 SIDE_BY_SIDE = 1.25
 """Distance of two groups that are compared, in sizes of the first."""
 
@@ -91,6 +93,7 @@ class Scene:
         server.scene.set_up_direction("+z")
         # Plain light from everywhere: flat agents keep the colours they are given.
         server.scene.configure_default_lights(False, False)
+        server.scene.configure_environment_map(None)
         server.scene.add_light_ambient("/light", intensity=AMBIENT)
         server.scene.add_light_directional("/sun", intensity=0.4, cast_shadow=False, position=(1.0, -1.0, 2.0))
         server.scene.add_frame("/world", show_axes=False)
@@ -116,6 +119,11 @@ class Scene:
         q = glyphs.in_space(state.q)
         centre = (q.min(axis=0) + q.max(axis=0)) / 2
         self._size = max(float((q.max(axis=0) - q.min(axis=0)).max()), 2 * self._spacing)
+        around = [thing.position for thing in solids(frame.scenarios[0], state.t)]
+        near = [x for x in around if np.abs(x - centre).max() < FAR_OFF * self._size]
+        if near:
+            corners = np.concatenate([q, np.array(near)])
+            self._size = min(2 * float(np.abs(corners - centre).max()), FAR_OFF * self._size)
         self._fastest = max(float(np.linalg.norm(state.p, axis=1).max()), 1e-9)
         self._shift = -centre if self.look.follow else np.zeros(3)
         look_at = np.zeros(3) if self.look.follow else centre
@@ -194,6 +202,9 @@ class Scene:
             from flocking.study.state_energy import agent_energies
 
             energies = agent_energies(scenario.law, state, scenario.energy)
+        if self.look.color == "speed":
+            # The scale follows the fastest agent, slowly down so that a flock that calms is seen to.
+            self._fastest = max(0.995 * self._fastest, float(np.linalg.norm(state.p, axis=1).max()), 1e-9)
         colors = glyphs.colors(state, self.look.color, self._fastest, energies)
         chosen = [i for i in self.look.highlight if i < state.n] if k == 0 else []
         if chosen:
@@ -245,7 +256,7 @@ class Scene:
         scene.add_frame(root, show_axes=False, position=(k * SIDE_BY_SIDE * self._size, 0.0, 0.0))
         q = glyphs.in_space(state.q)
         ink = DARK if self.look.dark else LIGHT
-        length = min(0.5 * self._spacing, 0.06 * self._size)
+        length = min(max(0.5 * self._spacing, 0.014 * self._size), 0.06 * self._size)
         if state.n <= MOST_GLYPHS:
             vertices, faces = glyphs.dart(state.dimension)
             agents = scene.add_batched_meshes_simple(

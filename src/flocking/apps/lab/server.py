@@ -80,6 +80,7 @@ def opened(port: int | None) -> Any:
         )
     server = viser.ViserServer(host=HOST, port=free, label="flocking lab", verbose=False)
     server.gui.configure_theme(show_share_button=False, show_logo=False, control_width="large")
+    server.gui.main_panel.dock_right()
     # The share button is one way to the outside tunnel; a page of the lab has none at all.
     server.request_share_url = _no_tunnel
     return server
@@ -91,6 +92,7 @@ def _no_tunnel(verbose: bool = True) -> None:
 
 def _is_free(port: int) -> bool:
     with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the server itself does
         try:
             probe.bind((HOST, port))
         except (OSError, OverflowError):
