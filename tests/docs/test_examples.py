@@ -27,8 +27,8 @@ BEFORE = {
     ),
 }  # fmt: skip
 
-TOO_LONG = {"sweeps"}
-"""Pages whose code makes hundreds of runs; what it calls has tests of its own."""
+ELSEWHERE = {"sweeps", "cluster", "lab"}
+"""Pages whose code makes hundreds of runs or needs a cluster or a browser; what it calls has tests of its own."""
 
 
 def blocks(page):
@@ -36,7 +36,9 @@ def blocks(page):
 
 
 def test_every_page_with_code_is_run():
-    assert {path.stem for path in DOCS.glob("*.md") if blocks(path.stem)} == {*BEFORE, *TOO_LONG}
+    found = {path.stem for path in DOCS.glob("*.md") if blocks(path.stem)}
+    assert set(BEFORE) <= found
+    assert found <= {*BEFORE, *ELSEWHERE}
 
 
 @pytest.mark.parametrize("page", sorted(BEFORE))

@@ -6,6 +6,7 @@ import contextlib
 import os
 import resource
 import signal
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -60,16 +61,26 @@ def guarded(kind: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def interrupted_after(seconds: float) -> Iterator[None]:
-    """Press Ctrl-C after some time: what may rightly take long must end then."""
-    before = signal.signal(signal.SIGALRM, signal.default_int_handler)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    """Press Ctrl-C after some time, and again: what may rightly take long must end then."""
+    running = True
+
+    def press(*_: object) -> None:
+        if running:
+            raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGALRM, press)
+    signal.setitimer(signal.ITIMER_REAL, seconds, 2.0)
+    begin = time.monotonic()
     try:
         yield
+        running = False
     except KeyboardInterrupt:
-        pass  # between two statements, before the run had begun or after it had ended
+        running = False  # between two statements, before the run had begun or after it had ended
     finally:
+        running = False
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, before)
+    assert time.monotonic() - begin < seconds + DEADLINE
 
 
 def fuzz(kind: str) -> Callable[[Callable[..., None]], Callable[..., None]]:

@@ -38,6 +38,8 @@ def read_start(path: str | Path, *, frame: int = -1) -> State:
     InvalidInput
         When the ending is unknown or the values make no state.
     """
+    if not isinstance(path, str | Path):
+        raise InvalidInput("read_start", "path", "must be a path", path)
     path = Path(path)
     form = path.suffix.removeprefix(".").lower()
     if form not in READERS:

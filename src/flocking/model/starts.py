@@ -181,7 +181,7 @@ def _directions(rng: np.random.Generator, n: int, dimension: int) -> Array:
 
 def _count(owner: str, n: int, dimension: int, most_agents: int) -> int:
     n = integer(owner, "n", n, least=1)
-    if n > most_agents:
+    if n > integer(owner, "most_agents", most_agents, least=1):
         raise InvalidInput(owner, "n", f"must be at most {most_agents}", n, "Pass most_agents for more.")
     if integer(owner, "dimension", dimension, least=1) > MOST_DIMENSIONS:
         raise InvalidInput(owner, "dimension", f"must be at most {MOST_DIMENSIONS}", dimension)

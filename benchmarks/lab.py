@@ -1,0 +1,155 @@
+"""How fast the live lab is: frames a second to a client that takes all it gets, latency of a slider, memory, idle load.
+
+The client is a plain websocket that reads and throws away: what a browser then makes of it depends on its machine.
+``python benchmarks/lab.py --minutes 60`` watches the memory for an hour.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import os
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+
+
+class Client:
+    """Connects as a page does, and counts what arrives; a slow one waits between messages."""
+
+    def __init__(self, address: str, pause: float = 0.0) -> None:
+        self.address, self.pause = address.replace("http", "ws"), pause
+        self.bytes = self.messages = 0
+        self.last = 0.0
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=lambda: asyncio.run(self._listen()), daemon=True)
+        self._thread.start()
+
+    async def _listen(self) -> None:
+        import viser
+        import websockets.asyncio.client as websockets
+
+        protocol = f"viser-v{viser.__version__}"
+        async with websockets.connect(self.address, max_size=None, subprotocols=[protocol], compression=None) as socket:
+            while not self._stop.is_set():
+                with contextlib.suppress(TimeoutError):
+                    message = await asyncio.wait_for(socket.recv(), 0.5)
+                    self.bytes += len(message)
+                    self.messages += 1
+                    self.last = time.perf_counter()
+                    if self.pause:
+                        await asyncio.sleep(self.pause)
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join(5)
+
+
+def resident() -> float:
+    """MiB this process has in memory."""
+    for line in Path("/proc/self/status").read_text().splitlines():
+        if line.startswith("VmRSS"):
+            return int(line.split()[1]) / 1024
+    return float("nan")
+
+
+def opened(name: str) -> object:
+    from flocking.apps.lab.page import Page
+    from flocking.apps.lab.server import opened as server
+
+    return Page(server(None), name)
+
+
+def rates(page, seconds: float) -> dict[str, float]:
+    client = Client(page.address)
+    page.clock.play()
+    time.sleep(3.0)
+    frames, sent, now, painted = page.clock.frame.number, client.bytes, page.clock.frame.time, page.scene.painted
+    begin = time.perf_counter()
+    time.sleep(seconds)
+    took = time.perf_counter() - begin
+    found = {
+        "frames/s": (page.scene.painted - painted) / took,
+        "simulated frames/s": (page.clock.frame.number - frames) / took,
+        "time/s": (page.clock.frame.time - now) / took,
+        "MB/s": (client.bytes - sent) / took / 1e6,
+    }
+    page.clock.pause()
+    client.close()
+    return found
+
+
+def latency(page, tries: int) -> np.ndarray:
+    """Milliseconds from a slider's event to the first painted frame of the changed law."""
+    found = []
+    page.clock.play()
+    for k in range(tries):
+        version = page.experiment.version
+        seen = threading.Event()
+        paint = page.scene.paint
+
+        def watched(frame, paint=paint, version=version, seen=seen):
+            paint(frame)
+            if frame.versions[0] > version:
+                seen.set()
+
+        page.scene.paint = watched
+        begin = time.perf_counter()
+        page.send({"kind": "set", "path": ["law", "terms", 1, "gain"], "value": 0.5 + 0.01 * k}, "gain")
+        seen.wait(10.0)
+        found.append(1e3 * (time.perf_counter() - begin))
+        page.scene.paint = paint
+        time.sleep(0.05)
+    page.clock.pause()
+    return np.array(found)
+
+
+def idle(page, seconds: float) -> float:
+    """Share of one processor used while paused."""
+    page.clock.pause()
+    time.sleep(2.0)
+    begin = time.process_time()
+    time.sleep(seconds)
+    return (time.process_time() - begin) / seconds
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=8.0)
+    parser.add_argument("--minutes", type=float, default=3.0, help="how long to watch the memory")
+    options = parser.parse_args()
+    print(f"{os.cpu_count()} processors")
+    for name in ("crowd-1000", "crowd-10000", "crowd-100000"):
+        page = opened(name)
+        found = rates(page, options.seconds)
+        waits = latency(page, 20)
+        speeds = ", ".join(f"{value:.3g} {key}" for key, value in found.items())
+        print(f"{name}: {speeds}; slider to frame {np.median(waits):.0f} ms, worst {waits.max():.0f}", flush=True)
+        if name == "crowd-1000":
+            print(f"{name}: {100 * idle(page, options.seconds):.1f} % of a processor while paused", flush=True)
+        page.close()
+    page = opened("crowd-1000")
+    clients = [Client(page.address), Client(page.address, pause=0.5)]
+    page.clock.play()
+    time.sleep(20.0)
+    first = resident()
+    print(f"memory of crowd-1000, a quick and a slow client: {first:.0f} MiB after 20 s", flush=True)
+    end = time.monotonic() + 60 * options.minutes
+    turn = 0
+    while time.monotonic() < end:
+        time.sleep(min(30.0, max(0.0, end - time.monotonic())))
+        turn += 1
+        page.send({"kind": "set", "path": ["law", "terms", 1, "gain"], "value": 0.2 + 0.001 * (turn % 50)}, "gain")
+        if turn % 2 == 0 or time.monotonic() >= end:
+            print(f"  {resident():.0f} MiB at t = {page.clock.frame.time:.0f}", flush=True)
+    print(f"grew by {resident() - first:.0f} MiB in {options.minutes:g} minutes")
+    for client in clients:
+        client.close()
+    page.close()
+
+
+if __name__ == "__main__":
+    main()
