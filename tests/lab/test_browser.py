@@ -90,13 +90,6 @@ class Tab:
     def press(self, name):
         self.tab.get_by_role("button", name=name, exact=True).click()
 
-    def type(self, label, text):
-        """Type into the field beside a label."""
-        row = self.tab.locator(f"text={label}").first.locator("xpath=ancestor::*[.//input or .//textarea][1]")
-        field = row.locator("input:not([type=hidden]), textarea").last
-        field.fill(text)
-        field.press("Enter")
-
     def shot(self, name):
         SHOTS.mkdir(parents=True, exist_ok=True)
         self.tab.screenshot(path=str(SHOTS / f"{name}.png"))
@@ -119,7 +112,6 @@ class Tab:
         )
 
     def close(self):
-        hosts = {re.sub(r"^\w+://", "", url).split("/")[0].split(":")[0] for url in self.asked}
         strays = {url for url in self.asked if not re.match(r"(data|blob|about):", url)}
         hosts = {re.sub(r"^\w+://", "", url).split("/")[0].split(":")[0] for url in strays}
         assert self.asked
@@ -175,7 +167,7 @@ def test_a_slider_changes_the_law_and_is_on_record(page, tab):
     thumb.focus()
     for _ in range(25):
         thumb.press("ArrowLeft")
-    wait(lambda: gain(page) < 0.9, "the gain falls")
+    wait(lambda: gain(page) < 0.8, "the gain falls")
     page.clock.pause()
     page.clock.do(lambda: None)
     assert gain(page) == handle.value
@@ -188,7 +180,9 @@ def test_a_slider_changes_the_law_and_is_on_record(page, tab):
 
 def test_a_formula_is_typed_and_its_error_is_shown_in_place(page, tab):
     tab.go("Law")
-    field = tab.tab.locator("input[value='1/r + 1/(R - r)']")
+    inputs = tab.tab.locator("input:visible")
+    inputs.first.wait_for()
+    field = next(x for x in inputs.element_handles() if x.input_value() == "1/r + 1/(R - r)")
     field.fill("1/r + 1/(R - ")
     tab.tab.get_by_text(re.compile("Potential|formula:.*got|unexpected|must", re.I)).first.wait_for()
     shown = [x.content for x in page.controls.errors.values() if x.visible]
@@ -228,7 +222,7 @@ def test_an_obstacle_is_dragged_in_the_scene(page, tab):
 
 
 def test_another_scenario_is_opened_and_restarted(page, tab):
-    tab.tab.locator("input[value='ten']").click()
+    tab.tab.get_by_role("combobox", name="scenario").click()
     tab.tab.get_by_role("option", name="zhou-2015-leader").click()
     wait(lambda: page.experiment.original.name == "zhou-2015-leader", "the scenario opens")
     wait(lambda: ("law", "terms", 2, "velocity_gain") in page.controls.handles, "its controls appear")
@@ -260,6 +254,13 @@ def test_what_is_kept_repeats_the_run(page, tab):
     tab.press("Save picture")
     wait(lambda: len(page.keeping.saved) == 4, "the picture is saved")
     assert page.keeping.saved[3].read_bytes()[:4] == b"\x89PNG"
+    tab.press("Record a film")
+    page.clock.play()
+    wait(lambda: page.experiment.time > 2.0, "something moves")
+    page.clock.pause()
+    tab.press("Stop and save the film")
+    wait(lambda: len(page.keeping.saved) == 5, "the film is saved")
+    assert page.keeping.saved[4].stat().st_size > 10_000
     tab.shot("kept")
 
 
@@ -316,6 +317,7 @@ def test_a_stored_run_is_opened_and_scrubbed_and_two_runs_are_compared(page, tab
     page.send({"kind": "set", "path": list(GAIN), "value": 0.7})
     page.clock.do(lambda: None)
     assert [e.scenario.law.terms[1].gain for e in page.clock.experiments] == [0.7, 0.1]
+    page.scene.repaint()
     assert page.clock.experiments[0].time == page.clock.experiments[1].time
     time.sleep(1.0)
     tab.shot("compared")

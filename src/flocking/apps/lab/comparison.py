@@ -77,6 +77,7 @@ class Comparison:
             self.fault.visible = False
             self.path = path
             self._page.clock.experiments = [left, right]
+            self._page.clock.post(self._fit)
             self._page.instruments.reset()
             self.stop.visible = True
 
@@ -86,6 +87,11 @@ class Comparison:
         """Go on with the left one alone."""
         self.end()
         self._page.clock.experiments = self._page.clock.experiments[:1]
+        self._page.clock.post(self._fit)
+
+    def _fit(self) -> None:
+        """Both groups into view; the frame that shows them was made before this is done."""
+        self._page.scene.aim(self._page.clock.frame)
 
     def end(self) -> None:
         """Forget what they differ in."""

@@ -89,7 +89,7 @@ class Controls:
             return gui.add_dropdown(label, setting.choices, initial_value=setting.value)
         if setting.kind == "count":
             return gui.add_number(label, setting.value, min=0, step=1)
-        step = 10.0 ** math.floor(math.log10((setting.high - setting.low) / 500))
+        step = 10.0 ** math.floor(math.log10((setting.high - setting.low) / 200))
         return gui.add_slider(label, setting.low, setting.high, step, float(setting.value))
 
     def _formula(self, setting: Setting, tell: Callable[[str], None]) -> Any:

@@ -116,7 +116,9 @@ def link_segments(state: State, points: NDArray[np.float32], budget: int) -> tup
     """
     if state.links is None:
         return np.zeros((0, 2, 3), dtype=np.float32), 0
-    i, j = np.nonzero(np.triu(state.links | state.links.T))
+    i, j = np.nonzero(state.links)
+    once = (i < j) | ~state.links[j, i]
+    i, j = i[once], j[once]
     count = len(i)
     if count > budget:
         chosen = np.linspace(0, count - 1, budget).astype(np.intp)

@@ -208,6 +208,8 @@ class Instruments:
         self._scene.look.highlight = agents
         self._said.content = text
         self._clear.visible = bool(text)
+        if agents:
+            self._scene.aim(self._clock.frame)  # they may have gone far
         self._scene.repaint()
 
 

@@ -147,6 +147,7 @@ class Keeping:
         """Go back to the live run."""
         self.stored = None
         self.frame.visible = self.back.visible = False
+        self.said.content = ""
         self._page.scene.show_live()
 
 

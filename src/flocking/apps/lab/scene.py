@@ -22,10 +22,14 @@ MOST_GLYPHS = 20_000
 """Larger groups are drawn as points."""
 
 MOST_TRAILS = 500
+MOST_LARGE, MOST_EXACTLY_SEEN = 60, 400
+"""Groups up to these sizes are drawn with agents that stay large when the view widens."""
+
 TRAIL_POINTS = 30
 MOST_ENERGIES = 500
 FASTEST_PAINT = 1 / 30
 AMBIENT = 1.0
+HIGHLIGHT_SCALE = 1.6
 FAR_OFF = 3.0
 """Leaders and obstacles further away than this, in sizes of the group, do not widen the view."""
 SIDE_BY_SIDE = 1.25
@@ -58,6 +62,7 @@ class _Group:
     solids: list[tuple[Solid, Any]]
     past: deque[Any] = field(default_factory=lambda: deque(maxlen=TRAIL_POINTS))
     turns: Any = None
+    enlarged: bool = False
     shape: tuple[Any, ...] = ()
 
 
@@ -117,17 +122,18 @@ class Scene:
         state = frame.states[0]
         self._spacing = glyphs.spacing(state.q)
         q = glyphs.in_space(state.q)
-        centre = (q.min(axis=0) + q.max(axis=0)) / 2
-        self._size = max(float((q.max(axis=0) - q.min(axis=0)).max()), 2 * self._spacing)
+        centre = _centre(state.q) if self.look.follow else ((q.min(axis=0) + q.max(axis=0)) / 2).astype(np.float64)
+        self._size = max(2 * float(np.abs(q - centre).max()), 2 * self._spacing)
         around = [thing.position for thing in solids(frame.scenarios[0], state.t)]
         near = [x for x in around if np.abs(x - centre).max() < FAR_OFF * self._size]
         if near:
-            corners = np.concatenate([q, np.array(near)])
-            self._size = min(2 * float(np.abs(corners - centre).max()), FAR_OFF * self._size)
+            reach = 2 * float(np.abs(np.array(near) - centre).max())
+            self._size = min(max(self._size, reach), FAR_OFF * self._size)
+        self._columns = len(frame.states)
         self._fastest = max(float(np.linalg.norm(state.p, axis=1).max()), 1e-9)
         self._shift = -centre if self.look.follow else np.zeros(3)
         look_at = np.zeros(3) if self.look.follow else centre
-        far = 1.6 * self._size
+        far = 1.6 * self._size * (1 + 0.75 * (self._columns - 1))
         # Exactly from above the camera's turn about its own axis would be undefined.
         offset = np.array([0.0, -1e-3 * far, far]) if state.dimension < 3 else np.array([0.6, -1.0, 0.6]) * far
         cell = 10 ** np.floor(np.log10(self._size / 2))
@@ -167,8 +173,8 @@ class Scene:
             begin = time.perf_counter()
             self.paint(self._stored or frame)
             took = time.perf_counter() - begin
-            # Leave twice the time of painting to the simulation and to sending.
-            pause = max(FASTEST_PAINT - took, 2 * took)
+            # Leave as much time as painting takes to the simulation and to sending.
+            pause = max(FASTEST_PAINT - took, took)
             self.rate = 0.9 * self.rate + 0.1 / (took + pause)
             time.sleep(pause)
 
@@ -189,7 +195,14 @@ class Scene:
 
     def _paint_group(self, k: int, state: State, scenario: Scenario) -> str:
         things = solids(scenario, state.t)
-        shape = (state.n, state.dimension, tuple(thing.shape for thing in things), self.look.dark)
+        shape = (
+            state.n,
+            state.dimension,
+            tuple(thing.shape for thing in things),
+            self.look.dark,
+            self._beside(k),
+            self._length(state.n),
+        )
         if k == len(self._groups):
             self._groups.append(self._made(k, state, things, shape))
         elif self._groups[k].shape != shape:
@@ -213,6 +226,11 @@ class Scene:
             group.turns = glyphs.turns(state.p, group.turns)
             group.agents.batched_positions, group.agents.batched_wxyzs = q, group.turns
             group.agents.batched_colors = colors
+            if chosen or group.enlarged:
+                scales = np.ones(state.n, dtype=np.float32)
+                scales[chosen] = HIGHLIGHT_SCALE
+                group.agents.batched_scales = scales
+                group.enlarged = bool(chosen)
         else:
             group.agents.points, group.agents.colors = q, colors
         note = self._paint_links(group, state, q)
@@ -253,10 +271,10 @@ class Scene:
 
     def _made(self, k: int, state: State, things: list[Solid], shape: tuple[Any, ...]) -> _Group:
         scene, root = self.server.scene, f"/world/{k}"
-        scene.add_frame(root, show_axes=False, position=(k * SIDE_BY_SIDE * self._size, 0.0, 0.0))
+        scene.add_frame(root, show_axes=False, position=(self._beside(k), 0.0, 0.0))
         q = glyphs.in_space(state.q)
         ink = DARK if self.look.dark else LIGHT
-        length = min(max(0.5 * self._spacing, 0.014 * self._size), 0.06 * self._size)
+        length = self._length(state.n)
         if state.n <= MOST_GLYPHS:
             vertices, faces = glyphs.dart(state.dimension)
             agents = scene.add_batched_meshes_simple(
@@ -281,6 +299,15 @@ class Scene:
         )  # fmt: skip
         found = [(thing, self._solid(f"{root}/solid{j}", thing)) for j, thing in enumerate(things)]
         return _Group(agents, lines[0], lines[1], ghosts, found, shape=shape)
+
+    def _length(self, n: int) -> float:
+        """Length of an agent: by the spacing of the group, within what can be seen and told apart."""
+        least = 0.025 if n <= MOST_LARGE else 0.014 if n <= MOST_EXACTLY_SEEN else 0.0
+        return min(max(0.5 * self._spacing, least * self._size), 0.06 * self._size)
+
+    def _beside(self, k: int) -> float:
+        """How far to the right group ``k`` is drawn."""
+        return (k - (self._columns - 1) / 2) * SIDE_BY_SIDE * self._size
 
     def _solid(self, name: str, thing: Solid) -> Any:
         scale = 1.0 if thing.kind == "obstacle" else 0.035 * self._size
