@@ -33,7 +33,9 @@ class Client:
         import websockets.asyncio.client as websockets
 
         protocol = f"viser-v{viser.__version__}"
-        async with websockets.connect(self.address, max_size=None, subprotocols=[protocol], compression=None) as socket:
+        async with websockets.connect(
+            self.address, max_size=None, subprotocols=[protocol], compression=None, ping_interval=None
+        ) as socket:
             while not self._stop.is_set():
                 with contextlib.suppress(TimeoutError):
                     message = await asyncio.wait_for(socket.recv(), 0.5)

@@ -136,6 +136,8 @@ def test_killing_and_adding_carry_what_agents_have_of_their_own():
     made.apply({"kind": "kill", "agents": [0, 7]})
     left = [1, 2, 3, 4, 5, 6, 8, 9]
     assert np.array_equal(made.state.q, before.q[left])
+    assert np.array_equal(made.state.links, before.links[np.ix_(left, left)])
+    assert made.state.links.any()
     assert np.array_equal(made.scenario.agents.masses, masses[left])
     assert np.array_equal(made.scenario.law.terms[1].weights.values, weights[np.ix_(left, left)])
     made.apply({"kind": "add", "q": [8.0, 8.0], "p": [0.0, 0.0]})
@@ -152,6 +154,18 @@ def test_links_of_a_fixed_graph_stay_cut():
     made.advance(4.0)
     assert not made.state.links[0].any()
     assert np.array_equal(made.state.p[0], apart)
+
+
+def test_a_cut_link_comes_back_only_where_the_graph_makes_it_again():
+    law = fk.Law(fk.Hysteresis(4.0, 1.0), [fk.Consensus(0.0)])
+    start = fk.State([[0.0, 0.0], [3.5, 0.0], [0.0, 2.0]])
+    made = Experiment(fk.Scenario(law, start, t_end=5.0))
+    assert made.state.links[0, 1]
+    assert made.state.links[0, 2]
+    made.apply({"kind": "cut", "pairs": [[0, 1], [0, 2]]})
+    assert not made.state.links[0].any()
+    made.advance(1.0)
+    assert made.state.links[0].tolist() == [False, False, True]
 
 
 def test_obstacles_come_move_and_go():
@@ -178,6 +192,7 @@ def test_a_law_that_blows_up_says_so_and_goes_back_to_the_last_good_moment():
     made.apply({"kind": "kick", "agents": [0], "speed": 0.01, "seed": 0})
     made.keep()
     good = made.state
+    made.apply({"kind": "kick", "agents": [1], "speed": 0.01, "seed": 1})
     with pytest.raises(SimulationError):
         made.advance(5.0)
     assert "singular" in made.failure
@@ -190,6 +205,7 @@ def test_a_law_that_blows_up_says_so_and_goes_back_to_the_last_good_moment():
     assert not made.failure
     assert np.array_equal(made.state.q, good.q)
     assert made.log.end == made.time == 0.05
+    assert [event["agents"] for _, event in made.log.entries] == [[0]]
     made.apply({"kind": "set", "path": ["law", "terms", 0, "potential", "k"], "value": 0.0})
     made.advance(2.0)
     assert same(made, replay(made.log))
