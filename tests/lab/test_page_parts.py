@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.apps.lab.choices import in_space
 from flocking.apps.lab.clock import Clock
 from flocking.apps.lab.experiment import Experiment
 from flocking.apps.lab.glyphs import colors, link_segments, turns
@@ -241,3 +242,15 @@ def test_obstacles_and_leaders_can_be_drawn_and_moved():
     points = imagined(scenario, scenario.start)
     assert points[0] == pytest.approx([2.0, 0.0, 0.0])
     assert points[1] == pytest.approx([4.0, 0.0, 0.0])
+
+
+def test_a_law_of_the_plane_goes_to_space_where_it_can():
+    lifted = in_space(zhou())
+    experiment = Experiment(lifted)
+    experiment.advance(0.1)
+    assert experiment.state.dimension == 3
+    assert np.array_equal(lifted.start.q[:, :2], zhou().start.q)
+    with pytest.raises(fk.InvalidInput):
+        in_space(zhou(leader=True))
+    with pytest.raises(fk.InvalidInput):
+        in_space(lifted)

@@ -5,11 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
+from flocking.apps.lab.glyphs import spacing
 from flocking.apps.scenario_names import find_scenario, paper_scenarios
+from flocking.errors import InvalidInput
 from flocking.model import starts
 from flocking.model.graphs import Hysteresis
 from flocking.model.law import Law, Scenario
 from flocking.model.potentials import Potential
+from flocking.model.state import State
 from flocking.model.terms import Consensus, Gradient
 
 FAVOURITES = ("olfati-saber-2003", "zhou-2015")
@@ -32,6 +37,24 @@ CROWDS = {
     "crowd-1000": _crowd(1000, 2), "crowd-10000": _crowd(10_000, 2), "crowd-100000": _crowd(100_000, 2),
     "crowd-1000-3d": _crowd(1000, 3),
 }  # fmt: skip
+
+
+def in_space(scenario: Scenario, seed: int = 0) -> Scenario:
+    """A scenario of the plane put in space: its start gets a random third axis, as thick as its agents are apart.
+
+    Raises
+    ------
+    InvalidInput
+        When it is not one of the plane, or its law has a leader or obstacles there.
+    """
+    start = scenario.start
+    if start.dimension != 2:
+        raise InvalidInput("lab", "dimension", "must be 2 to be put in space", start.dimension)
+    rng = np.random.default_rng(seed)
+    heights = rng.uniform(-0.5, 0.5, (start.n, 1)) * spacing(start.q)
+    lifted = State(np.hstack([start.q, heights]), np.hstack([start.p, np.zeros((start.n, 1))]), start.t)
+    scenario.law.check_count(start.n, 3)
+    return scenario.with_(start=lifted, name=f"{scenario.name}-3d")
 
 
 def first_choice() -> str:

@@ -17,7 +17,7 @@ MOST_EXACT = 300
 MOST_EVENTS = 100_000
 """Longest log; an experiment with more interventions can no longer be replayed, and says so."""
 
-MOST_ROWS = 20_000
+MOST_ROWS = 5_000
 """Rows of the ledger and switches kept."""
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from flocking.apps.lab.choices import first_choice, library, scenario_of
+from flocking.apps.lab.choices import first_choice, in_space, library, scenario_of
 from flocking.apps.lab.clock import Clock
 from flocking.apps.lab.comparison import Comparison
 from flocking.apps.lab.controls import Controls
@@ -55,7 +55,7 @@ class Page:
         tabs = gui.add_tab_group()
         with tabs.add_tab("Run"):
             self.transport = Transport(
-                gui, self.clock, names, load=self.load, restart=self.restart, go_back=self.go_back
+                gui, self.clock, names, load=self.load, restart=self.restart, go_back=self.go_back, lift=self.lift
             )
             self.instruments = Instruments(gui, self.clock, self.scene)
         law_tab = tabs.add_tab("Law")
@@ -142,6 +142,13 @@ class Page:
             else:
                 self._install(Experiment(scenario_of(name, self.folder, seed)))
         except (FlockingError, OSError) as error:
+            self.complain(str(error))
+
+    def lift(self) -> None:
+        """Start the present scenario anew in three dimensions."""
+        try:
+            self._install(Experiment(in_space(self.experiment.original)))
+        except FlockingError as error:
             self.complain(str(error))
 
     def _install(self, experiment: Experiment) -> None:

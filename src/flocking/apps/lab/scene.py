@@ -35,6 +35,9 @@ FAR_OFF = 3.0
 SIDE_BY_SIDE = 1.25
 """Distance of two groups that are compared, in sizes of the first."""
 
+GRID = {False: ((225, 225, 225), (190, 190, 190)), True: ((45, 45, 48), (75, 75, 80))}
+"""Colours of the grid's lines and of every fifth of them, in light and dark."""
+
 LIGHT, DARK = (70, 70, 80), (200, 200, 210)
 
 
@@ -94,6 +97,7 @@ class Scene:
         self._size = self._fastest = 1.0
         self._shift = np.zeros(3)
         self._grip = np.zeros(3)
+        self._dark = False
         self._stored: Frame | None = None
         server.scene.set_up_direction("+z")
         # Plain light from everywhere: flat agents keep the colours they are given.
@@ -184,6 +188,9 @@ class Scene:
             while len(self._groups) > len(frame.states):
                 self._remove(self._groups.pop())
             notes = []
+            if self.look.dark != self._dark:
+                self._dark = self.look.dark
+                self._grid.cell_color, self._grid.section_color = GRID[self._dark]
             if self.look.follow:
                 self._shift = -_centre(frame.states[0].q)
             # The grid moves under a group that stays where it is: a lagging client never loses it.

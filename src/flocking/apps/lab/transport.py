@@ -29,11 +29,14 @@ class Transport:
         Called to start anew with the present settings.
     go_back
         Called to return to the last good moment.
+    lift
+        Called to put the scenario in space.
     """
 
     def __init__(
         self, gui: Any, clock: Clock, names: tuple[str, ...], *,
         load: Callable[[str, int | None], None], restart: Callable[[], None], go_back: Callable[[], None],
+        lift: Callable[[], None],
     ) -> None:  # fmt: skip
         self.clock = clock
         self.scenario = gui.add_dropdown("scenario", names, initial_value=names[0])
@@ -46,6 +49,7 @@ class Transport:
         self.reset = gui.add_button(
             "Reset", icon="arrow-back-up", hint="From the start, with the scenario's own settings."
         )
+        self.lift = gui.add_button("Put in space", icon="cube", hint="Anew in 3-D, where the law allows it.")
         self.go_back = gui.add_button("Go back to the last good moment", icon="history", visible=False, color="orange")
         self.speed = gui.add_slider("speed, 10^", SLOWEST, FASTEST, 0.05, 0.0)
         self.status = gui.add_markdown("")
@@ -76,6 +80,7 @@ class Transport:
 
         self.restart.on_click(lambda _: restart())
         self.reset.on_click(lambda _: load(self.scenario.value, int(self.seed.value)))
+        self.lift.on_click(lambda _: lift())
         self.go_back.on_click(lambda _: go_back())
 
     def refresh(self) -> None:
