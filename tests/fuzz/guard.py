@@ -59,10 +59,9 @@ def guarded(kind: str) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
-@contextlib.contextmanager
-def interrupted_after(seconds: float) -> Iterator[None]:
-    """Press Ctrl-C after some time, and again: what may rightly take long must end then."""
-    running = True
+def interrupted_after(seconds: float, work: Callable[[], Any]) -> Any:
+    """Result of ``work``, or None where Ctrl-C ended it: what may rightly take long must end soon after."""
+    running, result, begin = True, None, time.monotonic()
 
     def press(*_: object) -> None:
         if running:
@@ -70,17 +69,18 @@ def interrupted_after(seconds: float) -> Iterator[None]:
 
     before = signal.signal(signal.SIGALRM, press)
     signal.setitimer(signal.ITIMER_REAL, seconds, 2.0)
-    begin = time.monotonic()
     try:
-        yield
-        running = False
-    except KeyboardInterrupt:
-        running = False  # between two statements, before the run had begun or after it had ended
+        try:
+            result = work()
+            running = False
+        except KeyboardInterrupt:
+            running = False
     finally:
         running = False
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, before)
     assert time.monotonic() - begin < seconds + DEADLINE
+    return result
 
 
 def fuzz(kind: str) -> Callable[[Callable[..., None]], Callable[..., None]]:

@@ -28,6 +28,10 @@ SEVERAL = np.ones((2, 2))
     ("make", "words"),
     [
         (lambda: fk.Gradient(PSI, SEVERAL), "Gradient: weighting"),
+        (lambda: fk.Velocity(np.array([1j, 2])), "Velocity: value must be an array of numbers"),
+        (lambda: fk.read_start(3), "read_start: path"),
+        (lambda: fk.start.box(3, side=1, seed=0, most_agents=[None]), "start.box: most_agents"),
+        (lambda: fk.State([[0.0], [1.0]], links=[[1, 2], [3]]), "State: links"),
         (lambda: fk.Path(3), "Path: velocity"),  # type: ignore[arg-type]
         (lambda: fk.Path(["t"], start_time=10**400), "fits 64 bits"),
         (lambda: fk.PerAgentRadii(10**400), "PerAgentRadii: radii"),

@@ -93,8 +93,8 @@ def test_stored_runs(data: Any, folder: Path) -> None:
         assert isinstance(run, Run)
         assert run.q.shape == (len(run.t), run.n, run.q.shape[2])
         fk.audit(run, claims=[])
-    with guarded("stored runs"), interrupted_after(0.5):
-        fk.resume(case, progress=False)
+    with guarded("stored runs"):
+        interrupted_after(0.5, lambda: fk.resume(case, progress=False))
     assert files_below(folder) - before <= {f for f in files_below(folder) if f.startswith("case")}
 
 

@@ -73,6 +73,8 @@ def array(owner: str, parameter: str, value: Any, *, ndim: int) -> Array:
         When ``value`` has the wrong number of axes, or holds NaN, infinities or text.
     """
     try:
+        if np.iscomplexobj(value):
+            raise TypeError
         result = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         raise InvalidInput(owner, parameter, "must be an array of numbers", value) from None

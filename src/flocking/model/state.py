@@ -51,6 +51,8 @@ class State:
         object.__setattr__(self, "p", p)
         object.__setattr__(self, "t", number("State", "t", self.t))
         if self.links is not None:
+            if axes_of(self.links) != 2:
+                raise InvalidInput("State", "links", f"must be an ({self.n}, {self.n}) matrix", self.links)
             links = np.array(self.links, dtype=bool)
             if links.shape != (self.n, self.n) or links.diagonal().any():
                 raise InvalidInput(
