@@ -90,6 +90,8 @@ class Dynamics:
 
     def _locate(self, y: Array) -> None:
         """Put these coordinates where the kernels read them."""
+        if not self._places:
+            return
         known = y[self.order * self.n * self.m + LEDGER :]
         for k, ((slot, _), coordinate) in enumerate(zip(self._places, known, strict=True)):
             slots = self._slots if k < self._known or self._ledger is None else self._ledger[1]

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import platform
+from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from flocking.model.law import Scenario
 
 
+@lru_cache(maxsize=16)
 def _version(package: str) -> str:
+    # Looking a version up reads files, which short runs would feel.
     try:
         return version(package)
     except PackageNotFoundError:
