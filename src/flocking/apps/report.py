@@ -10,6 +10,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from flocking.apps.film import FILM
 from flocking.apps.findings import Reproduction
 from flocking.apps.report_style import STYLE
 from flocking.apps.tables import short
@@ -18,29 +19,29 @@ from flocking.model.potentials import Potential
 from flocking.model.terms import Gradient
 from flocking.study.audit import Judgement
 
-FILM_SECONDS = 5.0
-FILM_RATE = 10
-
 
 def write_report(found: Reproduction, modules: dict[str, ModuleType], out: Path) -> Path:
-    """Write ``report.html``, and one film a paper beside it.
+    """Write ``report.html``; figures and films are read from the folder.
 
     Parameters
     ----------
     found
-        What the reproduction found; its figures are read from ``out``.
+        What the reproduction found.
     modules
         The papers, by key.
     out
-        Folder to write to.
+        Folder that holds the figures and films, to write to.
 
     Returns
     -------
     Path
         The report.
     """
-    films = {key: _film(key, module, found, out) for key, module in modules.items()}
-    sections = [_paper(key, module, found, films[key]) for key, module in modules.items()]
+    sections = []
+    for key, module in modules.items():
+        film = out / key / FILM
+        filmed = next(iter(module.scenarios())) in found.runs and film.exists()
+        sections.append(_paper(key, module, found, film if filmed else None))
     text = _page(_summary(found, modules) + "".join(sections) + _provenance(found))
     path = out / "report.html"
     path.write_text(text, encoding="utf-8")
@@ -224,19 +225,6 @@ def _equations(module: ModuleType) -> str:
         f"<details><summary>Equation table: {len(rows)} rows ({escape(told)})</summary>"
         f"<div class='scroll'><table><thead>{_head('number', 'statement', 'verdict', 'home')}</thead>"
         f"<tbody>{body}</tbody></table></div></details>\n"
-    )
-
-
-def _film(key: str, module: ModuleType, found: Reproduction, out: Path) -> Path | None:
-    from flocking.show.animate import animate
-
-    name = next(iter(module.scenarios()))
-    run = found.runs.get(name)
-    if run is None or len(run.t) < 2:
-        return None
-    (out / key).mkdir(parents=True, exist_ok=True)
-    return animate(
-        run, out / key / "film.gif", fps=FILM_RATE, seconds=FILM_SECONDS, follow=True, size=3.6, dpi=80, trails=False
     )
 
 

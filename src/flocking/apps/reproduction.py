@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from flocking.apps.film import FILM, write_film
 from flocking.apps.findings import Reproduction, claim_rows
 from flocking.apps.report import write_report
 from flocking.engine.run import Run
@@ -72,37 +73,36 @@ def reproduce(
 
     begin = time.monotonic()
     modules = {key: paper(key) for key in keys}
-    tasks = [(n, k, s) for k, module in modules.items() for n in module.scenarios() for s in range(seeds)]
-    # Seed 0 of each scenario runs here: it compiles the kernels the workers then find, and keeps its run.
+    # By seed, so that two workers seldom compile the same kernel; the first run of each scenario is kept for drawing.
+    tasks = [(n, k, s) for s in range(seeds) for k, module in modules.items() for n in module.scenarios()]
+    count = (workers or min(os.cpu_count() or 1, 8)) if len(tasks) >= 8 else 1
+    drawings = 0 if out is None else sum(len(module.figures()) + 1 for module in modules.values())
     runs: dict[str, Run] = {}
     verdicts: dict[tuple[str, int], Verdicts] = {}
-    with _bar(progress, len(tasks)) as step:
-        for name, key, seed in tasks:
-            if seed == 0:
-                verdicts[name, 0], run = examine_seed(name, key, 0, keep=True)
-                if run is not None:
-                    runs[name] = run
-                step()
-        rest = [task for task in tasks if task[2] != 0]
-        count = workers or min(os.cpu_count() or 1, 8)
-        if len(rest) < 8:
-            count = 1
-        parallel = Parallel(n_jobs=count, return_as="generator")
-        jobs = (delayed(examine_seed)(name, key, seed, False) for name, key, seed in rest)
-        for (name, _, seed), (found, _) in zip(rest, parallel(jobs), strict=True):
+    figures: list[Path] = []
+    with Parallel(n_jobs=count, return_as="generator") as parallel, _bar(progress, len(tasks) + drawings) as step:
+        jobs = (delayed(examine_seed)(name, key, seed, seed == 0) for name, key, seed in tasks)
+        for (name, _, seed), (found, run) in zip(tasks, parallel(jobs), strict=True):
             verdicts[name, seed] = found
+            if run is not None:
+                runs[name] = run
             step()
+        if out is not None:
+            for drawn in parallel(delayed(draw)(*job) for job in _drawings(modules, runs, out)):
+                figures += drawn
+                step()
     judgements = {
         name: _judgements(module, name, [verdicts[name, s] for s in range(seeds)])
         for key, module in modules.items()
         for name in module.scenarios()
     }
     errata = {key: errata_rows(module) for key, module in modules.items()}
-    figures = _write(out, modules, judgements, errata, runs)
-    found = Reproduction(judgements, errata, figures, time.monotonic() - begin, runs)
+    found_all = Reproduction(judgements, errata, figures, time.monotonic() - begin, runs)
     if out is not None:
-        write_report(found, modules, out)
-    return found
+        (out / "claims.json").write_text(_json(claim_rows(judgements)), encoding="utf-8")
+        (out / "errata.json").write_text(_json(errata), encoding="utf-8")
+        write_report(found_all, modules, out)
+    return found_all
 
 
 def _judgements(module: ModuleType, name: str, per_seed: list[Verdicts]) -> list[Judgement]:
@@ -119,36 +119,31 @@ def errata_rows(module: ModuleType) -> list[dict[str, Any]]:
     return [row.as_dict() for row in module.equations() if row.demonstration is not None]
 
 
-def _write(
-    out: Path | None,
-    modules: dict[str, ModuleType],
-    judgements: dict[str, list[Judgement]],
-    errata: dict[str, list[dict[str, Any]]],
-    runs: dict[str, Run],
-) -> list[Path]:
-    if out is None:
-        return []
-    out.mkdir(parents=True, exist_ok=True)
-    rows = claim_rows(judgements)
-    (out / "claims.json").write_text(json.dumps(rows, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    (out / "errata.json").write_text(json.dumps(errata, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    drawn: list[Path] = []
+def _json(data: object) -> str:
+    return json.dumps(data, indent=2, allow_nan=False) + "\n"
+
+
+def _drawings(
+    modules: dict[str, ModuleType], runs: dict[str, Run], out: Path
+) -> Iterator[tuple[str, str | None, Run, Path]]:
+    """What is to be drawn: a paper, the number of a figure or None for its film, the run, the folder."""
     for key, module in modules.items():
-        drawn += draw_figures(module, runs, out / key)
-    return drawn
+        (out / key).mkdir(parents=True, exist_ok=True)
+        first = next(iter(module.scenarios()))
+        wanted: dict[str | None, str] = {None: first}
+        wanted |= {number: figure.scenario or first for number, figure in module.figures().items()}
+        yield from ((key, number, runs[name], out / key) for number, name in wanted.items() if name in runs)
 
 
-def draw_figures(module: ModuleType, runs: dict[str, Run], folder: Path) -> list[Path]:
-    """Draw all figures of a paper from runs of its scenarios, as SVG and PNG."""
+def draw(key: str, number: str | None, run: Run, folder: Path) -> list[Path]:
+    """Draw one figure of a paper as SVG and PNG, or its film where ``number`` is None; return the figure's files."""
+    if number is None:
+        if len(run.t) >= 2:
+            write_film(run, folder / FILM)
+        return []
     from flocking.show.style import save
 
-    drawn: list[Path] = []
-    for number, declaration in module.figures().items():
-        run = runs.get(declaration.scenario or next(iter(module.scenarios())))
-        if run is not None:
-            folder.mkdir(parents=True, exist_ok=True)
-            drawn += save(declaration.draw(run), folder / f"figure-{number}")
-    return drawn
+    return list(save(paper(key).figures()[number].draw(run), folder / f"figure-{number}"))
 
 
 class _Steps:
@@ -184,4 +179,4 @@ class _bar:  # noqa: N801
             self._bar.stop()
 
 
-__all__ = ["Report", "Reproduction", "draw_figures", "errata_rows", "examine_seed", "reproduce"]
+__all__ = ["Report", "Reproduction", "draw", "errata_rows", "examine_seed", "reproduce"]

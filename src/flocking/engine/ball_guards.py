@@ -15,7 +15,7 @@ from flocking.engine.guards import _PRODUCT, NEVER, first_above
 from flocking.model.avoidance import ObstacleGroup
 from flocking.model.checks import Array
 from flocking.model.connectivity import Links
-from flocking.model.leaders import Sink, Velocity
+from flocking.model.leaders import Leader, Sink, Velocity
 from flocking.model.obstacles import Ball
 
 
@@ -26,12 +26,16 @@ def uniform_balls(group: ObstacleGroup) -> bool:
 
 def centre_paths(balls: Sequence[Ball], t0: float, t1: float) -> Array:
     """Bernstein coefficients of the centres on [t0, t1], shape (8, K, m)."""
-    begin = np.array([b.centre.at(t0)[0] for b in balls])
+    begin = np.array([_place(b.centre, t0) for b in balls])
     if all(isinstance(b.centre, Sink) for b in balls):
         return np.repeat(begin[None], 8, axis=0)
-    end = np.array([b.centre.at(t1)[0] for b in balls])
+    end = np.array([_place(b.centre, t1) for b in balls])
     share = np.linspace(0.0, 1.0, 8)[:, None, None]
     return np.asarray(begin + share * (end - begin))
+
+
+def _place(centre: Leader, t: float) -> Array:
+    return centre.point if isinstance(centre, Sink) else centre.at(t)[0]
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
