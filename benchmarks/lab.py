@@ -118,39 +118,65 @@ def idle(page, seconds: float) -> float:
     return (time.process_time() - begin) / seconds
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=8.0)
-    parser.add_argument("--minutes", type=float, default=3.0, help="how long to watch the memory")
-    options = parser.parse_args()
-    print(f"{os.cpu_count()} processors")
+def speeds(seconds: float) -> None:
+    """Rates, latency and idle load of groups of three sizes."""
     for name in ("crowd-1000", "crowd-10000", "crowd-100000"):
         page = opened(name)
-        found = rates(page, options.seconds)
+        found = rates(page, seconds)
         waits = latency(page, 20)
-        speeds = ", ".join(f"{value:.3g} {key}" for key, value in found.items())
-        print(f"{name}: {speeds}; slider to frame {np.median(waits):.0f} ms, worst {waits.max():.0f}", flush=True)
+        said = ", ".join(f"{value:.3g} {key}" for key, value in found.items())
+        print(f"{name}: {said}; slider to frame {np.median(waits):.0f} ms, worst {waits.max():.0f}", flush=True)
         if name == "crowd-1000":
-            print(f"{name}: {100 * idle(page, options.seconds):.1f} % of a processor while paused", flush=True)
+            print(f"{name}: {100 * idle(page, seconds):.1f} % of a processor while paused", flush=True)
         page.close()
+
+
+def memory(minutes: float, samples: Path | None) -> None:
+    """Memory of 1,000 agents that run while a slider moves, agents go and come, and tabs open and close."""
     page = opened("crowd-1000")
     clients = [Client(page.address), Client(page.address, pause=0.5)]
     page.clock.play()
-    time.sleep(20.0)
-    first = resident()
-    print(f"memory of crowd-1000, a quick and a slow client: {first:.0f} MiB after 20 s", flush=True)
-    end = time.monotonic() + 60 * options.minutes
-    turn = 0
-    while time.monotonic() < end:
-        time.sleep(min(30.0, max(0.0, end - time.monotonic())))
+    begin, turn, rows = time.monotonic(), 0, []
+    while (passed := time.monotonic() - begin) < 60 * minutes:
+        rows.append((passed, resident(), page.clock.frame.time))
+        if samples:
+            np.savetxt(samples, rows, fmt="%.1f", delimiter=",", header="seconds,MiB,t", comments="")
+        if turn % 20 == 0:
+            print(f"  {rows[-1][1]:.0f} MiB after {passed / 60:.1f} min, at t = {rows[-1][2]:.0f}", flush=True)
         turn += 1
         page.send({"kind": "set", "path": ["law", "terms", 1, "gain"], "value": 0.2 + 0.001 * (turn % 50)}, "gain")
-        if turn % 2 == 0 or time.monotonic() >= end:
-            print(f"  {resident():.0f} MiB at t = {page.clock.frame.time:.0f}", flush=True)
-    print(f"grew by {resident() - first:.0f} MiB in {options.minutes:g} minutes")
+        if turn % 4 == 0:
+            state = page.clock.frame.states[0]
+            page.send({"kind": "kill", "agents": [turn % state.n]})
+            page.send({"kind": "add", "q": (state.q.mean(axis=0)).tolist(), "p": state.p.mean(axis=0).tolist()})
+            passing = Client(page.address)
+            time.sleep(3.0)
+            passing.close()
+        time.sleep(12.0)
+    table = np.array(rows)
+    late = table[table[:, 0] >= table[-1, 0] / 6]
+    slope = np.polyfit(late[:, 0] / 3600, late[:, 1], 1)[0] if len(late) > 2 else float("nan")
+    print(
+        f"memory of 1,000 agents: {late[0, 1]:.0f} MiB after {late[0, 0] / 60:.0f} min, {late[-1, 1]:.0f} MiB after "
+        f"{late[-1, 0] / 60:.0f} min; slope {slope:+.1f} MiB an hour; {page.trouble or 'nothing was refused'}"
+    )
     for client in clients:
         client.close()
     page.close()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=8.0)
+    parser.add_argument("--minutes", type=float, default=3.0, help="how long to watch the memory; 0 for not at all")
+    parser.add_argument("--memory-only", action="store_true")
+    parser.add_argument("--samples", type=Path, help="CSV file for what the memory was")
+    options = parser.parse_args()
+    print(f"{os.cpu_count()} processors")
+    if not options.memory_only:
+        speeds(options.seconds)
+    if options.minutes:
+        memory(options.minutes, options.samples)
 
 
 if __name__ == "__main__":
