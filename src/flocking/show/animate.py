@@ -115,13 +115,25 @@ def _film(
     writer = FFMpegWriter(fps=fps) if path.suffix == ".mp4" else PillowWriter(fps=fps)
     space = run.q.shape[2] == 3
     limits = None if "limits" in options else _limits(run, follow)
+
+    def draw(k: int) -> None:
+        made.clear()
+        axes = made.add_subplot(projection="3d" if space else None)
+        # A picture that breathes with every frame hides the motion: the window is fixed before the first.
+        window = {} if limits is None else {"limits": tuple(limits[:, k])}
+        net(run, frame=k, axes=axes, **{**window, **options})
+
+    # The layout is solved once, for the frame with the longest tick labels: solving it for each takes half the time
+    # of a film and makes the axes tremble.
+    draw(int(frames[0] if limits is None else frames[np.abs(limits[:, frames]).max(axis=(0, 2)).argmax()]))
+    made.draw_without_rendering()
+    places = [axes.get_position() for axes in made.axes]
+    made.set_layout_engine("none")
     with writer.saving(made, str(path), dpi):
         for k in frames:
-            made.clear()
-            axes = made.add_subplot(projection="3d" if space else None)
-            # A picture that breathes with every frame hides the motion: the window is fixed before the first.
-            window = {} if limits is None else {"limits": tuple(limits[:, k])}
-            net(run, frame=int(k), axes=axes, **{**window, **options})
+            draw(int(k))
+            for axes, place in zip(made.axes, places, strict=True):
+                axes.set_position(place)
             writer.grab_frame()
 
 
