@@ -1,0 +1,117 @@
+"""A time step from the start of a run: how fast forces change, how strong damping is, how fast agents close in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flocking.model.law import Scenario
+from flocking.model.schedules import Schedule
+from flocking.model.terms import Gradient
+
+SAMPLE = 4000
+"""Agents looked at."""
+
+PROBE = 1e-4
+"""Relative change of the probes that measure stiffness."""
+
+LARGEST = 0.1
+PERIODS = 0.15
+"""Step times the fastest rate of the linearised motion."""
+CLOSING = 0.02
+"""Share of its distance that a pair may close per step at the start."""
+
+
+@dataclass(frozen=True, eq=False)
+class SampledPairs:
+    """All pairs of some agents under one graph.
+
+    Parameters
+    ----------
+    agent
+        The agent of each pair, a number below N; its other pairs are here too.
+    distance
+        Distance of the pair.
+    speed
+        Size of its relative velocity.
+    """
+
+    agent: Any
+    distance: Any
+    speed: Any
+
+
+def largest_step(scenario: Scenario, sampled: Sequence[SampledPairs | None], scheme: str) -> float:
+    """The largest step that resolves the start: at most 0.1, and 1/100 of the run.
+
+    The rates of the motion are bounded by sums over neighbours: the curvature of every potential at the pair's
+    distance (frequency), and the gains of velocity terms (damping).
+
+    Parameters
+    ----------
+    scenario
+        The law, and how long it runs.
+    sampled
+        Pairs of each graph of the law; None for a graph that is not looked at.
+    scheme
+        How steps are taken: ``"damped"`` bears four times the damping.
+    """
+    n = scenario.start.n
+    span = scenario.t_end - scenario.start.t
+    limits = [LARGEST, span / 100 if span > 0 else LARGEST]
+    mass = float(np.min(scenario.agents.masses))
+    damping = float(np.max(scenario.agents.damping))
+    for number, pairs in enumerate(sampled):
+        if pairs is None or not len(pairs.agent):
+            continue
+        degree = np.bincount(pairs.agent, minlength=n)
+        stiff = np.zeros(len(pairs.agent))
+        for term in scenario.law.pair_terms:
+            if scenario.law.graph_number(term) != number:
+                continue
+            if isinstance(term, Gradient):
+                stiff += _stiffness(term, pairs.distance)
+            else:
+                damping += _gain(term) * float(degree.max())
+        rate = float(np.sqrt(2.0 * np.bincount(pairs.agent, stiff, minlength=n).max() / mass))
+        if rate > 0:
+            limits.append(PERIODS / rate)
+        if scenario.law.singular_at_zero():
+            closing = float((pairs.speed / np.maximum(pairs.distance, 1e-12)).max())
+            if closing > 0:
+                limits.append(CLOSING / closing)
+    for body in scenario.law.body_terms:
+        for name, value in body.parameters.items():
+            if name == "velocity_gain":
+                damping += _largest(value)
+            elif name == "position_gain":
+                limits.append(PERIODS / max(float(np.sqrt(_largest(value))), 1e-9))
+    if damping > 0:
+        limits.append((1.0 if scheme == "damped" else 0.25) * mass / damping)
+    return float(min(limits))
+
+
+def _stiffness(term: Gradient, r: Any) -> Any:
+    """Bend of the potential along the pair, and across it."""
+    near, far = np.maximum(r * (1 - PROBE), 1e-12), r * (1 + PROBE)
+    with np.errstate(all="ignore"):
+        bend = np.abs(term.potential.slope(far) - term.potential.slope(near)) / (far - near)
+        return np.where(np.isfinite(bend), bend, 0.0) + np.abs(term.potential.slope(r)) / np.maximum(r, 1e-12)
+
+
+def _gain(term: Any) -> float:
+    values = term.parameters
+    gain = _largest(values.get("gain", 1.0))
+    weights = values.get("weights")
+    if weights is None:
+        return gain
+    return gain * float(getattr(weights, "high", 0.0) or np.max(getattr(weights, "values", 1.0)))
+
+
+def _largest(value: Any) -> float:
+    """Largest value a gain ever takes."""
+    values = value.values if isinstance(value, Schedule) else [value]
+    return max(float(np.max(np.asarray(v))) for v in values)
