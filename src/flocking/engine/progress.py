@@ -1,0 +1,90 @@
+"""How far a run has come: where it is looked at, and what is shown of it meanwhile."""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import Any
+
+import numpy as np
+
+from flocking.model.law import Scenario
+
+QUIET_SECONDS = 2.0
+LINE_SECONDS = 10.0
+"""Wall time between two lines where there is no terminal for a bar."""
+
+
+def stops(scenario: Scenario, now: float, *, often: bool) -> list[float]:
+    """Times at which a session is looked at on its way to the end of its scenario; often: also at its frames."""
+    times = np.linspace(scenario.start.t, scenario.t_end, 101)
+    if often:
+        times = np.union1d(times, scenario.frame_times)
+    return [float(t) for t in times if now < t < scenario.t_end] + [scenario.t_end]
+
+
+class Progress:
+    """A progress bar that stays away from short runs.
+
+    Parameters
+    ----------
+    wanted
+        Whether to show anything.
+    scenario
+        What is simulated.
+    lines
+        Without a terminal, as under ``mpiexec`` or in the log of a batch job, write a line now and then.
+    """
+
+    def __init__(self, wanted: bool, scenario: Scenario, *, lines: bool = False) -> None:
+        self._lines = lines and not sys.stderr.isatty()
+        self._wanted = wanted
+        self._scenario = scenario
+        self._begin = time.monotonic()
+        self._said = self._begin + QUIET_SECONDS - LINE_SECONDS
+        self._first: tuple[float, float] | None = None
+        self._bar: Any = None
+        self._task: Any = None
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def show(self, t: float, agent_steps: int) -> None:
+        """Report the time reached and how many agents made how many steps."""
+        now = time.monotonic()
+        if self._first is None:
+            self._first = (now, t)
+        if not self._wanted or now - self._begin < QUIET_SECONDS:
+            return
+        rate = f"{agent_steps / (now - self._begin):.3g} agent-steps/s"
+        if self._lines:
+            if now - self._said >= LINE_SECONDS:
+                self._said = now
+                self._say(t, rate, now)
+            return
+        if self._bar is None:
+            from rich.console import Console
+            from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+            speed = TextColumn("{task.fields[rate]}")
+            columns = (TextColumn("{task.description}"), BarColumn(), speed, TimeRemainingColumn())
+            self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
+            self._task = self._bar.add_task(self._name, total=self._scenario.t_end - self._scenario.start.t, rate="")
+            self._bar.start()
+        self._bar.update(self._task, completed=t - self._scenario.start.t, rate=rate)
+
+    @property
+    def _name(self) -> str:
+        return self._scenario.name or "simulation"
+
+    def _say(self, t: float, rate: str, now: float) -> None:
+        start, end = self._scenario.start.t, self._scenario.t_end
+        assert self._first is not None
+        begin, first = self._first
+        left = f", about {(now - begin) * (end - t) / (t - first):.0f} s left" if t > first else ""
+        text = f"{self._name}: t = {t:g} of {end:g} ({100 * (t - start) / (end - start):.0f} %), {rate}{left}"
+        print(text, file=sys.stderr, flush=True)
