@@ -101,6 +101,8 @@ class Dynamics:
         """dy/dt; with a plant the ledger's powers are those of the declared law along the plant's motion."""
         self._locate(y)
         dy: Array = self._kernels.rhs(t, y, self.n, *self.pairs, *self._slots, self._functionals)
+        if not self._places and self._ledger is None:
+            return dy
         tail = self.order * self.n * self.m
         for k, (_, place) in enumerate(self._places):
             dy[tail + LEDGER + k] = place.leader.velocity_at(t)[place.axis]
