@@ -392,11 +392,19 @@ def equations(*papers: str, as_json: Json = False) -> int:
     return FINE
 
 
-def schema() -> int:
-    """Print the JSON schema of scenario files, for editors."""
-    from flocking.study.scenario_file import scenario_schema
+def schema(*, sweep: bool = False) -> int:
+    """Print the JSON schema of scenario files, for editors.
 
-    _print_json(scenario_schema())
+    Parameters
+    ----------
+    sweep
+        That of sweep files instead.
+    """
+    from flocking.papers.families import families
+    from flocking.study.scenario_file import scenario_schema
+    from flocking.study.sweeps.editor_schema import sweep_schema
+
+    _print_json(sweep_schema(families()) if sweep else scenario_schema())
     return FINE
 
 

@@ -103,6 +103,16 @@ _WORDS: dict[type, str] = {
 }  # fmt: skip
 
 
+def section_types() -> dict[str, Any]:
+    """Every section with the type of what it may be, whatever TOML calls it."""
+    from functools import reduce
+    from operator import or_
+
+    found = {name: reduce(or_, choices.values()) for name, choices in _ALTERNATIVES.items()}
+    axes: Any = dict[str, reduce(or_, _AXIS.values())]  # type: ignore[misc]
+    return {**found, "grid": Annotated[axes, Field(max_length=MOST_NAMES)]}
+
+
 def read_sections(data: Mapping[str, Any]) -> tuple[dict[str, Any], list[Problem]]:
     """Sections of a sweep file, those without fault, and all faults."""
     problems: list[Problem] = []
