@@ -7,10 +7,11 @@ import json
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
+from flocking.engine.columns import GROWING
 from flocking.engine.exact import ExactSession
 from flocking.engine.recorder import Recorder
 from flocking.engine.run import Run
@@ -21,33 +22,53 @@ from flocking.engine.switching import Crossing
 from flocking.errors import StorageError
 from flocking.model.law import Law, Scenario
 
+if TYPE_CHECKING:
+    from flocking.engine.tiles.session import TilesSession
+
 Arrays = dict[str, np.ndarray[Any, Any]]
 """Arrays of a checkpoint by name."""
 
 
-def pack(session: ExactSession) -> bytes:
-    """State of a session as the bytes of an ``.npz`` file: arrays, and one JSON text of numbers."""
-    numbers, arrays = _FORMS[session.engine][0](session.snapshot(records=False))
+def write_checkpoint(session: ExactSession | TilesSession, file: BinaryIO) -> None:
+    """Write the state of a session as an ``.npz`` file: arrays, and one JSON text of numbers."""
+    numbers, arrays = _FORMS[session.engine](session)
     text = json.dumps({"engine": session.engine, **numbers}, default=lambda x: x.item()).encode()
-    file = io.BytesIO()
     whole: dict[str, Any] = {"numbers": np.frombuffer(text, dtype=np.uint8), **arrays}
     np.savez(file, **whole)
+
+
+def pack(session: ExactSession | TilesSession) -> bytes:
+    """State of a session as bytes, see `write_checkpoint`."""
+    file = io.BytesIO()
+    write_checkpoint(session, file)
     return file.getvalue()
 
 
-def unpack(data: bytes, records: Run, plant: Law | None, where: Path) -> ExactSession:
+def unpack(
+    data: bytes | Path,
+    records: Run,
+    plant: Law | None,
+    where: Path,
+    *,
+    stored: dict[str, int] | None = None,
+    threads: int | None = None,
+) -> ExactSession | TilesSession:
     """The session that was packed, with its records from a run read back.
 
     Parameters
     ----------
     data
-        What `pack` gave.
+        What `pack` gave, or the file that `write_checkpoint` wrote.
     records
-        The run as of the same commit.
+        The run as of the same commit; the tiled engine takes its scenario alone.
     plant
         The law the agents really obey, where it is not the scenario's.
     where
         Where the data come from, for messages.
+    stored
+        Numbers of records on disk, of each kind, that the tiled engine goes on after.
+    threads
+        Number of threads of the tiled engine; that of before when absent.
 
     Raises
     ------
@@ -55,16 +76,26 @@ def unpack(data: bytes, records: Run, plant: Law | None, where: Path) -> ExactSe
         When the data are no checkpoint.
     """
     try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as file:
+        with np.load(io.BytesIO(data) if isinstance(data, bytes) else data, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
         numbers = json.loads(arrays.pop("numbers").tobytes())
-        restore = _FORMS[numbers["engine"]][1]
-        return restore(numbers, arrays, records, plant)
+        if numbers["engine"] == "tiles":
+            from flocking.engine.tiles.memory import restore_tiles
+
+            return restore_tiles(numbers, arrays, records.scenario, stored or dict.fromkeys(GROWING, 0), threads)
+        return _restore_exact(numbers, arrays, records, plant)
     except (ValueError, KeyError, TypeError, IndexError, OSError, EOFError, zipfile.BadZipFile) as error:
         raise StorageError(f"{where}: no checkpoint this version can go on from ({error}).") from None
 
 
-def _pack_exact(snapshot: Snapshot) -> tuple[dict[str, Any], Arrays]:
+def _pack_tiles(session: TilesSession) -> tuple[dict[str, Any], Arrays]:
+    from flocking.engine.tiles.memory import pack_tiles
+
+    return pack_tiles(session)
+
+
+def _pack_exact(session: ExactSession) -> tuple[dict[str, Any], Arrays]:
+    snapshot = session.snapshot(records=False)
     links, near = snapshot.links
     numbers = {
         "time": snapshot.time, "energy": snapshot.energy, "jumped": snapshot.jumped, "steps": snapshot.steps,
@@ -111,7 +142,5 @@ def recorder_of(run: Run) -> Recorder:
     return recorder
 
 
-_FORMS: dict[str, tuple[Callable[[Any], tuple[dict[str, Any], Arrays]], Callable[..., ExactSession]]] = {
-    "exact": (_pack_exact, _restore_exact),
-}
-"""How the sessions of each engine are packed and restored."""
+_FORMS: dict[str, Callable[[Any], tuple[dict[str, Any], Arrays]]] = {"exact": _pack_exact, "tiles": _pack_tiles}
+"""How the sessions of each engine are packed."""

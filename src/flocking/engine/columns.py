@@ -8,21 +8,28 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.run import SWITCH_FIELDS, TRACE_FIELDS
+from flocking.engine.run import OBSERVED_FIELDS, SWITCH_FIELDS, TRACE_FIELDS
 
 CHUNK_BYTES = 2**20
 """Aim for the size of a chunk before compression."""
 
 LONGEST_CHUNK = 4096
+LARGEST_CHUNK = 2**25
+"""Bytes of a chunk at most: a frame of very many agents is cut into several, which are written side by side."""
 
 FRAME_PARTS = ("time", "position", "velocity", "links")
 """What a frame is made of; all but the time have a checksum per frame, that of positions covers the time too."""
+
+GROWING = ("time", "step", "switch", "observation")
+"""Dimensions that grow while a run goes on."""
 
 KINDS = ("appear", "break", "kink", "obstacle")
 """Kinds of switches; they are stored by number."""
 
 LEDGER = "ledger"
 QUANTITIES = tuple(TRACE_FIELDS.names or ())
+OBSERVED = "observables"
+MEASURES = tuple(OBSERVED_FIELDS.names or ())
 AXES = ("x", "y", "z")
 
 SWITCHES = {
@@ -44,14 +51,16 @@ ARRAYS: dict[str, tuple[tuple[str, ...], str, dict[str, Any]]] = {
     LEDGER: (("step", "quantity"), "f8", {
         "long_name": "energy ledger at every step", "units": "unit of energy, but of time for the time",
     }),
+    OBSERVED: (("observation", "measure"), "f8", {"long_name": "what was observed at the frame times"}),
     **{name: (("switch",), kind, {"long_name": f"{name.split('_')[1]} of the switch"})
        for name, kind in SWITCHES.items()},
     "agent": (("agent",), "i8", {"long_name": "number of the agent"}),
     "neighbour": (("neighbour",), "i8", {"long_name": "number of the neighbour"}),
     "axis": (("axis",), "str", {"long_name": "axis in space"}),
     "quantity": (("quantity",), "str", {"long_name": "column of the ledger"}),
+    "measure": (("measure",), "str", {"long_name": "what is observed"}),
 }  # fmt: skip
-"""Dimensions, type and attributes of every array."""
+"""Dimensions, type and attributes of every array. Positions and velocities of a run in single precision are f4."""
 ARRAYS["switch_kind"][2].update({"flag_values": list(range(len(KINDS))), "flag_meanings": " ".join(KINDS)})
 
 
@@ -65,34 +74,49 @@ class Dimensions:
         Numbers of agents and axes.
     with_links
         Whether frames hold link matrices.
+    precision
+        ``"float64"`` or ``"float32"``, of positions and velocities.
+    observed
+        Whether there are observations.
     """
 
     n: int
     m: int
     with_links: bool
+    precision: str = "float64"
+    observed: bool = False
 
     def names(self) -> tuple[str, ...]:
         """Names of the arrays there are."""
-        return tuple(name for name in ARRAYS if self.with_links or name not in ("links", "neighbour"))
+        left_out = (() if self.with_links else ("links", "neighbour")) + (
+            () if self.observed else (OBSERVED, "measure")
+        )
+        return tuple(name for name in ARRAYS if name not in left_out)
 
     def _labels(self, name: str) -> Any:
         if name == "axis":
             return list(AXES[: self.m]) if self.m <= len(AXES) else [f"x{k + 1}" for k in range(self.m)]
-        return list(QUANTITIES) if name == "quantity" else np.arange(self.n)
+        columns = {"quantity": QUANTITIES, "measure": MEASURES}
+        return list(columns[name]) if name in columns else np.arange(self.n)
 
     def create(self, store: Any, name: str) -> None:
         """Create one array in a store: empty along the axis that grows, coordinates with their labels."""
         import zarr
 
         dimensions, kind, attributes = ARRAYS[name]
-        grows = dimensions[0] in ("time", "step", "switch")
+        if name in ("position", "velocity"):
+            kind = self.precision
+        grows = dimensions[0] in GROWING
         sizes = {"agent": self.n, "neighbour": self.n, "axis": self.m, "quantity": len(QUANTITIES),
-                 "part": 3 if self.with_links else 2}  # fmt: skip
+                 "measure": len(MEASURES), "part": 3 if self.with_links else 2}  # fmt: skip
         shape = tuple(sizes.get(d, 0) for d in dimensions)
         row = int(np.prod(shape[1:])) * (1 if kind == "str" else np.dtype(kind).itemsize)
         first = max(1, min(LONGEST_CHUNK, CHUNK_BYTES // max(row, 1))) if grows else max(shape[0], 1)
+        rest = shape[1:]
+        if row > LARGEST_CHUNK:
+            rest = (max(1, LARGEST_CHUNK * rest[0] // row), *rest[1:])
         array = zarr.create_array(
-            store, name=name, shape=shape, chunks=(first, *shape[1:]), dtype=kind, dimension_names=dimensions,
+            store, name=name, shape=shape, chunks=(first, *rest), dtype=kind, dimension_names=dimensions,
             attributes=attributes,
         )  # fmt: skip
         if not grows:
@@ -128,6 +152,19 @@ def switch_table(columns: dict[str, Any]) -> np.ndarray[Any, Any]:
     for column, field in zip(SWITCHES, SWITCH_FIELDS.names or (), strict=True):
         values = columns[column]
         table[field] = np.array(KINDS)[values] if field == "kind" else values
+    return table
+
+
+def observed_rows(observed: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Observations, fields `OBSERVED_FIELDS`, as rows of numbers."""
+    return np.stack([observed[name].astype(np.float64) for name in MEASURES], axis=-1)
+
+
+def observed_table(rows: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Rows of numbers, back as fields `OBSERVED_FIELDS`."""
+    table = np.empty(len(rows), dtype=OBSERVED_FIELDS)
+    for k, name in enumerate(MEASURES):
+        table[name] = rows[:, k]
     return table
 
 

@@ -44,7 +44,8 @@ class Difference:
 def first_difference(one: Run, two: Run, *, tolerance: float = 0.0) -> Difference | None:
     """The earliest difference of two runs, None when they are equal bit for bit.
 
-    Compared are frames, links, switches, ledger and status; not the provenance, which says who computed them.
+    Compared are frames, links, switches, ledger, observations and status; not the provenance, which says who computed
+    them.
 
     Parameters
     ----------
@@ -83,6 +84,10 @@ def _differences(one: Run, two: Run, tolerance: float) -> Iterator[Difference | 
         yield Difference("whether links are kept", one.links.shape[1:], two.links.shape[1:])
     yield _row_difference(one.switches, two.switches, "switch", tolerance)
     yield _row_difference(one.trace, two.trace, "ledger", tolerance)
+    if one.observables is not None and two.observables is not None:
+        yield _row_difference(one.observables, two.observables, "observation", tolerance)
+    elif one.observables is not two.observables:
+        yield Difference("whether observations are kept", one.observables is not None, two.observables is not None)
     if len(one.t) != len(two.t):
         longer = one if len(one.t) > len(two.t) else two
         at = min(len(one.t), len(two.t))
@@ -99,7 +104,10 @@ def _apart(x: Any, y: Any, tolerance: float) -> np.ndarray[Any, Any]:
     """Where two arrays differ: bit for bit without tolerance, so that 0.0 and -0.0 count and equal NaN do not."""
     if x.dtype.kind != "f":
         return np.asarray(x != y)
-    bits = np.ascontiguousarray(x).view(np.int64) != np.ascontiguousarray(y).view(np.int64)
+    if x.dtype != y.dtype:
+        x, y = x.astype(np.float64), y.astype(np.float64)
+    kind = f"i{x.dtype.itemsize}"
+    bits = np.ascontiguousarray(x).view(kind) != np.ascontiguousarray(y).view(kind)
     return np.asarray(bits if tolerance == 0 else bits & ~(np.abs(x - y) <= tolerance))
 
 

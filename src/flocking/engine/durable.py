@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import errno
+import io
 import os
-from collections.abc import Iterator
+import zlib
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, cast
 
 from flocking.errors import FlockingError, StorageError
 
@@ -16,24 +18,54 @@ PARTIAL = ".partial"
 """Ending of a file that is still being written; a kill may leave one behind, and nothing ever reads it."""
 
 
-def put(path: Path, data: bytes, *, lasting: bool = True) -> None:
-    """Write a file so that a reader finds the old content or the new, never a part.
+def put(path: Path, data: bytes | Callable[[BinaryIO], None], *, lasting: bool = True) -> int:
+    """Write a file so that a reader finds the old content or the new, never a part; returns its CRC-32.
 
-    A lasting one is on the disk, not in the system's memory alone, when this returns: it outlives a power cut.
+    The data may be a function that writes them, so that they need not be in memory at once. A lasting file is on the
+    disk, not in the system's memory alone, when this returns: it outlives a power cut.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f"{path.name}.{os.getpid()}{PARTIAL}")
     try:
         with open(partial, "wb") as file:
-            file.write(data)
+            summed = _Summed(file)
+            if callable(data):
+                data(cast(BinaryIO, summed))
+            else:
+                summed.write(data)
             if lasting:
                 file.flush()
                 os.fsync(file.fileno())
         os.replace(partial, path)
+        return summed.sum
     except BaseException:
         with suppress(OSError):
             partial.unlink(missing_ok=True)
         raise
+
+
+def checksum(path: Path) -> int:
+    """CRC-32 of a file."""
+    found = 0
+    with open(path, "rb") as file:
+        while part := file.read(2**24):
+            found = zlib.crc32(part, found)
+    return found
+
+
+class _Summed(io.RawIOBase):
+    """Writes through to a file, front to back, and keeps the CRC-32 of what was written."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self.sum = 0
+        self._file = file
+
+    def writable(self) -> bool:
+        return True
+
+    def write(self, data: Any) -> int:
+        self.sum = zlib.crc32(data, self.sum)
+        return self._file.write(data)
 
 
 def settle(folders: set[Path]) -> None:

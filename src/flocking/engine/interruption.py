@@ -10,6 +10,10 @@ from typing import Any
 _asked = threading.Event()
 
 
+class Noted(KeyboardInterrupt):
+    """A Ctrl-C that waited for the end of a step: what was running is whole."""
+
+
 class Deferred:
     """While it lasts, Ctrl-C is noted, and raised where `check` is called; a second one is raised at once.
 
@@ -48,9 +52,9 @@ def check() -> None:
 
     Raises
     ------
-    KeyboardInterrupt
+    Noted
         When Ctrl-C was pressed.
     """
     if _asked.is_set():
         _asked.clear()
-        raise KeyboardInterrupt
+        raise Noted

@@ -50,10 +50,15 @@ def read_record(folder: str | Path) -> dict[str, Any]:
     return record
 
 
-def written_by(folder: Path) -> str:
-    """Name of the engine that computed a run; empty where the run does not say."""
+def read_provenance(folder: Path) -> dict[str, Any]:
+    """Where a run comes from, as its last commit says."""
     read_record(folder)
-    return str(json.loads((folder / RECORD).read_bytes())["attributes"].get("provenance", {}).get("engine", ""))
+    return dict(json.loads((folder / RECORD).read_bytes())["attributes"].get("provenance", {}))
+
+
+def written_by(folder: Path) -> str:
+    """Name of the engine that computes a run; empty where the run does not say."""
+    return str(read_provenance(folder).get("engine") or read_record(folder).get("session", {}).get("engine", ""))
 
 
 def write_record(folder: Path, record: dict[str, Any], provenance: dict[str, Any]) -> None:

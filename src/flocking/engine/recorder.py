@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.engine.appending import NewRecords
 from flocking.engine.guards import closest, reach
 from flocking.engine.run import SWITCH_FIELDS, TRACE_FIELDS, Closest
 from flocking.engine.segment import Segment
@@ -65,6 +66,37 @@ class Recorder:
             else:
                 found.append(old)
         self.closest_linked, self.closest_unlinked = found
+
+    frame_bytes = 0.0
+    waiting = 0.0
+    """Records of small groups stay in memory: none waits to be let go."""
+
+    @property
+    def stored(self) -> dict[str, int]:
+        """Numbers of records that are on disk alone."""
+        return {}
+
+    @property
+    def closest_pairs(self) -> tuple[Closest, Closest]:
+        """Closest linked and unlinked pair until now."""
+        return self.closest_linked, self.closest_unlinked
+
+    @property
+    def layout(self) -> dict[str, Any]:
+        """How the records are stored on disk, as options of `RunWriter.create`."""
+        return {"with_links": True}
+
+    def since(self, counts: dict[str, int], *, whole: bool) -> NewRecords:
+        """What came after the first ``counts`` records of each kind; ``whole`` or not, no row is still open."""
+        new = slice(counts["time"], len(self.t))
+        t, q, p, links = (np.array(x[new]) for x in (self.t, self.q, self.p, self.links))
+        return NewRecords(
+            t, q, p, links, np.array(self.switches[counts["switch"] :], dtype=SWITCH_FIELDS),
+            np.array(self.trace[counts["step"] :], dtype=TRACE_FIELDS), None,
+        )  # fmt: skip
+
+    def forget(self, counts: dict[str, int]) -> None:
+        """Let go of what is on disk: nothing, for these records stay in memory."""
 
     def tables(self) -> dict[str, Any]:
         """All records as arrays, by the names of `Run`."""

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-import zlib
 from pathlib import Path
+from typing import Any
 
 from flocking.engine.checkpoint import unpack
-from flocking.engine.durable import read_soundly, told
-from flocking.engine.exact import ExactSession
+from flocking.engine.durable import checksum, read_soundly, told
 from flocking.engine.record import written_by
 from flocking.engine.run import Run
 from flocking.engine.run_writer import RunWriter
 from flocking.engine.saving import Saving
-from flocking.engine.simulate import drive
-from flocking.engine.storage import read_run, read_scenario_of
+from flocking.engine.simulate import drive, opened
+from flocking.engine.storage import read_last, read_run, read_scenario_of
 from flocking.errors import InvalidInput, StorageError
 from flocking.model.law import Law, Scenario
 
 
 def resume(
-    folder: str | Path, *, scenario: Scenario | None = None, plant: Law | None = None, progress: bool = True
+    folder: str | Path,
+    *,
+    scenario: Scenario | None = None,
+    plant: Law | None = None,
+    progress: bool = True,
+    threads: int | None = None,
 ) -> Run:
     """Go on with a run on disk from its last commit to the end of its scenario.
 
@@ -34,6 +38,8 @@ def resume(
         Its scenario and plant, for a run whose scenario could not be stored.
     progress
         Show a progress bar once it takes longer than two seconds.
+    threads
+        Number of threads of the tiled engine, on which results do not depend; as before when absent.
 
     Raises
     ------
@@ -46,30 +52,35 @@ def resume(
         raise InvalidInput("resume", "folder", "must be a path", folder)
     folder = Path(folder)
     with read_soundly(folder):
-        return _resume(folder, scenario, plant, progress)
+        return _resume(folder, scenario, plant, progress, threads)
 
 
-def _resume(folder: Path, scenario: Scenario | None, plant: Law | None, progress: bool) -> Run:
-    if written_by(folder) == "lammps":
+def _resume(folder: Path, scenario: Scenario | None, plant: Law | None, progress: bool, threads: int | None) -> Run:
+    engine = written_by(folder)
+    if engine == "lammps":
         from flocking.engine.lammps.run import resume_on_ranks
 
         return resume_on_ranks(folder, scenario=scenario, progress=progress)
     with RunWriter.reopen(folder) as writer:
         if scenario is None:
             scenario, plant = read_scenario_of(folder)
-        records = read_run(folder, scenario=scenario)
+        # What the tiled engine has written need not be in memory to go on after it.
+        many = engine == "tiles" and writer.record["status"] != "finished"
+        records = read_last(folder, scenario, 0) if many else read_run(folder, scenario=scenario)
         if records.finished:
             return records
-        kept = writer.record["checkpoint"]
+        kept, counts = writer.record["checkpoint"], writer.counts
+        fewer = {} if threads is None or engine != "tiles" else {"threads": threads}
         if kept is not None:
             path = folder / kept["file"]
             with told(folder, "read the checkpoint"):
-                data = path.read_bytes()
-            if zlib.crc32(data) != kept["checksum"]:
+                found = checksum(path)
+            if found != kept["checksum"]:
                 raise StorageError(f"{path}: the checkpoint does not match its checksum; the file was damaged.")
-            session = unpack(data, records, plant, path)
+            session = unpack(path, records, plant, path, stored=counts, threads=threads)
         elif writer.record["commits"] == 0:
-            session = ExactSession(scenario, plant=plant)
+            how: dict[str, Any] = writer.record.get("session") or {"engine": "exact", "options": {}}
+            session = opened(scenario, how["engine"], plant, **{**how["options"], **fewer})
         else:
             raise StorageError(f"{folder}: this run cannot go on, it ended: {records.status}")
         return drive(session, progress=progress, saving=Saving(writer, session))

@@ -34,6 +34,16 @@ TRACE_FIELDS = np.dtype(
 )
 """Fields of the ledger, one row per step: energy, and what was worked, dissipated, supplied and jumped until then."""
 
+OBSERVED_FIELDS = np.dtype(
+    [
+        ("time", "f8"), ("order", "f8"), ("speed", "f8"), ("spread", "f8"), ("flocks", "i8"), ("density", "f8"),
+        ("neighbours", "f8"), ("length", "f8"), ("defect", "f8"), ("closest", "f8"),
+    ]
+)  # fmt: skip
+"""Fields of an observation: polarisation, mean speed, largest deviation from the mean velocity, number of flocks,
+share of the agents in the largest one, mean number of neighbours, mean length of a link, standard deviation of the
+lengths over their mean (0 in a perfect lattice), and the smallest distance of linked agents."""
+
 
 @dataclass(frozen=True)
 class Closest:
@@ -79,7 +89,8 @@ class Run:
     provenance
         Versions, engine, tolerances, seed, counts and times.
     observables
-        What the tiled engine observed at the frame times, where it was asked to; not stored on disk.
+        What an engine for large groups observed at the frame times, fields `OBSERVED_FIELDS`; None where it was not
+        asked to.
     """
 
     scenario: Scenario

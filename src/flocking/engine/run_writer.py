@@ -6,15 +6,25 @@ import json
 import os
 import shutil
 import zlib
+from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
-from flocking.engine.columns import LEDGER, Dimensions, frame_checksums, ledger_rows, switch_columns
+from flocking.engine.columns import (
+    GROWING,
+    LEDGER,
+    OBSERVED,
+    Dimensions,
+    frame_checksums,
+    ledger_rows,
+    observed_rows,
+    switch_columns,
+)
 from flocking.engine.durable import durable_store, only_writer, put, settle, sweep, told
-from flocking.engine.record import FORMAT, RECORD, SCENARIO, UNFINISHED, read_record, write_record
+from flocking.engine.record import FORMAT, RECORD, SCENARIO, UNFINISHED, read_provenance, read_record, write_record
 from flocking.engine.run import Closest
 from flocking.errors import StorageError
 from flocking.model.law import Law, Scenario
@@ -37,13 +47,21 @@ class RunWriter:
             self._store = durable_store(folder)
             self._arrays = self._open_arrays()
             self._closing = opening.pop_all()
-        self._counts = dict(self.record["counts"])
+        self._counts = dict.fromkeys(GROWING, 0) | dict(self.record["counts"])
         self._sums = dict(self.record["checksums"])
-        self._provenance: dict[str, Any] = {}
+        self._provenance = read_provenance(folder)
 
     @classmethod
     def create(
-        cls, folder: str | Path, scenario: Scenario, *, plant: Law | None = None, with_links: bool = True
+        cls,
+        folder: str | Path,
+        scenario: Scenario,
+        *,
+        plant: Law | None = None,
+        with_links: bool = True,
+        precision: str = "float64",
+        observed: bool = False,
+        session: dict[str, Any] | None = None,
     ) -> RunWriter:
         """Start a run in a new or empty folder; its first commit, without frames, is made at once.
 
@@ -57,6 +75,12 @@ class RunWriter:
             The law the agents really obey, where it is another.
         with_links
             Whether frames hold link matrices.
+        precision
+            ``"float64"`` or ``"float32"``, of the frames.
+        observed
+            Whether there will be observations.
+        session
+            Engine and options, so that a run killed before its first commit can be started anew.
 
         Raises
         ------
@@ -65,7 +89,7 @@ class RunWriter:
         """
         folder = Path(folder).resolve()
         _check_free(folder)
-        size = Dimensions(scenario.start.n, scenario.start.dimension, with_links)
+        size = Dimensions(scenario.start.n, scenario.start.dimension, with_links, precision, observed)
         fresh = folder.with_name(f".{folder.name}.{os.getpid()}.partial")
         with told(folder, "create the run"):
             try:
@@ -78,8 +102,8 @@ class RunWriter:
                 record: dict[str, Any] = {
                     "format": FORMAT, "title": scenario.name, "status": UNFINISHED, "commits": 0, "checkpoint": None,
                     "n": size.n, "dimension": size.m, "links": with_links, "arrays": list(size.names()),
-                    "counts": {"time": 0, "switch": 0, "step": 0}, "checksums": {}, "closest": [None, None],
-                    "scenario": {"checksum": zlib.crc32(text), "left_out": reason},
+                    "counts": dict.fromkeys(GROWING, 0), "checksums": {}, "closest": [None, None],
+                    "scenario": {"checksum": zlib.crc32(text), "left_out": reason}, "session": session or {},
                 }  # fmt: skip
                 write_record(fresh, record, {})
                 with suppress(FileNotFoundError):
@@ -112,7 +136,7 @@ class RunWriter:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Rows appended so far along ``time``, ``switch`` and ``step``."""
+        """Rows appended so far along each of `flocking.engine.columns.GROWING`."""
         return dict(self._counts)
 
     def _open_arrays(self) -> dict[str, Any]:
@@ -133,15 +157,18 @@ class RunWriter:
         StorageError
             When the disk is full or gone; what was committed stays.
         """
-        parts = {"time": np.asarray(t, dtype="f8"), "position": np.asarray(q, "f8"), "velocity": np.asarray(p, "f8")}
+        kind = self._arrays["position"].dtype
+        parts = {"time": np.asarray(t, dtype="f8"), "position": np.asarray(q, kind), "velocity": np.asarray(p, kind)}
         if self.record["links"]:
             parts["links"] = np.asarray(links, dtype=bool)
         if len(parts["time"]):
             parts["checksum"] = frame_checksums(parts)
             self._extend("time", parts)
 
-    def append_records(self, switches: np.ndarray[Any, Any], trace: np.ndarray[Any, Any]) -> None:
-        """Append switches, fields `SWITCH_FIELDS`, and ledger rows, fields `TRACE_FIELDS`.
+    def append_records(
+        self, switches: np.ndarray[Any, Any], trace: np.ndarray[Any, Any], observed: np.ndarray[Any, Any] | None = None
+    ) -> None:
+        """Append switches, fields `SWITCH_FIELDS`, ledger rows, `TRACE_FIELDS`, and observations, `OBSERVED_FIELDS`.
 
         Raises
         ------
@@ -156,6 +183,10 @@ class RunWriter:
             ledger = {LEDGER: ledger_rows(trace)}
             self._extend("step", ledger)
             self._sum(ledger)
+        if observed is not None and len(observed) and OBSERVED in self._arrays:
+            seen = {OBSERVED: observed_rows(observed)}
+            self._extend("observation", seen)
+            self._sum(seen)
 
     def _sum(self, columns: dict[str, Any]) -> None:
         for name, values in columns.items():
@@ -177,7 +208,7 @@ class RunWriter:
         *,
         closest: tuple[Closest, Closest] = (Closest(), Closest()),
         provenance: dict[str, Any] | None = None,
-        checkpoint: bytes | None = None,
+        checkpoint: bytes | Callable[[BinaryIO], None] | None = None,
     ) -> None:
         """Make everything appended so far part of the run, in one step.
 
@@ -190,7 +221,8 @@ class RunWriter:
         provenance
             Where the run comes from.
         checkpoint
-            What `resume` needs to go on from the last frame appended; absent when the run cannot go on.
+            What `resume` needs to go on from the last frame appended, or a function that writes it; absent when the
+            run cannot go on.
 
         Raises
         ------
@@ -205,8 +237,7 @@ class RunWriter:
         with told(self.folder, "commit to the run"):
             if checkpoint is not None:
                 name = f"checkpoint-{number:06d}.npz"
-                put(self.folder / name, checkpoint)
-                record["checkpoint"] = {"file": name, "checksum": zlib.crc32(checkpoint)}
+                record["checkpoint"] = {"file": name, "checksum": put(self.folder / name, checkpoint)}
             settle(self._store.touched | {self.folder})
             self._provenance = dict(provenance or {})
             write_record(self.folder, record, self._provenance)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-import numpy as np
-
 from flocking.engine.exact import ExactSession
-from flocking.engine.interruption import Deferred
+from flocking.engine.interruption import Deferred, Noted
+from flocking.engine.progress import Progress, stops
 from flocking.engine.run import Run
 from flocking.errors import InvalidInput, SimulationError, StorageError
 from flocking.model.law import Law, Scenario
@@ -20,7 +21,8 @@ if TYPE_CHECKING:
     from flocking.engine.tiles.session import TilesSession
 
 ENGINES = ("auto", "exact", "tiles", "lammps")
-QUIET_SECONDS = 2.0
+GLANCE_SECONDS = 0.25
+"""Wall time between two looks at a fixed-step run on its way: for its progress, its commits."""
 
 
 def start(
@@ -47,6 +49,20 @@ def start(
     UnsupportedLaw
         When the engine cannot run a part of the law.
     """
+    session = _opened(scenario, engine, plant, options)
+    if session.engine == "tiles":
+        cast("TilesSession", session).records.check_fits()
+    return session
+
+
+def opened(scenario: Scenario, engine: str, plant: Law | None, **options: Any) -> ExactSession | TilesSession:
+    """A session of an engine that this process runs alone, which is going to be saved while it goes on."""
+    return cast("ExactSession | TilesSession", _opened(scenario, engine, plant, options))
+
+
+def _opened(
+    scenario: Scenario, engine: str, plant: Law | None, options: dict[str, Any]
+) -> ExactSession | TilesSession | LammpsSession:
     if not isinstance(scenario, Scenario):
         raise InvalidInput("start", "scenario", "must be a Scenario", scenario)
     if not isinstance(engine, str) or engine not in ENGINES:
@@ -85,7 +101,7 @@ def simulate(
         ``"exact"``, ``"tiles"`` for large groups, ``"lammps"`` for a cluster, or ``"auto"`` to choose (the exact one).
     save
         New or empty folder to write the run to while it goes on, see `flocking.engine.resuming.resume`;
-        nothing is written when absent. The tiled engine writes at the end, or when it is interrupted.
+        nothing is written when absent.
     progress
         Show a progress bar once the run takes longer than two seconds.
     plant
@@ -110,7 +126,9 @@ def simulate(
     """
     if isinstance(engine, str) and engine == "tiles":
         options.setdefault("tell", progress)
-    session = start(scenario, engine, plant=plant, **options)
+    session = (
+        start(scenario, engine, plant=plant, **options) if save is None else _opened(scenario, engine, plant, options)
+    )
     if session.engine == "lammps":
         from flocking.engine.lammps.run import drive_ranks
 
@@ -118,25 +136,10 @@ def simulate(
     shared = cast("ExactSession | TilesSession", session)
     if save is None:
         return drive(shared, progress=progress)
-    if not isinstance(session, ExactSession):
-        return _drive_and_write(session, save, progress=progress)
     from flocking.engine.saving import Saving
 
-    with Saving.create(save, session) as saving:
-        return drive(session, progress=progress, saving=saving)
-
-
-def _drive_and_write(session: Any, folder: str | Path, *, progress: bool) -> Run:
-    from flocking.engine.storage import write_run
-
-    try:
-        run = drive(session, progress=progress)
-    except SimulationError as error:
-        if error.run is not None:
-            write_run(error.run, folder)
-        raise
-    write_run(run, folder)
-    return run
+    with Saving.create(save, shared) as saving:
+        return drive(shared, progress=progress, saving=saving)
 
 
 def drive(session: ExactSession | TilesSession, *, progress: bool, saving: Saving | None = None) -> Run:
@@ -152,72 +155,57 @@ def drive(session: ExactSession | TilesSession, *, progress: bool, saving: Savin
     deferred = Deferred()
     try:
         with deferred, Progress(progress, scenario) as bar:
+            begin = session.steps
             for t in stops(scenario, session.time, often=saving is not None):
-                session.advance(t)
-                bar.show(t, session.steps * scenario.start.n)
-                if saving is not None and t < scenario.t_end:
-                    saving.keep()
+                for part in pace(session, t):
+                    session.advance(part)
+                    bar.show(part, (session.steps - begin) * scenario.start.n)
+                    if saving is not None and part < scenario.t_end:
+                        saving.keep()
             if saving is not None:
                 saving.finish(status)
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as stop:
         status = f"interrupted at t = {session.time:.9g}"
         if saving is not None:
-            saving.interrupt(status)
+            saving.interrupt(status, between_steps=isinstance(stop, Noted))
     except SimulationError as error:
         if saving is not None:
             try:
                 saving.finish(str(error))
+                error.run = saving.run(str(error))
             except StorageError as fault:
-                fault.run = error.run
+                fault.run = _what_there_is(session, saving, str(error))
                 raise
         raise
     except StorageError as error:
-        error.run = session.run(str(error))
+        error.run = _what_there_is(session, saving, str(error))
         raise
     if deferred.late:
         # It came after the last step: the run is complete and saved, the caller is to stop.
         raise KeyboardInterrupt
+    return session.run(status) if saving is None else saving.run(status)
+
+
+def _what_there_is(session: ExactSession | TilesSession, saving: Saving | None, status: str) -> Run:
+    """What was computed until the disk failed: with what is on it, where that can be read."""
+    with suppress(StorageError):
+        if saving is not None:
+            return saving.run(status)
     return session.run(status)
 
 
-def stops(scenario: Scenario, now: float, *, often: bool) -> list[float]:
-    """Times at which a session is looked at on its way to the end of its scenario; often: also at its frames."""
-    times = np.linspace(scenario.start.t, scenario.t_end, 101)
-    if often:
-        times = np.union1d(times, scenario.frame_times)
-    return [float(t) for t in times if now < t < scenario.t_end] + [scenario.t_end]
+def pace(session: ExactSession | TilesSession, stop: float) -> Iterator[float]:
+    """Times on the way to a stop, about `GLANCE_SECONDS` of wall time apart: where steps are slow, every step.
 
-
-class Progress:
-    """A progress bar that stays away from short runs."""
-
-    def __init__(self, wanted: bool, scenario: Scenario) -> None:
-        self._wanted = wanted
-        self._scenario = scenario
-        self._begin = time.monotonic()
-        self._bar: Any = None
-        self._task: Any = None
-
-    def __enter__(self) -> Progress:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._bar is not None:
-            self._bar.stop()
-
-    def show(self, t: float, agent_steps: int) -> None:
-        """Report the time reached and how many agents made how many steps."""
-        if not self._wanted or time.monotonic() - self._begin < QUIET_SECONDS:
-            return
-        if self._bar is None:
-            from rich.console import Console
-            from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-            speed = TextColumn("{task.fields[rate]}")
-            columns = (TextColumn("{task.description}"), BarColumn(), speed, TimeRemainingColumn())
-            self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
-            name = self._scenario.name or "simulation"
-            self._task = self._bar.add_task(name, total=self._scenario.t_end - self._scenario.start.t, rate="")
-            self._bar.start()
-        rate = f"{agent_steps / (time.monotonic() - self._begin):.3g} agent-steps/s"
-        self._bar.update(self._task, completed=t - self._scenario.start.t, rate=rate)
+    Where steps fall depends on none of them.
+    """
+    step = getattr(session, "step", None)
+    if step is None:
+        yield stop
+        return
+    steps = 1.0
+    while session.time < stop - 1e-9 * step:
+        begin, first = time.monotonic(), session.steps
+        yield min(session.time + (steps - 0.5) * step, stop)
+        each = (time.monotonic() - begin) / max(1, session.steps - first)
+        steps = max(1.0, min(4.0 * steps, GLANCE_SECONDS / max(each, 1e-9)))

@@ -14,7 +14,17 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.columns import ARRAYS, FRAME_PARTS, LEDGER, SWITCHES, frame_checksums, ledger_table, switch_table
+from flocking.engine.columns import (
+    ARRAYS,
+    FRAME_PARTS,
+    LEDGER,
+    OBSERVED,
+    SWITCHES,
+    frame_checksums,
+    ledger_table,
+    observed_table,
+    switch_table,
+)
 from flocking.engine.durable import read_soundly, told
 from flocking.engine.record import SCENARIO, read_record
 from flocking.engine.run import Closest, Run
@@ -33,10 +43,11 @@ def write_run(run: Run, folder: str | Path) -> Path:
     StorageError
         When the folder holds something already or cannot be written.
     """
-    links = run.links.shape[1:] == (run.n, run.n)
-    with RunWriter.create(folder, run.scenario, with_links=links) as writer:
+    links, observed = run.links.shape[1:] == (run.n, run.n), run.observables is not None
+    precision = "float32" if run.q.dtype == np.float32 else "float64"
+    with RunWriter.create(folder, run.scenario, with_links=links, precision=precision, observed=observed) as writer:
         writer.append(run.t, run.q, run.p, run.links)
-        writer.append_records(run.switches, run.trace)
+        writer.append_records(run.switches, run.trace, run.observables)
         writer.commit(run.status, closest=(run.closest_linked, run.closest_unlinked), provenance=run.provenance)
     return Path(folder)
 
@@ -67,7 +78,19 @@ def read_run(folder: str | Path, *, scenario: Scenario | None = None, frames: in
         return _read_run(folder, scenario, frames)
 
 
-def _read_run(folder: Path, scenario: Scenario | None, frames: int | None) -> Run:
+def read_last(folder: Path, scenario: Scenario | None, last: int | None) -> Run:
+    """Read a run with its last frames alone: so many of them, or all.
+
+    Raises
+    ------
+    StorageError
+        When there is no run or it is damaged.
+    """
+    with read_soundly(folder):
+        return _read_run(folder, scenario, None, last)
+
+
+def _read_run(folder: Path, scenario: Scenario | None, frames: int | None, last: int | None = None) -> Run:
     record = read_record(folder)
     if scenario is None:
         scenario, _ = read_scenario_of(folder)
@@ -77,9 +100,13 @@ def _read_run(folder: Path, scenario: Scenario | None, frames: int | None) -> Ru
         group = zarr.open_group(str(folder), mode="r", use_consolidated=True)
         arrays = {name: group[name] for name in group.attrs["flocking"]["arrays"]}
     count = record["counts"]["time"] if frames is None else min(frames, record["counts"]["time"])
-    parts = {name: _read(folder, arrays[name], name, count) for name in (*FRAME_PARTS, "checksum") if name in arrays}
-    _check_frames(folder, parts)
+    first = 0 if last is None else max(0, count - last)
+    names = [name for name in (*FRAME_PARTS, "checksum") if name in arrays]
+    parts = {name: _read(folder, arrays[name], name, count, first) for name in names}
+    _check_frames(folder, parts, first)
     rows = dict.fromkeys(SWITCHES, record["counts"]["switch"]) | {LEDGER: record["counts"]["step"]}
+    if OBSERVED in arrays:
+        rows[OBSERVED] = record["counts"]["observation"]
     tables = {name: _read(folder, arrays[name], name, length) for name, length in rows.items()}
     for name, values in tables.items():
         if len(values) and zlib.crc32(values.tobytes()) != record["checksums"].get(name):
@@ -88,8 +115,9 @@ def _read_run(folder: Path, scenario: Scenario | None, frames: int | None) -> Ru
     linked, unlinked = (_closest_of(c) for c in record["closest"])
     return Run(
         scenario, parts["time"], parts["position"], parts["velocity"],
-        parts["links"] if record["links"] else np.zeros((count, 0, 0), dtype=bool),
+        parts["links"] if record["links"] else np.zeros((count - first, 0, 0), dtype=bool),
         switch_table(tables), ledger_table(tables[LEDGER]), linked, unlinked, record["status"], provenance,
+        observed_table(tables[OBSERVED]) if OBSERVED in tables else None,
     )  # fmt: skip
 
 
@@ -146,15 +174,15 @@ def read_scenario_of(folder: str | Path) -> tuple[Scenario, Law | None]:
     return scenario, plant
 
 
-def _read(folder: Path, array: Any, name: str, count: int) -> np.ndarray[Any, Any]:
-    """First ``count`` rows; a chunk that cannot be decoded is named by its rows."""
+def _read(folder: Path, array: Any, name: str, count: int, begin: int = 0) -> np.ndarray[Any, Any]:
+    """Rows from ``begin`` up to ``count``; a chunk that cannot be decoded is named by its rows."""
     try:
         if array.shape[0] < count:
             raise ValueError(f"{array.shape[0]} rows instead of {count}")
-        return np.asarray(array[:count])
+        return np.asarray(array[begin:count])
     except Exception as fault:  # each codec has errors of its own
         size = array.chunks[0]
-        for first in range(0, count, size):
+        for first in range(begin - begin % size, count, size):
             try:
                 array[first : first + size]
             except Exception:
@@ -167,13 +195,13 @@ def _read(folder: Path, array: Any, name: str, count: int) -> np.ndarray[Any, An
         raise StorageError(f"{folder}: the array {name!r} cannot be read: {fault}") from None
 
 
-def _check_frames(folder: Path, parts: dict[str, Any]) -> None:
+def _check_frames(folder: Path, parts: dict[str, Any], first: int) -> None:
     found = frame_checksums(parts)
-    for k, row in enumerate(np.atleast_2d(found != parts["checksum"])):
+    for at, row in enumerate(np.atleast_2d(found != parts["checksum"])):
         if row.any():
-            name = [n for n in FRAME_PARTS[1:] if n in parts][int(np.argmax(row))]
+            name, k = [n for n in FRAME_PARTS[1:] if n in parts][int(np.argmax(row))], first + at
             raise StorageError(
-                f"{folder}: frame {k} of {name!r} (t = {parts['time'][k]:.9g}) does not match its checksum; the file "
+                f"{folder}: frame {k} of {name!r} (t = {parts['time'][at]:.9g}) does not match its checksum; the file "
                 f"was damaged. The frames before can be read with read_run(folder, frames={k})."
             )
 

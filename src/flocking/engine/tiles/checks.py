@@ -7,28 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flocking.engine.run import Closest
+from flocking.engine.step_checks import STRIDE, check_ledger, check_stride
 from flocking.engine.tiles.crowd import Crowd
 from flocking.engine.tiles.pairs import tile_pairs
-from flocking.errors import LinkLost, NotFinite, StepTooLarge
+from flocking.errors import LinkLost, NotFinite
 
 if TYPE_CHECKING:
     from flocking.engine.tiles.session import TilesSession
-
-STRIDE = 0.25
-"""Largest share of a linked pair's distance that it may move in one step under a potential singular at contact."""
-
-RESIDUAL = 0.05
-"""Largest share of the energy moved that the ledger may leave unexplained."""
-
-
-def step_too_large(session: TilesSession, would_do: float, why: str, agents: tuple[int, ...] = ()) -> StepTooLarge:
-    """The error that says which step would do."""
-    error = StepTooLarge(
-        f"The time step {session.step:.3g} is too large: {why}. A step of {would_do:.2g} would do.",
-        time=session.time, agents=agents,
-    )  # fmt: skip
-    error.would_do = would_do
-    return error
 
 
 def after_step(session: TilesSession, crowd: Crowd, h: float) -> None:
@@ -100,30 +85,21 @@ def _check_strides(session: TilesSession, crowd: Crowd, h: float) -> None:
     linked = distance < max(crowd.cutoffs) if crowd.moving else np.ones(len(i), dtype=bool)
     share = np.where(linked, moved / np.maximum(distance, 1e-300), 0.0)
     k = int(np.argmax(share))
-    if share[k] > STRIDE:
-        pair = tuple(sorted((int(crowd.ids[i[k]]), int(crowd.ids[j[k]]))))
-        raise step_too_large(
-            session, session.step * 0.5 * STRIDE / float(share[k]),
-            f"a pair at distance {distance[k]:.3g} moved {moved[k]:.3g} in one step", pair,
-        )  # fmt: skip
+    if linked[k]:
+        pair = (int(crowd.ids[i[k]]), int(crowd.ids[j[k]]))
+        check_stride(
+            session.step, float(distance[k]), float(moved[k]), time=session.time, agents=(min(pair), max(pair))
+        )
 
 
 def ledger(session: TilesSession) -> None:
     """Whether the energy ledger closes well enough."""
-    trace = session.records.trace
-    if len(trace) < 2:
+    first, trace = session.records.first, session.records.trace
+    if first is None or trace[-1][0] == first[0]:
         return
-    first, last = np.array(trace[0]), np.array(trace[-1])
-    gap = (last[1] - first[1]) + (last[4] - first[4]) - (last[5] - first[5]) - (last[6] - first[6])
     sums = session._scheme.books.sums
-    rounding = 1e3 * float(np.finfo(session._crowd.dtype).eps) * (abs(sums["pairs"]) + abs(sums["bodies"]) + last[2])
-    moved = sum(abs(last[k] - first[k]) for k in (3, 4, 5, 6)) + first[2] + last[2] + rounding
-    share = abs(gap) / max(moved, 1e-300)
-    if not share <= RESIDUAL:
-        order = session._scheme.order
-        smaller = session.step * (0.2 * RESIDUAL / min(share, 1e6)) ** (1.0 / order) if np.isfinite(share) else 0.1
-        raise step_too_large(
-            session,
-            min(smaller, session.step / 2),
-            f"the energy ledger leaves {100 * share:.3g} % of the energy unexplained",
-        )
+    scale = abs(sums["pairs"]) + abs(sums["bodies"]) + trace[-1][2]
+    check_ledger(
+        session.step, first, trace[-1], order=session._scheme.order,
+        rounding=1e3 * float(np.finfo(session._crowd.dtype).eps) * scale, time=session.time,
+    )  # fmt: skip

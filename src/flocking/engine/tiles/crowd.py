@@ -358,11 +358,11 @@ class Crowd:
         out[self.ids[: self.n]] = array[:, : self.n].T
         return out
 
-    def memory(self) -> CrowdMemory:
-        """Copies of state, order, lists and rebuild reference."""
-        kept = {name: copy.deepcopy(getattr(self, name)) for name in _KEPT}
-        kept["rooms"] = [(b.room.copy(), b.deep) for b in self.builders]
-        return CrowdMemory(kept)
+    def memory(self, *, copied: bool = True) -> CrowdMemory:
+        """State, order, lists and rebuild reference; not ``copied``, they change as the crowd goes on."""
+        kept = {name: getattr(self, name) for name in _KEPT}
+        kept["rooms"] = [(b.room, b.deep) for b in self.builders]
+        return CrowdMemory(copy.deepcopy(kept) if copied else kept)
 
     def recall(self, memory: CrowdMemory) -> None:
         """Go back to ``memory``."""

@@ -7,18 +7,9 @@ from typing import Any
 import numba
 import numpy as np
 
+from flocking.engine.run import OBSERVED_FIELDS as OBSERVED_FIELDS
 from flocking.engine.tiles.crowd import Crowd
 from flocking.engine.tiles.lists import LINKED, NUMBER
-
-OBSERVED_FIELDS = np.dtype(
-    [
-        ("time", "f8"), ("order", "f8"), ("speed", "f8"), ("spread", "f8"), ("flocks", "i8"), ("density", "f8"),
-        ("neighbours", "f8"), ("length", "f8"), ("defect", "f8"), ("closest", "f8"),
-    ]
-)  # fmt: skip
-"""Fields of an observation: polarisation, mean speed, largest deviation from the mean velocity, number of flocks,
-share of the agents in the largest one, mean number of neighbours, mean length of a link, standard deviation of the
-lengths over their mean (0 in a perfect lattice), and the smallest distance of linked agents."""
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

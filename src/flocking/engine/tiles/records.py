@@ -7,13 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.run import SWITCH_FIELDS, TRACE_FIELDS, Closest
+from flocking.engine.appending import NewRecords
+from flocking.engine.columns import GROWING
+from flocking.engine.run import OBSERVED_FIELDS, SWITCH_FIELDS, TRACE_FIELDS, Closest
 from flocking.engine.tiles.schemes import Books
 from flocking.engine.tiles.spec import PRECISIONS
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
 
 MOST_FRAME_BYTES = 8 * 2**30
+"""Frames of a run that is not written to disk while it goes on may take so much memory."""
+MOST_LINKED = 2000
+"""Larger groups carry no link matrix in their states and frames."""
 MOST_LINK_BYTES = 256 * 2**20
 """Frames hold link matrices only up to this size in total."""
 
@@ -29,27 +34,20 @@ class Records:
         Precision of the stored frames.
     keep_frames
         Whether positions and velocities are stored.
-
-    Raises
-    ------
-    InvalidInput
-        When the frames would take more than 8 GiB.
+    observe
+        Whether observations are.
     """
 
-    def __init__(self, scenario: Scenario, precision: str, *, keep_frames: bool) -> None:
+    def __init__(self, scenario: Scenario, precision: str, *, keep_frames: bool, observe: bool = False) -> None:
         self.frame_times = scenario.frame_times
         self.n, self.m = scenario.start.q.shape
         self.dtype = PRECISIONS[precision]
-        self.keep_frames = keep_frames
-        self.with_links = len(self.frame_times) * self.n**2 <= MOST_LINK_BYTES
-        size = len(self.frame_times) * self.n * self.m * 2.0 * np.dtype(self.dtype).itemsize
-        if keep_frames and size > MOST_FRAME_BYTES:
-            raise InvalidInput(
-                "Scenario", "frames", f"must fit in {MOST_FRAME_BYTES / 2**30:g} GiB for {self.n} agents",
-                f"{len(self.frame_times)} frames ({size / 2**30:.3g} GiB)",
-                "Ask for fewer frames, or set keep_frames=False and observe=True.",
-            )  # fmt: skip
+        self.precision, self.keep_frames, self.observe = precision, keep_frames, observe
+        small = self.n <= MOST_LINKED and len(self.frame_times) * self.n**2 <= MOST_LINK_BYTES
+        self.with_links = small and keep_frames
         self.count = 0
+        self.stored = dict.fromkeys(GROWING, 0)
+        self.first: tuple[float, ...] | None = None
         self.t: list[float] = []
         self.q: list[Any] = []
         self.p: list[Any] = []
@@ -59,12 +57,84 @@ class Records:
         self.closest = Closest()
         self.apart = 0.0
 
+    @property
+    def frame_bytes(self) -> float:
+        """Memory of one frame."""
+        return self.n * self.m * 2.0 * np.dtype(self.dtype).itemsize if self.keep_frames else 0.0
+
+    def check_fits(self) -> None:
+        """Refuse frames that memory cannot hold together.
+
+        Raises
+        ------
+        InvalidInput
+            When they would take more than 8 GiB.
+        """
+        size = len(self.frame_times) * self.frame_bytes
+        if size > MOST_FRAME_BYTES:
+            raise InvalidInput(
+                "Scenario", "frames", f"must fit in {MOST_FRAME_BYTES / 2**30:g} GiB of memory for {self.n} agents",
+                f"{len(self.frame_times)} frames ({size / 2**30:.3g} GiB)",
+                "Save the run while it goes on (save=folder, --out), ask for fewer frames, or set keep_frames=False "
+                "and observe=True.",
+            )  # fmt: skip
+
     def copy(self) -> Records:
         """A copy that goes on by itself; stored frames are never changed and are shared."""
         other = copy.copy(self)
         for name in ("t", "q", "p", "links", "trace", "observed"):
             setattr(other, name, list(getattr(self, name)))
+        other.stored = dict(self.stored)
         return other
+
+    @property
+    def waiting(self) -> float:
+        """Bytes of frames in memory."""
+        return len(self.t) * self.frame_bytes
+
+    @property
+    def closest_pairs(self) -> tuple[Closest, Closest]:
+        """Closest linked and unlinked pair until now; unlinked ones are not looked at."""
+        return self.closest, Closest()
+
+    @property
+    def layout(self) -> dict[str, Any]:
+        """How the records are stored on disk, as options of `RunWriter.create`."""
+        return {"with_links": self.with_links, "precision": self.precision, "observed": self.observe}
+
+    def since(self, counts: dict[str, int], *, whole: bool) -> NewRecords:
+        """What came after the first ``counts`` records of each kind; unless ``whole``, without the last ledger row.
+
+        The last row of the ledger is still open: a look at the same moment replaces it.
+        """
+        rows = self.trace if whole else self.trace[:-1]
+        frames = slice(counts["time"] - self.stored["time"], None)
+        none = np.zeros((0, self.n, self.m), self.dtype)
+        q, p = (np.array(x[frames]) if x[frames] else none for x in (self.q, self.p))
+        return NewRecords(
+            np.array(self.t[frames]), q, p, np.array(self.links[frames]) if self.with_links else None,
+            np.zeros(0, dtype=SWITCH_FIELDS),
+            np.array(rows[counts["step"] - self.stored["step"] :], dtype=TRACE_FIELDS),
+            np.array(self.observed[counts["observation"] - self.stored["observation"] :], dtype=OBSERVED_FIELDS),
+        )  # fmt: skip
+
+    def forget(self, counts: dict[str, int]) -> None:
+        """Let go of the first ``counts`` records of each kind: they are on disk now."""
+        for name, kind in (("t", "time"), ("q", "time"), ("p", "time"), ("links", "time"), ("trace", "step"),
+                           ("observed", "observation")):  # fmt: skip
+            rows = getattr(self, name)
+            del rows[: counts[kind] - self.stored[kind]]
+        self.stored = dict(counts)
+
+    def memory(self) -> dict[str, Any]:
+        """What a checkpoint must hold beside the records on disk."""
+        return {"count": self.count, "apart": self.apart, "first": self.first, "open": list(self.trace[-1:]),
+                "closest": self.closest}  # fmt: skip
+
+    def recall(self, memory: dict[str, Any], stored: dict[str, int]) -> None:
+        """Go on after so many records of each kind that are on disk."""
+        self.count, self.apart, self.first = memory["count"], memory["apart"], memory["first"]
+        self.trace, self.stored, self.closest = list(memory["open"]), dict(stored), memory["closest"]
 
     def due(self, t: float) -> bool:
         """Whether a frame is due at time ``t``, on or after its time."""
@@ -89,19 +159,19 @@ class Records:
         energy = sums["pairs"] + sums["bodies"] + sums["kinetic"]
         # What pairs without a link carry changes by jumps alone.
         apart = 0.5 * (n * (n - 1.0) - sums["links"]) * unlinked
-        if not self.trace:
+        if self.first is None:
             self.apart = apart
         row = (
             t, energy + apart, sums["kinetic"], *(float(x) for x in books.integrals), books.jumped + apart - self.apart,
         )  # fmt: skip
         if self.trace and self.trace[-1][0] == t:
             self.trace.pop()
+        if self.first is None or self.first[0] == t:
+            self.first = row
         self.trace.append(row)
 
     def tables(self) -> dict[str, Any]:
-        """All records as arrays, by the names of `Run`."""
-        from flocking.engine.tiles.observables import OBSERVED_FIELDS
-
+        """The records in memory as arrays, by the names of `Run`."""
         frames = len(self.t)
         none = np.zeros((0, self.n, self.m), self.dtype)
         linked = self.with_links and len(self.links) == frames and self.n
@@ -114,5 +184,5 @@ class Records:
             "switches": np.zeros(0, dtype=SWITCH_FIELDS),
             "trace": np.array(self.trace, dtype=TRACE_FIELDS),
             "closest_linked": self.closest,
-            "observables": np.array(self.observed, dtype=OBSERVED_FIELDS),
+            "observables": np.array(self.observed, dtype=OBSERVED_FIELDS) if self.observe else None,
         }

@@ -13,12 +13,13 @@ from flocking.engine import interruption
 from flocking.engine.layout import Layout
 from flocking.engine.provenance import provenance
 from flocking.engine.run import Run
+from flocking.engine.step_checks import step_too_large
 from flocking.engine.tiles import automatic_step, checks
 from flocking.engine.tiles.crowd import Crowd, CrowdMemory
 from flocking.engine.tiles.kernels import is_compiled
 from flocking.engine.tiles.lists import TooManyNeighboursError
 from flocking.engine.tiles.pairs import listed_pairs
-from flocking.engine.tiles.records import Records
+from flocking.engine.tiles.records import MOST_LINKED, Records
 from flocking.engine.tiles.schemes import Scheme, scheme_named
 from flocking.engine.tiles.spec import PRECISIONS, SCHEMES, KernelSpec, check_supported, graph_kinds
 from flocking.engine.tiles.threads import Workers
@@ -27,9 +28,6 @@ from flocking.model.checks import number
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 from flocking.model.weights import HashedWeights
-
-MOST_LINKED = 2000
-"""Larger groups carry no link matrix in their states and frames."""
 
 
 @dataclass(frozen=True)
@@ -123,6 +121,7 @@ class TilesSnapshot:
     scheme: dict[str, Any]
     records: Records
     steps: int
+    farthest: float = 0.0
 
 
 class TilesSession:
@@ -148,6 +147,8 @@ class TilesSession:
     """
 
     engine = "tiles"
+    between_steps = True
+    """Ctrl-C is heeded between two steps, where a checkpoint is whole."""
 
     def __init__(self, scenario: Scenario, options: TilesOptions | None = None, *, plant: Law | None = None) -> None:
         if plant is not None:
@@ -157,7 +158,10 @@ class TilesSession:
         self.plant = None
         self.time, self.steps = scenario.start.t, 0
         self.workers = Workers(self.options.threads)
-        self.records = Records(scenario, self.options.precision, keep_frames=self.options.keep_frames)
+        self.records = Records(
+            scenario, self.options.precision, keep_frames=self.options.keep_frames, observe=self.options.observe
+        )
+        self.farthest = 0.0
         self._scheme: Scheme = scheme_named(self.options.scheme, self.options.ledger)
         self._crowd = self._new_crowd(scenario, scenario.start)
         self.step = self.options.step or self._automatic_step()
@@ -188,6 +192,11 @@ class TilesSession:
     def _automatic_step(self) -> float:
         self._guarded(lambda: self._crowd.require_lists(0.0))
         return automatic_step.choose(self._crowd, self.scenario, self.options.scheme)
+
+    @property
+    def recorder(self) -> Records:
+        """The records, by the name that sessions share."""
+        return self.records
 
     @property
     def memory_in_use(self) -> int:
@@ -286,10 +295,10 @@ class TilesSession:
         try:
             self._guarded(lambda: self._scheme.step(crowd, self.time, h))
         except FloatingPointError:
-            raise checks.step_too_large(
-                self, h, "agents move further than the reach of their neighbour lists"
-            ) from None
+            why = "agents move further than the reach of their neighbour lists"
+            raise step_too_large(self.step, h, why, time=self.time) from None
         checks.after_step(self, crowd, h)
+        self.farthest = max(self.farthest, 2.0 * crowd.top_speed * h)
         if self.options.ledger:
             self.records.book(self.time, self._scheme.books, crowd.n, self.scenario.energy.unlinked)
         self.steps += 1
@@ -327,11 +336,15 @@ class TilesSession:
                 )  # fmt: skip
             checks.ledger(self)
 
-    def snapshot(self) -> TilesSnapshot:
-        """Everything needed to go on bit for bit: sort order, lists, link memory and rebuild reference included."""
+    def snapshot(self, *, copied: bool = True) -> TilesSnapshot:
+        """Everything needed to go on bit for bit: sort order, lists, link memory and rebuild reference included.
+
+        Not ``copied``, it is good only until the session goes on.
+        """
         return TilesSnapshot(
-            self.scenario, self.options, self.step, self.time, self._plan, self._crowd.memory(), self._scheme.memory(),
-            self.records.copy(), self.steps,
+            self.scenario, self.options, self.step, self.time, self._plan, self._crowd.memory(copied=copied),
+            self._scheme.memory(),
+            self.records.copy() if copied else self.records, self.steps, self.farthest,
         )  # fmt: skip
 
     @classmethod
@@ -346,6 +359,9 @@ class TilesSession:
         session._scheme.recall(snapshot.scheme)
         session.time, session.steps, session.step = snapshot.time, snapshot.steps, snapshot.step
         session.records, session._plan = snapshot.records.copy(), snapshot.plan
+        session.farthest = snapshot.farthest
+        # The plan's steps go on under the values that scheduled gains had when it was made.
+        session._crowd.pass_switch_time(session.scenario, snapshot.plan[0])
         return session
 
     def replace(self, *, law: Law | None = None, state: State | None = None) -> None:
@@ -396,7 +412,10 @@ class TilesSession:
         """Where the results come from, as the run's provenance says."""
         o = self.options
         found = provenance(self.engine, self.scenario) | {"steps": self.steps, "step": self.step, "scheme": o.scheme}
-        return found | {"precision": o.precision, "rebuilds": self._crowd.rebuilds, "switches": "not recorded"}
+        return found | {
+            "precision": o.precision, "rebuilds": self._crowd.rebuilds, "switches": "not recorded",
+            "farthest": self.farthest,
+        }  # fmt: skip
 
     def run(self, status: str = "finished") -> Run:
         """What was computed so far."""

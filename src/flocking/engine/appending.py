@@ -1,0 +1,29 @@
+"""What a recorder hands over to be written to disk."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, eq=False)
+class NewRecords:
+    """Records of a running simulation that are not on disk yet.
+
+    Parameters
+    ----------
+    t, q, p, links
+        Frames: times (F,), positions and velocities (F, N, m), and link matrices (F, N, N) or None.
+    switches, trace
+        Rows of `SWITCH_FIELDS` and of `TRACE_FIELDS`.
+    observed
+        Rows of `OBSERVED_FIELDS`, or None where nothing is observed.
+    """
+
+    t: Any
+    q: Any
+    p: Any
+    links: Any
+    switches: Any
+    trace: Any
+    observed: Any

@@ -1,0 +1,90 @@
+"""What a tiled session remembers, as plain numbers and named arrays, and back."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, fields
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.run import Closest
+from flocking.engine.tiles.crowd import CrowdMemory
+from flocking.engine.tiles.lists import TileLists
+from flocking.engine.tiles.records import Records
+from flocking.engine.tiles.schemes import Books
+from flocking.engine.tiles.session import TilesOptions, TilesSession, TilesSnapshot
+from flocking.model.law import Scenario
+
+PARTS: dict[str, type[Any]] = {part.__name__: part for part in (Books, Closest, CrowdMemory, TileLists)}
+"""Classes that memory may hold."""
+
+Arrays = dict[str, np.ndarray[Any, Any]]
+
+
+def flattened(value: Any, arrays: Arrays) -> Any:
+    """A value as data for JSON; arrays go to ``arrays`` and leave their name.
+
+    Raises
+    ------
+    TypeError
+        When the value holds what cannot be stored.
+    """
+    if isinstance(value, np.ndarray):
+        name = f"array{len(arrays)}"
+        arrays[name] = value
+        return {"array": name}
+    if isinstance(value, np.generic):
+        return {"scalar": value.item(), "type": value.dtype.str}
+    if isinstance(value, list | tuple):
+        return {type(value).__name__: [flattened(x, arrays) for x in value]}
+    if isinstance(value, dict):
+        return {"dict": {str(name): flattened(x, arrays) for name, x in value.items()}}
+    if type(value).__name__ in PARTS and type(value) is PARTS[type(value).__name__]:
+        return {"part": type(value).__name__, "of": {f.name: flattened(getattr(value, f.name), arrays)
+                                                     for f in fields(value)}}  # fmt: skip
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    raise TypeError(f"a checkpoint cannot hold a {type(value).__name__}")
+
+
+def restored(data: Any, arrays: Arrays) -> Any:
+    """The value that `flattened` gave ``data`` for."""
+    if not isinstance(data, dict):
+        return data
+    if "array" in data:
+        return arrays[data["array"]]
+    if "scalar" in data:
+        return np.dtype(data["type"]).type(data["scalar"])
+    if "list" in data:
+        return [restored(x, arrays) for x in data["list"]]
+    if "tuple" in data:
+        return tuple(restored(x, arrays) for x in data["tuple"])
+    if "dict" in data:
+        return {name: restored(x, arrays) for name, x in data["dict"].items()}
+    return PARTS[data["part"]](**{name: restored(x, arrays) for name, x in data["of"].items()})
+
+
+def pack_tiles(session: TilesSession) -> tuple[dict[str, Any], Arrays]:
+    """Numbers and arrays of a session, but for its scenario and the records on disk; arrays are not copied."""
+    arrays: Arrays = {}
+    kept = session.snapshot(copied=False)
+    whole = {
+        "step": kept.step, "time": kept.time, "plan": kept.plan, "steps": kept.steps, "crowd": kept.crowd,
+        "scheme": kept.scheme, "records": kept.records.memory(), "farthest": kept.farthest,
+    }  # fmt: skip
+    return {"options": asdict(kept.options), "session": flattened(whole, arrays)}, arrays
+
+
+def restore_tiles(
+    numbers: dict[str, Any], arrays: Arrays, scenario: Scenario, stored: dict[str, int], threads: int | None
+) -> TilesSession:
+    """The session that was packed, with so many records of each kind ``stored`` on disk."""
+    options = TilesOptions(**numbers["options"])
+    kept = restored(numbers["session"], arrays)
+    records = Records(scenario, options.precision, keep_frames=options.keep_frames, observe=options.observe)
+    records.recall(kept["records"], stored)
+    snapshot = TilesSnapshot(
+        scenario, options, kept["step"], kept["time"], kept["plan"], kept["crowd"], kept["scheme"], records,
+        kept["steps"], kept["farthest"],
+    )  # fmt: skip
+    return TilesSession.resume(snapshot, threads=threads)
