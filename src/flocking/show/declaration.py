@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -111,3 +111,26 @@ def _per_axis(function: Callable[..., Any], axis: int | Sequence[int], options: 
         )  # fmt: skip
 
     return draw
+
+
+def drawn_figure(known: Mapping[Any, Figure], number: int | str, run: Run) -> Picture:
+    """Draw one of a paper's figures from a run.
+
+    Parameters
+    ----------
+    known
+        Figures by number.
+    number
+        Number of the figure.
+    run
+        A run of the scenario the figure shows.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no such figure.
+    """
+    for name, shown in known.items():
+        if str(name) == str(number):
+            return shown.draw(run)
+    raise InvalidInput("figure", "number", f"must be one of {', '.join(map(str, known))}", number)

@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flocking.engine.run import Run
-from flocking.errors import InvalidInput
 from flocking.papers.olfati_saber_2003 import diagrams
 from flocking.papers.olfati_saber_2003.passage import obstacles_of
 from flocking.papers.olfati_saber_2003.system import KEY, SINK, SINK_DURATION
 from flocking.show import plane
-from flocking.show.declaration import Figure
+from flocking.show.declaration import Figure, drawn_figure
 from flocking.show.sheet import panel, sheet
 from flocking.show.style import PAGE
 
@@ -93,7 +92,4 @@ def figure(number: int | str, run: Run) -> Picture:
     InvalidInput
         When there is no such figure.
     """
-    known = figures()
-    if str(number) not in known:
-        raise InvalidInput("olfati-saber-2003", "figure", f"must be one of {', '.join(known)}", number)
-    return known[str(number)].draw(run)
+    return drawn_figure(figures(), number, run)

@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 
 from flocking.engine.run import Run
-from flocking.errors import InvalidInput
 from flocking.model.checks import Array
 from flocking.papers.shi_2009.system import DURATION, KEY, SETTINGS, potential
 from flocking.show import declaration, plane, series
 from flocking.show.curves import curve
-from flocking.show.declaration import Figure
+from flocking.show.declaration import Figure, drawn_figure
 from flocking.show.sheet import panel, sheet
 from flocking.show.style import PAGE
 
@@ -93,7 +92,4 @@ def figure(number: int, run: Run) -> Any:
     InvalidInput
         When there is no such figure.
     """
-    known = figures()
-    if number not in known:
-        raise InvalidInput("figure", "number", f"must be one of {', '.join(map(str, known))}", number)
-    return known[number].draw(run)
+    return drawn_figure(figures(), number, run)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flocking.engine.run import Run
-from flocking.errors import InvalidInput
 from flocking.papers.tanner_2003_dynamic import system
-from flocking.show.declaration import Figure, initial, potential, snapshot
+from flocking.show.declaration import Figure, drawn_figure, initial, potential, snapshot
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Picture
@@ -54,7 +53,4 @@ def figure(number: int, run: Run) -> Picture:
     InvalidInput
         When there is no such figure.
     """
-    known = figures()
-    if number not in known:
-        raise InvalidInput("figure", "number", f"must be one of {', '.join(map(str, known))}", number)
-    return known[number].draw(run)
+    return drawn_figure(figures(), number, run)
