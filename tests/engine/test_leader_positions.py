@@ -7,7 +7,7 @@ import pytest
 from scipy.special import erf
 
 import flocking as fk
-from flocking.errors import UnsupportedLaw
+from flocking.errors import InvalidInput, UnsupportedLaw
 
 START = fk.State([[0.0, 0.0], [1.0, -1.0]], [[0.5, 0.0], [0.0, 0.5]], t=-1.0)
 GRAPH = fk.Fixed(2, [])
@@ -109,3 +109,15 @@ def test_a_wrong_plant_has_its_own_places() -> None:
 def test_the_tiled_engine_refuses_it_by_name() -> None:
     with pytest.raises(UnsupportedLaw, match="the leader Path, whose position has no closed form"):
         fk.simulate(scenario(BELL), engine="tiles", progress=False)
+
+
+def test_a_position_that_quadrature_cannot_find_is_refused() -> None:
+    wild = fk.Path(["1/(t - 1)**2 + sin(t**t)", "0"])
+    assert not wild.closed_form
+    with pytest.raises(InvalidInput, match=r"tame enough.*known to .* for t in \[0, 1\]"):
+        wild.at(2.0)
+
+
+def test_an_integrable_singularity_is_travelled_through() -> None:
+    exact = 2.0 * (np.log(2.0) ** 2 - 2.0 * np.log(2.0) + 2.0)
+    np.testing.assert_allclose(fk.Path(["log(t)**2", "sqrt(t) + sin(t**t)"]).at(2.0)[0][0], exact, rtol=1e-10)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flocking.errors import InvalidInput
 from flocking.model.checks import Array
 
 if TYPE_CHECKING:
@@ -145,6 +146,11 @@ def travelled(velocity: Callable[[float], Array], start: float, end: float) -> A
     """Integral of a velocity from ``start`` to ``end``, by adaptive quadrature over pieces of unit length.
 
     Of longer spans there are 256 pieces: what happens within a small part of one may be missed.
+
+    Raises
+    ------
+    InvalidInput
+        When the quadrature's own estimate of its error exceeds 1e-9 of the distance travelled.
     """
     from scipy.integrate import quad
 
@@ -157,5 +163,12 @@ def travelled(velocity: Callable[[float], Array], start: float, end: float) -> A
             return float(velocity(s)[axis])
 
         for a, b in pairwise(edges):
-            total[axis] += quad(along, float(a), float(b), epsabs=1e-13, epsrel=1e-12, limit=200)[0]
+            piece, doubt, *_ = quad(along, float(a), float(b), epsabs=1e-13, epsrel=1e-12, limit=200, full_output=1)
+            if doubt > 1e-9 * max(1.0, abs(piece)):
+                raise InvalidInput(
+                    "Path", "velocity", "must be tame enough for the position to be found to 9 digits",
+                    f"coordinate {axis} is known to {doubt:.1g} for t in [{a:g}, {b:g}]",
+                    "Give a velocity that stays finite, or one with a closed antiderivative.",
+                )  # fmt: skip
+            total[axis] += piece
     return total
