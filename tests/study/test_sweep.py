@@ -33,6 +33,14 @@ def test_every_combination_runs_with_every_seed_and_gives_what_simulate_gives():
     assert json.loads(data.attrs["provenance"])["plan"]["seeds"] == [7, 8]
 
 
+def test_speeds_and_velocities_spread_apart_from_each_other():
+    table = run(seeds=[7], grid={"speed": [1.0], "n": [3]}, measures=["speed_spread", "velocity_spread"])
+    alone = fk.simulate(make(speed=1.0, n=3, seed=7), progress=False)
+    speeds = np.linalg.norm(alone.p[-1], axis=1)
+    assert float(table.values("speed_spread").item()) == pytest.approx(speeds.max() - speeds.min(), rel=1e-14)
+    assert table.values("speed_spread").item() != table.values("velocity_spread").item()
+
+
 def test_seeds_depend_on_the_place_of_a_run_alone():
     plan = make_plan({"speed": SPEEDS}, None, 4, 0, 100)
     seeds = [plan.task(k).seed for k in range(plan.size)]

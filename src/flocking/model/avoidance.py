@@ -69,7 +69,7 @@ class ObstacleGroup:
 class ObstacleTerm(BodyTerm):
     """A term that acts on an agent near an obstacle, once for each obstacle within `range`.
 
-    A pair (agent, obstacle) is active while their distance is below `range`; engines locate the switch in time.
+    A pair (agent, obstacle) is active while their distance is at most `range`; engines locate the switch in time.
     A subclass states the force of one active obstacle and the balance of its power.
     """
 

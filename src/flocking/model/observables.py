@@ -31,6 +31,11 @@ def velocity_spread(state: State) -> float:
     return float(np.linalg.norm(state.p - state.p.mean(axis=0), axis=1).max())
 
 
+def speed_spread(state: State) -> float:
+    """Largest speed minus the smallest."""
+    return float(np.ptp(np.linalg.norm(state.p, axis=1)))
+
+
 def order(state: State) -> float:
     """Polarisation: length of the mean unit velocity, 1 when all agents head the same way (Vicsek)."""
     speed = np.linalg.norm(state.p, axis=1, keepdims=True)

@@ -8,12 +8,12 @@ from flocking.engine.reference import evaluate
 from flocking.model.checks import Array
 from flocking.model.energy import Energy
 from flocking.model.law import Law
-from flocking.model.state import State
+from flocking.model.state import Agents, State
 from flocking.study.equilibrium import Equilibrium
 
 
-def total_energy(law: Law, state: State, energy: Energy | None = None) -> float:
-    """The energy a ledger would hold at a state (Tanner I W, Tanner II (6), Zhou (10) and (25)).
+def total_energy(law: Law, state: State, energy: Energy | None = None, *, agents: Agents | None = None) -> float:
+    """The energy a ledger would hold at a state (Tanner I W, Tanner II (6), Zhou (10) and (25), Shi (11)).
 
     Parameters
     ----------
@@ -23,10 +23,12 @@ def total_energy(law: Law, state: State, energy: Energy | None = None) -> float:
         The state; without links the graph's initial rule decides.
     energy
         Frame, and energy of a pair that is not linked; the lab frame and zero when absent.
+    agents
+        Masses and headings; unit masses when absent.
     """
-    energy = energy or Energy()
-    found = evaluate(law, state, energy=energy)
-    links = law.graph.initial(state.q) if state.links is None else state.links
+    energy, agents = energy or Energy(), agents or Agents()
+    found = evaluate(law, state, agents=agents, energy=energy)
+    links = law.graph.start_links(state.q, agents.headings) if state.links is None else state.links
     apart = (state.n * (state.n - 1) - int(np.count_nonzero(links))) / 2
     return found.storage + found.kinetic + apart * energy.unlinked
 

@@ -35,7 +35,6 @@ def obstacle_rows() -> tuple[Row, ...]:
             "active obstacles: within r0",
             avoid,
             examples.active,
-            reading="Active below r0 = r/2; at r0 itself rho vanishes.",
         ),
         row(
             "gamma-agent",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from flocking.papers.shi_2009.pictures import figure, figures
 from flocking.papers.shi_2009.system import potential, scenario, scenarios
-from flocking.papers.shi_2009.table import equations
+from flocking.papers.shi_2009.table import equations, errata
 from flocking.papers.shi_2009.theorems import claims
 
 KEY = "shi-2009"
@@ -19,6 +19,7 @@ __all__ = [
     "YEAR",
     "claims",
     "equations",
+    "errata",
     "figure",
     "figures",
     "potential",

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.model import starts
-from flocking.model.checks import Array
+from flocking.model.checks import Array, one_of
 from flocking.model.energy import Energy
 from flocking.model.graphs import Proximity
 from flocking.model.law import Law, Scenario
@@ -19,9 +19,11 @@ from flocking.model.potentials import Potential
 from flocking.model.state import Agents, State
 from flocking.model.terms import Consensus, Gradient, Term
 from flocking.model.tracking import Compensate, Track
+from flocking.papers.examples import check_figure
 
 KEY = "shi-2009"
 AGENTS = 10
+LAST_FIGURE = 12
 SENSING_RADIUS = 4.0
 STRENGTH = 0.05
 """a = b in (3)."""
@@ -95,7 +97,7 @@ def scenario(
     Parameters
     ----------
     figure
-        Number of a figure, 4 to 12; picks the scenario that shows it.
+        Number of a figure; from 4 on it picks the scenario that the figure shows.
     seed
         Seed of the start, the masses, the gains and who is informed.
     name
@@ -104,7 +106,14 @@ def scenario(
         Start within radius 3 at speeds up to 1; otherwise the paper's radius 10 and speeds up to 4.
     informed
         How many agents know the velocity or the acceleration, in the scenarios where only some do.
+
+    Raises
+    ------
+    InvalidInput
+        When the paper has no such figure, or there is no such scenario.
     """
+    check_figure(figure, LAST_FIGURE)
+    one_of("scenario", "name", name, SETTINGS)
     if figure is not None:
         shown = {9: "7", 12: "10"}.get(figure, str(figure))
         name = next((n for n, s in SETTINGS.items() if s.figure == shown), KEY)

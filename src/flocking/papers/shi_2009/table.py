@@ -7,7 +7,7 @@ from typing import Any
 
 from flocking.papers.shi_2009 import counterexamples, examples
 from flocking.papers.shi_2009.system import KEY, SETTINGS
-from flocking.study.equations import Row
+from flocking.study.equations import Erratum, Row, errata_of
 
 PAPER = "flocking.papers.shi_2009"
 
@@ -21,6 +21,7 @@ def equations() -> Sequence[Row]:
     law, energy = "flocking.model.law.Law", "flocking.model.energy.Energy"
     forms = f"{PAPER}.closed_forms"
     claims, figures = f"{PAPER}.theorems.claims", f"{PAPER}.pictures.figures"
+    stationary = "The argument shows that the forces balance: the limit is stationary, V^i need not be at its minimum."
     beta = "The alignment term is -sum w_ij (v^i - v^j); the printed sign drives velocities apart."
     table = [
         row(
@@ -62,10 +63,9 @@ def equations() -> Sequence[Row]:
         row(
             "depth of (3)",
             "remark",
-            "depth of the well of (3)",
+            "the well of (3) is 2 deep, whatever a is",
             f"{PAPER}.system.potential",
             examples.well_depth,
-            demonstration=counterexamples.depth_is_two,
         ),
         row(
             "V^i",
@@ -85,14 +85,23 @@ def equations() -> Sequence[Row]:
         row(
             "Theorem 1",
             "theorem",
-            "velocities approach v0, no collisions",
+            "velocities approach v0, no collisions, all V^i minimal",
             claims,
             examples.theorem(KEY),
-            demonstration=counterexamples.not_minimal,
+            reading=stationary,
+            demonstration=counterexamples.not_minimal(KEY),
         ),
         row("(6)", "equation", "error dynamics in the leader's frame", energy, examples.leader_frame_kinetic),
         row("(7)", "equation", "the law in the leader's frame", law, examples.law_in_leader_frame),
-        row("Theorem 2", "theorem", "errors approach zero", claims, examples.theorem(KEY)),
+        row(
+            "Theorem 2",
+            "theorem",
+            "errors approach zero, all V^i minimal",
+            claims,
+            examples.theorem(KEY),
+            reading=stationary,
+            demonstration=counterexamples.not_minimal(KEY),
+        ),
         row("J", "equation", "J in the leader's frame", energy, examples.energy_leader),
         row(
             "dJ",
@@ -166,12 +175,28 @@ def equations() -> Sequence[Row]:
             counterexamples.unequal_gains,
         ),
         row("(12)", "equation", "law without the acceleration", law, examples.law_12),
-        row("Theorem 4", "theorem", "velocities become the same", claims, examples.theorem(f"{KEY}-velocity-only")),
+        row(
+            "Theorem 4",
+            "theorem",
+            "velocities become the same, all V^i minimal",
+            claims,
+            examples.theorem(f"{KEY}-velocity-only"),
+            reading=stationary,
+            demonstration=counterexamples.not_minimal(f"{KEY}-velocity-only"),
+        ),
         row(
             "(13)", "equation", "centre of mass under (12)", f"{forms}.centre_motion", counterexamples.centre_under(12)
         ),
         row("(14)", "equation", "(12) in the centre-of-mass frame", law, examples.law_in_centre_frame),
-        row("Theorem 5", "theorem", "errors approach zero", claims, examples.theorem(f"{KEY}-velocity-only")),
+        row(
+            "Theorem 5",
+            "theorem",
+            "errors approach zero, all V^i minimal",
+            claims,
+            examples.theorem(f"{KEY}-velocity-only"),
+            reading=stationary,
+            demonstration=counterexamples.not_minimal(f"{KEY}-velocity-only"),
+        ),
         row(
             "Example 1",
             "example",
@@ -271,3 +296,8 @@ def equations() -> Sequence[Row]:
             examples.figure_numbers(f"{KEY}-partial"),
         ),
     )
+
+
+def errata() -> list[Erratum]:
+    """What the paper prints wrongly, each with a computed counter-example."""
+    return errata_of(equations())

@@ -54,6 +54,8 @@ MEASURES: dict[str, tuple[str, Measuring]] = {
     "connected_at_end": ("whether the graph is connected at the end", lambda e: e.flocks_at_end == 1),
     "disconnected_at": ("time at which the graph first falls apart", lambda e: _or_nan(e.first_disconnected)),
     "velocity_spread": ("largest difference from the mean velocity at the end", lambda e: float(e.velocity_spread[-1])),
+    "speed_spread": ("largest speed minus the smallest at the end",
+                     lambda e: observables.speed_spread(e.run.state(-1))),
     "order": ("length of the mean unit velocity at the end", lambda e: observables.order(e.run.state(-1))),
     "speed": ("largest speed at the end", lambda e: float(e.speeds[-1])),
     "diameter": ("largest distance of two agents at the end", lambda e: float(e.diameter[-1])),

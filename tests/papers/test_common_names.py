@@ -1,0 +1,51 @@
+"""What every paper offers under the same name, and how it refuses what it does not have."""
+
+from __future__ import annotations
+
+import pytest
+
+import flocking as fk
+from flocking.papers import KEYS, paper
+
+LAST = {"olfati-saber-2003": 9, "tanner-2003-fixed": 8, "tanner-2003-dynamic": 7, "zhou-2015": 14, "shi-2009": 12}
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_a_paper_has_the_common_names(key: str) -> None:
+    module = paper(key)
+    for name in ("scenario", "scenarios", "claims", "figure", "figures", "equations", "errata"):
+        assert callable(getattr(module, name)), name
+    assert {module.KEY, module.TITLE, module.AUTHORS}
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_errata_are_the_rows_that_are_wrong(key: str) -> None:
+    wrong = {f"{r.number}: {r.title}" for r in paper(key).equations() if r.demonstration is not None}
+    assert wrong <= {erratum.statement for erratum in paper(key).errata()}
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_every_row_that_is_not_as_printed_says_why(key: str) -> None:
+    silent = [r.number for r in paper(key).equations() if r.demonstration is not None and not r.reading]
+    assert not silent
+
+
+@pytest.mark.parametrize("key", KEYS)
+@pytest.mark.parametrize("beyond", [0, 1])
+def test_a_figure_the_paper_lacks_is_refused(key: str, beyond: int) -> None:
+    number = LAST[key] + 1 if beyond else 0
+    with pytest.raises(fk.InvalidInput, match="figure"):
+        paper(key).scenario(figure=number)
+    paper(key).scenario(figure=LAST[key])
+
+
+def test_a_scenario_shi_lacks_is_refused() -> None:
+    with pytest.raises(fk.InvalidInput, match="name"):
+        fk.papers.shi_2009.scenario(name="shi-2010")
+
+
+def test_the_theorems_of_one_conclusion_have_one_verdict() -> None:
+    rows = {r.number: r for r in fk.papers.shi_2009.equations()}
+    kept = [rows[f"Theorem {k}"] for k in (1, 2, 4, 5)]
+    assert all(row.verdict()[0] == "wrong" and row.reading for row in kept)
+    assert rows["depth of (3)"].verdict()[0] == "as printed"
