@@ -1,8 +1,10 @@
-"""Settings shared by all tests: one profile for drawn examples, and no slow sessions by accident."""
+"""Settings shared by all tests: one profile for drawn examples, no slow sessions by accident, counts at the end."""
 
 from __future__ import annotations
 
 from hypothesis import HealthCheck, settings
+
+from tests.counting import _counts_are_told, pytest_terminal_summary  # noqa: F401 - pytest finds them here
 
 settings.register_profile(
     "project",

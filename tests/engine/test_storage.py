@@ -24,6 +24,7 @@ from flocking.engine.storage import read_run, write_run
 from flocking.errors import InvalidInput, StorageError
 from flocking.model.serial import to_data
 from flocking.model.terms import PairTerm
+from tests.counting import count
 from tests.engine.stored_runs import assert_same, finished, scenario
 
 
@@ -176,6 +177,7 @@ def test_a_damaged_chunk_is_named_and_the_frames_before_stay(tmp_path: Path, arr
     else:
         data[len(data) // 2] ^= 0x10
         chunk.write_bytes(data[: len(data) // 2] if harm == "cut" else data)
+    count("runs on disk: files damaged")
     with pytest.raises(StorageError, match=r"damaged.*frames=\d+") as caught:
         read_run(tmp_path / "run")
     assert "frame" in str(caught.value)
@@ -191,6 +193,7 @@ def test_a_damaged_chunk_is_named_and_the_frames_before_stay(tmp_path: Path, arr
 def test_a_damaged_table_is_named(folder: Path, name: str) -> None:
     chunk = next(c for c in (folder / name / "c").rglob("*") if c.is_file())
     chunk.unlink()
+    count("runs on disk: files damaged")
     with pytest.raises(StorageError, match="damaged"):
         read_run(folder)
 
@@ -372,6 +375,7 @@ def test_whatever_is_damaged_is_noticed(written: Path, tmp_path: Path) -> None:
             (folder / file).write_bytes(data[: rng.integers(len(data))])
         else:
             (folder / file).unlink()
+        count("runs on disk: files damaged")
         try:
             run = read_run(folder)
         except StorageError:

@@ -16,6 +16,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 from flocking.errors import FlockingError
+from tests.counting import count, counted
 
 DEADLINE = 20.0
 """Seconds a case may take on a busy machine."""
@@ -23,10 +24,11 @@ DEADLINE = 20.0
 ROOM = 2 * 2**30
 """Address space in bytes that a case may ask for beyond what the process has."""
 
-tried: dict[str, int] = {}
-"""Cases tried, by kind."""
-
-DEFAULT = {"files": 120, "formulas": 80, "constructors": 150, "calls": 50, "commands": 60, "stored runs": 40}
+DEFAULT = {
+    "files": 120, "formulas": 80, "constructors": 150, "calls": 50, "commands": 60, "stored runs": 40,
+    "sweep files": 60, "stored sweeps": 60,
+}  # fmt: skip
+"""Cases of each kind in the default tests."""
 SLOW_FACTOR = 20
 
 
@@ -37,7 +39,7 @@ class HangError(Exception):
 @contextlib.contextmanager
 def guarded(kind: str) -> Iterator[None]:
     """Run a case: errors of the library's family are fine, everything else goes through as a failure."""
-    tried[kind] = tried.get(kind, 0) + 1
+    count(f"fuzz: {kind}")
 
     def ring(*_: object) -> None:
         raise HangError(f"longer than {DEADLINE} s")
@@ -88,14 +90,14 @@ def fuzz(kind: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
 
     def make(function: Callable[..., None]) -> Callable[..., None]:
         @pytest.mark.parametrize(
-            "count", [DEFAULT[kind], pytest.param(SLOW_FACTOR * DEFAULT[kind], marks=pytest.mark.slow)]
+            "cases", [DEFAULT[kind], pytest.param(SLOW_FACTOR * DEFAULT[kind], marks=pytest.mark.slow)]
         )
-        def test(count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        def test(cases: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             monkeypatch.chdir(tmp_path)
-            before = tried.get(kind, 0)
+            before = counted[f"fuzz: {kind}"]
 
             @settings(
-                max_examples=count,
+                max_examples=cases,
                 deadline=None,
                 suppress_health_check=list(HealthCheck),
                 database=None,
@@ -106,7 +108,7 @@ def fuzz(kind: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
                 function(data, tmp_path)
 
             run()
-            assert tried.get(kind, 0) - before >= count
+            assert counted[f"fuzz: {kind}"] - before >= cases
 
         test.__doc__ = function.__doc__
         return test

@@ -21,6 +21,13 @@ graph = {kind = "hysteresis", radius = 4, gap = 0.1}
 terms = [{kind = "gradient", formula = "1/r + 1/(R - r)", parameters = {R = 4}}, {kind = "consensus"}]
 start = {q = [[0, 0], [1, 0]]}
 """
+SWEEP = """
+scenario = "zhou-2015"
+seeds = 2
+measures = ["connected"]
+[options]
+duration = 0.1
+"""
 COMMANDS = [
     "run",
     "resume",
@@ -34,6 +41,7 @@ COMMANDS = [
     "equations",
     "list",
     "schema",
+    "sweep",
 ]
 WORDS = st.sampled_from(
     [
@@ -41,6 +49,8 @@ WORDS = st.sampled_from(
         "saved",
         "saved/position",
         "bad.toml",
+        "sweep.toml",
+        "swept",
         "absent",
         ".",
         "/dev/null",
@@ -81,6 +91,9 @@ OPTIONS = st.sampled_from(
         "--seconds",
         "--theme",
         "--most-agents",
+        "--most-runs",
+        "--level",
+        "--sweep",
         "--nonsense",
         "--seed=",
         "--follow",
@@ -119,12 +132,15 @@ def test_commands(data: Any, folder: Path) -> None:
         write_run(finished(), room / "saved")
         (room / "quick.toml").write_text(QUICK)
         (room / "bad.toml").write_text("t_end = [[[")
+        (room / "sweep.toml").write_text(SWEEP)
     words = [data.draw(st.sampled_from([*COMMANDS, *COMMANDS, *COMMANDS, "", "ru", "reproduce"]))]
     words += data.draw(st.lists(WORDS | WORDS | FORMULAS, max_size=2))
     for _ in range(data.draw(st.integers(0, 2))):
         words += [data.draw(OPTIONS), *([data.draw(VALUES)] if data.draw(st.booleans()) else [])]
     if words[0] in ("reproduce", "equations"):  # these compute for minutes when all is well
         words.append("no-such-paper")
+    if words[0] == "sweep":  # processes of its own take a second to start
+        words += ["--workers", "1"]
     before = files_below(folder)
     with pytest.MonkeyPatch.context() as patch, guarded("commands"):
         patch.chdir(room)
@@ -140,6 +156,6 @@ def test_commands(data: Any, folder: Path) -> None:
 
 def test_every_command_is_fuzzed() -> None:
     names = {name for name in command_line() if not name.startswith("-")}
-    apart = {"reproduce", "sweep", "lab", "dashboard"}
+    apart = {"reproduce", "lab", "dashboard"}
     assert set(COMMANDS) <= names
     assert names - set(COMMANDS) <= apart

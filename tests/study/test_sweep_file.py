@@ -1,12 +1,7 @@
 """Sweep files: every fault at once, limits, and files that mean harm."""
 
-import json
-import tomllib
-
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 import flocking as fk
 from flocking.papers.families import families
@@ -232,26 +227,6 @@ def test_an_unknown_study_is_told():
         study("zhou-bond")
 
 
-VALUES = st.recursive(
-    st.none().map(lambda _: "soon")
-    | st.booleans()
-    | st.integers(-(10**30), 10**30)
-    | st.floats(allow_nan=True, allow_infinity=True)
-    | st.text(max_size=12)
-    | st.sampled_from(["zhou-2015", "side", "__import__('os')", "x" * 3000, "sobol", "../..", "start.n", "flocks"]),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3),
-    max_leaves=6,
-)
-BASES = [tomllib.loads(text) for text in (OF_A_PAPER, WRITTEN)]
-
-
-def places(table, path=()):
-    yield path
-    children = table.items() if isinstance(table, dict) else enumerate(table) if isinstance(table, list) else ()
-    for key, child in children:
-        yield from places(child, (*path, key))
-
-
 def refusal(text, **limits):
     """The message of a file that is refused; anything but a refusal goes through."""
     try:
@@ -261,32 +236,3 @@ def refusal(text, **limits):
     assert 1 <= file.plan.size <= limits.get("most_runs", 100_000)
     assert file.measures
     return None
-
-
-@settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
-@given(data=st.data())
-def test_mutated_files_are_read_or_refused_in_plain_words(data):
-    from flocking.study.toml_text import toml_text
-
-    table = json.loads(json.dumps(data.draw(st.sampled_from(BASES))))
-    for _ in range(data.draw(st.integers(1, 3))):
-        *path, last = data.draw(st.sampled_from([p for p in places(table) if p]))
-        owner = table
-        for key in path:
-            owner = owner[key]
-        action = data.draw(st.sampled_from(["replace", "remove", "add"]))
-        if action == "remove":
-            del owner[last]
-        elif action == "add" and isinstance(owner, dict):
-            owner[data.draw(st.text(min_size=1, max_size=8))] = data.draw(VALUES)
-        else:
-            owner[last] = data.draw(VALUES)
-    told = refusal(toml_text(table))
-    assert told is None or ("\n  " in told and "Traceback" not in told and "pydantic" not in told)
-
-
-@settings(max_examples=100, deadline=None)
-@given(text=st.text(max_size=200) | st.binary(max_size=200).map(lambda b: b.decode("latin-1")))
-def test_any_text_is_read_or_refused(text):
-    with pytest.raises(SweepFileError):
-        parse_sweep(text, FAMILIES)
