@@ -10,6 +10,8 @@ import numpy as np
 from flocking.engine.lammps.pairs import numbers
 from flocking.engine.lammps.printing import variable
 from flocking.engine.layout import DAMPING, MASS, Layout
+from flocking.model.leaders import Sink
+from flocking.model.obstacles import Ball
 
 if TYPE_CHECKING:
     import sympy
@@ -19,6 +21,9 @@ if TYPE_CHECKING:
 AXES = "xyz"
 MOST_GROUPS = 24
 """Dynamic groups of agents near obstacles; LAMMPS knows 32 groups in all."""
+
+MARGIN = 1e-6
+"""Regions about round obstacles reach this share of their radius further than the forces."""
 
 
 @dataclass
@@ -103,7 +108,7 @@ def _encounters(deck: BodyDeck, formulas: LawFormulas, layout: Layout, P: Any, n
     import sympy
 
     m, rows = formulas.dimension, layout.obstacle_rows()
-    met: list[tuple[str, float]] = []
+    met: list[tuple[str, float, Any]] = []
     for number, (term, group) in enumerate(layout.encounters()):
         stages = formulas.encounters[number].geometry
         wanted = _needed(formulas.encounters[number])
@@ -123,17 +128,33 @@ def _encounters(deck: BodyDeck, formulas: LawFormulas, layout: Layout, P: Any, n
             for k, f in enumerate(formulas.encounters[number].force):
                 inside = names.text(f.xreplace(table), P, own)
                 deck.lines.append(f'variable {prefix}{AXES[k]} atom "ternary({near}, {inside}, 0)"')
-            met.append((prefix, term.range))
+            met.append((prefix, term.range, group.obstacles[column]))
     chunks = np.array_split(np.arange(len(met)), min(MOST_GROUPS, len(met))) if met else []
     for number, chunk in enumerate(chunks):
         some = [met[k] for k in chunk]
-        condition = " || ".join(f"(v_{prefix}distance < {reach!r})" for prefix, reach in some)
-        deck.lines.append(f'variable near{number} atom "{condition}"')
-        deck.lines.append(f"group near{number} dynamic all var near{number} every 1")
+        deck.lines += _near(f"near{number}", some)
         for k in range(m):
-            total = "+".join(f"v_{prefix}{AXES[k]}" for prefix, _ in some)
+            total = "+".join(f"v_{prefix}{AXES[k]}" for prefix, *_ in some)
             deck.lines.append(f'variable avoid{number}_{AXES[k]} atom "{total}"')
         deck.lines.append(f"fix avoid{number} near{number} addforce {_vector(f'avoid{number}_', m)}")
+
+
+def _near(name: str, some: list[tuple[str, float, Any]]) -> list[str]:
+    """A dynamic group that holds all agents within range of some obstacles."""
+    if all(isinstance(obstacle, Ball) and isinstance(obstacle.centre, Sink) for _, _, obstacle in some):
+        # Regions are tested much faster than formulas; the forces themselves end exactly at the range.
+        regions = []
+        for prefix, reach, ball in some:
+            x, y, z = (*(float(c) for c in ball.centre.point), 0.0)[:3]
+            radius = (ball.radius + reach) * (1.0 + MARGIN)
+            regions.append(f"region {prefix}region sphere {x!r} {y!r} {z!r} {radius!r}")
+        union = regions[0].split()[1]
+        if len(some) > 1:
+            union = f"{name}_region"
+            regions.append(f"region {union} union {len(some)} " + " ".join(line.split()[1] for line in regions))
+        return [*regions, f"group {name} dynamic all region {union} every 1"]
+    condition = " || ".join(f"(v_{prefix}distance < {reach!r})" for prefix, reach, _ in some)
+    return [f'variable {name} atom "{condition}"', f"group {name} dynamic all var {name} every 1"]
 
 
 def _needed(encounter: Any) -> set[str]:
