@@ -6,7 +6,9 @@ import json
 import os
 import signal
 import sys
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import zarr  # noqa: F401 - imported before forking, so that a writer starts at once
@@ -15,8 +17,9 @@ import flocking as fk
 from flocking.engine import saving
 from flocking.engine.run_writer import RunWriter
 from flocking.model.checks import Array
+from tests.engine.tiles.laws import saber
 
-AGENTS = 20_000
+AGENTS = 100_000
 
 
 def frame(k: int) -> tuple[Array, Array]:
@@ -26,7 +29,7 @@ def frame(k: int) -> tuple[Array, Array]:
 
 
 def large() -> fk.Scenario:
-    """A scenario whose frames take 640 kB."""
+    """A scenario whose frames take 3.2 MB."""
     return fk.Scenario(fk.Law(fk.Proximity(0.01), [fk.Consensus(1.0)]), fk.State(frame(0)[0]), t_end=1e6)
 
 
@@ -53,6 +56,22 @@ def simulate(folder: Path) -> None:
     fk.simulate(scenario(), save=folder, progress=False)
 
 
+@cache
+def crowd() -> fk.Scenario:
+    """A hundred thousand agents that meet, link and part under the structural law; a frame takes 3.2 MB."""
+    begin = fk.start.hexagonal(AGENTS, spacing=0.9, noise=0.05, speed=1.0, seed=7)
+    return fk.Scenario(saber(), begin, t_end=0.08, frames=9, name="crowd", seed=7)
+
+
+CROWDED: dict[str, Any] = {"engine": "tiles", "step": 0.005, "observe": True, "threads": 2}
+
+
+def tiles(folder: Path) -> None:
+    """Run the crowd with a commit at every stop."""
+    saving.COMMIT_SECONDS = 0.0
+    fk.simulate(crowd(), save=folder, progress=False, **CROWDED)
+
+
 def main() -> None:
     """Answer until the input ends."""
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)
@@ -60,7 +79,7 @@ def main() -> None:
         what, folder = json.loads(line)
         child = os.fork()
         if child == 0:
-            {"frames": write_frames, "simulate": simulate}[what](Path(folder))
+            {"frames": write_frames, "simulate": simulate, "tiles": tiles}[what](Path(folder))
             os._exit(0)
         print(child, flush=True)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -17,9 +18,11 @@ import xarray
 
 import flocking as fk
 from flocking.engine.durable import PARTIAL
+from flocking.engine.run import Run
 from flocking.engine.run_writer import RunWriter
 from flocking.engine.storage import read_run
 from flocking.errors import StorageError
+from tests.counting import count as tell
 from tests.engine import storage_victim
 from tests.engine.stored_runs import assert_same, finished
 
@@ -90,6 +93,7 @@ def kill_while_frames_are_written(start: Start, place: Path, instants: int, seed
         process = start("frames", folder)
         time.sleep(rng.uniform(0.0, 0.8))
         kill(process)
+        tell("runs on disk: writers killed")
         if not folder.exists():
             assert committed(folder) == 0
             with pytest.raises(StorageError, match="no run here"):
@@ -97,6 +101,7 @@ def kill_while_frames_are_written(start: Start, place: Path, instants: int, seed
             found.append((0, 0))
             continue
         count = check_frames(folder, committed(folder))
+        tell("runs on disk: committed frames checked", count)
         traces = len(list(folder.rglob("*" + PARTIAL)))
         shape = json.loads((folder / "position" / "zarr.json").read_text())["shape"][0]
         found.append((count, traces + (shape > count)))
@@ -121,14 +126,65 @@ def kill_while_a_session_runs(start: Start, place: Path, instants: int, seed: in
             time.sleep(0.001)
         time.sleep(rng.uniform(0.0, 1.5))
         kill(process)
+        tell("runs on disk: simulations killed and gone on with")
         stored = read_run(folder)
         for name in ("t", "q", "p", "links", "switches", "trace"):
             part, whole = getattr(stored, name), getattr(finished(), name)
             assert part.tobytes() == whole[: len(part)].tobytes(), name
+        tell("runs on disk: committed frames checked", len(stored.t))
         found.append(len(stored.t))
         assert_same(fk.resume(folder, progress=False), finished())
         assert_same(read_run(folder), finished())
     return found
+
+
+@pytest.fixture(scope="module")
+def whole() -> Run:
+    """The crowd, run to its end in memory, by another number of threads."""
+    return fk.simulate(storage_victim.crowd(), progress=False, **{**storage_victim.CROWDED, "threads": 1})
+
+
+def kill_while_a_crowd_runs(start: Start, whole: Run, place: Path, instants: int, seed: int) -> list[tuple[int, int]]:
+    """Kill so many runs of 100,000 agents and go on with each: frames committed, and whether the kill left traces."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for k in range(instants):
+        folder = place / f"crowd{k}"
+        process = start("tiles", folder)
+        while not folder.exists():
+            time.sleep(0.001)
+        time.sleep(rng.uniform(0.0, 1.3))
+        kill(process)
+        tell("runs on disk: simulations killed and gone on with")
+        traces = len(list(folder.rglob("*" + PARTIAL)))
+        shape = json.loads((folder / "position" / "zarr.json").read_text())["shape"][0]
+        assert_begins(read_run(folder), whole)
+        count = xarray.open_zarr(folder).sizes["time"]
+        tell("runs on disk: committed frames checked", count)
+        found.append((count, traces + (shape > count)))
+        assert_whole(fk.resume(folder, progress=False, threads=1 + k % 3), whole)
+        assert not list(folder.rglob("*" + PARTIAL))
+        shutil.rmtree(folder)
+    return found
+
+
+CROWD_RECORDS = ("t", "q", "p", "trace", "observables")
+
+
+def assert_begins(part: Run, whole: Run) -> None:
+    """What is stored is the beginning of the whole run, bit for bit."""
+    for name in CROWD_RECORDS:
+        x, y = getattr(part, name), getattr(whole, name)
+        assert x.tobytes() == y[: len(x)].tobytes(), name
+
+
+def assert_whole(run: Run, whole: Run) -> None:
+    """Equal in every bit."""
+    for name in CROWD_RECORDS:
+        x, y = getattr(run, name), getattr(whole, name)
+        assert (x.shape, x.dtype) == (y.shape, y.dtype), name
+        assert x.tobytes() == y.tobytes(), name
+    assert (run.status, run.closest, run.provenance) == (whole.status, whole.closest, whole.provenance)
 
 
 def test_killed_while_writing_at_10_instants(start: Start, tmp_path: Path) -> None:
@@ -139,6 +195,20 @@ def test_killed_while_writing_at_10_instants(start: Start, tmp_path: Path) -> No
 
 def test_killed_simulations_go_on(start: Start, tmp_path: Path) -> None:
     kill_while_a_session_runs(start, tmp_path, 2, seed=12)
+
+
+def test_killed_crowds_go_on_at_10_instants(start: Start, whole: Run, tmp_path: Path) -> None:
+    found = kill_while_a_crowd_runs(start, whole, tmp_path, 10, seed=15)
+    assert sum(0 < count < 9 for count, _ in found) > 3, "most kills came amid the run"
+    assert any(traces for _, traces in found), "some kill fell while a frame was written"
+
+
+@pytest.mark.slow
+def test_killed_crowds_go_on_at_200_instants(start: Start, whole: Run, tmp_path: Path) -> None:
+    found = kill_while_a_crowd_runs(start, whole, tmp_path, 200, seed=16)
+    print(f"{len(found)} kills, {sum(t > 0 for _, t in found)} of them while a frame was written")
+    assert sum(traces > 0 for _, traces in found) > 30
+    assert len({count for count, _ in found}) > 5
 
 
 @pytest.mark.slow
