@@ -51,12 +51,12 @@ $(CLUSTER_READY): $(READY)
 	$(BIN)/python -m pip install --quiet --editable '.[cluster]'
 	@touch $@
 
-# The live lab in a real browser: Debian's Chromium, installed where it is missing. Screenshots go to out/lab.
+# The live lab and films in a real browser: Debian's Chromium, installed where it is missing. Screenshots go to out/lab.
 test-browser: $(BROWSER_READY)
 	@command -v chromium >/dev/null || command -v chromium-browser >/dev/null || command -v google-chrome >/dev/null || \
 		{ apt-get update -qq && apt-get install -y -qq chromium; } || \
 		{ echo "make test-browser needs Chromium: install it and run this again."; exit 1; }
-	$(BIN)/python -m pytest -m browser -p no:xdist tests/lab $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -m browser -p no:xdist tests/lab tests/show $(PYTEST_ARGS)
 
 $(BROWSER_READY): $(READY)
 	$(BIN)/python -m pip install --quiet --editable '.[browser]'

@@ -1,3 +1,4 @@
+import os
 import subprocess
 import sys
 
@@ -141,14 +142,34 @@ def test_gif_has_the_frames_asked_for(run, synthetic, tmp_path):
 
 
 def test_films_need_a_known_suffix_and_ffmpeg_for_mp4(run, tmp_path, monkeypatch):
-    from matplotlib.animation import FFMpegWriter
-
     with pytest.raises(fk.InvalidInput, match="must end in"):
         fk.animate(run, tmp_path / "film.avi")
-    monkeypatch.setattr(FFMpegWriter, "isAvailable", classmethod(lambda cls: False))
-    with pytest.raises(fk.InvalidInput, match="ffmpeg"):
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(fk.InvalidInput, match=r"Install ffmpeg .*, or write a \.gif"):
         fk.animate(run, tmp_path / "film.mp4")
+    assert list(tmp_path.iterdir()) == []
     assert fk.animate(run, tmp_path / "film", fps=1, seconds=1, size=1, dpi=40).suffix == ".gif"
+
+
+def test_mp4_is_written_by_the_ffmpeg_at_hand(run, tmp_path, monkeypatch):
+    """A stand-in keeps what it is told and fed: MP4 is chosen, at the rate and of the pictures asked for."""
+    from matplotlib import rcParams
+
+    fake = tmp_path / "ffmpeg"
+    fake.write_text(f'#!/bin/sh\necho "$@" > {tmp_path}/told\nfor last; do :; done\ncat > "$last"\n')
+    fake.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    before = rcParams["animation.ffmpeg_path"]
+    path = fk.animate(run, tmp_path / "film", fps=5, seconds=0.8, size=2, dpi=51)
+    assert path == tmp_path / "film.mp4"
+    told = (tmp_path / "told").read_text()
+    assert "-s 102x102" in told
+    assert "-framerate 5" in told
+    assert "yuv420p" in told  # what browsers play
+    assert path.stat().st_size == 4 * 102 * 102 * 4
+    assert rcParams["animation.ffmpeg_path"] == before
 
 
 def test_declared_figures_draw_from_a_run(run, led, psi, part):

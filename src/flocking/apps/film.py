@@ -6,21 +6,29 @@ from pathlib import Path
 
 from flocking.engine.run import Run
 
-FILM = "film.gif"
+FILM = "film"
 SECONDS = 5.0
 RATE = 10
 
 
-def write_film(run: Run, path: Path) -> Path:
-    """Write a small film of a run, as long whatever the run's own time.
+def write_film(run: Run, folder: Path) -> Path:
+    """Write a small film of a run, as long whatever the run's own time: MP4 where ffmpeg is installed, else GIF.
 
     Parameters
     ----------
     run
         A run of at least two frames.
-    path
-        File to write, ending in ``.gif``.
+    folder
+        Where ``film.mp4`` or ``film.gif`` goes; the other one, of an earlier run, is removed.
     """
     from flocking.show.animate import animate
 
-    return animate(run, path, fps=RATE, seconds=SECONDS, follow=True, size=3.6, dpi=80, trails=False)
+    written = animate(run, folder / FILM, fps=RATE, seconds=SECONDS, follow=True, size=3.6, dpi=100, trails=False)
+    for suffix in {".mp4", ".gif"} - {written.suffix}:
+        written.with_suffix(suffix).unlink(missing_ok=True)
+    return written
+
+
+def film_in(folder: Path) -> Path | None:
+    """The film in a folder, or None."""
+    return next((film for film in (folder / f"{FILM}.mp4", folder / f"{FILM}.gif") if film.exists()), None)

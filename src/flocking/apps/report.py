@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 from collections import Counter
 from collections.abc import Iterable
 from html import escape
@@ -10,14 +9,22 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from flocking.apps.film import FILM
+from flocking.apps.film import film_in
 from flocking.apps.findings import Reproduction
+from flocking.apps.report_claims import card, cited, claims_beside_pictures, embedded, place_of
+from flocking.apps.report_formulas import formulas
 from flocking.apps.report_style import STYLE
-from flocking.apps.tables import short
 from flocking.engine.run import Run
 from flocking.model.potentials import Potential
 from flocking.model.terms import Gradient
 from flocking.study.audit import Judgement
+from flocking.study.claims import Verdict
+
+CLAIMS = "claims"
+"""Folder of a paper that holds the pictures drawn for its claims."""
+
+COUNTED = ("claims", "hold", "fail", "undecided", "as expected", "statements refuted")
+"""What the summary counts for each paper."""
 
 
 def write_report(found: Reproduction, modules: dict[str, ModuleType], out: Path) -> Path:
@@ -37,15 +44,25 @@ def write_report(found: Reproduction, modules: dict[str, ModuleType], out: Path)
     Path
         The report.
     """
-    sections = []
-    for key, module in modules.items():
-        film = out / key / FILM
-        filmed = next(iter(module.scenarios())) in found.runs and film.exists()
-        sections.append(_paper(key, module, found, film if filmed else None))
+    sections = [_paper(key, module, found, out) for key, module in modules.items()]
     text = _page(_summary(found, modules) + "".join(sections) + _provenance(found))
     path = out / "report.html"
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def figures_of(module: ModuleType, name: str) -> dict[str, str]:
+    """Captions of the figures that are drawn from a scenario, by number.
+
+    Parameters
+    ----------
+    module
+        The paper.
+    name
+        Name of the scenario.
+    """
+    first = next(iter(module.scenarios()))
+    return {str(k): f.caption for k, f in module.figures().items() if (f.scenario or first) == name}
 
 
 def _page(body: str) -> str:
@@ -63,43 +80,87 @@ def _all(found: Reproduction) -> list[Judgement]:
 
 def _summary(found: Reproduction, modules: dict[str, ModuleType]) -> str:
     judged = _all(found)
-    counts = Counter(str(j.verdict) for j in judged)
-    odd = [j for j in judged if not j.as_expected]
-    seeds = max((j.tried for j in judged), default=0)
+    counts = Counter(j.verdict for j in judged)
     refuted = sum(len(rows) for rows in found.errata.values())
     numbers = [
         (str(len(judged)), "claims judged"),
-        (str(counts["holds"]), "hold"),
-        (str(counts["fails"]), "fail"),
+        (str(counts[Verdict.HOLDS]), "hold"),
+        (str(counts[Verdict.FAILS]), "fail"),
+        (str(len(judged) - counts[Verdict.HOLDS] - counts[Verdict.FAILS]), "undecided"),
         (str(refuted), "printed statements refuted"),
-        (str(seeds), "seeds a scenario"),
+        (str(max((j.tried for j in judged), default=0)), "seeds a scenario"),
         (f"{found.seconds:.0f} s", "computing time"),
     ]
     boxes = "".join(f"<div><b>{escape(value)}</b>{escape(name)}</div>" for value, name in numbers)
-    verdict = (
-        "Every claim came out as fixed before the runs."
-        if not odd
-        else f"{len(odd)} claims came out other than fixed before the runs; they are framed below."
-    )
-    links = "".join(f'<a href="#{escape(key)}">{escape(_name(module))}</a>' for key, module in modules.items())
+    rows = "".join(_paper_row(key, module, found) for key, module in modules.items())
+    head = _head("paper", *COUNTED)
     return (
         "<h1>Flocking control: the papers, reproduced</h1>\n"
         f'<p class="dim">What each theorem claims, whether it holds in its own simulations, by what margin, and where '
-        f'the papers err.</p>\n<div class="numbers">{boxes}</div>\n<p>{escape(verdict)}</p>\n<nav>{links}</nav>\n'
+        f'the papers err.</p>\n<div class="numbers">{boxes}</div>\n<p>{escape(_outcome(judged))}</p>\n'
+        f"{_table(head, rows)}{_failing(found)}"
     )
+
+
+def _outcome(judged: list[Judgement]) -> str:
+    odd = sum(not j.as_expected for j in judged)
+    if not odd:
+        return "Every claim came out as fixed before the runs."
+    untested = sum(j.verdict == Verdict.UNTESTED for j in judged)
+    few = (
+        f" {untested} are untested: a verdict needs five seeds that meet the hypothesis, the reproduction tries ten "
+        "unless told otherwise."
+        if untested
+        else ""
+    )
+    claims = "1 claim" if odd == 1 else f"{odd} claims"
+    return f"{claims} came out other than fixed before the runs, framed below.{few}"
+
+
+def _paper_row(key: str, module: ModuleType, found: Reproduction) -> str:
+    judged = [j for name in module.scenarios() for j in found.judgements[name]]
+    holds, fails = (sum(j.verdict == v for j in judged) for v in (Verdict.HOLDS, Verdict.FAILS))
+    counted = (len(judged), holds, fails, len(judged) - holds - fails, sum(j.as_expected for j in judged))
+    cells = (*counted, len(found.errata.get(key, [])))
+    counts = "".join(f'<td class="count" data-name="{name}">{n}</td>' for name, n in zip(COUNTED, cells, strict=True))
+    return f'<tr><td><a href="#{escape(key)}">{escape(_name(module))}</a></td>{counts}</tr>'
+
+
+def _failing(found: Reproduction) -> str:
+    """What fails, once for each statement, with links to where it does."""
+    places: dict[tuple[str, str], list[tuple[str, Judgement]]] = {}
+    for name, judgements in found.judgements.items():
+        for j in judgements:
+            if j.verdict == Verdict.FAILS:
+                places.setdefault((j.claim.statement, j.claim.source), []).append((name, j))
+    if not places:
+        return ""
+    items = []
+    for (statement, source), where in places.items():
+        links = ", ".join(f'<a href="#{escape(place_of(n, j))}">{escape(n)}</a>' for n, j in where)
+        items.append(f'<li>{escape(statement)} <span class="dim">{escape(source)}</span>: {links}</li>')
+    return f"<h3>Claimed, and not so</h3>\n<ul>{''.join(items)}</ul>\n"
 
 
 def _name(module: ModuleType) -> str:
     return f"{module.AUTHORS.split(',')[0].split()[-1]} {module.YEAR}: {module.TITLE}"
 
 
-def _paper(key: str, module: ModuleType, found: Reproduction, film: Path | None) -> str:
+def _paper(key: str, module: ModuleType, found: Reproduction, out: Path) -> str:
     about = f"{escape(module.AUTHORS)}, {module.YEAR}"
     parts = [f'<h2 id="{escape(key)}">{escape(module.TITLE)}</h2>\n<p class="dim">{about}</p>\n']
     parts.append(_formulas(found, module))
+    drawn = {p.stem.removeprefix("figure-"): p for p in found.figures if p.parent.name == key and p.suffix == ".svg"}
+    told: set[str] = set()
     for name in module.scenarios():
-        parts.append(f"<h3>{escape(name)}</h3>\n{_claims(found.judgements[name])}")
-    parts.append("<h3>Figures</h3>\n" + _figures(key, module, found.figures, film))
+        judgements = found.judgements[name]
+        figures = {n: (drawn[n], caption) for n, caption in figures_of(module, name).items() if n in drawn}
+        told |= cited(judgements, figures)
+        beside = claims_beside_pictures(name, judgements, out / key / CLAIMS, figures)
+        parts.append(f'<h3>{escape(name)}</h3>\n<div class="groups">\n{beside}</div>\n')
+    filmed = next(iter(module.scenarios())) in found.runs
+    rest = {n: path for n, path in drawn.items() if n not in told}
+    parts.append(_figures(module, rest, film_in(out / key) if filmed else None))
     parts.append(_errata(found.errata.get(key, [])))
     parts.append(_equations(module))
     return "".join(parts)
@@ -112,28 +173,7 @@ def _formulas(found: Reproduction, module: ModuleType) -> str:
         for term in run.scenario.law.pair_terms:
             if isinstance(term, Gradient):
                 shown.setdefault(term.potential.formula.structure, term.potential)
-    return "".join(f'<div class="formula">{mathml(psi)}</div>\n' for psi in shown.values())
-
-
-def mathml(potential: Potential) -> str:
-    """A potential and its slope as MathML, which browsers typeset by themselves.
-
-    Parameters
-    ----------
-    potential
-        The potential.
-    """
-    import sympy
-    from sympy.printing.mathml import mathml as print_mathml
-
-    r, psi = potential.symbolic()
-    value, slope = (print_mathml(e, printer="presentation") for e in (psi, sympy.diff(psi, r)))
-    name = "<mi>&#968;</mi><mo>(</mo><mi>r</mi><mo>)</mo>"
-    prime = "<msup><mi>&#968;</mi><mo>&#8242;</mo></msup><mo>(</mo><mi>r</mi><mo>)</mo>"
-    return (
-        f'<math display="block"><mrow>{name}<mo>=</mo>{value}</mrow></math>'
-        f'<math display="block"><mrow>{prime}<mo>=</mo>{slope}</mrow></math>'
-    )
+    return "".join(f'<div class="formula">{formulas(psi)}</div>\n' for psi in shown.values())
 
 
 def _table(head: str, rows: Iterable[str]) -> str:
@@ -145,49 +185,19 @@ def _head(*names: str) -> str:
     return "<tr>" + "".join(f"<th>{name}</th>" for name in names) + "</tr>"
 
 
-def _claims(judgements: Iterable[Judgement]) -> str:
-    head = _head("verdict", "claim", "source", "held / met / tried", "worst margin", "measured")
-    rows = []
-    for j in judgements:
-        kind = str(j.verdict) if str(j.verdict) in ("holds", "fails") else "other"
-        frame = "" if j.as_expected else "odd"
-        expected = "" if j.as_expected else f'<br><span class="dim">expected: {escape(str(j.claim.expected))}</span>'
-        reason = f'<br><span class="dim">{escape(j.claim.reason)}</span>' if j.claim.reason else ""
-        rows.append(
-            f'<tr><td class="verdict {kind}"><span class="{frame}">{escape(str(j.verdict))}</span>{expected}</td>'
-            f"<td>{escape(j.claim.statement)}{reason}</td>"
-            f'<td data-name="source">{escape(j.claim.source)}</td>'
-            f'<td class="count" data-name="held / met / tried">{j.held} / {j.met} / {j.tried}</td>'
-            f'<td class="count" data-name="worst margin">{escape(short(j.worst.margin))}</td>'
-            f'<td data-name="measured">{escape(j.worst.note)}</td></tr>'
-        )
-    return (
-        f'<div class="scroll"><table class="claims"><thead>{head}</thead><tbody>{"".join(rows)}</tbody></table></div>\n'
-    )
-
-
-def _figures(key: str, module: ModuleType, drawn: Iterable[Path], film: Path | None) -> str:
-    captions = {f"figure-{number}": (number, f.caption) for number, f in module.figures().items()}
-    cards = []
-    for path in drawn:
-        if path.parent.name != key or path.suffix != ".svg" or path.stem not in captions:
-            continue
-        number, caption = captions[path.stem]
-        cards.append(_card(_embedded(path, "image/svg+xml"), f"Fig. {number}. {caption}"))
+def _figures(module: ModuleType, drawn: dict[str, Path], film: Path | None) -> str:
+    """The paper's figures that stand beside no claim, and the film."""
+    captions = {str(number): f.caption for number, f in module.figures().items()}
+    cards = [
+        card(embedded(drawn[number], "image/svg+xml"), f"Fig. {number}. {caption}")
+        for number, caption in captions.items()
+        if number in drawn
+    ]
     if film is not None:
-        kind = "image/gif" if film.suffix == ".gif" else "video/mp4"
-        cards.append(_card(_embedded(film, kind), "The first scenario in motion.", video=kind.startswith("video")))
-    return f'<div class="figures">{"".join(cards)}</div>\n'
-
-
-def _embedded(path: Path, kind: str) -> str:
-    return f"data:{kind};base64,{base64.b64encode(path.read_bytes()).decode()}"
-
-
-def _card(source: str, caption: str, *, video: bool = False) -> str:
-    text = escape(caption)
-    shown = f'<video src="{source}" controls loop muted></video>' if video else f'<img src="{source}" alt="{text}">'
-    return f"<figure>{shown}<figcaption>{text}</figcaption></figure>"
+        video = film.suffix == ".mp4"
+        shown = embedded(film, "video/mp4" if video else "image/gif")
+        cards.append(card(shown, "The first scenario in motion.", video=video))
+    return f'<h3>Figures</h3>\n<div class="figures">{"".join(cards)}</div>\n' if cards else ""
 
 
 def _errata(rows: list[dict[str, Any]]) -> str:

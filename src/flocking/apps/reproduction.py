@@ -10,9 +10,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from flocking.apps.film import FILM, write_film
+from flocking.apps.claim_pictures import draw_pictures, picture_of
+from flocking.apps.film import write_film
 from flocking.apps.findings import Reproduction, claim_rows
-from flocking.apps.report import write_report
+from flocking.apps.report import CLAIMS, figures_of, write_report
 from flocking.engine.run import Run
 from flocking.errors import SimulationError
 from flocking.papers import KEYS, paper
@@ -76,7 +77,7 @@ def reproduce(
     # By seed, so that two workers seldom compile the same kernel; the first run of each scenario is kept for drawing.
     tasks = [(n, k, s) for s in range(seeds) for k, module in modules.items() for n in module.scenarios()]
     count = (workers or min(os.cpu_count() or 1, 8)) if len(tasks) >= 8 else 1
-    drawings = 0 if out is None else sum(len(module.figures()) + 1 for module in modules.values())
+    drawings = 0 if out is None else sum(len(m.figures()) + 1 + len(m.scenarios()) for m in modules.values())
     runs: dict[str, Run] = {}
     verdicts: dict[tuple[str, int], Verdicts] = {}
     figures: list[Path] = []
@@ -126,24 +127,44 @@ def _json(data: object) -> str:
 def _drawings(
     modules: dict[str, ModuleType], runs: dict[str, Run], out: Path
 ) -> Iterator[tuple[str, str | None, Run, Path]]:
-    """What is to be drawn: a paper, the number of a figure or None for its film, the run, the folder."""
+    """What is to be drawn: a paper, what of it (see `draw`), the run, the folder."""
     for key, module in modules.items():
-        (out / key).mkdir(parents=True, exist_ok=True)
+        (out / key / CLAIMS).mkdir(parents=True, exist_ok=True)
         first = next(iter(module.scenarios()))
-        wanted: dict[str | None, str] = {None: first}
-        wanted |= {number: figure.scenario or first for number, figure in module.figures().items()}
-        yield from ((key, number, runs[name], out / key) for number, name in wanted.items() if name in runs)
+        wanted: list[tuple[str | None, str]] = [(None, first)]
+        wanted += [(number, figure.scenario or first) for number, figure in module.figures().items()]
+        wanted += [(CLAIMS, name) for name in module.scenarios()]
+        yield from ((key, what, runs[name], out / key) for what, name in wanted if name in runs)
 
 
-def draw(key: str, number: str | None, run: Run, folder: Path) -> list[Path]:
-    """Draw one figure of a paper as SVG and PNG, or its film where ``number`` is None; return the figure's files."""
-    if number is None:
+def draw(key: str, what: str | None, run: Run, folder: Path) -> list[Path]:
+    """Draw something of a paper from a run; return the files of figures.
+
+    Parameters
+    ----------
+    key
+        Key of the paper.
+    what
+        Number of a figure, ``"claims"`` for the pictures beside the claims of the run's scenario, None for the film.
+    run
+        The run.
+    folder
+        Folder of the paper.
+    """
+    module = paper(key)
+    if what is None:
         if len(run.t) >= 2:
-            write_film(run, folder / FILM)
+            write_film(run, folder)
+        return []
+    if what == CLAIMS:
+        name = run.scenario.name
+        drawn = figures_of(module, name)
+        names = dict.fromkeys(picture_of(claim, drawn) for claim in module.claims(name))
+        draw_pictures(run, (n for n in names if not n.startswith("figure-")), folder / CLAIMS)
         return []
     from flocking.show.style import save
 
-    return list(save(paper(key).figures()[number].draw(run), folder / f"figure-{number}"))
+    return list(save(module.figures()[what].draw(run), folder / f"figure-{what}"))
 
 
 class _Steps:

@@ -35,7 +35,8 @@ def animate(
     run
         The run.
     path
-        Where to: ``.mp4`` needs ffmpeg, ``.gif`` does not; without a suffix the better one at hand is chosen.
+        Where to: ``.mp4`` needs ffmpeg (see `ffmpeg`), ``.gif`` does not; without a suffix the better one at hand is
+        chosen.
     fps
         Pictures per second of the film.
     seconds
@@ -81,6 +82,25 @@ def animate(
     return target
 
 
+def ffmpeg() -> str | None:
+    """The ffmpeg that writes MP4: the one of the machine, else that of the extra ``film``, else None."""
+    import shutil
+    from importlib.util import find_spec
+
+    import matplotlib
+
+    if found := shutil.which(str(matplotlib.rcParams["animation.ffmpeg_path"])):
+        return found
+    if find_spec("imageio_ffmpeg") is None:
+        return None
+    from imageio_ffmpeg import get_ffmpeg_exe
+
+    try:
+        return str(get_ffmpeg_exe())
+    except RuntimeError:  # there is none for this machine in the package
+        return None
+
+
 def film_path(path: str | Path) -> Path:
     """Where a film of that name goes.
 
@@ -89,18 +109,15 @@ def film_path(path: str | Path) -> Path:
     InvalidInput
         When the suffix is unknown, or ffmpeg is needed and missing.
     """
-    from matplotlib.animation import FFMpegWriter
-
     path = Path(path)
-    film = FFMpegWriter.isAvailable()
     if path.suffix == "":
-        path = path.with_suffix(".mp4" if film else ".gif")
+        path = path.with_suffix(".mp4" if ffmpeg() else ".gif")
     if path.suffix not in SUFFIXES:
         raise InvalidInput("animate", "path", f"must end in {' or '.join(SUFFIXES)}", str(path))
-    if path.suffix == ".mp4" and not film:
+    if path.suffix == ".mp4" and not ffmpeg():
         raise InvalidInput(
             "animate", "path", "can end in .mp4 only where ffmpeg is installed", str(path),
-            "Install ffmpeg, or write a .gif.",
+            "Install ffmpeg (Debian: apt-get install ffmpeg; anywhere: pip install imageio-ffmpeg), or write a .gif.",
         )  # fmt: skip
     return path
 
@@ -109,10 +126,16 @@ def film_path(path: str | Path) -> Path:
 def _film(
     run: Run, path: Path, frames: Any, fps: int, follow: bool, size: float, dpi: int, options: dict[str, Any]
 ) -> None:
+    import matplotlib
     from matplotlib.animation import FFMpegWriter, PillowWriter
 
     made = figure(size, size)
-    writer = FFMpegWriter(fps=fps) if path.suffix == ".mp4" else PillowWriter(fps=fps)
+    if path.suffix == ".mp4":
+        matplotlib.rcParams["animation.ffmpeg_path"] = ffmpeg()  # put back with the style
+        # The table of contents goes first, so that a browser can begin before the end has come.
+        writer: Any = FFMpegWriter(fps=fps, extra_args=["-movflags", "+faststart"])
+    else:
+        writer = PillowWriter(fps=fps)
     space = run.q.shape[2] == 3
     limits = None if "limits" in options else _limits(run, follow)
 

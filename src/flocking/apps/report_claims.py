@@ -1,0 +1,108 @@
+"""The part of the report that holds claims: each beside the picture that shows what it speaks of."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterable, Mapping
+from html import escape
+from pathlib import Path
+
+from flocking.apps.claim_pictures import CAPTIONS, picture_of
+from flocking.apps.tables import short
+from flocking.study.audit import Judgement
+
+
+def claims_beside_pictures(
+    name: str, judgements: Iterable[Judgement], pictures: Path, figures: Mapping[str, tuple[Path, str]]
+) -> str:
+    """Groups of claims of a scenario, each group beside the picture that shows it.
+
+    Parameters
+    ----------
+    name
+        Name of the scenario.
+    judgements
+        What was found for each of its claims.
+    pictures
+        Folder of the pictures that were drawn for the claims.
+    figures
+        The paper's figures drawn from this scenario: file and caption, by number.
+    """
+    groups: dict[str, list[Judgement]] = {}
+    for judgement in judgements:
+        groups.setdefault(picture_of(judgement.claim, figures), []).append(judgement)
+    parts = []
+    for picture, group in groups.items():
+        shown = _picture(name, picture, pictures, figures)
+        parts.append(f'<div class="beside">{shown}<div>{"".join(_claim(name, j) for j in group)}</div></div>\n')
+    return "".join(parts)
+
+
+def cited(judgements: Iterable[Judgement], numbers: Iterable[str]) -> set[str]:
+    """Numbers of the figures that stand beside the claims which name them."""
+    known = list(numbers)
+    return {name.removeprefix("figure-") for j in judgements if (name := picture_of(j.claim, known))[:7] == "figure-"}
+
+
+def place_of(name: str, judgement: Judgement) -> str:
+    """Name by which a link finds a claim of a scenario."""
+    return f"{name}-claim-{judgement.claim.key}"
+
+
+def _picture(name: str, picture: str, pictures: Path, figures: Mapping[str, tuple[Path, str]]) -> str:
+    if picture.startswith("figure-"):
+        number = picture.removeprefix("figure-")
+        file, caption = figures[number]
+        return card(embedded(file, "image/svg+xml"), f"Fig. {number}. {caption}")
+    file = pictures / f"{name}-{picture}.svg"
+    return card(embedded(file, "image/svg+xml"), f"{CAPTIONS[picture]} Seed 0.") if file.exists() else "<div></div>"
+
+
+def _claim(name: str, j: Judgement) -> str:
+    verdict = str(j.verdict)
+    kind = verdict if verdict in ("holds", "fails") else "other"
+    odd = "" if j.as_expected else " odd"
+    expected = "" if j.as_expected else f' <span class="dim">expected: {escape(str(j.claim.expected))}</span>'
+    reason = f'<p class="dim">{escape(j.claim.reason)}</p>' if j.claim.reason else ""
+    measured = f"; {escape(j.worst.note)}" if j.worst.note else ""
+    return (
+        f'<article class="claim {kind}{odd}" id="{escape(place_of(name, j))}">'
+        f'<p><span class="verdict {kind}">{escape(verdict)}</span>{expected} {escape(j.claim.statement)} '
+        f'<span class="dim">{escape(j.claim.source)}</span></p>{reason}'
+        f'<p class="small">held {j.held}, met {j.met}, tried {j.tried}; worst margin {escape(short(j.worst.margin))}'
+        f"{measured}</p></article>"
+    )
+
+
+def embedded(path: Path, kind: str) -> str:
+    """A file as an address that holds it.
+
+    Parameters
+    ----------
+    path
+        The file.
+    kind
+        Its media type.
+    """
+    return f"data:{kind};base64,{base64.b64encode(path.read_bytes()).decode()}"
+
+
+def card(source: str, caption: str, *, video: bool = False) -> str:
+    """A picture or film with its caption.
+
+    Parameters
+    ----------
+    source
+        Address of the picture.
+    caption
+        What it shows.
+    video
+        Whether it is a video and not a picture.
+    """
+    text = escape(caption)
+    shown = (
+        f'<video src="{source}" controls loop muted playsinline></video>'
+        if video
+        else f'<img src="{source}" alt="{text}">'
+    )
+    return f"<figure>{shown}<figcaption>{text}</figcaption></figure>"
