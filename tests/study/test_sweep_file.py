@@ -1,5 +1,7 @@
 """Sweep files: every fault at once, limits, and files that mean harm."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ import flocking as fk
 from flocking.papers.families import families
 from flocking.papers.studies.running import run_file
 from flocking.papers.studies.shipped import STUDIES, study
+from flocking.study.sweeps import sweep_file
 from flocking.study.sweeps.families import path_steps
 from flocking.study.sweeps.measures import MEASURES
 from flocking.study.sweeps.sweep_file import SweepFileError, parse_sweep, read_sweep_file
@@ -236,3 +239,37 @@ def refusal(text, **limits):
     assert 1 <= file.plan.size <= limits.get("most_runs", 100_000)
     assert file.measures
     return None
+
+
+def test_a_file_with_endless_faults_is_refused_soon_and_briefly():
+    begin = time.monotonic()
+    axes = "\n".join(f"a{k} = {{low = -5.0, high = -1.0, count = 10000}}" for k in range(50))
+    told = refusal(f'scenario = "zhou-2015"\n[grid]\n{axes}\n')
+    assert told.startswith("sweep: 50 faults")
+    assert "grid.a49: is no option of this family" in told
+    values = ", ".join(str(-k) for k in range(1, 9001))
+    told = refusal(f'scenario = "zhou-2015"\n[grid]\nside = [{values}]\n')
+    assert told.startswith("sweep: 9000 faults")
+    assert told.endswith("... and 8800 more")
+    assert len(told) < 20_000
+    names = ", ".join(f'"x{k}"' for k in range(50))
+    told = refusal(f'scenario = "zhou-2015"\nmeasures = [{names}]\n')
+    assert "measures[49]: is not known" in told
+    assert told.count("Known here") == 1
+    assert time.monotonic() - begin < 20
+
+
+def test_the_ends_of_a_spaced_axis_are_checked():
+    told = refusal(OF_A_PAPER.replace("high = 10.0", "high = 1e9"))
+    assert "grid.gain.high: must be from 0 to 1000; got 1000000000.0" in told
+
+
+def test_a_fault_that_does_not_vary_is_told_once_and_trying_ends(monkeypatch):
+    wrong = WRITTEN.replace("[0.5, 2.0]", "[0.5, 1.0, 2.0, 4.0]").replace("speed = 1.0", 'speed = "fast"')
+    assert refusal(wrong).count("scenario.start.speed") == 1
+    late = WRITTEN.replace("[0.5, 2.0]", '[0.5, "x"]')
+    assert "must be a number" in refusal(late)
+    monkeypatch.setattr(sweep_file, "TRYING_SECONDS", 0.0)
+    # What there was no time to try is met when its run is made.
+    assert refusal(late) is None
+    assert "must be a number" in refusal(WRITTEN.replace("[0.5, 2.0]", '["x", 0.5]'))

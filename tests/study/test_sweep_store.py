@@ -88,6 +88,33 @@ def test_a_newer_format_is_refused_by_number(copy):
         fk.read_sweep(copy)
 
 
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"seeds": 10**7}, "at most 100000 runs"),
+        (
+            {"sample": {"method": "sobol", "count": 10**9, "ranges": {"a": [0, 1]}, "log": [], "seed": 0}},
+            "at most 100000",
+        ),
+        ({"grid": {f"x{k}": [1.0] for k in range(5000)}}, "at most 100 parameters"),
+    ],
+)
+def test_a_record_that_asks_for_too_much_is_refused_before_anything_is_made(copy, change, told):
+    record = json.loads(json.loads((copy / "sweep.json").read_text())["body"])
+    plan = {**record["plan"], **change}
+    (copy / "sweep.json").write_text(sealed({**record, "plan": plan}))
+    count("sweeps: files damaged")
+    with pytest.raises(StorageError, match=told):
+        fk.read_sweep(copy)
+
+
+def test_larger_sweeps_are_read_when_asked_for(tmp_path):
+    fk.sweep(make, seeds=3, measures=["flocks"], out=tmp_path / "out", workers=1, progress=False)
+    with pytest.raises(StorageError, match="Pass most_runs=3"):
+        fk.read_sweep(tmp_path / "out", most_runs=2)
+    assert fk.read_sweep(tmp_path / "out", most_runs=3).complete
+
+
 def test_nothing_is_no_sweep(tmp_path):
     with pytest.raises(StorageError, match="no sweep here"):
         fk.read_sweep(tmp_path)

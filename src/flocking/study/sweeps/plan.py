@@ -18,6 +18,9 @@ from flocking.study.sweeps.sampling import Sample
 MOST_RUNS = 100_000
 """Runs a sweep may have unless more are asked for."""
 
+MOST_NAMES = 100
+"""Parameters a sweep may vary."""
+
 RESERVED = ("seed", "replicate", "sample", "status", "message", "seconds", "tries", "run", "runs", "failed")
 """Names the table of results uses itself."""
 
@@ -62,7 +65,7 @@ class Plan:
     Raises
     ------
     InvalidInput
-        When a name is taken twice or reserved, an axis is empty, or there are too many runs.
+        When a name is taken twice or reserved, an axis is empty, or there are too many parameters or runs.
     """
 
     grid: Mapping[str, tuple[Any, ...]]
@@ -73,6 +76,8 @@ class Plan:
 
     def __post_init__(self) -> None:
         names = [*self.grid, *(self.sample.ranges if self.sample else ())]
+        if len(names) > MOST_NAMES:
+            raise InvalidInput("sweep", "grid", f"must vary at most {MOST_NAMES} parameters", len(names))
         for name in names:
             if not isinstance(name, str) or not name:
                 raise InvalidInput("sweep", "grid", "must have names as its keys", name)

@@ -152,8 +152,15 @@ def _run(
     return SweepTable(plan, rows, tuple(work.measures), about, status)
 
 
-def read_sweep(folder: str | Path) -> SweepTable:
+def read_sweep(folder: str | Path, *, most_runs: int = MOST_RUNS) -> SweepTable:
     """Read the results of a sweep from its folder, finished or not.
+
+    Parameters
+    ----------
+    folder
+        The folder.
+    most_runs
+        Runs the sweep may have; a table takes memory for all of them, whoever wrote the folder.
 
     Raises
     ------
@@ -171,11 +178,11 @@ def read_sweep(folder: str | Path) -> SweepTable:
         if drawn is not None:
             ranges = {name: (low, high) for name, (low, high) in drawn["ranges"].items()}
             sample = Sample(drawn["method"], drawn["count"], ranges, tuple(drawn["log"]), drawn["seed"])
-        plan = make_plan(data["grid"], sample, data["seeds"], data["seed"], 10_000_000)
+        plan = make_plan(data["grid"], sample, data["seeds"], data["seed"], most_runs)
         measures = tuple(str(name) for name in record["measures"])
         if data["dimensions"] != list(plan.lengths):
             raise ValueError("its dimensions are not those of its grid")
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise StorageError(f"{folder}: the record of the sweep says what no sweep can be ({error}).") from None
     rows = read_rows(folder, plan.size)
     status = "finished" if len(rows) == plan.size else "interrupted"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,7 +22,11 @@ from flocking.study.sweeps.sampling import Sample
 
 LARGEST_FILE = 2**20
 MOST_TRIED = 200
+TRYING_SECONDS = 5.0
 """Values of a scenario written in the file that are tried before any run; others are met when their run is made."""
+
+MOST_SHOWN = 200
+"""Faults that a message lists; the error holds them all."""
 
 
 class SweepFileError(ScenarioFileError):
@@ -38,7 +43,10 @@ class SweepFileError(ScenarioFileError):
     def __init__(self, source: str, problems: list[str]) -> None:
         super().__init__(source, problems)
         head = f"{source}: {len(problems)} fault{'s' * (len(problems) > 1)} in the sweep"
-        self.args = ("\n".join([head, *(f"  {line}" for line in problems)]),)
+        lines = [f"  {line}" for line in problems[:MOST_SHOWN]]
+        if len(problems) > MOST_SHOWN:
+            lines.append(f"  ... and {len(problems) - MOST_SHOWN} more")
+        self.args = ("\n".join([head, *lines]),)
 
 
 @dataclass(frozen=True)
@@ -201,6 +209,7 @@ class _Reader:
         self, found: Mapping[str, Any], families: Mapping[str, Family], most_agents: int, lines: list[str]
     ) -> None:
         self._found, self._lines, self._most_agents = found, lines, most_agents
+        self._told: set[str] = set()
         self._scenario = found.get("scenario")
         self._family: Family | None = None
         if isinstance(self._scenario, str):
@@ -219,15 +228,18 @@ class _Reader:
         """Values of every axis."""
         axes: dict[str, list[Any]] = {}
         for name, axis in self._found.get("grid", {}).items():
+            if not self._is_option(f"grid.{name}", name):
+                continue
             if isinstance(axis, list):
-                values = axis
+                axes[name] = [self._checked(f"grid.{name}[{k}]", name, value) for k, value in enumerate(axis)]
             elif axis.high <= axis.low or (axis.log and axis.low <= 0):
                 self.say(f"grid.{name}", "must have low below high, and above 0 where log is true")
-                continue
             else:
+                # What lies between two values that are taken is taken, too.
+                for end in ("low", "high"):
+                    self._checked(f"grid.{name}.{end}", name, getattr(axis, end))
                 space = np.geomspace if axis.log else np.linspace
-                values = [float(v) for v in space(axis.low, axis.high, axis.count)]
-            axes[name] = [self._checked(f"grid.{name}[{k}]", name, value) for k, value in enumerate(values)]
+                axes[name] = [float(v) for v in space(axis.low, axis.high, axis.count)]
         return axes
 
     def sample(self) -> Sample | None:
@@ -236,7 +248,7 @@ class _Reader:
         if section is None:
             return None
         for name, ends in section.ranges.items():
-            for end in ("low", "high"):
+            for end in ("low", "high") if self._is_option(f"sample.ranges.{name}", name) else ():
                 self._checked(f"sample.ranges.{name}.{end}", name, getattr(ends, end))
         ranges = {name: (ends.low, ends.high) for name, ends in section.ranges.items()}
         log = tuple(name for name, ends in section.ranges.items() if ends.log)
@@ -249,17 +261,19 @@ class _Reader:
             self.say(f"sample.{_place(error.parameter)}", error.rule, error.value, error.fix)
             return None
 
+    def _is_option(self, place: str, name: str) -> bool:
+        """Whether the family has such an option; where it has not, that is a fault."""
+        if self._family is None or name in self._family.options:
+            return True
+        known = self._family.options
+        self.say(place, "is no option of this family", None, nearest(name, known) if known else "")
+        return False
+
     def _checked(self, place: str, name: str, value: Any) -> Any:
         """A value that a family's option takes, or any value at all for a scenario in the file."""
         if self._family is not None:
-            option = self._family.options.get(name)
-            if option is None:
-                fix = nearest(name, self._family.options) if self._family.options else ""
-                self.say(place.split("[")[0].removesuffix(".low").removesuffix(".high"), "is no option of this family",
-                          None, fix)  # fmt: skip
-                return value
             try:
-                return option.check(value)
+                return self._family.options[name].check(value)
             except RefusedError as refused:
                 self.say(place, refused.rule, value, refused.fix)
         elif isinstance(value, float) and not math.isfinite(value):
@@ -270,7 +284,11 @@ class _Reader:
         """What gives the scenarios."""
         options = self._found.get("options", {})
         if self._family is not None:
-            kept = {name: self._checked(f"options.{name}", name, value) for name, value in options.items()}
+            kept = {
+                name: self._checked(f"options.{name}", name, value)
+                for name, value in options.items()
+                if self._is_option(f"options.{name}", name)
+            }
             for name in kept:
                 if name in grid or (sample is not None and name in sample.ranges):
                     self.say(f"options.{name}", "must not be fixed and vary at once")
@@ -293,8 +311,9 @@ class _Reader:
         first = {name: values[0] for name, values in grid.items() if values}
         if sample is not None:
             first |= {name: ends[0] for name, ends in sample.ranges.items()}
+        begin = time.monotonic()
         for count, (place, changes) in enumerate(_changes(grid, sample)):
-            if count < MOST_TRIED:
+            if count < MOST_TRIED and (count == 0 or time.monotonic() - begin < TRYING_SECONDS):
                 self._attempt(make, {**first, **changes}, place)
         if not grid and sample is None:
             self._attempt(make, first, "")
@@ -309,7 +328,10 @@ class _Reader:
                     return
             make(seed=0, **values)
         except ScenarioFileError as error:
-            self._lines.extend(f"{place + ': ' if place else ''}scenario.{line}" for line in error.problems)
+            # What is wrong whatever varies is told once.
+            fresh = [line for line in error.problems if line not in self._told]
+            self._told.update(fresh)
+            self._lines.extend(f"{place + ': ' if place else ''}scenario.{line}" for line in fresh)
         except InvalidInput as error:
             self.say(place or "scenario", f"{error.parameter} {error.rule}", None, error.fix)
 
@@ -319,7 +341,9 @@ class _Reader:
         known = {**MEASURES, **self.more}
         for k, name in enumerate(wanted):
             if name not in known:
-                self.say(f"measures[{k}]", "is not known", name, nearest(name, known))
+                fix = nearest(name, known)
+                self.say(f"measures[{k}]", "is not known", name, "" if fix in self._told else fix)
+                self._told.add(fix)
             elif name in wanted[:k]:
                 self.say(f"measures[{k}]", "must not be named twice", name)
         return tuple(wanted)
