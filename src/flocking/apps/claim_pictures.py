@@ -81,7 +81,13 @@ def draw_picture(name: str, run: Run) -> Figure:
 
 
 def draw_pictures(run: Run, names: Iterable[str], folder: Path) -> list[Path]:
-    """Draw several, as SVG files named after the scenario and the picture; return the files."""
+    """Draw several, as SVG files named after the scenario and the picture; return the files.
+
+    Parameters
+    ----------
+    names
+        Keys of `CAPTIONS`.
+    """
     from flocking.show.style import save
 
     return [

@@ -39,13 +39,27 @@ def claims_beside_pictures(
 
 
 def cited(judgements: Iterable[Judgement], numbers: Iterable[str]) -> set[str]:
-    """Numbers of the figures that stand beside the claims which name them."""
+    """Numbers of the figures that stand beside the claims which name them.
+
+    Parameters
+    ----------
+    judgements
+        What was found for the claims of a scenario.
+    numbers
+        Numbers of the figures that are drawn from its run.
+    """
     known = list(numbers)
     return {name.removeprefix("figure-") for j in judgements if (name := picture_of(j.claim, known))[:7] == "figure-"}
 
 
 def place_of(name: str, judgement: Judgement) -> str:
-    """Name by which a link finds a claim of a scenario."""
+    """Name by which a link finds a claim of a scenario.
+
+    Parameters
+    ----------
+    judgement
+        What was found for the claim.
+    """
     return f"{name}-claim-{judgement.claim.key}"
 
 

@@ -25,7 +25,15 @@ Verdicts = list[tuple[str, str, float, float, str]]
 
 
 def examine_seed(name: str, key: str, seed: int, keep: bool) -> tuple[Verdicts, Run | None]:
-    """Run one scenario for one seed and audit it; the run itself comes back only when asked for."""
+    """Run one scenario for one seed and audit it; the run itself comes back only when asked for.
+
+    Parameters
+    ----------
+    key
+        Key of the paper.
+    keep
+        Whether the run is handed back.
+    """
     from flocking.engine.simulate import simulate
 
     module = paper(key)
@@ -116,7 +124,13 @@ def _judgements(module: ModuleType, name: str, per_seed: list[Verdicts]) -> list
 
 
 def errata_rows(module: ModuleType) -> list[dict[str, Any]]:
-    """Statements of a paper that a counter-example refutes, computed now."""
+    """Statements of a paper that a counter-example refutes, computed now.
+
+    Parameters
+    ----------
+    module
+        The paper.
+    """
     return [row.as_dict() for row in module.equations() if row.demonstration is not None]
 
 

@@ -76,6 +76,13 @@ def sweep(
 def find_sweep(name: str, most_runs: int | None, most_agents: int | None) -> SweepFile:
     """The sweep a user means: a shipped study by its name, or a TOML file.
 
+    Parameters
+    ----------
+    most_runs
+        Largest number of runs it may ask for; 100,000 when absent.
+    most_agents
+        Largest number of agents a scenario in it may ask for; one million when absent.
+
     Raises
     ------
     InvalidInput
@@ -100,7 +107,15 @@ def find_sweep(name: str, most_runs: int | None, most_agents: int | None) -> Swe
 
 
 def write_results(table: SweepTable, folder: Path, name: str, level: float) -> list[Path]:
-    """Write tables of the runs there are, and the picture of a shipped study once it is complete."""
+    """Write tables of the runs there are, and the picture of a shipped study once it is complete.
+
+    Parameters
+    ----------
+    table
+        What the sweep found.
+    level
+        Level of confidence of the intervals, between 0 and 1.
+    """
     from importlib.util import find_spec
 
     from flocking.papers.studies.shipped import STUDIES

@@ -40,7 +40,13 @@ def print_table(head: Sequence[str], rows: Iterable[Sequence[str]], *, title: st
 
 
 def print_facts(facts: Iterable[tuple[str, str]]) -> None:
-    """Print names and values, one pair a line."""
+    """Print names and values, one pair a line.
+
+    Parameters
+    ----------
+    facts
+        Pairs of a name and a value as text; those with an empty value are left out.
+    """
     pairs = [(name, value) for name, value in facts if value]
     width = max((len(name) for name, _ in pairs), default=0)
     for name, value in pairs:

@@ -41,6 +41,11 @@ def example_state(n: int = 5, *, spread: float = 1.5, seed: int = 7) -> State:
 def check_figure(figure: int | None, last: int) -> None:
     """Check that a paper with figures 1 to ``last`` has this one.
 
+    Parameters
+    ----------
+    figure
+        Number that was asked for; any will do when None.
+
     Raises
     ------
     InvalidInput

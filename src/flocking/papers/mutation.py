@@ -47,7 +47,15 @@ class Caught:
 
 
 def declared(name: str, key: str, t_end: float) -> Scenario:
-    """A paper's scenario, cut short and densely sampled."""
+    """A paper's scenario, cut short and densely sampled.
+
+    Parameters
+    ----------
+    key
+        Key of the paper.
+    t_end
+        When the scenario ends.
+    """
     scenario: Scenario = paper(key).scenarios()[name](0)
     return scenario.with_(t_end=t_end, frames=SAMPLES)
 

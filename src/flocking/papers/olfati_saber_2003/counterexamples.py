@@ -27,7 +27,13 @@ from flocking.study.equations import Demonstration
 
 
 def one_way_links(net: Array) -> float:
-    """Number of links without a link back."""
+    """Number of links without a link back.
+
+    Parameters
+    ----------
+    net
+        Adjacency matrix, shape (N, N).
+    """
     return float(((net > 0) & (net.T == 0)).sum())
 
 

@@ -139,7 +139,13 @@ def jump(scale: float) -> float:
 
 
 def pair_net(smooth: bool, scale: float = 1.0) -> Graph:
-    """The net of Example 2: r = 12, d_alpha = 10; r off by ``scale``."""
+    """The net of Example 2: r = 12, d_alpha = 10; r off by ``scale``.
+
+    Parameters
+    ----------
+    smooth
+        Whether links fade to zero before the radius; else they end at it.
+    """
     from flocking.model.graphs import Proximity
     from flocking.model.smooth_graphs import Smooth
 
@@ -224,7 +230,15 @@ def invariance(scale: float) -> tuple[Array, Array]:
 
 
 def rate_of_structural_energy(state: State, u: Array, net: Graph, psi: Potential) -> float:
-    """dH_s/dt under accelerations ``u``, by central differences of H_s along the motion."""
+    """dH_s/dt under accelerations ``u``, by central differences of H_s along the motion.
+
+    Parameters
+    ----------
+    net
+        The graph.
+    psi
+        The potential.
+    """
     step = 1e-5
 
     def at(s: float) -> float:
@@ -234,7 +248,13 @@ def rate_of_structural_energy(state: State, u: Array, net: Graph, psi: Potential
 
 
 def dissipation(scale: float, *, smooth: bool = False) -> tuple[State, float, float]:
-    """Example state, dH_s/dt by differences of H_s, and what the law says it dissipates; c1 off by ``scale``."""
+    """Example state, dH_s/dt by differences of H_s, and what the law says it dissipates; c1 off by ``scale``.
+
+    Parameters
+    ----------
+    smooth
+        Whether the net is the smooth one.
+    """
     state = example_state()
     net: Graph = system.smooth_net() if smooth else system.hard_net()
     law = Law(net, system.alpha_terms(c1=system.DAMPING * scale))

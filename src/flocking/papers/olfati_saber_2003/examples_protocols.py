@@ -125,18 +125,38 @@ def alignment(scale: float) -> tuple[State, Array]:
 
 
 def destination(sink: bool) -> Leader:
-    """The origin at rest, or the desired velocity."""
+    """The origin at rest, or the desired velocity.
+
+    Parameters
+    ----------
+    sink
+        Whether agents go to a sink; else they follow a desired velocity.
+    """
     return Sink((3.0, -2.0)) if sink else Velocity(system.DESIRED_VELOCITY)
 
 
 def shared_controller(sink: bool, scale: float) -> Track:
-    """Controller (64) or (66), c2 off by ``scale``."""
+    """Controller (64) or (66), c2 off by ``scale``.
+
+    Parameters
+    ----------
+    sink
+        Whether agents go to a sink; else they follow a desired velocity.
+    """
     gain = TRACKING_DAMPING * scale
     return Track(destination(sink), 1.0 if sink else 0.0, gain, shared=True, saturated=True)
 
 
 def with_controller(terms: tuple[Term, ...], sink: bool, scale: float) -> Law:
-    """Protocol (48) on the smooth net."""
+    """Protocol (48) on the smooth net.
+
+    Parameters
+    ----------
+    terms
+        Terms of the protocol without its controller.
+    sink
+        Whether agents go to a sink; else they follow a desired velocity.
+    """
     return Law(system.smooth_net(), (*terms, shared_controller(sink, scale)))
 
 
@@ -180,7 +200,13 @@ def ledger_rates(scale: float) -> tuple[State, float, float]:
 
 
 def tracking_rate(sink: bool, scale: float) -> tuple[State, float]:
-    """dH_tr/dt under (48) by central differences of H_tr, c2 off by ``scale``."""
+    """dH_tr/dt under (48) by central differences of H_tr, c2 off by ``scale``.
+
+    Parameters
+    ----------
+    sink
+        Whether agents go to a sink; else they follow a desired velocity.
+    """
     state, step = example_state(), 1e-5
     u = control(with_controller(system.alpha_terms(), sink, scale), state).mean(axis=0)
     q, p = state.q.mean(axis=0), state.p.mean(axis=0)
@@ -206,7 +232,13 @@ def total_rates(scale: float) -> tuple[State, float, float]:
 
 
 def controller(sink: bool, scale: float) -> tuple[State, Array]:
-    """Example state and the controller u-bar alone, c2 off by ``scale``."""
+    """Example state and the controller u-bar alone, c2 off by ``scale``.
+
+    Parameters
+    ----------
+    sink
+        Whether agents go to a sink; else they follow a desired velocity.
+    """
     state = example_state()
     return state, control(Law(system.smooth_net(), (shared_controller(sink, scale),)), state)[0]
 

@@ -25,7 +25,7 @@ TEN = "f(4, k) = 10: of eleven graphs on four nodes only the complete one is imp
 
 
 def row(number: str, kind: str, title: str, home: str, build: Any, **more: Any) -> Row:
-    """A row of this paper."""
+    """A row of this paper; ``number``, ``kind``, ``title``, ``home``, ``build`` and ``more`` are fields of `Row`."""
     return Row(KEY, number, kind, title, home, build, **more)
 
 

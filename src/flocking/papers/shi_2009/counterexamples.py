@@ -34,7 +34,19 @@ def single_agent(
     p: float = -0.3,
     **parameters: float,
 ) -> Run:
-    """One agent of unit mass after a leader on a line: the centre of mass under (12) or (15)."""
+    """One agent of unit mass after a leader on a line: the centre of mass under (12) or (15).
+
+    Parameters
+    ----------
+    velocity
+        Formula of ``t`` for the leader's velocity.
+    h0, r0
+        Gains on the velocity and the position error.
+    t_end
+        When the run ends.
+    parameters
+        Values for the other names of the formula.
+    """
     leader = Path([velocity], None, 0.0, **parameters)
     law = Law(Fixed(1, ()), (Track(leader, r0, h0),))
     start = State(np.array([[q]]), np.array([[p]]))
@@ -54,7 +66,13 @@ def example_2(scale: float) -> tuple[Array, Array, Array]:
 
 
 def example_3(*, distinct: bool) -> Callable[[float], tuple[Array, Array, Array]]:
-    """Builder: times, position and velocity after v0 = exp(alpha h_0 t) under (15), the gain r_0 off by ``scale``."""
+    """Builder: times, position and velocity after v0 = exp(alpha h_0 t) under (15), the gain r_0 off by ``scale``.
+
+    Parameters
+    ----------
+    distinct
+        Whether the two rates of the homogeneous solution differ; else r_0 makes them equal.
+    """
 
     def build(scale: float) -> tuple[Array, Array, Array]:
         h0, alpha = 1.2, 0.5

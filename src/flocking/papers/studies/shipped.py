@@ -41,7 +41,13 @@ class Study:
         return files("flocking.papers.studies").joinpath(f"{self.name}.toml").read_text(encoding="utf-8")
 
     def plan(self, most_runs: int | None = None) -> SweepFile:
-        """Its sweep, read from its file."""
+        """Its sweep, read from its file.
+
+        Parameters
+        ----------
+        most_runs
+            Largest number of runs allowed; 100,000 when absent.
+        """
         from flocking.papers.families import families
         from flocking.study.sweeps.plan import MOST_RUNS
         from flocking.study.sweeps.sweep_file import parse_sweep

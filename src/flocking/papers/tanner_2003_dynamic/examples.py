@@ -31,12 +31,26 @@ DISTANCES = np.array([0.5, 1.0, 1.5, 1.9, 1.999, 2.0, 2.01, 2.5, 4.0])
 
 
 def scaled_potential(stiffness: float) -> Potential:
-    """The inner potential times a number."""
+    """The inner potential times a number.
+
+    Parameters
+    ----------
+    stiffness
+        Factor on the potential.
+    """
     return Potential(f"stiffness*({system.inner_potential().formula.text})", stiffness=stiffness)
 
 
 def law(gain: float = 1.0, stiffness: float = 1.0) -> Law:
-    """Control law (4), its two parts scaled."""
+    """Control law (4), its two parts scaled.
+
+    Parameters
+    ----------
+    gain
+        Consensus gain.
+    stiffness
+        Factor on the potential.
+    """
     return Law(Proximity(system.RADIUS), (Gradient(scaled_potential(stiffness)), Consensus(gain)))
 
 
@@ -211,7 +225,13 @@ def start_of(scale: float) -> State:
 
 
 def picture_of(number: int) -> Callable[[float], Any]:
-    """Builder of the state a figure shows, the time the figure declares scaled."""
+    """Builder of the state a figure shows, the time the figure declares scaled.
+
+    Parameters
+    ----------
+    number
+        Number of the figure.
+    """
 
     def build(scale: float) -> State:
         from flocking.papers.tanner_2003_dynamic.pictures import times

@@ -22,7 +22,7 @@ ASSUMED = "An assumption about the whole motion; a connected start does not ensu
 
 
 def row(number: str, kind: str, title: str, home: str, build: Any, **more: Any) -> Row:
-    """A row of this paper."""
+    """A row of this paper; ``number``, ``kind``, ``title``, ``home``, ``build`` and ``more`` are fields of `Row`."""
     return Row(system.KEY, number, kind, title, home, build, **more)
 
 

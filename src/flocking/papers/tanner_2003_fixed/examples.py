@@ -27,12 +27,26 @@ EDGES = ((0, 1), (1, 2), (2, 3), (3, 4), (0, 4), (1, 3))
 
 
 def scaled_potential(stiffness: float) -> Potential:
-    """The paper's potential times a number."""
+    """The paper's potential times a number.
+
+    Parameters
+    ----------
+    stiffness
+        Factor on the potential.
+    """
     return Potential(f"stiffness*({system.potential().formula.text})", stiffness=stiffness)
 
 
 def law(gain: float = 1.0, stiffness: float = 1.0) -> Law:
-    """Control law (5) on the example graph, its two parts scaled."""
+    """Control law (5) on the example graph, its two parts scaled.
+
+    Parameters
+    ----------
+    gain
+        Consensus gain.
+    stiffness
+        Factor on the potential.
+    """
     return Law(Fixed(5, EDGES), (Gradient(scaled_potential(stiffness)), Consensus(gain)))
 
 
@@ -153,7 +167,15 @@ def _moving_pair(speed: float) -> Any:
 
 
 def theorem_of(gain: float, *, complete: bool = False) -> dict[str, Judgement]:
-    """The paper's claims about agents whose consensus gain is not the declared one."""
+    """The paper's claims about agents whose consensus gain is not the declared one.
+
+    Parameters
+    ----------
+    gain
+        Consensus gain the agents really have; 1 is declared.
+    complete
+        Whether all agents are linked.
+    """
     name = system.COMPLETE if complete else system.KEY
     return examples.judged(
         system.scenarios()[name],
@@ -163,7 +185,13 @@ def theorem_of(gain: float, *, complete: bool = False) -> dict[str, Judgement]:
 
 
 def remark_of(gain: float) -> dict[str, Judgement]:
-    """The claims about the complete graph."""
+    """The claims about the complete graph.
+
+    Parameters
+    ----------
+    gain
+        Consensus gain the agents really have; 1 is declared.
+    """
     return theorem_of(gain, complete=True)
 
 
@@ -174,7 +202,13 @@ def start_of(scale: float) -> State:
 
 
 def picture_of(number: int) -> Any:
-    """Builder of the state a figure shows, the time the figure declares scaled."""
+    """Builder of the state a figure shows, the time the figure declares scaled.
+
+    Parameters
+    ----------
+    number
+        Number of the figure.
+    """
 
     def build(scale: float) -> State:
         from flocking.papers.tanner_2003_fixed.pictures import times

@@ -17,7 +17,7 @@ UNSEEN = "Of linked agents only, as Remark IV.5 says: unlinked ones end at the s
 
 
 def row(number: str, kind: str, title: str, home: str, build: Any, **more: Any) -> Row:
-    """A row of this paper."""
+    """A row of this paper; ``number``, ``kind``, ``title``, ``home``, ``build`` and ``more`` are fields of `Row`."""
     return Row(system.KEY, number, kind, title, home, build, **more)
 
 

@@ -21,7 +21,13 @@ from flocking.study.state_energy import total_energy
 
 
 def printed_indicator(linked: bool, distance: float) -> set[int]:
-    """Values (1) as printed allows for sigma after a pair with this memory is seen at ``distance``."""
+    """Values (1) as printed allows for sigma after a pair with this memory is seen at ``distance``.
+
+    Parameters
+    ----------
+    linked
+        Whether the pair was linked before.
+    """
     band = not linked and system.RADIUS - system.GAP <= distance < system.RADIUS
     values = set()
     if band or distance >= system.RADIUS:

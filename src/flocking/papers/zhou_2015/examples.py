@@ -30,7 +30,13 @@ from flocking.study.state_energy import total_energy
 
 
 def scaled_potential(stiffness: float) -> Potential:
-    """Potential (9) times a number."""
+    """Potential (9) times a number.
+
+    Parameters
+    ----------
+    stiffness
+        Factor on the potential.
+    """
     return Potential(f"stiffness*({system.potential().formula.text})", stiffness=stiffness, R=system.RADIUS)
 
 
@@ -41,7 +47,15 @@ def weights() -> Array:
 
 
 def law(gain: float = 1.0, stiffness: float = 1.0, pull: float | None = None) -> Law:
-    """Protocol (8), or (24) where ``pull`` is the leader's gain, with weights and scaled parts."""
+    """Protocol (8), or (24) where ``pull`` is the leader's gain, with weights and scaled parts.
+
+    Parameters
+    ----------
+    gain
+        Consensus gain.
+    stiffness
+        Factor on the potential.
+    """
     terms: list[PairTerm | Track] = [Gradient(scaled_potential(stiffness)), Consensus(gain, weights=weights())]
     if pull is not None:
         terms.append(Track(Velocity(system.LEADER_VELOCITY), velocity_gain=pull))
@@ -221,7 +235,13 @@ def theorem_of(gain: float, *, leader: bool = False) -> dict[str, Judgement]:
 
 
 def led_theorem_of(gain: float) -> dict[str, Judgement]:
-    """The claims of Theorem 2."""
+    """The claims of Theorem 2.
+
+    Parameters
+    ----------
+    gain
+        Consensus gain the agents really have; 1 is declared.
+    """
     return theorem_of(gain, leader=True)
 
 
@@ -262,7 +282,13 @@ def led_start_of(scale: float) -> tuple[State, Array, Array]:
 
 
 def picture_of(number: int) -> Callable[[float], Any]:
-    """Builder of the state a figure of nets shows, the time it declares scaled."""
+    """Builder of the state a figure of nets shows, the time it declares scaled.
+
+    Parameters
+    ----------
+    number
+        Number of the figure.
+    """
 
     def build(scale: float) -> State:
         from flocking.papers.zhou_2015.pictures import times
@@ -273,7 +299,13 @@ def picture_of(number: int) -> Callable[[float], Any]:
 
 
 def series_of(number: int) -> Callable[[float], Any]:
-    """Builder of the curves a figure shows, shape (F, N), the consensus gain scaled."""
+    """Builder of the curves a figure shows, shape (F, N), the consensus gain scaled.
+
+    Parameters
+    ----------
+    number
+        Number of the figure.
+    """
 
     def build(scale: float) -> Array:
         from flocking.papers.zhou_2015.pictures import SERIES

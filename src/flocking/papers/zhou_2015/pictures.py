@@ -29,7 +29,13 @@ def times() -> dict[int, float]:
 
 
 def scenario_of(number: int) -> str:
-    """Name of the scenario a figure shows."""
+    """Name of the scenario a figure shows.
+
+    Parameters
+    ----------
+    number
+        Number of the figure.
+    """
     return system.LEADER if number >= FIRST_WITH_LEADER else system.KEY
 
 
@@ -50,7 +56,13 @@ def figures() -> dict[int, Figure]:
 
 
 def until(end: float, draw: Draw) -> Draw:
-    """Draw only the frames of a run up to ``end``."""
+    """Draw only the frames of a run up to ``end``.
+
+    Parameters
+    ----------
+    draw
+        Draws a figure from a run.
+    """
 
     def drawn(run: Run) -> Picture:
         count = int(np.searchsorted(run.t, end, side="right"))

@@ -28,7 +28,7 @@ KERNEL = ("psi' has both signs: L-hat is no Laplacian of a graph with positive w
 
 
 def row(number: str, kind: str, title: str, home: str, build: Any, **more: Any) -> Row:
-    """A row of this paper."""
+    """A row of this paper; ``number``, ``kind``, ``title``, ``home``, ``build`` and ``more`` are fields of `Row`."""
     return Row(system.KEY, number, kind, title, home, build, **more)
 
 
