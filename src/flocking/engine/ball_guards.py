@@ -25,7 +25,15 @@ def uniform_balls(group: ObstacleGroup) -> bool:
 
 
 def centre_paths(balls: Sequence[Ball], t0: float, t1: float) -> Array:
-    """Bernstein coefficients of the centres on [t0, t1], shape (8, K, m)."""
+    """Bernstein coefficients of the centres on [t0, t1], shape (8, K, m).
+
+    Parameters
+    ----------
+    balls
+        K balls whose centres rest or move on straight lines, in m dimensions.
+    t0, t1
+        Ends of the step.
+    """
     begin = np.array([_place(b.centre, t0) for b in balls])
     if all(isinstance(b.centre, Sink) for b in balls):
         return np.repeat(begin[None], 8, axis=0)

@@ -53,7 +53,19 @@ def array_kernels(layout: Layout, dimension: int) -> ModuleType:
 
 @dataclass(frozen=True)
 class Names:
-    """Free names of some formulas, sorted by where their values come from."""
+    """Free names of some formulas, sorted by where their values come from.
+
+    Parameters
+    ----------
+    scalars
+        Slots ``P0``... of single numbers.
+    per_agent
+        Slots ``A0``... of one number for each agent.
+    per_pair
+        Slots ``W0``... of one number for each pair.
+    others
+        All other names: distances, coordinates, time.
+    """
 
     scalars: tuple[str, ...]
     per_agent: tuple[str, ...]

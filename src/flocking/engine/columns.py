@@ -124,7 +124,13 @@ class Dimensions:
 
 
 def frame_checksums(parts: dict[str, Any]) -> np.ndarray[Any, Any]:
-    """CRC-32 of each part of each frame, shape (F, 3), or (F, 2) without links."""
+    """CRC-32 of each part of each frame, shape (F, 3), or (F, 2) without links.
+
+    Parameters
+    ----------
+    parts
+        The stored arrays of some frames by name; the first axis of each counts the frames.
+    """
     present = [name for name in FRAME_PARTS[1:] if name in parts]
     found = np.empty((len(parts["time"]), len(present)), dtype=np.uint32)
     for k in range(len(found)):
@@ -135,7 +141,13 @@ def frame_checksums(parts: dict[str, Any]) -> np.ndarray[Any, Any]:
 
 
 def switch_columns(switches: np.ndarray[Any, Any]) -> dict[str, Any]:
-    """Switches, fields `SWITCH_FIELDS`, as the columns stored."""
+    """Switches, fields `SWITCH_FIELDS`, as the columns stored.
+
+    Parameters
+    ----------
+    switches
+        Structured array, shape (K,).
+    """
     names = SWITCH_FIELDS.names or ()
     columns = {}
     for column, field in zip(SWITCHES, names, strict=True):
@@ -147,7 +159,13 @@ def switch_columns(switches: np.ndarray[Any, Any]) -> dict[str, Any]:
 
 
 def switch_table(columns: dict[str, Any]) -> np.ndarray[Any, Any]:
-    """Columns as stored, back as fields `SWITCH_FIELDS`."""
+    """Columns as stored, back as fields `SWITCH_FIELDS`.
+
+    Parameters
+    ----------
+    columns
+        Stored arrays by name, shape (K,) each.
+    """
     table = np.empty(len(columns["switch_time"]), dtype=SWITCH_FIELDS)
     for column, field in zip(SWITCHES, SWITCH_FIELDS.names or (), strict=True):
         values = columns[column]
@@ -156,12 +174,24 @@ def switch_table(columns: dict[str, Any]) -> np.ndarray[Any, Any]:
 
 
 def observed_rows(observed: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Observations, fields `OBSERVED_FIELDS`, as rows of numbers."""
+    """Observations, fields `OBSERVED_FIELDS`, as rows of numbers.
+
+    Parameters
+    ----------
+    observed
+        Structured array, shape (K,).
+    """
     return np.stack([observed[name].astype(np.float64) for name in MEASURES], axis=-1)
 
 
 def observed_table(rows: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Rows of numbers, back as fields `OBSERVED_FIELDS`."""
+    """Rows of numbers, back as fields `OBSERVED_FIELDS`.
+
+    Parameters
+    ----------
+    rows
+        One column for each of `MEASURES`, shape (K, measures).
+    """
     table = np.empty(len(rows), dtype=OBSERVED_FIELDS)
     for k, name in enumerate(MEASURES):
         table[name] = rows[:, k]
@@ -169,12 +199,24 @@ def observed_table(rows: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
 
 
 def ledger_rows(trace: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Ledger, fields `TRACE_FIELDS`, as rows of numbers."""
+    """Ledger, fields `TRACE_FIELDS`, as rows of numbers.
+
+    Parameters
+    ----------
+    trace
+        Structured array, shape (K,).
+    """
     return np.stack([trace[name] for name in QUANTITIES], axis=-1)
 
 
 def ledger_table(rows: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Rows of numbers, back as fields `TRACE_FIELDS`."""
+    """Rows of numbers, back as fields `TRACE_FIELDS`.
+
+    Parameters
+    ----------
+    rows
+        One column for each of `QUANTITIES`, shape (K, quantities).
+    """
     table = np.empty(len(rows), dtype=TRACE_FIELDS)
     for k, name in enumerate(QUANTITIES):
         table[name] = rows[:, k]

@@ -110,7 +110,13 @@ def durable_store(folder: Path) -> Any:
 
 @contextmanager
 def told(folder: Path, doing: str) -> Iterator[None]:
-    """Turn failures of the file system into a `StorageError` that says what to do."""
+    """Turn failures of the file system into a `StorageError` that says what to do.
+
+    Parameters
+    ----------
+    doing
+        What was tried, in words that follow "cannot".
+    """
     try:
         yield
     except OSError as error:

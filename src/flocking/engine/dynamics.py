@@ -98,7 +98,13 @@ class Dynamics:
             slots[0][slot] = coordinate
 
     def slope(self, t: float, y: Array) -> Array:
-        """dy/dt; with a plant the ledger's powers are those of the declared law along the plant's motion."""
+        """dy/dt; with a plant the ledger's powers are those of the declared law along the plant's motion.
+
+        Parameters
+        ----------
+        y
+            State vector: positions, velocities of agents of order 2, then the integrated quantities.
+        """
         self._locate(y)
         dy: Array = self._kernels.rhs(t, y, self.n, *self.pairs, *self._slots, self._functionals)
         if not self._places and self._ledger is None:
@@ -116,7 +122,13 @@ class Dynamics:
         return dy
 
     def energy(self, t: float, y: Array) -> tuple[float, float]:
-        """Energy and kinetic energy of a state vector under the declared law."""
+        """Energy and kinetic energy of a state vector under the declared law.
+
+        Parameters
+        ----------
+        y
+            State vector: positions, velocities of agents of order 2, then the integrated quantities.
+        """
         self._locate(y)
         module, slots = self._ledger or (self._kernels, self._slots)
         q, p, _ = self.split(y)
@@ -125,19 +137,37 @@ class Dynamics:
         return float(pairs + bodies + kinetic + unlinked), float(kinetic)
 
     def split(self, y: Array) -> tuple[Array, Array, Array]:
-        """Positions, velocities and the integrated quantities of a state vector; views, where there are velocities."""
+        """Positions, velocities and the integrated quantities of a state vector; views, where there are velocities.
+
+        Parameters
+        ----------
+        y
+            State vector: positions, velocities of agents of order 2, then the integrated quantities.
+        """
         count = self.n * self.m
         q = y[:count].reshape(self.n, self.m)
         p = y[count : 2 * count].reshape(self.n, self.m) if self.order == 2 else np.zeros_like(q)
         return q, p, y[self.order * count :]
 
     def join(self, state: State, integrated: Array) -> Array:
-        """State vector of a state."""
+        """State vector of a state.
+
+        Parameters
+        ----------
+        integrated
+            Quantities of the ledger, then positions of leaders that have no closed form.
+        """
         parts = [state.q.ravel(), state.p.ravel()] if self.order == 2 else [state.q.ravel()]
         return np.concatenate([*parts, integrated])
 
     def tolerances(self, state: State, energy: float) -> Array:
-        """Absolute error tolerance of each component, from the size of the group at ``state``."""
+        """Absolute error tolerance of each component, from the size of the group at ``state``.
+
+        Parameters
+        ----------
+        energy
+            Energy at the same state, the scale of the ledger.
+        """
         spread = float(np.abs(state.q - state.q.mean(axis=0)).max(initial=0.0))
         speed = float(np.abs(state.p).max(initial=0.0))
         tolerance = self.scenario.tolerance

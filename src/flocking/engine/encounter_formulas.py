@@ -108,6 +108,13 @@ def encounter_loop(number: int, first: int, formulas: EncounterFormulas, m: int,
     """Source of the loop over the active pairs (agent, obstacle) of one group, then the ``tail`` lines.
 
     The pairs follow those of the ``first`` graphs in ``senders`` and ``sensed``.
+
+    Parameters
+    ----------
+    number
+        Number of the group of obstacles.
+    formulas
+        Formulas of the group.
     """
     stages = formulas.stages()
     scalars, rows = formulas.counts
@@ -124,7 +131,13 @@ def encounter_loop(number: int, first: int, formulas: EncounterFormulas, m: int,
 
 
 def encounter_function(number: int, formulas: EncounterFormulas) -> str:
-    """Source of the NumPy function ``encounter<number>``: force, dissipation and supply of many active pairs."""
+    """Source of the NumPy function ``encounter<number>``: force, dissipation and supply of many active pairs.
+
+    Parameters
+    ----------
+    formulas
+        Formulas of the group.
+    """
     stages = formulas.stages()
     own = {key for stage in stages for key in stage}
     free = {str(s) for stage in stages for e in stage.values() for s in e.free_symbols} - own

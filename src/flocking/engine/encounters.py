@@ -90,7 +90,13 @@ class Encounters:
         return np.asarray(distance <= level.distance if level.kind == "obstacle" else distance < level.distance)
 
     def record(self, group: int, t: float, q: Array, p: Array, pair: tuple[int, int]) -> tuple[Any, ...]:
-        """The switch of one pair (agent, obstacle), fields `SWITCH_FIELDS`; ``j`` numbers the obstacle in its term."""
+        """The switch of one pair (agent, obstacle), fields `SWITCH_FIELDS`; ``j`` numbers the obstacle in its term.
+
+        Parameters
+        ----------
+        group
+            Number of the group of obstacles.
+        """
         i, o = (int(k) for k in pair)
         step = 1e-6
         low, high = (

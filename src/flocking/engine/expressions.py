@@ -21,6 +21,15 @@ class PairFormulas:
     """Sum of all pair terms over one graph, per ordered pair.
 
     ``flow`` is the supply of first-order agents, whose velocity is their control.
+
+    Parameters
+    ----------
+    along
+        Coefficient of n_ij.
+    drag
+        Coefficient of p_j - p_i.
+    storage, dissipation, supply
+        Energy stored by, power dissipated by and power supplied to an ordered pair.
     """
 
     along: sympy.Expr
@@ -40,6 +49,13 @@ class BodyFormulas:
     """Sum of all body terms, per agent.
 
     ``flow`` is the supply of first-order agents, in terms of their velocity ``u0...``.
+
+    Parameters
+    ----------
+    force
+        One formula for each axis.
+    storage, dissipation, supply
+        Energy stored by, power dissipated by and power supplied to an agent.
     """
 
     force: tuple[sympy.Expr, ...]
@@ -57,7 +73,17 @@ class BodyFormulas:
 
 @dataclass(frozen=True)
 class LawFormulas:
-    """All formulas of a law and its energy in ``dimension`` dimensions."""
+    """All formulas of a law and its energy in ``dimension`` dimensions.
+
+    Parameters
+    ----------
+    pairs
+        One entry for each graph of the law.
+    body
+        Formulas of one agent by itself.
+    encounters
+        One entry for each group of obstacles.
+    """
 
     dimension: int
     pairs: tuple[PairFormulas, ...]

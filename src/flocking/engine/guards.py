@@ -24,7 +24,13 @@ _DEPTH = 80
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def squared_distance(B: Array, i: int, j: int, out: Array) -> None:
-    """Bernstein coefficients, shape (15,), of the squared distance of agents i and j; B has shape (8, N, m)."""
+    """Bernstein coefficients, shape (15,), of the squared distance of agents i and j; B has shape (8, N, m).
+
+    Parameters
+    ----------
+    out
+        Where the coefficients go, shape (15,).
+    """
     out[:] = 0.0
     for a in range(8):
         for b in range(8):
@@ -80,6 +86,11 @@ def smallest_value(g: Array, below: float) -> tuple[float, float]:
     """Smallest value of a Bernstein polynomial on [0, 1] if it is less than ``below``, and where.
 
     Returns ``(below, NEVER)`` when it is proved not to be. The value is exact to 1e-13 of its size.
+
+    Parameters
+    ----------
+    g
+        Bernstein coefficients, shape (degree + 1,).
     """
     size = g.shape[0]
     stack = np.empty((_DEPTH, size))
@@ -201,6 +212,11 @@ def crossings(
 def closest(B: Array, far: Array, linked: Any, best_linked: float, best_free: float) -> Array:
     """Closest approach on the segment of a linked and of an unlinked pair, where closer than the best so far.
 
+    Parameters
+    ----------
+    best_linked, best_free
+        Smallest distances of linked and of unlinked pairs so far.
+
     Returns
     -------
     Array
@@ -231,6 +247,13 @@ def deepest_dip(B: Array, far: Array, senders: Any, sensed: Any) -> float:
     """Where on the segment a linked pair comes much closer than at both its ends, deepest first; or `NEVER`.
 
     A step that jumps over a close encounter shows as such a dip: its ends know nothing of the force between.
+
+    Parameters
+    ----------
+    far
+        How far each agent gets from where the segment begins, shape (N,).
+    senders, sensed
+        The linked pairs, shape (K,) each.
     """
     deepest, where = 0.25, NEVER
     square = np.empty(15)

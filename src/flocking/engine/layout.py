@@ -149,6 +149,11 @@ class Layout:
         """Numbers for the slots at time ``t``.
 
         P has the single numbers, then the rows of `obstacle_rows`; A has shape (rows, n), W (matrices, n, n).
+
+        Parameters
+        ----------
+        agents
+            Masses, damping and headings.
         """
         scalars: list[float] = []
         rows: list[Array] = [np.broadcast_to(agents.masses, n), np.broadcast_to(agents.damping, n)]

@@ -16,7 +16,13 @@ LINE_SECONDS = 10.0
 
 
 def stops(scenario: Scenario, now: float, *, often: bool) -> list[float]:
-    """Times at which a session is looked at on its way to the end of its scenario; often: also at its frames."""
+    """Times at which a session is looked at on its way to the end of its scenario; often: also at its frames.
+
+    Parameters
+    ----------
+    now
+        Time of the session.
+    """
     times = np.linspace(scenario.start.t, scenario.t_end, 101)
     if often:
         times = np.union1d(times, scenario.frame_times)
@@ -54,7 +60,13 @@ class Progress:
             self._bar.stop()
 
     def show(self, t: float, agent_steps: int) -> None:
-        """Report the time reached and how many agents made how many steps."""
+        """Report the time reached and how many agents made how many steps.
+
+        Parameters
+        ----------
+        agent_steps
+            Steps made so far times the number of agents.
+        """
         now = time.monotonic()
         if self._first is None:
             self._first = (now, t)

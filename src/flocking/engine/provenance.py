@@ -20,7 +20,13 @@ def _version(package: str) -> str:
 
 
 def provenance(engine: str, scenario: Scenario) -> dict[str, Any]:
-    """Versions of what computed a run, and what was asked of it."""
+    """Versions of what computed a run, and what was asked of it.
+
+    Parameters
+    ----------
+    engine
+        Name of the engine.
+    """
     return {
         "engine": engine,
         "scenario": scenario.name,

@@ -62,7 +62,13 @@ def written_by(folder: Path) -> str:
 
 
 def write_record(folder: Path, record: dict[str, Any], provenance: dict[str, Any]) -> None:
-    """Replace the record of a run, and with it the shapes a reader sees, in one step."""
+    """Replace the record of a run, and with it the shapes a reader sees, in one step.
+
+    Parameters
+    ----------
+    provenance
+        What `flocking.engine.provenance` says of the run.
+    """
     metadata = {name: json.loads((folder / name / RECORD).read_bytes()) for name in record["arrays"]}
     for data in metadata.values():
         # Rows that were appended and not committed must not show, whatever their array says of itself.

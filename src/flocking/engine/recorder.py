@@ -96,7 +96,13 @@ class Recorder:
         )  # fmt: skip
 
     def forget(self, counts: dict[str, int]) -> None:
-        """Let go of what is on disk: nothing, for these records stay in memory."""
+        """Let go of what is on disk: nothing, for these records stay in memory.
+
+        Parameters
+        ----------
+        counts
+            Numbers of rows on disk, by kind.
+        """
 
     def tables(self) -> dict[str, Any]:
         """All records as arrays, by the names of `Run`."""

@@ -170,6 +170,13 @@ class RunWriter:
     ) -> None:
         """Append switches, fields `SWITCH_FIELDS`, ledger rows, `TRACE_FIELDS`, and observations, `OBSERVED_FIELDS`.
 
+        Parameters
+        ----------
+        trace
+            Rows of the ledger, structured, shape (K,).
+        observed
+            Observations, structured, shape (K,); none when absent.
+
         Raises
         ------
         StorageError

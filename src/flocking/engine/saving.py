@@ -55,6 +55,11 @@ class Saving:
     def create(cls, folder: str | Path, session: ExactSession | TilesSession, every: float | None = None) -> Saving:
         """Save a new session to a new or empty folder.
 
+        Parameters
+        ----------
+        every
+            Wall time between two commits, in seconds; `COMMIT_SECONDS` when absent.
+
         Raises
         ------
         StorageError

@@ -61,7 +61,15 @@ class Segment:
 
     @classmethod
     def from_dense_output(cls, t0: float, t1: float, y0: Array, y1: Array, powers: Array) -> Segment:
-        """Convert the dense output of a step from ``y0`` to ``y1``: SciPy's array F, shape (7, size)."""
+        """Convert the dense output of a step from ``y0`` to ``y1``: SciPy's array F, shape (7, size).
+
+        Parameters
+        ----------
+        t0, t1
+            Ends of the step.
+        powers
+            SciPy's array F of the dense output, shape (7, size).
+        """
         coefficients = y0 + _TO_BERNSTEIN @ powers
         coefficients[0], coefficients[-1] = y0, y1
         return cls(t0, t1, coefficients)

@@ -15,7 +15,28 @@ from flocking.model.law import Law, Scenario
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """Everything a session of the exact engine needs to go on bit for bit."""
+    """Everything a session of the exact engine needs to go on bit for bit.
+
+    Parameters
+    ----------
+    stepper
+        What the integrator needs.
+    segment
+        The last step.
+    pending
+        Crossings at the end of that step whose links are still to be switched.
+    recorder
+        Frames, switches and ledger so far.
+    energy
+        Energy at the end of that step.
+    jumped
+        Sum of the jumps of the energy so far.
+    steps
+        Number of steps so far.
+    sliding
+        Of each pair that crosses again and again, by guard and pair: time and speed of the last crossing, and how many
+        there were.
+    """
 
     scenario: Scenario
     time: float

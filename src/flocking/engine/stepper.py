@@ -18,7 +18,13 @@ RELATIVE = 1e-13
 
 @dataclass(frozen=True, eq=False)
 class StepperMemory:
-    """All a stepper needs to go on exactly where it was: time, state, slope and proposed step."""
+    """All a stepper needs to go on exactly where it was: time, state, slope and proposed step.
+
+    Parameters
+    ----------
+    y
+        State vector.
+    """
 
     t: float
     y: Array
@@ -46,7 +52,13 @@ class Stepper:
         self.memory = memory
 
     def restart(self, t: float, y: Array) -> None:
-        """Go on from another state, keeping the proposed step."""
+        """Go on from another state, keeping the proposed step.
+
+        Parameters
+        ----------
+        y
+            The state vector to go on from.
+        """
         self.memory = StepperMemory(t, y, self._slope(t, y), self.memory.step)
 
     def recall(self, memory: StepperMemory) -> None:
