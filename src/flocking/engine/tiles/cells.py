@@ -85,19 +85,35 @@ _compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
 def cell_of(x, origin, inverse, count):  # type: ignore[no-untyped-def]
     """Cell of a coordinate along one axis, wrapped."""
     c = np.int64((np.float64(x) - origin) * inverse)
-    return c if c < count else c % count
+    return c if 0 <= c < count else c % count
 
 
 @_compiled
-def _count(first, last, q, n, origin, inverse, shape, shift, key, counts):  # type: ignore[no-untyped-def]
-    three = q.shape[0] == 3
+def _survey(first, last, agents, n, found):  # type: ignore[no-untyped-def]
+    """Per chunk and axis: lowest and highest coordinate, and the sum of velocities."""
+    m = agents.shape[1] // 2
     for chunk in range(first, last):
-        counts[chunk, :] = 0
+        for k in range(m):
+            low, high, total = np.inf, -np.inf, 0.0
+            for i in range(chunk * CHUNK, min((chunk + 1) * CHUNK, n)):
+                x = np.float64(agents[i, k])
+                low = x if x < low else low
+                high = x if x > high else high
+                total += np.float64(agents[i, m + k])
+            found[chunk, k], found[chunk, m + k], found[chunk, 2 * m + k] = low, high, total
+
+
+@_compiled
+def _count(first, last, agents, n, origin, inverse, shape, shift, key, counts):  # type: ignore[no-untyped-def]
+    three = agents.shape[1] == 6
+    for chunk in range(first, last):
+        for bucket in range(counts.shape[1]):
+            counts[chunk, bucket] = 0
         for i in range(chunk * CHUNK, min((chunk + 1) * CHUNK, n)):
-            k = cell_of(q[1, i], origin[1], inverse, shape[1])
+            k = cell_of(agents[i, 1], origin[1], inverse, shape[1])
             if three:
-                k += shape[1] * cell_of(q[2, i], origin[2], inverse, shape[2])
-            k = k * shape[0] + cell_of(q[0, i], origin[0], inverse, shape[0])
+                k += shape[1] * cell_of(agents[i, 2], origin[2], inverse, shape[2])
+            k = k * shape[0] + cell_of(agents[i, 0], origin[0], inverse, shape[0])
             key[i] = k
             counts[chunk, k >> shift] += 1
 
@@ -114,30 +130,58 @@ def _scatter(first, last, n, shift, key, places, key_there, index_there):  # typ
 
 
 @_compiled
-def _settle(first, last, shift, cells, begins, key_there, index_there, start, order):  # type: ignore[no-untyped-def]
+def _settle(first, last, shift, cells, begins, key_there, index_there, parts, start, order, crowded):  # type: ignore[no-untyped-def]
     for bucket in range(first, last):
         low = bucket << shift
         high = min((bucket + 1) << shift, cells)
-        fill = np.zeros(high - low + 1, np.int32)
+        for c in range(low, high):
+            start[c] = 0
         for at in range(begins[bucket], begins[bucket + 1]):
-            fill[key_there[at] - low + 1] += 1
-        fill[0] = begins[bucket]
-        for c in range(high - low):
-            fill[c + 1] += fill[c]
-            start[low + c] = fill[c]
+            start[key_there[at]] += 1
+        running, pairs = begins[bucket], 0.0
+        for c in range(low, high):
+            held = np.int64(start[c])
+            start[c] = running
+            running += held
+            pairs += held * max(held / parts - 1.0, 0.0)
+        crowded[bucket] = pairs
         for at in range(begins[bucket], begins[bucket + 1]):
-            c = key_there[at] - low
-            order[fill[c]] = index_there[at]
-            fill[c] += 1
+            c = key_there[at]
+            order[start[c]] = index_there[at]
+            start[c] += 1
+        for c in range(high - 1, low, -1):
+            start[c] = start[c - 1]
+        start[low] = begins[bucket]
 
 
 @_compiled
-def _permute(first, last, order, source, target):  # type: ignore[no-untyped-def]
-    for row in range(source.shape[0]):
-        a = source[row]
-        b = target[row]
-        for i in range(first, last):
-            b[i] = a[order[i]]
+def _arrange(first, last, order, agents, ids, target, target_ids, reference, place):  # type: ignore[no-untyped-def]
+    m = reference.shape[1]
+    for i in range(first, last):
+        o = order[i]
+        place[o] = i
+        target_ids[i] = ids[o]
+        for k in range(m):
+            reference[i, k] = agents[o, k]
+            target[i, k] = agents[o, k]
+            target[i, m + k] = agents[o, m + k]
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What the sort learns of a crowd on its way.
+
+    Parameters
+    ----------
+    low, high
+        Corners of the box around it, shape (m,).
+    velocity
+        Mean velocity, shape (m,).
+    """
+
+    low: Any
+    high: Any
+    velocity: Any
 
 
 class Sorter:
@@ -159,48 +203,54 @@ class Sorter:
         self.order: Ints = np.empty(n, np.int32)
         self.start: Ints = np.empty(1, np.int32)
         self.grid = Grid((0.0, 0.0, 0.0), 1.0, (3, 3, 1))
+        self.crowding = 0.0
 
-    def sort(self, q: Any, reach: float) -> None:
-        """Sort agents at ``q``, shape (m, at least n), into cells of width ``reach``: fills `order` and `start`."""
+    @property
+    def chunks(self) -> int:
+        """Number of chunks of agents."""
+        return (self.n + CHUNK - 1) // CHUNK
+
+    def survey(self, agents: Any) -> Survey:
+        """Extent and mean velocity of agents, shape (at least n, 2m)."""
+        m = agents.shape[1] // 2
+        found = np.empty((self.chunks, 3 * m))
+        self.workers.each_large(_survey, self.chunks, agents, self.n, found)
+        return Survey(found[:, :m].min(axis=0), found[:, m : 2 * m].max(axis=0), found[:, 2 * m :].sum(axis=0) / self.n)
+
+    def sort(self, agents: Any, seen: Survey, reach: float) -> None:
+        """Sort agents, shape (at least n, 2m), into cells of width ``reach``: fills `order`, `start` and `crowding`.
+
+        `crowding` is a lower bound of the number of ordered pairs within reach: a cell splits into 2^m parts
+        whose agents are all within reach of each other.
+        """
         n = self.n
-        low, high = extent(q[:, :n])
-        grid = self.grid = choose_grid(low, high, reach, n)
+        grid = self.grid = choose_grid(seen.low, seen.high, reach, n)
         cells = grid.cells
         shift = 0
         while (cells >> shift) >= MOST_BUCKETS:
             shift += 1
         buckets = ((cells - 1) >> shift) + 1
-        chunks = (n + CHUNK - 1) // CHUNK
+        chunks = self.chunks
         counts = np.empty((chunks, buckets), np.int32)
         each = self.workers.each_large
         origin, shape = np.array(grid.origin), np.array(grid.shape)
-        each(_count, chunks, q, n, origin, grid.inverse, shape, shift, self.key, counts)
+        each(_count, chunks, agents, n, origin, grid.inverse, shape, shift, self.key, counts)
         ends = np.cumsum(counts.T.ravel(), dtype=np.int64)
         places = np.ascontiguousarray((ends - counts.T.ravel()).reshape(buckets, chunks).T)
         begins = np.append(places[0], n)
         each(_scatter, chunks, n, shift, self.key, places, self.key_there, self.index_there)
         if len(self.start) != cells + 1:
             self.start = np.empty(cells + 1, np.int32)
+        crowded = np.empty(buckets)
         each(
-            _settle, buckets, shift, cells, begins, self.key_there, self.index_there, self.start, self.order
+            _settle, buckets, shift, cells, begins, self.key_there, self.index_there, 2.0 ** len(seen.low), self.start,
+            self.order, crowded,
         )  # fmt: skip
         self.start[cells] = n
+        self.crowding = float(crowded.sum())
 
-    def permute(self, source: Any, target: Any) -> None:
-        """Rows of ``source``, shape (k, n), into the new order."""
-        self.workers.each(_permute, self.n, self.order, source, target)
-
-
-def extent(q: Any) -> tuple[Any, Any]:
-    """Lowest and highest coordinates of positions of shape (m, n), as float64."""
-    return q.min(axis=1).astype(np.float64), q.max(axis=1).astype(np.float64)
-
-
-def crowding(start: Ints, dimension: int) -> float:
-    """A lower bound of the number of ordered pairs within reach, from the cell counts alone.
-
-    A cell splits into 2^m parts whose agents are all within reach of each other.
-    """
-    counts = np.diff(start).astype(np.float64)
-    parts = 2.0**dimension
-    return float((counts * np.maximum(counts / parts - 1.0, 0.0)).sum())
+    def arrange(self, agents: Any, ids: Any, target: Any, target_ids: Any, reference: Any) -> Any:
+        """Agents, identities and reference positions into the new order; returns the new place of each old one."""
+        place = self.key_there
+        self.workers.each(_arrange, self.n, self.order, agents, ids, target, target_ids, reference, place)
+        return place

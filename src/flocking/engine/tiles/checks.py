@@ -15,6 +15,8 @@ from flocking.errors import LinkLost, NotFinite
 if TYPE_CHECKING:
     from flocking.engine.tiles.session import TilesSession
 
+FARTHEST = 1e15
+"""Distances beyond it are those of no pair at all: what a kernel starts from that has not met one."""
 
 def after_step(session: TilesSession, crowd: Crowd, h: float) -> None:
     """What every step is checked for. The state before the step is still in ``crowd.Y``."""
@@ -26,15 +28,14 @@ def after_step(session: TilesSession, crowd: Crowd, h: float) -> None:
             "Velocities or positions became infinite or NaN. Lower the step, or look at the potential there.",
             time=session.time, agents=tuple(sorted(int(i) for i in crowd.ids[bad[:10]])),
         )  # fmt: skip
-    if crowd.lost is not None or (crowd.tops[:, 2] > 0).any():
-        pair = crowd.lost or _broken_pair(crowd)
+    if crowd.lost is not None:
         raise LinkLost(
             "A link whose potential is infinite at the break radius reached it: the step "
             f"{session.step:.3g} is too large. A step of {session.step / 4:.2g} may do.",
-            time=session.time, agents=pair,
+            time=session.time, agents=tuple(sorted(crowd.lost)),
         )  # fmt: skip
-    near = float(np.sqrt(crowd.tops[:, 1].min()))
-    if near < session.records.closest.distance:
+    near = float(np.sqrt(crowd.extremes[1]))
+    if near < min(session.records.closest.distance, FARTHEST):
         tile = int(np.argmin(crowd.tops[:, 1]))
         closest = _closest_in(crowd, tile)
         if closest is not None:
@@ -57,17 +58,6 @@ def _closest_in(crowd: Crowd, tile: int) -> tuple[int, int] | None:
     k = int(np.argmin(square))
     a, b = int(crowd.ids[i[k]]), int(crowd.ids[j[k]])
     return (min(a, b), max(a, b))
-
-
-def _broken_pair(crowd: Crowd) -> tuple[int, ...]:
-    """The farthest pair that was linked until the last step, in the tiles that report a broken link."""
-    tiles = np.flatnonzero(crowd.tops[:, 2] > 0)[:4]
-    i, j = _listed(crowd, tiles)
-    square = ((crowd.Y[: crowd.m, j] - crowd.Y[: crowd.m, i]) ** 2).sum(axis=0)
-    limits = [float(x[0]) for x, kind in zip(crowd.limits, crowd.spec.graphs, strict=True) if kind.barrier]
-    outside = square >= min(limits)
-    k = int(np.argmin(np.where(outside, square, np.inf)))
-    return tuple(sorted((int(crowd.ids[i[k]]), int(crowd.ids[j[k]]))))
 
 
 def _check_strides(session: TilesSession, crowd: Crowd, h: float) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from flocking.engine.tiles.cells import Sorter, crowding
+from flocking.engine.tiles.cells import Sorter
 from flocking.engine.tiles.kernels import SUMS, tile_kernels
 from flocking.engine.tiles.lists import (
     LINKED,
@@ -28,6 +28,8 @@ from flocking.engine.tiles.lists import (
 )
 from flocking.engine.tiles.nearby_obstacles import NearbyObstacles
 from flocking.engine.tiles.numbers import kernel_numbers
+from flocking.engine.tiles.pairs import tile_pairs
+from flocking.engine.tiles.skins import FIRST_SKIN, best_skin
 from flocking.engine.tiles.spec import PRECISIONS, KernelSpec
 from flocking.engine.tiles.threads import Workers
 from flocking.model.law import Scenario
@@ -36,25 +38,32 @@ from flocking.model.state import State
 CERTAIN = 0.999
 """Share of half the skin that may be used up; the rest covers rounding."""
 
-REBUILD_COST = 6.0
-"""Cost of a rebuild in steps, for choosing the skin. A constant: results must not depend on a clock."""
-
-SKINS = tuple(0.04 * 1.25**k for k in range(16))
-"""Skins tried, as fractions of the cutoff."""
+_compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _strayed(first, last, X, reference, shift, n, out):  # type: ignore[no-untyped-def]
+@_compiled
+def _strayed(first, last, agents, reference, shift, n, out):  # type: ignore[no-untyped-def]
     """Largest squared distance of the agents of each tile from where they were at the rebuild, seen from the crowd."""
     for tile in range(first, last):
         most = np.float64(0.0)
         for i in range(tile * 16, min(tile * 16 + 16, n)):
             square = np.float64(0.0)
-            for k in range(reference.shape[0]):
-                d = np.float64(X[k, i]) - np.float64(reference[k, i]) - shift[k]
+            for k in range(reference.shape[1]):
+                d = np.float64(agents[i, k]) - np.float64(reference[i, k]) - shift[k]
                 square += d * d
             most = max(most, square) if square < 1e300 else np.float64(np.inf)
         out[tile] = most
+
+
+@_compiled
+def _extremes(tops, out):  # type: ignore[no-untyped-def]
+    """Largest squared speed, smallest squared distance of linked agents and most breaks over all tiles."""
+    fast, near, broken = 0.0, np.inf, 0.0
+    for tile in range(tops.shape[0]):
+        fast = max(fast, np.float64(tops[tile, 0]))
+        near = min(near, np.float64(tops[tile, 1]))
+        broken = max(broken, np.float64(tops[tile, 2]))
+    out[0], out[1], out[2] = fast, near, broken
 
 
 @dataclass
@@ -94,19 +103,21 @@ class Crowd:
         self.size = self.tiles * WIDTH
         self.kernel = tile_kernels(spec).move
         self.skin_wanted = skin
-        self.X: Any = np.empty((2 * m, self.size), self.dtype)
-        self.Y: Any = np.empty((2 * m, self.size), self.dtype)
-        self.X[:m, :n], self.X[m:, :n] = state.q.T, state.p.T
+        self.agents: Any = np.empty((self.size, 2 * m), self.dtype)
+        self.agents[:n, :m], self.agents[:n, m:] = state.q, state.p
+        self.successor: Any = np.empty((self.size, 2 * m), self.dtype)
         self.ids: Any = np.zeros(self.size, np.int32)
         self.ids[:n] = np.arange(n, dtype=np.int32)
+        self._ids_there: Any = np.zeros(self.size, np.int32)
         self.tops: Any = np.zeros((self.tiles, 3), self.dtype)
+        self.extremes: Any = np.zeros(3)
         self.sums: Any = np.zeros((self.tiles if spec.ledger else 1, len(SUMS)), np.float64)
         self._set_graphs(scenario, memory_limit)
         self._set_parameters(scenario, state.t)
         self._fill_pads()
         self.C: Any = np.zeros(m, self.dtype)
         self.M: Any = np.zeros(2 * m, np.float64)
-        self.reference: Any = np.empty((m if self.moving else 0, self.size), self.dtype)
+        self.reference: Any = np.empty((self.size if self.moving else 0, m), self.dtype)
         self.elapsed = 0.0
         self.bound = np.inf
         self.skin = 0.0
@@ -115,8 +126,29 @@ class Crowd:
         self._first_links = state.links
         self._set_obstacles(scenario)
         self.lost: tuple[int, int] | None = None
-        speeds = self.X[m:, :n] - self.X[m:, :n].mean(axis=1, keepdims=True)
-        self.top_speed = float(np.sqrt((speeds.astype(np.float64) ** 2).sum(axis=0).max()))
+        self.top_speed = self._fastest()
+
+    @property
+    def X(self) -> Any:  # noqa: N802
+        """Positions and velocities, shape (2m, size): a view of `agents`, which has a row for each agent."""
+        return self.agents.T
+
+    @X.setter
+    def X(self, values: Any) -> None:  # noqa: N802
+        self.agents = np.ascontiguousarray(values.T)
+
+    @property
+    def Y(self) -> Any:  # noqa: N802
+        """The state before or beside `X`, shape (2m, size)."""
+        return self.successor.T
+
+    def _fastest(self) -> float:
+        """Largest speed relative to the mean velocity."""
+        velocities = self.agents[: self.n, self.m :]
+        mean = velocities.mean(axis=0, dtype=np.float64)
+        # In parts, so that a large crowd is not copied whole.
+        parts = (velocities[k : k + 2**20] - mean for k in range(0, self.n, 2**20))
+        return float(np.sqrt(max(float((part**2).sum(axis=1).max()) for part in parts)))
 
     def _set_graphs(self, scenario: Scenario, memory_limit: float) -> None:
         n, law = self.n, scenario.law
@@ -173,7 +205,7 @@ class Crowd:
 
     def _fill_pads(self) -> None:
         n = self.n
-        self.X[:, n:] = self.X[:, n - 1 : n]
+        self.agents[n:] = self.agents[n - 1]
         self.ids[n:] = self.ids[n - 1]
         self.A[:, n:] = self.A[:, n - 1 : n]
 
@@ -197,7 +229,7 @@ class Crowd:
         """How far an agent has moved since the rebuild at most, seen from the crowd."""
         out = np.empty(self.tiles)
         shift = self.elapsed * self.C.astype(np.float64)
-        self.workers.each(_strayed, self.tiles, self.X, self.reference, shift, self.n, out)
+        self.workers.each(_strayed, self.tiles, self.agents, self.reference, shift, self.n, out)
         return float(np.sqrt(out.max())) + self._rounding
 
     def require_lists(self, step: float) -> None:
@@ -205,18 +237,28 @@ class Crowd:
         if not self.usable():
             self.rebuild(step)
 
-    def choose_skin(self, step: float) -> float:
-        """The skin that makes a step cheapest at the speed the agents have now."""
-        cutoff = max(self.cutoffs)
-        if self.skin_wanted is not None:
-            return float(self.skin_wanted)
-        stride = 2.0 * self.top_speed * step / (CERTAIN * cutoff)
+    def _sort(self, step: float, skin: float | None) -> None:
+        """Sort the agents into cells for the skin that is given, wanted or best at the speed they have now."""
+        cutoff, sorter = max(self.cutoffs), self.sorter
+        seen = sorter.survey(self.agents)
+        given = skin if skin is not None else self.skin_wanted
+        guess = float(given if given is not None else self.skin or FIRST_SKIN * cutoff)
+        sorter.sort(self.agents, seen, cutoff + guess)
+        self._require_room()
+        if given is None:
+            guess, sorted_for = best_skin(self.agents, sorter, cutoff, 2.0 * self.top_speed * step / CERTAIN), guess
+            if not 0.9 * (cutoff + sorted_for) <= cutoff + guess <= cutoff + sorted_for:
+                sorter.sort(self.agents, seen, cutoff + guess)
+                self._require_room()
+        self.skin = guess
+        self.C[:] = seen.velocity
+        farthest = max(float(np.abs(seen.low).max()), float(np.abs(seen.high).max()))
+        self._rounding = 4.0 * float(np.finfo(self.dtype).eps) * farthest
 
-        def cost(skin: float) -> float:
-            length = float((1.0 + skin) ** self.m)
-            return 0.3 + length + (1.0 + REBUILD_COST * length) / max(1.0, skin / max(stride, 1e-12))
-
-        return float(cutoff * min(SKINS, key=cost))
+    def _require_room(self) -> None:
+        least = 4.0 * self.sorter.crowding
+        if least > self.builders[0].memory_limit:
+            raise TooManyNeighboursError(least)
 
     def rebuild(self, step: float, skin: float | None = None) -> None:
         """Sort the agents and build all lists anew, keeping the memory of links.
@@ -226,23 +268,15 @@ class Crowd:
         TooManyNeighboursError
             When the lists would exceed the memory limit; positions and links are kept.
         """
-        n, m = self.n, self.m
+        n = self.n
         if not self.moving:
             self._build_fixed()
             return
-        self.skin = skin if skin is not None else self.choose_skin(step)
-        reach = max(self.cutoffs) + self.skin
-        sorter = self.sorter
-        sorter.sort(self.X[:m], reach)
-        least = crowding(sorter.start, m) * 4.0
-        if least > self.builders[0].memory_limit:
-            raise TooManyNeighboursError(least)
-        sorter.permute(self.X, self.Y)
-        self.X, self.Y = self.Y, self.X
-        order = sorter.order
-        old_place = sorter.key_there
-        old_place[order] = np.arange(n, dtype=np.int32)
-        self.ids[:n] = self.ids[order]
+        self._sort(step, skin)
+        sorter, order = self.sorter, self.sorter.order
+        old_place = sorter.arrange(self.agents, self.ids, self.successor, self._ids_there, self.reference)
+        self.agents, self.successor = self.successor, self.agents
+        self.ids, self._ids_there = self._ids_there, self.ids
         for k in range(len(self.A)):
             self.A[k, :n] = self.A[k, order]
         for number, kind in enumerate(self.spec.graphs):
@@ -252,11 +286,11 @@ class Crowd:
         for number, kind in enumerate(self.spec.graphs):
             if kind.fixed:
                 continue
-            uneven = np.sqrt(self.each[number][:n]) + self.dtype(self.skin) if kind.uneven else self.each[number]
+            uneven = np.sqrt(self.each[number]) + self.dtype(self.skin) if kind.uneven else self.each[number]
             old = self.lists[number]
             inside = self.each[number] if kind.uneven else self.limits[number][:1]
             self.lists[number], lost = self.builders[number].build(
-                self.X[:m], self.cutoffs[number] + self.skin, uneven, sorter.grid, sorter.start, old, order, old_place,
+                self.agents, self.cutoffs[number] + self.skin, uneven, sorter.grid, sorter.start, old, order, old_place,
                 begin2=inside if kind.memory and old is None else None, remember=kind.memory,
             )  # fmt: skip
             if lost is not None and kind.barrier:
@@ -264,9 +298,6 @@ class Crowd:
         self._build_fixed()
         if self._first_links is not None:
             self._take_links(self._first_links)
-        self.reference[:] = self.X[:m]
-        self.C[:] = self.X[m:, :n].mean(axis=1, dtype=np.float64)
-        self._rounding = 4.0 * float(np.finfo(self.dtype).eps) * float(np.abs(self.X[:m, :n]).max())
         self.elapsed, self.bound = 0.0, 0.0
         if self.obstacles is not None:
             self.obstacles.used = np.inf
@@ -315,10 +346,27 @@ class Crowd:
             self.obstacles.require(self.X[: self.m], self.tiles, t, speed * abs(drift))
             lists += [x for pair in self.obstacles.lists for x in pair]
         self.workers.each(
-            self.kernel, self.tiles, float(t), T(keep), T(kick), T(drift), T(whole), T(soft), hold, self.X, self.Y,
-            self.n,
+            self.kernel, self.tiles, float(t), T(keep), T(kick), T(drift), T(whole), T(soft), hold, self.agents,
+            self.successor, self.n,
             *lists, self.P, self.A, self.O, self.ids, self.seeds, self.matrices, self.M, self.C, self.tops, self.sums,
         )  # fmt: skip
+        self.read_tops()
+        if self.extremes[2] > 0 and self.lost is None and not hold:
+            self.lost = self._broken_pair()
+
+    def read_tops(self) -> None:
+        """Take the extremes of what the tiles reported last."""
+        _extremes(self.tops, self.extremes)
+
+    def _broken_pair(self) -> tuple[int, int]:
+        """The nearest pair beyond its radius in the tiles that report a broken link."""
+        tiles = np.flatnonzero(self.tops[:, 2] > 0)[:4]
+        pairs = [tile_pairs(lists, tiles, self.n) for lists in self.lists if lists is not None]
+        i, j = (np.concatenate(x) for x in zip(*pairs, strict=True))
+        square = ((self.X[: self.m, j] - self.X[: self.m, i]) ** 2).sum(axis=0)
+        least = min(float(x[0]) for x, kind in zip(self.limits, self.spec.graphs, strict=True) if kind.barrier)
+        k = int(np.argmin(np.where(square >= least, square, np.inf)))
+        return int(self.ids[i[k]]), int(self.ids[j[k]])
 
     def _fill_means(self) -> None:
         n = self.n
@@ -330,9 +378,9 @@ class Crowd:
 
     def swap(self, stride: float) -> None:
         """Make Y the state, reached by a drift over the time ``stride``."""
-        self.X, self.Y = self.Y, self.X
+        self.agents, self.successor = self.successor, self.agents
         self.elapsed += stride
-        self.top_speed = float(np.sqrt(self.tops[:, 0].max()))
+        self.top_speed = float(np.sqrt(self.extremes[0]))
         if self.obstacles is not None:
             self.obstacles.moved(abs(stride) * (self.top_speed + float(np.linalg.norm(self.C))), abs(stride))
         self.bound += abs(stride) * self.top_speed * (1.0 + 1e-6) + self._rounding
@@ -361,7 +409,7 @@ class Crowd:
     def memory(self, *, copied: bool = True) -> CrowdMemory:
         """State, order, lists and rebuild reference; not ``copied``, they change as the crowd goes on."""
         kept = {name: getattr(self, name) for name in _KEPT}
-        kept["rooms"] = [(b.room, b.deep) for b in self.builders]
+        kept["rooms"] = [b.room for b in self.builders]
         return CrowdMemory(copy.deepcopy(kept) if copied else kept)
 
     def recall(self, memory: CrowdMemory) -> None:
@@ -370,20 +418,15 @@ class Crowd:
             setattr(self, name, copy.deepcopy(memory.fields[name]))
         if self.obstacles is not None:
             self.obstacles.used = np.inf
-        for builder, (room, deep) in zip(self.builders, memory.fields["rooms"], strict=True):
-            builder.room, builder.deep, builder.spare = room.copy(), deep, None
+        for builder, room in zip(self.builders, memory.fields["rooms"], strict=True):
+            builder.room, builder.spare = room.copy(), None
 
     @property
     def nbytes(self) -> int:
         """Memory of all arrays."""
-        arrays = [self.X, self.Y, self.ids, self.tops, self.sums, self.A, self.reference, *self.each]
-        arrays += [
-            self.sorter.key,
-            self.sorter.key_there,
-            self.sorter.index_there,
-            self.sorter.order,
-            self.sorter.start,
-        ]
+        arrays = [self.agents, self.successor, self.ids, self._ids_there, self.tops, self.sums, self.A, self.reference]
+        sorter = self.sorter
+        arrays += [sorter.key, sorter.key_there, sorter.index_there, sorter.order, sorter.start, *self.each]
         spares = [b.spare for b in self.builders if b.spare is not None]
         return int(sum(a.nbytes for a in arrays)) + sum(x.nbytes for x in [*self.lists, *spares] if x is not None)
 

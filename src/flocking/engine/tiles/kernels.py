@@ -35,7 +35,7 @@ GRAPH_ARGUMENTS = ("rows", "first", "count", "each", "limits")
 def _printers() -> str:
     folder = Path(__file__).parent
     digest = hashlib.sha256()
-    for name in ("kernels", "printing", "vector_math", "spec", "lanes", "reductions"):
+    for name in ("kernels", "printing", "vector_math", "spec", "lanes", "interleaved", "roots", "reductions"):
         digest.update((folder / f"{name}.py").read_bytes())
     return digest.hexdigest()[:12]
 
@@ -59,7 +59,7 @@ def _arguments(spec: KernelSpec) -> list[str]:
 
     ``first_tile``, ``last_tile``; the time ``t``; ``keep``, ``kick``, ``drift``; ``whole`` (advances velocities to
     those of the time of the positions) and ``soft`` (1 where velocities are damped exponentially); ``hold``
-    (links stay as they are); state ``X`` and its successor ``Y``, shape (2m, 16 tiles); the number of agents ``n``;
+    (links stay as they are); state ``X`` and its successor ``Y``, shape (16 tiles, 2m); the number of agents ``n``;
     per graph lists, squared radii per agent and for all; obstacles that each tile may meet; parameters ``P``, ``A``
     and ``O``; identities ``ids``; hash seeds and matrices of pair weights; means of the group; velocity of the crowd
     ``C``; results ``tops`` and ``sums`` per tile.
@@ -94,8 +94,11 @@ class _Writer:
             return not (self.spec.mass_each, self.spec.damping_each)[int(name[1])]
         return name == "t" or name.startswith(("P", "mean_"))
 
-    def statements(self, results: dict[str, Any], prefix: str) -> list[str]:
-        """Lines that compute ``results`` for one lane; notes which rows of A they read."""
+    def statements(self, results: dict[str, Any], prefix: str, inverses: dict[str, str] | None = None) -> list[str]:
+        """Lines that compute ``results`` for one lane; notes which rows of A they read.
+
+        ``inverses`` names what holds one over a symbol.
+        """
         from flocking.engine.codegen import free_names
         from flocking.engine.tiles.printing import vector_statements
 
@@ -103,7 +106,7 @@ class _Writer:
         names = free_names(lifted.values())
         self.per_agent |= {a for a in names.per_agent if not self.uniform(a)}
         weights = [self._weight(w) for w in names.per_pair]
-        return weights + vector_statements(lifted, prefix)
+        return weights + vector_statements(lifted, prefix, inverses)
 
     def _weight(self, name: str) -> str:
         number = int(name[1:])
@@ -136,9 +139,12 @@ def _pair_block(w: _Writer, number: int, pair: PairFormulas) -> list[str]:
         f"entry = load(rows{number}, at)",
         "j = entry & NUMBER" if kind.memory or kind.fixed else "j = entry",
     ]
-    lane += [f"d{k} = gather(all_q{k}, j) - q{k}" for k in axes]
+    there = [f"{letter}{k}_there" for letter in "qp" for k in axes]
+    mask = "NUMBER" if kind.memory or kind.fixed else "ALL"
+    lane += [f"{', '.join(there)} = gather_agents(X, rows{number}, at, {mask})"]
+    lane += [f"d{k} = q{k}_there - q{k}" for k in axes]
     if "drag" in wanted or names.others & {"speed2", "radial", "pull"}:
-        lane += [f"v{k} = gather(all_p{k}, j) - p{k}" for k in axes]
+        lane += [f"v{k} = p{k}_there - p{k}" for k in axes]
     lane += ["square = " + " + ".join(f"d{k} * d{k}" for k in axes), "other = j != i"]
     if kind.fixed:
         lane += ["linked = other"]
@@ -154,24 +160,25 @@ def _pair_block(w: _Writer, number: int, pair: PairFormulas) -> list[str]:
             ]
         else:
             lane += ["linked = other & inside"]
-    lane += ["apart = linked & (square > T(0.0))", f"r = root(select(square > T(0.0), square, safe{number}))"]
+    lane += ["apart = linked & (square > T(0.0))", f"safe = select(square > T(0.0), square, safe{number})"]
+    lane += ["inverse_r = inverse_root(safe)", "r = safe * inverse_r"]
     lane += ["near = select(linked & (square < near), square, near)"]
     if kind.barrier:
         lane += ["broken = select(was & ~inside, T(1.0), broken)"]
     if "speed2" in names.others:
         lane += ["speed2 = " + " + ".join(f"v{k} * v{k}" for k in axes)]
     if "radial" in names.others:
-        lane += ["radial = (" + " + ".join(f"d{k} * v{k}" for k in axes) + ") / r"]
+        lane += ["radial = (" + " + ".join(f"d{k} * v{k}" for k in axes) + ") * inverse_r"]
     relative = [f"(p{k} - {f})" for k, f in enumerate(w.frame())]
     if "push" in names.others:
-        lane += ["push = (" + " + ".join(f"d{k} * {f}" for k, f in enumerate(relative)) + ") / r"]
+        lane += ["push = (" + " + ".join(f"d{k} * {f}" for k, f in enumerate(relative)) + ") * inverse_r"]
     if "pull" in names.others:
         lane += ["pull = " + " + ".join(f"v{k} * {f}" for k, f in enumerate(relative))]
     results = dict(wanted)
     if "along" in results:
         # Dividing inside the expression lets common factors of r cancel.
         results["along"] = results["along"] / _distance()
-    lane += w.statements(results, f"g{number}_")
+    lane += w.statements(results, f"g{number}_", {"r": "inverse_r"})
     for k in axes:
         terms = []
         if "along" in wanted:
@@ -268,8 +275,9 @@ def _tail_block(w: _Writer) -> list[str]:
                 f"kick{k} = kick * select(x{k} < T(1e-3), mild{k}, strong{k})",
             ]
         kick = f"kick{k}" if spec.damped else "kick"
-        lines += [f"next{k} = keep * p{k} + {kick} * a{k}", f"store(Y[{spec.dimension + k}], base, next{k})"]
-        lines += [f"store(Y[{k}], base, q{k} + drift * next{k})", f"c{k} = next{k} - C[{k}]"]
+        lines += [f"next{k} = keep * p{k} + {kick} * a{k}", f"x{k} = q{k} + drift * next{k}"]
+        lines += [f"c{k} = next{k} - C[{k}]"]
+    lines += [f"store_agents(Y, base, ({', '.join([f'x{k}' for k in axes] + [f'next{k}' for k in axes])}))"]
     lines += ["square = " + " + ".join(f"c{k} * c{k}" for k in axes), "live = i < n"]
     # A NaN fails the comparison, so that it shows as an infinite speed.
     lines += ["speed = select(square < huge, square, endless)"]
@@ -325,9 +333,9 @@ def _source(spec: KernelSpec, formulas: LawFormulas) -> str:
         top += [f"safe{number} = limits{number}[2]"]
         if not kind.fixed:
             top += [f"leave{number} = limits{number}[0]", f"enter{number} = limits{number}[1]"]
-    top += [f"all_q{k} = X[{k}]" for k in axes] + [f"all_p{k} = X[{spec.dimension + k}]" for k in axes]
     tile = ["base = tile * 16", "i = numbers_from(base)"]
-    tile += [f"q{k} = load(all_q{k}, base)" for k in axes] + [f"p{k} = load(all_p{k}, base)" for k in axes]
+    own = [f"{letter}{k}" for letter in "qp" for k in axes]
+    tile += [f"{', '.join(own)} = load_agents(X, base)"]
     tile += [f"{name} = load(A[{name[1:]}], base)" for name in sorted(w.per_agent)]
     tile += [f"{name} = spread(T(0.0))" for name in scratch] + ["near = spread(huge)"]
     for block in pairs:
@@ -337,8 +345,13 @@ def _source(spec: KernelSpec, formulas: LawFormulas) -> str:
     used = {name for name in ("fast_sin", "fast_cos", "fast_exp", "fast_log") if name + "(" in text}
     header = "import math\n\nimport numba\nimport numpy as np\n\n"
     header += f"from flocking.engine.tiles.lanes import ({', '.join(_PRIMITIVES)})\n"
-    header += "from flocking.engine.tiles.reductions import highest, lowest, total\n\n"
-    header += f"T = np.{spec.precision}\nNUMBER = {2**31 - 1}\nLINKED = {2**31}\n\n\n"
+    header += "from flocking.engine.tiles.interleaved import GATHERERS, LOADERS, STORERS\n"
+    header += "from flocking.engine.tiles.reductions import highest, lowest, total\n"
+    header += "from flocking.engine.tiles.roots import inverse_root\n\n"
+    header += f"T = np.{spec.precision}\nNUMBER = {2**31 - 1}\nLINKED = {2**31}\nALL = {2**32 - 1}\n"
+    columns = 2 * spec.dimension
+    header += f"load_agents = LOADERS[{columns}]\ngather_agents = GATHERERS[{columns}]\n"
+    header += f"store_agents = STORERS[{columns}]\n\n\n"
     header += vector_math.source(used, spec.precision == "float64")
     if "hash" in spec.weights:
         header += _HASH

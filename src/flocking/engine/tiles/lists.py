@@ -13,14 +13,17 @@ import numba
 import numpy as np
 
 from flocking.engine.tiles.cells import Grid, cell_of
-from flocking.engine.tiles.lanes import load, numbers_from, spread
-from flocking.engine.tiles.reductions import bits_of, first_bit
+from flocking.engine.tiles.interleaved import column
+from flocking.engine.tiles.lanes import load, numbers_from, select, spread, store
+from flocking.engine.tiles.reductions import bits_of, first_bit, highest_whole
 from flocking.engine.tiles.threads import Workers
 
 WIDTH = 16
 """Agents in a tile."""
 TILES_IN_CHUNK = 64
 """Tiles that share one stretch of memory; fixed, so that lists never depend on the number of threads."""
+LONGEST = 64
+"""Cells in a row that agents of a tile may span and still be looked after together."""
 LINKED = np.uint32(1 << 31)
 """Bit of an entry that says that the pair is linked."""
 NUMBER = np.uint32((1 << 31) - 1)
@@ -63,166 +66,132 @@ def empty_lists(tiles: int) -> TileLists:
 
 
 @_compiled
-def _held_links(i, rows, first, count, place, held):  # type: ignore[no-untyped-def]
-    """New places of the agents that ``i`` (old place) was linked with."""
-    tile, lane = i // WIDTH, i % WIDTH
-    found = 0
-    for row in range(first[tile], first[tile] + count[tile]):
-        entry = rows[row, lane]
-        if entry > NUMBER:
-            held[found] = place[np.int64(entry & NUMBER)]
-            found += 1
-    return found
-
-
-@_compiled
-def _search_alone(tile, x, y, z, three, n, reach2, each_reach2, origin, inverse, shape, start, deep, found, numbers):  # type: ignore[no-untyped-def]
-    """Neighbours of the agents of a tile, each by itself: for tiles at the ends of rows of cells."""
-    nx, ny, nz = shape[0], shape[1], shape[2]
-    for lane in range(WIDTH):
-        i = tile * WIDTH + lane
-        numbers[lane] = 0
-        if i >= n:
-            continue
-        xi, yi, zi = x[i], y[i], z[i]
-        limit = each_reach2[i] if each_reach2.shape[0] > 1 else reach2
-        cx = cell_of(xi, origin[0], inverse, nx)
-        cy = cell_of(yi, origin[1], inverse, ny)
-        cz = cell_of(zi, origin[2], inverse, nz) if three else 0
-        k = 0
-        for layer in range(-1 if three else 0, 2 if three else 1):
-            oz = (cz + layer + nz) % nz
-            for line in range(-1, 2):
-                base = (oz * ny + (cy + line + ny) % ny) * nx
-                # Three cells in a row are one run of agents, or two where the row wraps.
-                for part in range(2):
-                    if cx == 0:
-                        a, b = (0, 2) if part == 0 else (nx - 1, nx)
-                    elif cx == nx - 1:
-                        a, b = (cx - 1, nx) if part == 0 else (0, 1)
-                    elif part == 0:
-                        a, b = cx - 1, cx + 2
-                    else:
-                        a, b = 0, 0
-                    for j in range(start[base + a], start[base + b]):
-                        dx = x[j] - xi
-                        dy = y[j] - yi
-                        s = dx * dx + dy * dy
-                        if three:
-                            dz = z[j] - zi
-                            s += dz * dz
-                        if s < limit and j != i:
-                            if k < deep:
-                                found[k, lane] = j
-                            k += 1
-        numbers[lane] = k
-
-
-@_compiled
-def _search_together(tile, x, y, z, three, reach2, each_reach2, origin, inverse, shape, start, deep, found, numbers):  # type: ignore[no-untyped-def]
-    """Neighbours of 16 agents in one row of cells, tested side by side; false where they are not in one row.
-
-    Finds the neighbours of each agent in the order in which `_search_alone` does.
-    """
-    nx, ny, nz = shape[0], shape[1], shape[2]
-    i, last = tile * WIDTH, tile * WIDTH + WIDTH - 1
-    cy = cell_of(y[i], origin[1], inverse, ny)
-    cz = cell_of(z[i], origin[2], inverse, nz) if three else 0
-    low, high = cell_of(x[i], origin[0], inverse, nx), cell_of(x[last], origin[0], inverse, nx)
-    if cy != cell_of(y[last], origin[1], inverse, ny) or low < 1 or high > nx - 2 or high - low > 64:
-        return False
-    if three and cz != cell_of(z[last], origin[2], inverse, nz):
-        return False
-    numbers[:] = 0
-    own_x, own_y, own_z, own = load(x, i), load(y, i), load(z, i), numbers_from(i)
-    limit = load(each_reach2, i) if each_reach2.shape[0] > 1 else spread(reach2)
-    for layer in range(-1 if three else 0, 2 if three else 1):
-        oz = (cz + layer + nz) % nz
-        for line in range(-1, 2):
-            base = (oz * ny + (cy + line + ny) % ny) * nx
-            for j in range(start[base + low - 1], start[base + high + 2]):
-                dx = x[j] - own_x
-                dy = y[j] - own_y
-                s = dx * dx + dy * dy
-                if three:
-                    dz = z[j] - own_z
-                    s = s + dz * dz
-                bits = bits_of((s < limit) & (own != np.uint32(j)))
-                while bits:
-                    lane = first_bit(bits)
-                    bits &= bits - 1
-                    k = numbers[lane]
-                    if k < deep:
-                        found[k, lane] = j
-                    numbers[lane] = k + 1
-    return True
-
-
-@_compiled
-def _build(  # type: ignore[no-untyped-def]
-    first_chunk, last_chunk, q, n, reach2, each_reach2, origin, inverse, shape, start, deep,
-    rows, first, count, stretch, room, need, deepest,
-    carry, begin, begin2, order, place, old_rows, old_first, old_count, lost,
+def _search(  # type: ignore[no-untyped-def]
+    first_chunk, last_chunk, agents, n, reach2, each_reach2, origin, inverse, shape, start,
+    rows, first, count, stretch, room, need, numbers,
 ):  # fmt: skip
-    three = q.shape[0] == 3
-    x = q[0]
-    y = q[1]
-    z = q[2] if three else q[1]
-    found = np.empty((deep, WIDTH), np.uint32)
-    held = np.empty(deep if carry else 1, np.int64)
-    numbers = np.empty(WIDTH, np.int64)
+    """Neighbours of all agents of some chunks: candidates are tested against the agents of a tile side by side."""
+    three = agents.shape[1] == 6
+    nx, ny, nz = shape[0], shape[1], shape[2]
     tiles = first.shape[0]
     for chunk in range(first_chunk, last_chunk):
         cursor = stretch[chunk]
         end = cursor + room[chunk]
-        wanted = 0
+        wanted = np.int64(0)
+        found = numbers[chunk]
         for tile in range(chunk * TILES_IN_CHUNK, min((chunk + 1) * TILES_IN_CHUNK, tiles)):
-            if (tile + 1) * WIDTH > n or not _search_together(
-                tile, x, y, z, three, reach2, each_reach2, origin, inverse, shape, start, deep, found, numbers
-            ):
-                _search_alone(
-                    tile, x, y, z, three, n, reach2, each_reach2, origin, inverse, shape, start, deep, found, numbers
-                )
-            most = numbers.max()
-            deepest[chunk] = max(deepest[chunk], most)
+            base = tile * WIDTH
+            many = min(WIDTH, n - base)
+            own = numbers_from(base)
+            own_x, own_y = column(agents, base, 0), column(agents, base, 1)
+            own_z = column(agents, base, 2 if three else 1)
+            limit = load(each_reach2, base) if each_reach2.shape[0] > 1 else spread(reach2)
+            store(found, 0, own ^ own)
+            lane = 0
+            while lane < many:
+                # Agents in one row of cells look at the same candidates.
+                i = base + lane
+                low = high = cell_of(agents[i, 0], origin[0], inverse, nx)
+                cy = cell_of(agents[i, 1], origin[1], inverse, ny)
+                cz = cell_of(agents[i, 2], origin[2], inverse, nz) if three else 0
+                last = lane + 1
+                while last < many:
+                    i = base + last
+                    c = cell_of(agents[i, 0], origin[0], inverse, nx)
+                    if c < high or c > low + LONGEST or cell_of(agents[i, 1], origin[1], inverse, ny) != cy:
+                        break
+                    if three and cell_of(agents[i, 2], origin[2], inverse, nz) != cz:
+                        break
+                    high = c
+                    last += 1
+                members = (1 << last) - (1 << lane)
+                for line in range(9 if three else 3):
+                    row = (cy + line % 3 - 1 + ny) % ny
+                    if three:
+                        row += ny * ((cz + line // 3 - 1 + nz) % nz)
+                    # Cells from low - 1 to high + 1 are one run of agents, or two where the row wraps.
+                    a, b, c = low - 1, high + 2, 0
+                    if b - a >= nx:
+                        a, b = 0, nx
+                    elif a < 0:
+                        a, c = 0, 1
+                    elif b > nx:
+                        b, c = nx, 2
+                    for part in range(2 if c else 1):
+                        if part:
+                            a, b = (nx - 1, nx) if c == 1 else (0, 1)
+                        for j in range(start[row * nx + a], start[row * nx + b]):
+                            dx = agents[j, 0] - own_x
+                            dy = agents[j, 1] - own_y
+                            s = dx * dx + dy * dy
+                            if three:
+                                dz = agents[j, 2] - own_z
+                                s = s + dz * dz
+                            bits = bits_of((s < limit) & (own != np.uint32(j))) & members
+                            while bits:
+                                at = first_bit(bits)
+                                bits &= bits - 1
+                                k = np.int64(found[at])
+                                found[at] = np.uint32(k + 1)
+                                if cursor + k < end:
+                                    rows[cursor + k, at] = j
+                lane = last
+            held = load(found, 0)
+            most = np.int64(highest_whole(held))
             wanted += most
-            if most > deep or cursor + most > end:
-                cursor = end + 1
+            if cursor + most > end:
+                cursor = np.int64(end + 1)
                 continue
-            for lane in range(WIDTH):
-                i = tile * WIDTH + lane
-                if begin:
-                    limit = begin2[min(i, n - 1)] if begin2.shape[0] > 1 else begin2[0]
-                    for k in range(numbers[lane]):
-                        j = np.int64(found[k, lane])
-                        dx = x[j] - x[i]
-                        dy = y[j] - y[i]
-                        s = dx * dx + dy * dy
-                        if three:
-                            dz = z[j] - z[i]
-                            s += dz * dz
-                        if s < limit:
-                            found[k, lane] |= LINKED
-                elif carry and i < n:
-                    links = _held_links(order[i], old_rows, old_first, old_count, place, held)
-                    for h in range(links):
-                        here = False
-                        for k in range(numbers[lane]):
-                            if np.int64(found[k, lane] & NUMBER) == held[h]:
-                                found[k, lane] |= LINKED
-                                here = True
-                        if not here:
-                            # A linked pair has left the reach: say who, where the caller can see it.
-                            lost[0] = i
-                            lost[1] = held[h]
-                for k in range(numbers[lane]):
-                    rows[cursor + k, lane] = found[k, lane]
-                for k in range(numbers[lane], most):
-                    rows[cursor + k, lane] = np.uint32(i)
+            for number in range(most):
+                entries = rows[cursor + number]
+                store(entries, 0, select(held > np.uint32(number), load(entries, 0), own))
             first[tile] = cursor
             count[tile] = most
             cursor += most
         need[chunk] = wanted
+
+
+@_compiled
+def _begin_links(first_tile, last_tile, agents, n, limits, rows, first, count):  # type: ignore[no-untyped-def]
+    """Link all listed pairs closer than the limit of the sensing agent."""
+    m = agents.shape[1] // 2
+    for tile in range(first_tile, last_tile):
+        for row in range(first[tile], first[tile] + count[tile]):
+            for lane in range(WIDTH):
+                i, j = tile * WIDTH + lane, np.int64(rows[row, lane])
+                if i == j or i >= n:
+                    continue
+                s = agents[i, 0] * 0
+                for k in range(m):
+                    d = agents[j, k] - agents[i, k]
+                    s += d * d
+                if s < limits[i if limits.shape[0] > 1 else 0]:
+                    rows[row, lane] |= LINKED
+
+
+@_compiled
+def _carry_links(  # type: ignore[no-untyped-def]
+    first_tile, last_tile, n, order, place, old_rows, old_first, old_count, rows, first, count, lost
+):
+    """Link the pairs that were linked before the sort; a linked pair that is not listed any more is lost."""
+    for tile in range(first_tile, last_tile):
+        for lane in range(min(WIDTH, n - tile * WIDTH)):
+            i = tile * WIDTH + lane
+            before, there = order[i] // WIDTH, order[i] % WIDTH
+            for old in range(old_first[before], old_first[before] + old_count[before]):
+                entry = old_rows[old, there]
+                if entry <= NUMBER:
+                    continue
+                j = place[np.int64(entry & NUMBER)]
+                here = False
+                for row in range(first[tile], first[tile] + count[tile]):
+                    if np.int64(rows[row, lane] & NUMBER) == j:
+                        rows[row, lane] |= LINKED
+                        here = True
+                if not here:
+                    # Say who, where the caller can see it.
+                    lost[0] = i
+                    lost[1] = j
 
 
 class TooManyNeighboursError(Exception):
@@ -257,21 +226,20 @@ class ListBuilder:
         self.tiles = (n + WIDTH - 1) // WIDTH
         self.chunks = (self.tiles + TILES_IN_CHUNK - 1) // TILES_IN_CHUNK
         self.room = np.zeros(self.chunks, np.int64)
-        self.deep = 32
         self.spare: TileLists | None = None
 
     def build(
-        self, q: Any, reach: float, each_reach: Any, grid: Grid, start: Any, old: TileLists | None, order: Any,
+        self, agents: Any, reach: float, each_reach: Any, grid: Grid, start: Any, old: TileLists | None, order: Any,
         place: Any, begin2: Any | None, remember: bool,
     ) -> tuple[TileLists, tuple[int, int] | None]:  # fmt: skip
         """Lists of all pairs closer than ``reach``, or than the sensing agent's entry of ``each_reach``.
 
         Parameters
         ----------
-        q
-            Positions in sorted order, shape (m, n or more).
+        agents
+            Positions and velocities in sorted order, shape (16 tiles, 2m).
         reach, each_reach
-            Distances; ``each_reach`` has length 1 where ``reach`` holds for all.
+            Distances; ``each_reach`` has length 1 where ``reach`` holds for all, else 16 tiles.
         grid, start
             The sort's cells.
         old, order, place
@@ -291,15 +259,25 @@ class ListBuilder:
         TooManyNeighboursError
             When the lists would exceed the memory limit.
         """
-        carry = remember and old is not None
-        before = old if carry and old is not None else empty_lists(1)
-        if old is not None and not carry:
+        if not remember and old is not None:
             self.spare = old
-        if carry:
-            self.deep = max(self.deep, int(before.count.max(initial=0)))
-        dtype = q.dtype.type
-        limits = np.asarray(each_reach, dtype=q.dtype) ** 2
+        lists = self._searched(agents, reach, each_reach, grid, start)
+        lost = np.full(2, -1, np.int64)
+        here = (lists.rows, lists.first, lists.count)
+        if begin2 is not None:
+            self.workers.each(_begin_links, self.tiles, agents, self.n, begin2, *here)
+        elif remember and old is not None:
+            before = (old.rows, old.first, old.count)
+            self.workers.each(_carry_links, self.tiles, self.n, order, place, *before, *here, lost)
+            self.spare = old
+        return lists, (int(lost[0]), int(lost[1])) if lost[0] >= 0 else None
+
+    def _searched(self, agents: Any, reach: float, each_reach: Any, grid: Grid, start: Any) -> TileLists:
+        """Lists without links, with room enough."""
+        dtype = agents.dtype.type
+        limits = np.asarray(each_reach, dtype=dtype) ** 2
         origin, shape = np.array(grid.origin), np.array(grid.shape)
+        numbers = np.empty((self.chunks, WIDTH), np.uint32)
         while True:
             total = int(self.room.sum())
             if total * WIDTH * 4.0 > self.memory_limit:
@@ -307,23 +285,13 @@ class ListBuilder:
             lists = self._reuse(total)
             stretch = np.cumsum(self.room) - self.room
             need = np.zeros(self.chunks, np.int64)
-            deepest = np.zeros(self.chunks, np.int64)
-            lost = np.full(2, -1, np.int64)
             self.workers.each_large(
-                _build, self.chunks, q, self.n, dtype(reach) ** 2, limits, origin, grid.inverse, shape, start,
-                self.deep,
-                lists.rows, lists.first, lists.count, stretch, self.room, need, deepest,
-                carry, begin2 is not None, limits if begin2 is None else begin2, order, place,
-                before.rows, before.first, before.count, lost,
+                _search, self.chunks, agents, self.n, dtype(reach) ** 2, limits, origin, grid.inverse, shape, start,
+                lists.rows, lists.first, lists.count, stretch, self.room, need, numbers,
             )  # fmt: skip
-            most = int(deepest.max(initial=0))
-            if most <= self.deep and (need <= self.room).all():
-                if carry:
-                    self.spare = old
-                return lists, (int(lost[0]), int(lost[1])) if lost[0] >= 0 else None
-            self.deep = max(self.deep, most + most // 4)
-            grown = need + need // 8 + 8
-            self.room = np.where(need > self.room, grown, self.room)
+            if (need <= self.room).all():
+                return lists
+            self.room = np.where(need > self.room, need + need // 8 + 8, self.room)
             self.spare = None
 
     def _reuse(self, total: int) -> TileLists:

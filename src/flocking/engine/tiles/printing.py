@@ -120,6 +120,11 @@ def _selected(condition: Any, yes: Any, no: Any) -> Any:
         for part in condition.args:
             no = _selected(part, yes, no)
         return no
+    if isinstance(condition, sympy.Ne):
+        yes, no = no, yes
+    if isinstance(condition, sympy.Eq | sympy.Ne):
+        lhs, rhs = condition.lhs, condition.rhs
+        return _selected(sympy.And(sympy.Le(lhs, rhs, evaluate=False), sympy.Ge(lhs, rhs, evaluate=False)), yes, no)
     sign = _SIGNS.get(type(condition).__name__)
     if sign is None:
         raise UnsupportedLaw(
@@ -132,9 +137,36 @@ def _selected(condition: Any, yes: Any, no: Any) -> Any:
 class _Writer:
     """Writes expressions of scalar names; numbers become constants of the kernel's precision ``T``."""
 
-    def __init__(self, prefix: str) -> None:
+    def __init__(self, prefix: str, inverses: Mapping[str, str]) -> None:
         self.lines: list[str] = []
         self._prefix = prefix
+        self._inverses = dict(inverses)
+        self._under_root: dict[str, Any] = {}
+
+    def assign(self, name: str, value: Any) -> None:
+        """Append the assignment of an expression to a name."""
+        import sympy
+
+        text = self.write(value)
+        self.lines.append(f"{name} = {text}")
+        if isinstance(value, sympy.Pow) and value.exp == sympy.Rational(1, 2):
+            self._under_root[name] = value.base
+
+    def _inverse(self, base: Any, exponent: Any) -> list[str] | None:
+        """Factors of ``base`` to the power ``-exponent`` where a cheap inverse is at hand."""
+        import sympy
+
+        half = exponent - sympy.floor(exponent)
+        if base.is_Symbol and half == 0:
+            if base.name in self._under_root and base.name not in self._inverses:
+                under = self._temporary(self.write(self._under_root[base.name]))
+                self._inverses[base.name] = self._temporary(f"inverse_root({under})")
+            if base.name in self._inverses:
+                return self._repeated(self._inverses[base.name], int(exponent))
+        if half == sympy.Rational(1, 2):
+            root = self._temporary(f"inverse_root({self._temporary(self.write(base))})")
+            return self._repeated(root, int(2 * exponent))
+        return None
 
     def _temporary(self, text: str) -> str:
         if text.isidentifier():
@@ -184,13 +216,18 @@ class _Writer:
         if e.could_extract_minus_sign():
             inner = self.write(-e)
             return f"-({inner})"
-        above, below = [], []
+        above: list[str] = []
+        below: list[Any] = []
         for a in e.args:
             if isinstance(a, sympy.Pow) and a.exp.is_number and a.exp.is_negative:
-                below.append(sympy.Pow(a.base, -a.exp))
+                factors = self._inverse(a.base, -a.exp)
+                if factors is None:
+                    below.append(sympy.Pow(a.base, -a.exp))
+                else:
+                    above += factors
             else:
-                above.append(a)
-        top = " * ".join(self._factor(a) for a in above) or "T(1.0)"
+                above.append(self._factor(a))
+        top = " * ".join(above) or "T(1.0)"
         if not below:
             return top
         return f"{top} / ({' * '.join(self._factor(b) for b in below)})"
@@ -201,6 +238,9 @@ class _Writer:
         if not exponent.is_number:
             return f"fast_exp({self._factor(exponent)} * fast_log({self.write(base)}))"
         if exponent.is_negative:
+            factors = self._inverse(base, -exponent)
+            if factors is not None:
+                return "(" + " * ".join(factors) + ")" if len(factors) > 1 else factors[0]
             return f"T(1.0) / ({self._power(base, -exponent)})" if exponent != -1 else f"T(1.0) / {self._factor(base)}"
         text = self._temporary(self.write(base))
         whole, half = int(sympy.floor(exponent)), exponent - sympy.floor(exponent)
@@ -218,17 +258,25 @@ class _Writer:
         return [half, half] + ([text] if times % 2 else [])
 
 
-def vector_statements(results: Mapping[str, Any], prefix: str) -> list[str]:
-    """Assignments that compute all ``results``: common subexpressions once, selections without branches."""
+def vector_statements(results: Mapping[str, Any], prefix: str, inverses: Mapping[str, str] | None = None) -> list[str]:
+    """Assignments that compute all ``results``: common subexpressions once, selections without branches.
+
+    Parameters
+    ----------
+    results
+        Expressions by the names to assign them to.
+    prefix
+        Start of the names of common parts.
+    inverses
+        Names that hold one over the value of a symbol, by the symbol's name.
+    """
     import sympy
 
     flat = {name: without_branches(value) for name, value in results.items()}
     shared, reduced = sympy.cse(list(flat.values()), symbols=sympy.numbered_symbols(prefix))
-    writer = _Writer(prefix)
+    writer = _Writer(prefix, inverses or {})
     for symbol, value in shared:
-        text = writer.write(value)
-        writer.lines.append(f"{symbol.name} = {text}")
+        writer.assign(symbol.name, value)
     for name, value in zip(flat, reduced, strict=True):
-        text = writer.write(value)
-        writer.lines.append(f"{name} = {text}")
+        writer.assign(name, value)
     return writer.lines

@@ -33,11 +33,14 @@ def first_bit(typing_context: Any, bits: Any) -> Any:
 
 
 def _halves(builder: Any, value: Any, join: Callable[[Any, Any], Any]) -> Any:
-    """Lanes joined pairwise, then the results pairwise: always in the same order."""
-    parts = [builder.extract_element(value, ir.Constant(ir.IntType(32), k)) for k in range(WIDTH)]
-    while len(parts) > 1:
-        parts = [join(parts[k], parts[k + len(parts) // 2]) for k in range(len(parts) // 2)]
-    return parts[0]
+    """The upper half of the lanes joined to the lower one until one is left: always in the same order."""
+    number, width = ir.IntType(32), WIDTH
+    while width > 1:
+        width //= 2
+        masks = [ir.Constant(ir.VectorType(number, width), [k + shift for k in range(width)]) for shift in (0, width)]
+        low, high = (builder.shuffle_vector(value, ir.Constant(value.type, ir.Undefined), mask) for mask in masks)
+        value = join(low, high)
+    return builder.extract_element(value, ir.Constant(number, 0))
 
 
 @intrinsic  # type: ignore[untyped-decorator]
@@ -46,6 +49,16 @@ def highest(typing_context: Any, value: Any) -> Any:
 
     def build(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return _halves(builder, args[0], lambda a, b: builder.select(builder.fcmp_ordered(">", a, b), a, b))
+
+    return SCALAR_OF[value.kind](value), build
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def highest_whole(typing_context: Any, value: Any) -> Any:
+    """Largest lane of unsigned integers."""
+
+    def build(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return _halves(builder, args[0], lambda a, b: builder.select(builder.icmp_unsigned(">", a, b), a, b))
 
     return SCALAR_OF[value.kind](value), build
 

@@ -26,11 +26,24 @@ class Books:
         Work, dissipation and supply until now.
     jumped
         Energy that appeared or vanished where links switched.
+    sums
+        Energies and powers at one moment, until which the integrals reach.
+    ahead
+        What a step integrated beyond that moment.
     """
 
     integrals: Any = field(default_factory=lambda: np.zeros(3))
     jumped: float = 0.0
     sums: dict[str, float] = field(default_factory=dict)
+    ahead: Any = field(default_factory=lambda: np.zeros(3))
+
+    def copy(self) -> Books:
+        """A copy that shares nothing."""
+        return Books(self.integrals.copy(), self.jumped, dict(self.sums), self.ahead.copy())
+
+    def catch_up(self) -> None:
+        """Count what a step has integrated beyond the time of the sums."""
+        self.integrals, self.ahead = self.integrals + self.ahead, np.zeros(3)
 
     def read(self, crowd: Crowd) -> Any:
         """Take the sums of the last pass, in a fixed order of tiles; returns the three powers."""
@@ -75,14 +88,13 @@ class Scheme(ABC):
 
     def memory(self) -> dict[str, Any]:
         """What the scheme must know to go on."""
-        books = Books(self.books.integrals.copy(), self.books.jumped, dict(self.books.sums))
-        return {"last": self.last, "counted": self.counted, "books": books}
+        return {"last": self.last, "counted": self.counted, "books": self.books.copy()}
 
     def recall(self, memory: dict[str, Any]) -> None:
         """Go back to ``memory``."""
         books = memory["books"]
         self.last, self.counted = memory["last"], memory["counted"]
-        self.books = Books(books.integrals.copy(), books.jumped, dict(books.sums))
+        self.books = books.copy()
 
 
 class Verlet(Scheme):
@@ -111,20 +123,20 @@ class Verlet(Scheme):
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _combine(first, last, m, base, gained, X, Y, weight, ahead, begin):  # type: ignore[no-untyped-def]
-    """Add a stage's slope (velocity X, acceleration Y) to the gain, and set the next stage in X."""
-    for tile in range(first, last):
+def _combine(first, last, base, gained, agents, slopes, weight, ahead, begin):  # type: ignore[no-untyped-def]
+    """Add a stage's slope (velocity of ``agents``, acceleration in ``slopes``) to the gain; set the next stage."""
+    m = agents.shape[1] // 2
+    for i in range(first, last):
         for k in range(m):
-            for i in range(tile * 16, tile * 16 + 16):
-                speed, pull = X[m + k, i], Y[m + k, i]
-                if begin:
-                    gained[k, i] = weight * speed
-                    gained[m + k, i] = weight * pull
-                else:
-                    gained[k, i] += weight * speed
-                    gained[m + k, i] += weight * pull
-                X[k, i] = base[k, i] + ahead * speed
-                X[m + k, i] = base[m + k, i] + ahead * pull
+            speed, pull = agents[i, m + k], slopes[i, m + k]
+            if begin:
+                gained[i, k] = weight * speed
+                gained[i, m + k] = weight * pull
+            else:
+                gained[i, k] += weight * speed
+                gained[i, m + k] += weight * pull
+            agents[i, k] = base[i, k] + ahead * speed
+            agents[i, m + k] = base[i, m + k] + ahead * pull
 
 
 class RungeKutta(Scheme):
@@ -137,15 +149,16 @@ class RungeKutta(Scheme):
     def step(self, crowd: Crowd, t: float, h: float) -> None:
         """Four passes; where a stage strays too far for the lists, they are built anew with a wider skin."""
         crowd.require_lists(h)
+        self.books.catch_up()
         self._jumped = 0.0
         for attempt in range(6):
-            base = crowd.X.copy()
+            base = crowd.agents.copy()
             if self._try(crowd, t, h, base):
-                crowd.Y = base
+                crowd.successor = base
                 self.last, self.counted = h, False
                 return
             stray = crowd.strayed()
-            crowd.X[:] = base
+            crowd.agents[:] = base
             wider = None if attempt == 0 else max(2.0 * crowd.skin, 2.5 * stray) if np.isfinite(stray) else None
             crowd.rebuild(h, skin=wider)
         raise FloatingPointError("stages stray further than any skin")
@@ -167,11 +180,10 @@ class RungeKutta(Scheme):
                     powers += weight * self.books.read(crowd)
             if number == 0:
                 tops = crowd.tops.copy()
-            crowd.workers.each(
-                _combine, crowd.tiles, crowd.m, base, gained, crowd.X, crowd.Y, T(weight * h), T(ahead * h), number == 0
-            )
+            both = crowd.agents, crowd.successor
+            crowd.workers.each(_combine, crowd.size, base, gained, *both, T(weight * h), T(ahead * h), number == 0)
             if number == 3:
-                np.add(base, gained, out=crowd.X)
+                np.add(base, gained, out=crowd.agents)
             if crowd.obstacles is not None:
                 crowd.obstacles.used = np.inf
             crowd.bound = np.inf
@@ -181,11 +193,12 @@ class RungeKutta(Scheme):
         crowd.tops[:] = tops
         top = square.sum(axis=0).max()
         crowd.tops[0, 0] = top if np.isfinite(top) else np.inf
+        crowd.read_tops()
         crowd.top_speed = float(np.sqrt(top))
         crowd.elapsed += h
         crowd.bound = np.inf if crowd.moving else 0.0
         if self.ledger:
-            self.books.integrals = self.books.integrals + h * powers
+            self.books.ahead = h * powers
             self.books.jumped += self._jumped
             self.books.sums = kept
         return True
@@ -195,6 +208,7 @@ class RungeKutta(Scheme):
         crowd.require_lists(h)
         crowd.move(t, keep=0.0, kick=1.0, drift=0.0, soft=0.0)
         if self.ledger:
+            self.books.catch_up()
             self.books.read(crowd)
             self.books.jumped += self.books.sums["jumped"]
         return crowd.X[crowd.m :]
