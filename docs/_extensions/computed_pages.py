@@ -12,6 +12,7 @@ from typing import Any
 from paper_pages import errata_page, paper_page
 from switch_picture import draw_switch
 from text_tables import code, table
+from tile_picture import draw_tile
 
 from flocking.papers import KEYS
 
@@ -78,6 +79,7 @@ def write_pages(app: Any) -> None:
     for name, text in pages.items():
         (folder / f"{name}.md").write_text(text)
     draw_switch(folder / "switch.png")
+    draw_tile(folder / "tile.png")
 
 
 def setup(app: Any) -> dict[str, Any]:
