@@ -1,4 +1,4 @@
-"""A tile of the tiled engine: sixteen agents of a crowd, and the table of their neighbours, as the engine holds them."""
+"""A tile of the tiled engine: sixteen agents of a crowd and the table of their neighbours, as the engine holds them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def draw_tile(path: Path) -> None:
     print(f"tile {SHOWN}: agents {mine[0]} to {mine[-1]}, {len(table)} rows of {WIDTH}")
 
     def place(axes: Any) -> None:
-        lines = dict(color=GREY, lw=0.5, zorder=0)
+        lines: dict[str, Any] = {"color": GREY, "lw": 0.5, "zorder": 0}
         edges = [np.array(grid.origin[k]) + np.arange(grid.shape[k] + 1) / grid.inverse for k in range(2)]
         axes.vlines(edges[0], edges[1][0], edges[1][-1], **lines)
         axes.hlines(edges[1], edges[0][0], edges[0][-1], **lines)

@@ -5,19 +5,19 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from cyclopts import App, CycloptsError, Parameter
 
 from flocking.apps.lab.command import lab
 from flocking.apps.picture_commands import animate, plot
+from flocking.apps.run_commands import resume, run
+from flocking.apps.showcase_commands import showcase
 from flocking.apps.storage_commands import diff, export, info
 from flocking.apps.sweep_commands import sweep
-
-if TYPE_CHECKING:
-    from flocking.engine.run import Run
+from flocking.apps.whole_numbers import check_whole_numbers
 
 FINE, DIFFERENT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -47,6 +47,7 @@ def command_line() -> App:
         animate,
         reproduce,
         sweep,
+        showcase,
         audit,
         check,
         equations,
@@ -79,13 +80,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     app = command_line()
     try:
         command, bound, _ = app.parse_args(words, print_error=False, exit_on_error=False)
+        check_whole_numbers(command, words)
         result = command(*bound.args, **bound.kwargs)
         sys.stdout.flush()
         return result if isinstance(result, int) else FINE
     except CycloptsError as error:
         return _complain(str(error) or type(error).__name__, "Try 'flocking --help'.")
     except FlockingError as error:
-        return _complain(str(error))
+        return BAD_INPUT if getattr(error, "told_elsewhere", False) else _complain(str(error))
     except BrokenPipeError:
         # Whoever read the output has seen enough; Python must not try to flush the rest at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
@@ -135,91 +137,6 @@ def list_scenarios(*, as_json: Json = False) -> int:
     return FINE
 
 
-def run(
-    scenario: str,
-    *,
-    out: Path | None = None,
-    seed: int | None = None,
-    engine: str = "auto",
-    step: float | None = None,
-    most_agents: int | None = None,
-    as_json: Json = False,
-) -> int:
-    """Simulate a scenario.
-
-    Parameters
-    ----------
-    scenario
-        A name that 'flocking list' shows, or a TOML file.
-    out
-        New folder for the run; it is saved while it goes on.
-    seed
-        Seed of the random draws.
-    engine
-        Which engine computes it: exact, tiles, lammps (also under mpiexec), or auto.
-    step
-        Time step of the engines with a fixed one.
-    most_agents
-        Largest number of agents a file may ask for; one million by default.
-    as_json
-        Print JSON.
-    """
-    from flocking.apps.scenario_names import find_scenario
-    from flocking.engine.simulate import simulate
-
-    found = find_scenario(scenario, seed, most_agents)
-    options: dict[str, Any] = {} if step is None else {"step": step}
-    progress = not as_json and sys.stderr.isatty()
-    return _print_run(lambda: simulate(found, engine=engine, save=out, progress=progress, **options), out, as_json)
-
-
-def resume(folder: Path, *, as_json: Json = False) -> int:
-    """Go on with a saved run that was interrupted or killed.
-
-    Parameters
-    ----------
-    folder
-        Folder of the run.
-    as_json
-        Print JSON.
-    """
-    from flocking.engine.resuming import resume as resume_run
-
-    progress = not as_json and sys.stderr.isatty()
-    return _print_run(lambda: resume_run(folder, progress=progress), folder, as_json)
-
-
-def _print_run(make: Callable[[], Run], out: Path | None, as_json: bool) -> int:
-    from flocking.apps.summary import facts, summary
-    from flocking.apps.tables import print_facts
-    from flocking.errors import SimulationError
-
-    stopped = False
-    try:
-        result = make()
-        if result.provenance.get("rank", 0):
-            return FINE  # the first rank of the job speaks for all
-    except SimulationError as error:
-        if error.run is None:
-            raise
-        print(f"flocking: {error}", file=sys.stderr)
-        result, stopped = error.run, True
-    found = summary(result)
-    if as_json:
-        _print_json({**found, "out": str(out) if out else None})
-    else:
-        print_facts([*facts(found), ("saved in", str(out) if out else "")])
-    if stopped or not result.status.startswith("interrupted"):
-        return DIFFERENT if stopped else FINE
-    kept = (
-        f"{out} holds it up to its last commit; 'flocking resume {out}' goes on."
-        if out
-        else "no --out, nothing is kept."
-    )
-    print(f"flocking: {result.status}: {kept}", file=sys.stderr)
-    return INTERRUPTED
-
-
 def reproduce(
     *papers: str,
     seeds: int = 10,
@@ -234,9 +151,9 @@ def reproduce(
     papers
         Keys of papers; all when absent.
     seeds
-        Number of seeds per scenario.
+        Number of seeds per scenario. A verdict needs five that meet the claim's hypothesis.
     out
-        Folder for claims.json, errata.json and the figures; nothing is written when absent.
+        Folder for report.html, claims.json, errata.json, figures and films; nothing is written when absent.
     workers
         Processes; the number of cores when absent.
     as_json
@@ -244,10 +161,7 @@ def reproduce(
     """
     from flocking.apps.reproduction import reproduce as reproduce_papers
     from flocking.apps.tables import print_table, short
-    from flocking.errors import InvalidInput
 
-    if seeds < 1:
-        raise InvalidInput("reproduce", "seeds", "must be at least 1", seeds)
     found = reproduce_papers(
         _keys(papers), seeds=seeds, out=out, workers=workers, progress=not as_json and sys.stderr.isatty()
     )
@@ -280,6 +194,10 @@ def reproduce(
         odd = sum(not j.as_expected for judgements in found.judgements.values() for j in judgements)
         where = f", {len(found.figures)} figure files in {out}" if out else ""
         print(f"{total - odd} of {total} claims came out as expected in {found.seconds:.0f} s{where}.")
+        if found.untested:
+            print(f"{found.untested} are untested: fewer than five seeds met their hypothesis. Try more --seeds.")
+        if out is not None:
+            print(f"Open {out / 'report.html'}")
     return FINE if found.as_expected else DIFFERENT
 
 

@@ -30,6 +30,14 @@ def summary(run: Run) -> dict[str, Any]:
         found["order"] = observables.order(state)
         if state.links is not None:
             found["flocks"] = observables.flocks(state.links)
+    seen = run.observables
+    if seen is not None and len(seen):
+        found["observed"] = {name: _number(seen[name][-1]) for name in seen.dtype.names or ()}
+        found.setdefault("flocks", int(seen["flocks"][-1]))
+        found.setdefault("order", float(seen["order"][-1]))
+        found.setdefault("velocity_spread", float(seen["spread"][-1]))
+        if found["time"] is None:
+            found["time"] = float(seen["time"][-1])
     closest = run.closest
     if math.isfinite(closest.distance):
         found["closest"] = {"distance": closest.distance, "time": closest.time, "pair": list(closest.pair)}
@@ -37,8 +45,43 @@ def summary(run: Run) -> dict[str, Any]:
         energy = run.trace["energy"]
         found["energy"] = {"start": float(energy[0]), "end": float(energy[-1])}
         found["ledger_residual"] = float(np.abs(run.residual).max())
+        found["turnover"] = run.turnover
     found["provenance"] = run.provenance
     return found
+
+
+def _number(value: Any) -> float | int | None:
+    number = value.item()
+    return number if math.isfinite(number) else None
+
+
+def _engine(about: dict[str, Any]) -> str:
+    """The engine and how it stepped, in words."""
+    words = [str(about.get("engine", ""))]
+    if "step" in about:
+        words.append(f"step {about['step']:.4g} ({about['scheme']})")
+    words += [str(about[name]) for name in ("precision",) if name in about]
+    if "steps" in about:
+        words.append(f"{about['steps']} steps")
+    if "rebuilds" in about:
+        words.append(f"{about['rebuilds']} list rebuilds")
+    return ", ".join(words)
+
+
+def _residual(found: dict[str, Any]) -> str:
+    """The ledger's residual, also as a share of the energy moved."""
+    if "ledger_residual" not in found:
+        return ""
+    moved = found["turnover"]
+    return f"{found['ledger_residual']:.2e}" + (f", of {moved:.4g} moved" if moved > 0 else "")
+
+
+def _flocks(found: dict[str, Any]) -> str:
+    """How many flocks, and where it was observed the share of the largest."""
+    share = (found.get("observed") or {}).get("density")
+    return str(found.get("flocks", "")) + (
+        "" if share is None else f", the largest of {100 * share:.4g} % of the agents"
+    )
 
 
 def facts(found: dict[str, Any]) -> list[tuple[str, str]]:
@@ -50,10 +93,11 @@ def facts(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("scenario", found["scenario"]),
         ("status", found["status"]),
         ("agents", f"{found['agents']} in {found['dimension']} dimensions"),
+        ("engine", _engine(found["provenance"])),
         ("time reached", f"{found['time']:g}" if found["time"] is not None else ""),
         ("frames", str(found["frames"])),
-        ("link switches", switches or "none"),
-        ("flocks at the end", str(found.get("flocks", ""))),
+        ("link switches", switches or found["provenance"].get("switches", "none")),
+        ("flocks at the end", _flocks(found)),
         ("velocity spread", f"{found['velocity_spread']:.3e}" if "velocity_spread" in found else ""),
         ("order", f"{found['order']:.6f}" if "order" in found else ""),
         (
@@ -61,5 +105,5 @@ def facts(found: dict[str, Any]) -> list[tuple[str, str]]:
             f"{closest['distance']:.6g}, agents {pair}, t = {closest['time']:.4g}" if closest else "",
         ),
         ("energy", f"{energy['start']:.6g} at the start, {energy['end']:.6g} at the end" if energy else ""),
-        ("ledger residual", f"{found['ledger_residual']:.2e}" if "ledger_residual" in found else ""),
+        ("ledger residual", _residual(found)),
     ]

@@ -12,7 +12,7 @@ from flocking.model.law import Scenario
 
 QUIET_SECONDS = 2.0
 LINE_SECONDS = 10.0
-"""Wall time between two lines where there is no terminal for a bar."""
+"""Wall time between two lines, and before the first, where there is no terminal for a bar."""
 
 
 def stops(scenario: Scenario, now: float, *, often: bool) -> list[float]:
@@ -47,7 +47,7 @@ class Progress:
         self._wanted = wanted
         self._scenario = scenario
         self._begin = time.monotonic()
-        self._said = self._begin + QUIET_SECONDS - LINE_SECONDS
+        self._said = self._begin
         self._first: tuple[float, float] | None = None
         self._bar: Any = None
         self._task: Any = None

@@ -12,7 +12,7 @@ from flocking.engine.exact import ExactSession
 from flocking.engine.interruption import Deferred, Noted
 from flocking.engine.progress import Progress, stops
 from flocking.engine.run import Run
-from flocking.errors import InvalidInput, SimulationError, StorageError
+from flocking.errors import InvalidInput, SimulationError, StorageError, UnsupportedLaw
 from flocking.model.law import Law, Scenario
 
 if TYPE_CHECKING:
@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from flocking.engine.tiles.session import TilesSession
 
 ENGINES = ("auto", "exact", "tiles", "lammps")
+FEW_AGENTS = 2000
+"""Up to this size ``engine="auto"`` takes the exact engine; larger groups the tiled one, where it can run their law."""
+MOST_EXACT = 20_000
+"""Largest group of the exact engine, which holds a matrix of all pairs."""
 GLANCE_SECONDS = 0.25
 """Wall time between two looks at a fixed-step run on its way: for its progress, its commits."""
 
@@ -35,7 +39,8 @@ def start(
     scenario
         What to simulate.
     engine
-        ``"exact"``, ``"tiles"`` for large groups, ``"lammps"`` for a cluster, or ``"auto"`` to choose (the exact one).
+        ``"exact"``, ``"tiles"`` for large groups, ``"lammps"`` for a cluster, or ``"auto"`` to choose: the exact one
+        up to 2,000 agents, the tiled one beyond.
     plant
         The law the agents really obey, for tests of an audit; the scenario's law when absent.
     options
@@ -67,6 +72,7 @@ def _opened(
         raise InvalidInput("start", "scenario", "must be a Scenario", scenario)
     if not isinstance(engine, str) or engine not in ENGINES:
         raise InvalidInput("start", "engine", f"must be one of {', '.join(ENGINES)}", engine)
+    engine = chosen_engine(scenario, engine, plant)
     if engine == "tiles":
         from flocking.engine.tiles.session import TilesSession, tiles_options
 
@@ -79,7 +85,27 @@ def _opened(
         raise InvalidInput(
             "start", sorted(options)[0], "is an option of engine='tiles' or 'lammps' alone", options[sorted(options)[0]]
         )
+    if scenario.start.n > MOST_EXACT:
+        raise InvalidInput(
+            "start", "engine", f"must be 'tiles' for more than {MOST_EXACT} agents", f"'exact' for {scenario.start.n}",
+            "The exact engine looks at every pair.",
+        )  # fmt: skip
     return ExactSession(scenario, plant=plant)
+
+
+def chosen_engine(scenario: Scenario, engine: str, plant: Law | None = None) -> str:
+    """The engine that ``"auto"`` means for a scenario; any other name is left as it is."""
+    if engine != "auto":
+        return engine
+    if scenario.start.n <= FEW_AGENTS or plant is not None:
+        return "exact"
+    from flocking.engine.tiles.spec import check_supported
+
+    try:
+        check_supported(scenario)
+    except UnsupportedLaw:
+        return "exact"
+    return "tiles"
 
 
 def simulate(
@@ -98,7 +124,8 @@ def simulate(
     scenario
         What to simulate.
     engine
-        ``"exact"``, ``"tiles"`` for large groups, ``"lammps"`` for a cluster, or ``"auto"`` to choose (the exact one).
+        ``"exact"``, ``"tiles"`` for large groups, ``"lammps"`` for a cluster, or ``"auto"`` to choose: the exact one
+        up to 2,000 agents, the tiled one beyond.
     save
         New or empty folder to write the run to while it goes on, see `flocking.engine.resuming.resume`;
         nothing is written when absent.
@@ -124,11 +151,13 @@ def simulate(
     StorageError
         When the run cannot be saved; its ``run`` holds what was computed until then.
     """
+    if isinstance(scenario, Scenario):
+        engine = chosen_engine(scenario, engine, plant)
     if isinstance(engine, str) and engine == "tiles":
         options.setdefault("tell", progress)
-    session = (
-        start(scenario, engine, plant=plant, **options) if save is None else _opened(scenario, engine, plant, options)
-    )
+    session = _opened(scenario, engine, plant, options)
+    if save is None and session.engine == "tiles":
+        cast("TilesSession", session).records.check_fits()
     if session.engine == "lammps":
         from flocking.engine.lammps.run import drive_ranks
 
@@ -154,7 +183,7 @@ def drive(session: ExactSession | TilesSession, *, progress: bool, saving: Savin
     status = "finished"
     deferred = Deferred()
     try:
-        with deferred, Progress(progress, scenario) as bar:
+        with deferred, Progress(progress, scenario, lines=True) as bar:
             begin = session.steps
             for t in stops(scenario, session.time, often=saving is not None):
                 for part in pace(session, t):

@@ -38,6 +38,19 @@ def test_order_of_convergence(truth, scheme, order, step):
     assert rates == pytest.approx([order, order], abs=0.25)
 
 
+def test_the_ledger_of_runge_kutta_closes_to_its_order():
+    """Smooth motion: order 4. Links that switch at steps: still order 4, for they are held during a step."""
+    begin = fk.start.hexagonal(100, spacing=0.9, noise=0.05, speed=1.0, seed=1)
+    switching = fk.Scenario(saber(), begin, t_end=1.0, frames=5)
+    for scenario, step in ((smooth_scenario(), 0.05), (switching, 0.02)):
+        left = []
+        for h in (step, step / 2, step / 4):
+            run = fk.simulate(scenario, engine="tiles", step=h, scheme="rk4", progress=False)
+            left.append(np.abs(run.residual).max())
+        assert np.log2(left[0] / left[2]) / 2 == pytest.approx(4, abs=0.6)
+        assert left[0] < 1e-3 * run.turnover
+
+
 def test_verlet_has_order_two_without_damping():
     law = fk.Law(fk.Proximity(50.0), [fk.Gradient(structural()), fk.Consensus(0.0)])
     scenario = smooth_scenario().with_(law=law)

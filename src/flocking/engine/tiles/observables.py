@@ -58,39 +58,29 @@ def _survey(q, n, rows, first, count, remembered, limit, each, parent):  # type:
     return links, lengths, squares, least
 
 
-def flock_labels(crowd: Crowd) -> tuple[Any, tuple[int, float, float, float]]:
-    """Flock of each agent under the law's graph, labels 0, 1... in the order of their first agents; shape (N,).
-
-    Returns
-    -------
-    tuple
-        Labels in the order of identities, and number of links, sums of lengths and squares, smallest square.
-    """
+def _flock_sizes(crowd: Crowd) -> tuple[Any, tuple[int, float, float, float]]:
+    """Sizes of the flocks under the law's graph; number of links, sums of lengths and squares, smallest square."""
     n = crowd.n
-    lists, kind = crowd.lists[0], crowd.spec.graphs[0]
+    lists, graph = crowd.lists[0], crowd.graphs[0]
     assert lists is not None
+    # Where links appear and break at one radius the positions tell them; otherwise the lists remember.
+    told = bool(graph.moves and np.all(graph.appear_radius == graph.break_radius))
     parent = np.empty(n, np.int32)
     counted = _survey(
-        crowd.X[: crowd.m], n, lists.rows, lists.first, lists.count, kind.memory or kind.fixed, crowd.limits[0][0],
-        crowd.each[0], parent,
-    )  # fmt: skip
-    of_agent = np.empty(n, np.int64)
-    of_agent[crowd.ids[:n]] = parent
-    _, begin, label = np.unique(of_agent, return_index=True, return_inverse=True)
-    rank = np.empty(len(begin), np.int64)
-    rank[np.argsort(begin)] = np.arange(len(begin))
-    return rank[label], counted
+        crowd.X[: crowd.m], n, lists.rows, lists.first, lists.count, not told, crowd.limits[0][0], crowd.each[0], parent
+    )
+    sizes = np.bincount(parent)
+    return sizes[sizes > 0], counted
 
 
 def observe(crowd: Crowd, t: float, p: Any) -> tuple[float, ...]:
     """One row of `OBSERVED_FIELDS`; ``p`` are the velocities, shape (N, m). Lists must be valid."""
-    labels, (links, lengths, squares, least) = flock_labels(crowd)
+    sizes, (links, lengths, squares, least) = _flock_sizes(crowd)
     speed = np.sqrt((p**2).sum(axis=1))
     moving = speed > 0
     headings = p[moving] / speed[moving, None]
     order = float(np.linalg.norm(headings.mean(axis=0))) if moving.any() else 0.0
     spread = float(np.sqrt(((p - p.mean(axis=0)) ** 2).sum(axis=1).max()))
-    sizes = np.bincount(labels)
     mean = lengths / links if links else np.nan
     defect = float(np.sqrt(max(squares / links - mean**2, 0.0)) / mean) if links else np.nan
     return (
