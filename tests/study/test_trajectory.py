@@ -81,3 +81,11 @@ def test_missing_files_and_short_samples_are_refused(sampled, tmp_path):
         read_trajectory(tmp_path / "none.csv")
     with pytest.raises(fk.InvalidInput, match="three"):
         run_from_samples(declared, run.t[:2], run.q[:2], run.p[:2])
+
+
+def test_samples_refute_a_connected_graph_but_do_not_show_one(sampled):
+    declared, run = sampled
+    found = fk.audit(run_from_samples(declared, run.t, run.q, run.p))["connected"]
+    exact = fk.audit(run)["connected"]
+    assert exact.verdict in (Verdict.HOLDS, Verdict.FAILS)
+    assert found.verdict == (Verdict.FAILS if exact.verdict == Verdict.FAILS else Verdict.NOT_RESOLVED)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.run import Run
+from flocking.engine.run import Closest, Run
 from flocking.model.checks import Array
 from flocking.model.connectivity import Links, components, is_connected
 from flocking.model.law import Law
@@ -48,13 +48,42 @@ class Evidence:
         return self.run.provenance.get("engine") == "samples"
 
     @property
+    def switches_known(self) -> bool:
+        """Whether every switch of a link is recorded; else only the frames say who was linked."""
+        return not self.sampled and self.run.provenance.get("switches") != "not recorded"
+
+    @property
     def approach_error(self) -> float:
         """How much closer than recorded two agents may have come."""
         if self.sampled:
             return float(self.run.provenance["gap"])
+        if "farthest" in self.run.provenance:
+            return float(self.run.provenance["farthest"])
         if "closest" in self.run.provenance:
             raise NotMeasurable(f"agents' distances were looked at only {self.run.provenance['closest']}")
         return 10 * self.run.scenario.tolerance * max(1.0, float(self.diameter[0]))
+
+    @property
+    def closest_linked(self) -> Closest:
+        """Closest approach ever of two linked agents; infinitely far where there was never a link."""
+        found = self.run.closest_linked
+        if not np.isfinite(found.distance) and self.run.links.any():
+            raise NotMeasurable(f"the engine {self.run.provenance['engine']} did not look at linked agents' distances")
+        return found
+
+    @property
+    def closest(self) -> Closest:
+        """Closest approach ever of any two agents.
+
+        Where an engine looks at linked pairs alone, all others are out of reach of each other, unless the graph
+        is fixed.
+        """
+        if "farthest" not in self.run.provenance:
+            return self.run.closest
+        if not self.law.graph.moves:
+            raise NotMeasurable(f"the engine {self.run.provenance['engine']} looks at linked agents' distances alone")
+        reach = float(np.min(np.asarray(self.law.graph.appear_radius)))
+        return min(self.closest_linked, Closest(reach), key=lambda c: c.distance)
 
     @property
     def masses(self) -> Array:
@@ -133,11 +162,14 @@ class Evidence:
 
     @cached_property
     def link_history(self) -> list[tuple[float, Links]]:
-        """Link matrix of the law's graph from each time it changed on, the first at the start."""
+        """Link matrix of the law's graph from each time it changed on, the first at the start.
+
+        At the frames where switches are not recorded.
+        """
         if self.run.links.shape[1:] != (self.run.n, self.run.n):
             raise NotMeasurable(f"frames of {self.run.n} agents hold no link matrices")
         links = np.array(self.run.links[0])
-        if self.sampled:
+        if not self.switches_known:
             return [(float(t), np.asarray(x)) for t, x in zip(self.run.t, self.run.links, strict=True)]
         history = [(float(self.run.t[0]), links.copy())]
         directed = self.law.graph.directed

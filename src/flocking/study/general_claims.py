@@ -67,7 +67,7 @@ def distances_settle(e: Evidence) -> Measure:
 
 def linked_apart(e: Evidence) -> Measure:
     """Closest approach ever of two linked agents."""
-    c = e.run.closest_linked
+    c = e.closest_linked
     if not np.isfinite(c.distance):
         return Measure(np.inf, 0.0, "no linked pair")
     error = e.approach_error
@@ -78,16 +78,23 @@ def linked_apart(e: Evidence) -> Measure:
 
 def all_apart(e: Evidence) -> Measure:
     """Closest approach ever of any two agents."""
-    c = e.run.closest
+    c = e.closest
     error = e.approach_error
+    if c.pair[0] < 0:
+        return above(c.distance, 0.0, f"no pair closer than {c.distance:.4g}", error)
     return above(
         c.distance, 0.0, f"closest {c.distance:.4g} at t = {c.time:.3g} (agents {c.pair[0]}, {c.pair[1]})", error
     )
 
 
 def stays_connected(e: Evidence) -> Measure:
-    """Whether the graph is connected at all times; every switch is looked at."""
+    """Whether the graph is connected at all times; every switch is looked at.
+
+    Where switches are not recorded, frames can refute it but not show it.
+    """
     end = float(e.run.t[-1])
+    if e.first_disconnected == np.inf and not e.switches_known and e.law.graph.moves:
+        return Measure(1.0, np.inf, f"connected at each of {len(e.link_history)} frames; nothing is known between")
     if e.first_disconnected == np.inf:
         return Measure(1.0, 0.0, f"connected after each of {len(e.link_switches)} switches")
     lost = e.first_disconnected

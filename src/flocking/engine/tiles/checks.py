@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 FARTHEST = 1e15
 """Distances beyond it are those of no pair at all: what a kernel starts from that has not met one."""
 
+
 def after_step(session: TilesSession, crowd: Crowd, h: float) -> None:
     """What every step is checked for. The state before the step is still in ``crowd.Y``."""
     if not np.isfinite(crowd.top_speed):

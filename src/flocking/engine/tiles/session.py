@@ -224,9 +224,11 @@ class TilesSession:
         lists = self._crowd.lists[0]
         if n > MOST_LINKED or lists is None:
             return None
-        kind = self._crowd.spec.graphs[0]
-        i, j = listed_pairs(lists, n, linked=kind.memory or kind.fixed)
-        if not (kind.memory or kind.fixed):
+        kind, graph = self._crowd.spec.graphs[0], self.scenario.law.graph
+        # Where links appear and break at one radius the positions tell them, whatever the kernel has looked at.
+        told = bool(graph.moves and np.all(graph.appear_radius == graph.break_radius))
+        i, j = listed_pairs(lists, n, linked=not told)
+        if told:
             q = self._crowd.X[: self._crowd.m]
             square = sum((row[j] - row[i]) ** 2 for row in q)
             near = square < (self._crowd.each[0][i] if kind.uneven else self._crowd.limits[0][0])

@@ -13,7 +13,7 @@ from flocking.engine.run import Run
 from flocking.errors import InvalidInput
 from flocking.model import observables
 from flocking.model.tracking import Track
-from flocking.study.evidence import Evidence
+from flocking.study.evidence import Evidence, NotMeasurable
 from flocking.study.general_claims import SETTLED
 
 Measured = float | bool
@@ -46,11 +46,29 @@ def _or_nan(value: float) -> float:
     return value if math.isfinite(value) else math.nan
 
 
+def _connected(e: Evidence) -> Measured:
+    """Frames can show that the graph fell apart; that it never did takes the switches between them."""
+    if math.isfinite(e.first_disconnected):
+        return False
+    return True if e.switches_known or not e.law.graph.moves else math.nan
+
+
+def _closest(e: Evidence) -> float:
+    try:
+        return e.closest.distance if e.closest.pair[0] >= 0 else math.nan
+    except NotMeasurable:
+        return math.nan
+
+
+def _from_switches(e: Evidence, value: Callable[[Evidence], Measured]) -> Measured:
+    return value(e) if e.switches_known or not e.law.graph.moves else math.nan
+
+
 MEASURES: dict[str, tuple[str, Measuring]] = {
     "flocks": ("flocks at the end", lambda e: e.flocks_at_end),
     "density": ("share of the agents in the largest flock at the end",
                 lambda e: observables.density(e.link_history[-1][1])),
-    "connected": ("whether the graph is connected throughout", lambda e: math.isinf(e.first_disconnected)),
+    "connected": ("whether the graph is connected throughout", _connected),
     "connected_at_end": ("whether the graph is connected at the end", lambda e: e.flocks_at_end == 1),
     "disconnected_at": ("time at which the graph first falls apart", lambda e: _or_nan(e.first_disconnected)),
     "velocity_spread": ("largest difference from the mean velocity at the end", lambda e: float(e.velocity_spread[-1])),
@@ -59,7 +77,7 @@ MEASURES: dict[str, tuple[str, Measuring]] = {
     "order": ("length of the mean unit velocity at the end", lambda e: observables.order(e.run.state(-1))),
     "speed": ("largest speed at the end", lambda e: float(e.speeds[-1])),
     "diameter": ("largest distance of two agents at the end", lambda e: float(e.diameter[-1])),
-    "closest": ("closest pair of the whole run", lambda e: _or_nan(e.run.closest.distance)),
+    "closest": ("closest pair of the whole run", _closest),
     "closest_linked": ("closest linked pair of the whole run", lambda e: _or_nan(e.run.closest_linked.distance)),
     "convergence_time": ("time from which the velocities agree", convergence_time),
     "converged": ("whether the velocities agree at the end", lambda e: not math.isnan(convergence_time(e))),
@@ -69,9 +87,9 @@ MEASURES: dict[str, tuple[str, Measuring]] = {
     "energy": ("energy at the end", lambda e: float(e.run.trace["energy"][-1])),
     "energy_most": ("largest energy of the run", lambda e: float(e.run.trace["energy"].max())),
     "dissipated": ("energy dissipated", lambda e: float(e.run.trace["dissipated"][-1])),
-    "links_created": ("links that appeared", lambda e: e.links_created),
-    "links_lost": ("links that broke", lambda e: e.links_lost),
-    "last_switch": ("time of the last link switch", lambda e: e.last_switch),
+    "links_created": ("links that appeared", lambda e: _from_switches(e, lambda e: e.links_created)),
+    "links_lost": ("links that broke", lambda e: _from_switches(e, lambda e: e.links_lost)),
+    "last_switch": ("time of the last link switch", lambda e: _from_switches(e, lambda e: e.last_switch)),
     "ledger_closes": ("whether the energy ledger closes", lambda e: e.ledger_closes),
 }  # fmt: skip
 """What can be measured, by name: a description, and the function of the evidence of a run."""
