@@ -1,4 +1,4 @@
-"""Scenarios by name: those of the papers, and files."""
+"""Scenarios by name: those of the papers, the large ones of the gallery, and files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def paper_scenarios() -> dict[str, tuple[str, Callable[[int], Scenario]]]:
 
 
 def find_scenario(name: str, seed: int | None, most_agents: int | None) -> Scenario:
-    """The scenario a user means: a name from a paper, or a TOML file.
+    """The scenario a user means: a name from a paper or of a showcase, or a TOML file.
 
     Parameters
     ----------
@@ -33,9 +33,13 @@ def find_scenario(name: str, seed: int | None, most_agents: int | None) -> Scena
     InvalidInput
         When there is no such name or file, or the file has faults.
     """
+    from flocking.papers.showcases.files import TITLES, showcase_scenario
+
     known = paper_scenarios()
     if name in known:
         return known[name][1](0 if seed is None else seed)
+    if name in TITLES:
+        return showcase_scenario(name, seed)
     if Path(name).suffix == ".toml" or Path(name).exists():
         from flocking.study.scenario_file import MOST_AGENTS, read_scenario
 
@@ -43,5 +47,9 @@ def find_scenario(name: str, seed: int | None, most_agents: int | None) -> Scena
     from flocking.study.scenario_values import nearest
 
     raise InvalidInput(
-        "run", "scenario", "must be a name that 'flocking list' shows, or a TOML file", name, nearest(name, known)
+        "run",
+        "scenario",
+        "must be a name that 'flocking list' shows, or a TOML file",
+        name,
+        nearest(name, [*known, *TITLES]),
     )

@@ -110,7 +110,7 @@ def net(
     paths = _lift(past) if trails and len(past) > 1 else None
     given = obstacles if obstacles is not None else ()
     outlines = [] if space else [np.asarray(o.outline(181), dtype=np.float64) for o in given]
-    own = _own_outlines(what, state) if obstacles is None else []
+    own = own_outlines(what, state) if obstacles is None else []
     points = [
         q,
         *(x[None] for x, _ in followed),
@@ -172,7 +172,7 @@ def _lift(x: Array) -> Array:
     return x if x.shape[-1] > 1 else np.concatenate([x, np.zeros_like(x)], axis=-1)
 
 
-def _own_outlines(what: Run | State, state: State) -> list[Array]:
+def own_outlines(what: Run | State, state: State) -> list[Array]:
     """Outlines of the obstacles a run's law meets, each once, where they are at the time of ``state``."""
     if not isinstance(what, Run) or state.dimension != 2:
         return []

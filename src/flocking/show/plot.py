@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from flocking.engine.run import Run
 from flocking.errors import InvalidInput
-from flocking.show import group_series, phase, plane, series
+from flocking.show import density, group_series, phase, plane, series
 from flocking.show.sheet import panel, sheet
 from flocking.show.style import COLUMN, PAGE, save, themed
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 _SINGLE: dict[str, Callable[..., Any]] = {
     "net": plane.net,
+    "density": density.density,
     "energy": group_series.energy,
     "phase": phase.phase,
     "spread": group_series.spread,
@@ -45,10 +46,10 @@ def plot(
     run
         The run.
     kind
-        ``"net"`` at one time, ``"energy"`` (the ledger), ``"velocities"``, ``"positions"`` or ``"errors"`` (one panel
-        per axis, or ``axis=``), ``"phase"`` of a pair, ``"spread"`` of velocities, ``"connectivity"``, ``"closest"``
-        pair, ``"links"`` made and lost, or ``"series"``, which puts the last four, the velocities and the ledger on
-        one sheet.
+        ``"net"`` at one time, ``"density"`` of a large flock, ``"energy"`` (the ledger), ``"velocities"``,
+        ``"positions"`` or ``"errors"`` (one panel per axis, or ``axis=``), ``"phase"`` of a pair, ``"spread"`` of
+        velocities, ``"connectivity"``, ``"closest"`` pair, ``"links"`` made and lost, or ``"series"``, which puts the
+        last four, the velocities and the ledger on one sheet.
     save_as
         Path without suffix to write as SVG and PNG; nothing is written when absent.
     theme

@@ -1,0 +1,71 @@
+"""The scenario files of the showcases, by name."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.model.law import Scenario
+
+if TYPE_CHECKING:
+    from flocking.model.state import State
+
+TITLES = {
+    "obstacle-field": "a crowd passes a field of 60 obstacles",
+    "flock-from-noise": "noise becomes one flock",
+    "cluster-obstacles": "a crowd passes the six obstacles of (59)",
+}
+"""What each scenario shows, by its name, which is also that of its file."""
+
+
+def showcase_text(name: str) -> str:
+    """The scenario file of a showcase.
+
+    Raises
+    ------
+    InvalidInput
+        When there is none of that name.
+    """
+    if name not in TITLES:
+        raise InvalidInput("showcases", "name", f"must be one of {', '.join(TITLES)}", name)
+    return files("flocking.papers.showcases").joinpath(f"{name}.toml").read_text(encoding="utf-8")
+
+
+def showcase_scenario(name: str, seed: int | None = None, agents: int | None = None) -> Scenario:
+    """The scenario of a showcase.
+
+    Parameters
+    ----------
+    name
+        Its name.
+    seed
+        Takes the place of the seed of its start.
+    agents
+        A smaller group of as many agents, as dense and as far ahead as the whole one; the whole one when absent.
+
+    Raises
+    ------
+    InvalidInput
+        When there is none of that name, or the group would not be smaller.
+    """
+    from flocking.study.scenario_file import parse_scenario
+
+    whole = parse_scenario(showcase_text(name), source=f"{name}.toml", seed=seed)
+    if agents is None or agents == whole.start.n:
+        return whole
+    if not 1 <= agents < whole.start.n:
+        raise InvalidInput("showcases", "agents", f"must be from 1 to {whole.start.n}", agents)
+    return whole.with_(start=_smaller(whole.start, agents))
+
+
+def _smaller(start: State, agents: int) -> State:
+    """The first ``agents`` of a start, drawn together to its density, with the front where it was."""
+    from flocking.model.state import State
+
+    scale = float(np.sqrt(agents / start.n))
+    q = scale * start.q[:agents]
+    q[:, 0] += start.q[:, 0].max() - q[:, 0].max()
+    return State(q, start.p[:agents], start.t)

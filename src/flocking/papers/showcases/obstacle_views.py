@@ -1,0 +1,212 @@
+"""What is kept of a run past obstacles, whichever engine made it: densities at a few times; and pictures of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flocking.engine.run import Run
+from flocking.model.avoidance import Avoid
+from flocking.model.checks import Array
+from flocking.model.law import Scenario
+from flocking.model.obstacles import Ball
+from flocking.papers.olfati_saber_2003.system import DISTANCE, RADIUS
+from flocking.papers.showcases.files import showcase_scenario
+from flocking.papers.showcases.kept import Kept, packed, unpacked
+from flocking.study.density_maps import DensityMap, density_map
+from flocking.study.hexatic import largest_share
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+LATTICE = 2.0 / (np.sqrt(3.0) * DISTANCE**2)
+"""Agents per unit of area in the lattice of spacing d_alpha."""
+SCALE_LABEL = r"density, in lattices of spacing $d_\alpha$"
+WIDEST = 10.5
+SAMPLE = 200
+"""Agents whose places are kept with all digits, so that runs can be compared."""
+FASTEST = 12.0
+"""Upper end of the scale of speeds."""
+
+
+@dataclass(frozen=True)
+class CloseView:
+    """A window in which single agents are drawn.
+
+    Parameters
+    ----------
+    time
+        When.
+    low, high
+        Its corners.
+    """
+
+    time: float
+    low: tuple[float, float]
+    high: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class ObstacleViews:
+    """Where and when a run past round obstacles is looked at.
+
+    Parameters
+    ----------
+    name
+        Name of the showcase.
+    centres
+        Middle of the picture for each time drawn.
+    size
+        Width and height of the pictures.
+    cell
+        Side of a cell of the maps.
+    ratio
+        Height of a panel over its width.
+    close
+        Where single agents are drawn.
+    """
+
+    name: str
+    centres: Mapping[float, tuple[float, float]] = field(default_factory=dict)
+    size: tuple[float, float] = (1.0, 1.0)
+    cell: float = 1.0
+    ratio: float = 0.86
+    close: CloseView | None = None
+
+    def keep(self, run: Run) -> Kept:
+        """What is kept of a run, which may have ended early."""
+        balls = np.array([[*ball.centre.at(0.0)[0], ball.radius] for ball in balls_of(run.scenario)])
+        near = [surface_distances(q, balls) for q in run.q]
+        flocks = [largest_share(q, RADIUS) for q in run.q]
+        drawn = [t for t in self.centres if np.abs(run.t - t).min() < 1e-6]
+        made = {t: self.view(run.q[_frame(run, t)], t) for t in drawn}
+        facts: dict[str, Any] = {
+            "times": [float(t) for t in run.t],
+            "clearance": [float(d.min()) for d in near],
+            "inside": [int((d < 0).sum()) for d in near],
+            "mean_speed": [float(np.linalg.norm(p, axis=1).mean()) for p in run.p],
+            "flocks": [count for count, _ in flocks],
+            "largest": [share for _, share in flocks],
+            "views": drawn,
+            "densest": [float(one.values.max() / LATTICE) for one in made.values()],
+        }
+        arrays: dict[str, Any] = {f"density_{t:g}": packed(one.values / LATTICE) for t, one in made.items()}
+        every = max(1, run.n // SAMPLE)
+        arrays |= {f"sample_{t:g}": run.q[_frame(run, t), ::every] for t in drawn}
+        if self.close is not None and np.abs(run.t - self.close.time).min() < 1e-6:
+            at = _frame(run, self.close.time)
+            arrays |= self._close(self.close, run.q[at], run.p[at])
+        return Kept(facts, arrays)
+
+    def view(self, q: Array, t: float) -> DensityMap:
+        """Density in the picture at one of the times drawn."""
+        low = self._corner(t)
+        return density_map(q, low=low, high=low + np.array(self.size), cell=self.cell, blur=DISTANCE)
+
+    def stored(self, kept: Kept, t: float) -> DensityMap:
+        """The same from what was kept, in terms of the lattice's density."""
+        values, low = unpacked(kept.arrays[f"density_{t:g}"]), self._corner(t)
+        return DensityMap(values, low, low + self.cell * np.array(values.shape[::-1]))
+
+    def draw(self, kept: Kept) -> Figure:
+        """Densities at the times kept, and single agents among obstacles at one of them."""
+        panels = [self._panel(kept, t, f"$t = {t:g}$") for t in kept.facts["views"]]
+        if self.close is not None and "close_place" in kept.arrays:
+            close = self.close
+            panels.append(lambda axes: self._draw_close(close, kept, axes))
+        return self._sheet(panels, 3)
+
+    def beside(self, kept: Mapping[str, Kept]) -> Figure:
+        """The same moments of runs of several engines, a row for each."""
+        times = [t for t in self.centres if all(t in one.facts["views"] for one in kept.values())]
+        panels = [self._panel(one, t, f"{engine}, $t = {t:g}$") for engine, one in kept.items() for t in times]
+        return self._sheet(panels, len(times))
+
+    def difference(self, one: Kept, other: Kept, t: float) -> float:
+        """Share of the agents in view that would have to stand elsewhere for two densities to be the same."""
+        a, b = (self.stored(kept, t).values for kept in (one, other))
+        return float(np.abs(a - b).sum() / (a.sum() + b.sum()))
+
+    def parting(self, one: Kept, other: Kept, t: float) -> float:
+        """Largest distance between the same agent in two runs, of those whose places are kept."""
+        offset = one.arrays[f"sample_{t:g}"] - other.arrays[f"sample_{t:g}"]
+        return float(np.linalg.norm(offset, axis=1).max())
+
+    def _corner(self, t: float) -> Array:
+        return np.array(self.centres[t]) - np.array(self.size) / 2
+
+    def _sheet(self, panels: list[Any], columns: int) -> Figure:
+        from flocking.show.density import SPAN, scale
+        from flocking.show.sheet import sheet
+
+        made = sheet(panels, columns=columns, width=WIDEST, ratio=self.ratio)
+        axes = made.axes[: len(panels)]
+        scale(made, axes[0].images[0], axes, *SPAN, label=SCALE_LABEL)
+        return made
+
+    def _panel(self, kept: Kept, t: float, title: str) -> Any:
+        from flocking.show.density import density
+
+        balls = balls_of(showcase_scenario(self.name, agents=1))
+        return lambda axes: density(
+            self.stored(kept, t), axes=axes, unit=RADIUS, unit_name="r", reference=1.0, obstacles=balls, bar=False,
+            title=title,
+        )  # fmt: skip
+
+    def _close(self, close: CloseView, q: Array, p: Array) -> dict[str, Any]:
+        share = (q - close.low) / (np.array(close.high) - close.low)
+        inside = ((share >= 0) & (share < 1)).all(axis=1)
+        speed = np.linalg.norm(p[inside], axis=1) / FASTEST
+        return {
+            "close_place": np.rint(65535 * share[inside]).astype(np.uint16),
+            "close_speed": np.rint(255 * np.minimum(speed, 1.0)).astype(np.uint8),
+        }
+
+    def _draw_close(self, close: CloseView, kept: Kept, axes: Any) -> Any:
+        from flocking.show.density import GROUND, STONE, STONE_EDGE
+
+        low, high = np.array(close.low) / RADIUS, np.array(close.high) / RADIUS
+        place = low + (high - low) * kept.arrays["close_place"] / 65535.0
+        axes.set_facecolor(GROUND)
+        dots = axes.scatter(
+            *place.T, c=kept.arrays["close_speed"] * FASTEST / 255.0, s=3.0, lw=0, cmap="viridis", vmin=0.0,
+            vmax=FASTEST, gid="agents",
+        )  # fmt: skip
+        for ball in balls_of(showcase_scenario(self.name, agents=1)):
+            axes.fill(*(ball.outline(181).T / RADIUS), facecolor=STONE, edgecolor=STONE_EDGE, lw=0.5)
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="$x/r$", ylabel="$y/r$")
+        axes.set_title(f"single agents by speed, 0 to {FASTEST:g}, $t = {close.time:g}$")
+        bar = axes.figure.colorbar(dots, cax=axes.inset_axes((0.0, -0.022, 1.0, 0.022)), orientation="horizontal")
+        bar.set_ticks([])
+        bar.outline.set_visible(False)
+        axes.tick_params(axis="x", pad=8)
+        return axes
+
+
+def balls_of(scenario: Scenario) -> list[Ball]:
+    """The round obstacles of a scenario."""
+    terms = [term for term in scenario.law.body_terms if isinstance(term, Avoid)]
+    return [o for term in terms for o in term.obstacles if isinstance(o, Ball)]
+
+
+def surface_distances(q: Array, balls: Array) -> Array:
+    """Distance of every agent to the nearest surface, negative inside.
+
+    Parameters
+    ----------
+    q
+        Positions, shape (N, 2).
+    balls
+        Centre and radius of each ball, shape (K, 3).
+    """
+    nearest = np.full(len(q), np.inf)
+    for x, y, radius in balls:
+        np.minimum(nearest, np.hypot(q[:, 0] - x, q[:, 1] - y) - radius, out=nearest)
+    return nearest
+
+
+def _frame(run: Run, t: float) -> int:
+    return int(np.argmin(np.abs(run.t - t)))

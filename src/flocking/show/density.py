@@ -1,0 +1,161 @@
+"""Large flocks as shades: how densely agents stand, on a logarithmic scale."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flocking.engine.run import Run
+from flocking.errors import InvalidInput
+from flocking.model.checks import number
+from flocking.model.state import State
+from flocking.show.frames import frame_at
+from flocking.show.plane import Outlined, own_outlines
+from flocking.show.style import COLUMN, axes_or_new, in_style
+from flocking.study.density_maps import DensityMap, density_map
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+COLORS = "inferno"
+GROUND = "#000004"
+"""The lowest colour of the map: where nobody is."""
+STONE, STONE_EDGE = "#4E6B78", "#A9C0CA"
+"""Obstacles."""
+SPAN = (0.3, 8.0)
+"""Lowest and highest density shown, in terms of the reference."""
+CELLS = 480
+"""Cells along the longer side of a picture, unless told otherwise."""
+MARGIN = 0.04
+
+
+@in_style
+def density(
+    what: Run | State | DensityMap,
+    *,
+    time: float | None = None,
+    frame: int | None = None,
+    axes: Axes | None = None,
+    unit: float = 1.0,
+    unit_name: str = "",
+    reference: float | None = None,
+    span: tuple[float, float] = SPAN,
+    limits: tuple[Sequence[float], Sequence[float]] | None = None,
+    cell: float | None = None,
+    blur: float | None = None,
+    obstacles: Sequence[Outlined] | None = None,
+    title: str | bool = True,
+    bar: bool = True,
+) -> Any:
+    """Draw how densely agents stand in the plane.
+
+    Parameters
+    ----------
+    what
+        A run, a state, or a map made before.
+    time, frame
+        Which stored frame of a run: the one nearest to ``time``, or its number; the last when both are absent.
+    axes
+        Where to draw; a new figure when absent.
+    unit, unit_name
+        Length that the axes count in, and what they call it, such as ``"r"``.
+    reference
+        Density that counts as 1; the median of what the agents stand in when absent.
+    span
+        Lowest and highest density shown, in terms of the reference.
+    limits
+        Lowest and highest corner of the picture; everything when absent.
+    cell, blur
+        Side of a cell of the map, and standard deviation of its smoothing; chosen from the picture's size when absent.
+    obstacles
+        Objects with a method ``outline(count)``; those of the run's law where they are at that time when absent.
+    title
+        True for the time of a run or state, a text, or False for none.
+    bar
+        Whether to draw the scale of colours.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes; the shades have the label (gid) ``density``.
+
+    Raises
+    ------
+    InvalidInput
+        When the frame does not exist, agents do not live in the plane, or a number is out of range.
+    """
+    from matplotlib.colors import LogNorm
+
+    unit = number("density", "unit", unit, above=0.0)
+    made, stated, name = _mapped(what, time, frame, limits, cell, blur)
+    level = _typical(made) if reference is None else number("density", "reference", reference, above=0.0)
+    low, high = number("density", "span", span[0], above=0.0), number("density", "span", span[1], above=span[0])
+    axes = axes_or_new(axes, width=COLUMN, height=COLUMN)
+    (left, down), (right, up) = made.low / unit, made.high / unit
+    axes.set_facecolor(GROUND)
+    shades = axes.imshow(
+        np.clip(made.values / level, low, high), norm=LogNorm(low, high), cmap=COLORS, origin="lower",
+        extent=(left, right, down, up), interpolation="bilinear", gid="density", zorder=0.2,
+    )  # fmt: skip
+    if obstacles is not None:
+        outlines = [o.outline(91) for o in obstacles]
+    else:
+        outlines = own_outlines(what, stated) if isinstance(what, Run) else []
+    for outline in outlines:
+        axes.fill(*(np.asarray(outline).T / unit), facecolor=STONE, edgecolor=STONE_EDGE, lw=0.35, zorder=0.5)
+    axes.set(xlim=(left, right), ylim=(down, up), aspect="equal")
+    axes.set_xlabel(f"$x/{unit_name}$" if unit_name else "$x$")
+    axes.set_ylabel(f"$y/{unit_name}$" if unit_name else "$y$")
+    if bar:
+        scale(axes.figure, shades, axes, low, high)
+    if title is not False and (text := name if title is True else title):
+        axes.set_title(text)
+    return axes
+
+
+def scale(figure: Any, shades: Any, axes: Any, low: float, high: float, label: str = "density") -> Any:
+    """Draw the scale of colours beside axes, one or several, with few plain numbers."""
+    from matplotlib.ticker import NullFormatter
+
+    drawn = figure.colorbar(shades, ax=axes, label=label, shrink=0.85, pad=0.015, aspect=28)
+    ticks = [x for x in (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0) if low <= x * (1 + 1e-9) <= high * 1.001]
+    drawn.set_ticks(ticks, labels=[f"{x:g}" for x in ticks])
+    drawn.ax.yaxis.set_minor_formatter(NullFormatter())
+    return drawn
+
+
+def _mapped(
+    what: Any, time: float | None, frame: int | None, limits: Any, cell: float | None, blur: float | None
+) -> tuple[DensityMap, State, str]:
+    """The map, the state it was made of (an empty one for a map made before), and what its title says."""
+    if isinstance(what, DensityMap):
+        for word, value in (("time", time), ("frame", frame), ("limits", limits), ("cell", cell), ("blur", blur)):
+            if value is not None:
+                raise InvalidInput("density", word, "must be absent for a map made before", value)
+        return what, State(np.zeros((1, 2)), np.zeros((1, 2))), ""
+    if isinstance(what, Run):
+        state = what.state(frame_at(what, time, frame))
+    elif isinstance(what, State):
+        state = what
+    else:
+        raise InvalidInput("density", "what", "must be a Run, a State or a DensityMap", what)
+    if state.dimension != 2:
+        raise InvalidInput("density", "what", "must live in the plane", state.dimension, "Draw a projection of it.")
+    low, high = (state.q.min(axis=0), state.q.max(axis=0)) if limits is None else map(np.asarray, limits)
+    if limits is None:
+        margin = MARGIN * float((high - low).max()) or 1.0
+        low, high = low - margin, high + margin
+    size = float((high - low).max()) / CELLS if cell is None else cell
+    # A few agents a spot: less shows single agents, more hides what is narrow.
+    area = float(np.prod(np.maximum(np.ptp(state.q, axis=0), 1e-12)))
+    width = max(size, float(np.sqrt(area / state.n))) if blur is None else blur
+    return density_map(state.q, low=low, high=high, cell=size, blur=width), state, f"$t = {state.t:.6g}$"
+
+
+def _typical(made: DensityMap) -> float:
+    """The density that half of the agents stand in more densely."""
+    values = np.sort(made.values.ravel())
+    total = np.cumsum(values)
+    return float(values[np.searchsorted(total, total[-1] / 2)]) if total[-1] > 0 else 1.0

@@ -1,0 +1,81 @@
+"""How many agents there are where: counts on a grid, smoothed, for groups too large to draw agent by agent."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array, array, number
+
+MOST_CELLS = 50_000_000
+"""Most cells of a map."""
+
+
+@dataclass(frozen=True, eq=False)
+class DensityMap:
+    """Agents per unit of area on a grid of square cells.
+
+    Parameters
+    ----------
+    values
+        Density of each cell, shape (rows, columns); rows go up.
+    low, high
+        Lower left and upper right corner of the grid, shape (2,).
+    """
+
+    values: Array
+    low: Array
+    high: Array
+
+    @property
+    def agents(self) -> float:
+        """How many agents the map holds; smoothing may carry some over its border."""
+        return float(self.values.sum() * np.prod(self.high - self.low) / self.values.size)
+
+
+def density_map(
+    q: Array, *, low: Sequence[float] | Array, high: Sequence[float] | Array, cell: float, blur: float = 0.0
+) -> DensityMap:
+    """Density of agents in the plane.
+
+    Parameters
+    ----------
+    q
+        Positions, shape (N, 2).
+    low, high
+        Corners of the map; the upper right one is moved out to a whole number of cells.
+    cell
+        Side of a cell.
+    blur
+        Standard deviation of the Gaussian that smooths the counts; none when 0.
+
+    Raises
+    ------
+    InvalidInput
+        When agents do not live in the plane, the map has no area, or it would have too many cells.
+    """
+    from scipy.ndimage import gaussian_filter
+
+    q = np.asarray(q, dtype=np.float64)
+    if q.ndim != 2 or q.shape[1] != 2:
+        raise InvalidInput("density_map", "q", "must have shape (N, 2)", q.shape)
+    corner, size = array("density_map", "low", low, ndim=1), number("density_map", "cell", cell, above=0.0)
+    counts = np.ceil((array("density_map", "high", high, ndim=1) - corner) / size - 1e-9)
+    if counts.shape != (2,) or (counts < 1).any():
+        raise InvalidInput("density_map", "high", "must lie above and to the right of low", high)
+    if counts.prod() > MOST_CELLS:
+        raise InvalidInput("density_map", "cell", f"must give at most {MOST_CELLS} cells", cell, "Take larger cells.")
+    columns, rows = (int(k) for k in counts)
+    upper = corner + size * counts
+    # The surroundings are counted too: what is smoothed in over the border is as true as what is smoothed out.
+    rim = int(np.ceil(4.0 * blur / size)) if number("density_map", "blur", blur, least=0.0) > 0 else 0
+    found, _, _ = np.histogram2d(
+        q[:, 1], q[:, 0], bins=(rows + 2 * rim, columns + 2 * rim),
+        range=[(corner[k] - rim * size, upper[k] + rim * size) for k in (1, 0)],
+    )  # fmt: skip
+    if rim:
+        found = gaussian_filter(found, blur / size, mode="constant")[rim:-rim, rim:-rim]
+    return DensityMap(found / size**2, corner, upper)

@@ -1,0 +1,110 @@
+"""Which way a triangular lattice points about each agent: the hexatic order of Halperin and Nelson."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array, number
+
+
+def neighbour_pairs(q: Array, reach: float) -> NDArray[np.int64]:
+    """Pairs of agents closer than ``reach``, each once, shape (K, 2)."""
+    from scipy.spatial import cKDTree
+
+    found: NDArray[np.int64] = cKDTree(q).query_pairs(reach, output_type="ndarray")
+    return found
+
+
+def hexatic(q: Array, reach: float) -> tuple[NDArray[np.complex128], NDArray[np.int64]]:
+    """Hexatic order of every agent: the mean of exp(6 i angle) over the directions to its neighbours.
+
+    Its size is 1 in a perfect triangular lattice and falls at grain boundaries, defects and edges; its angle over 6
+    is the direction of the lattice, modulo 60 degrees.
+
+    Parameters
+    ----------
+    q
+        Positions in the plane, shape (N, 2).
+    reach
+        How far neighbours are; in a lattice of spacing d between d and sqrt(3) d.
+
+    Returns
+    -------
+    tuple
+        The order of each agent, 0 for one without neighbours, and its number of neighbours; shape (N,) each.
+
+    Raises
+    ------
+    InvalidInput
+        When agents do not live in the plane or the reach is not positive.
+    """
+    q = np.asarray(q, dtype=np.float64)
+    if q.ndim != 2 or q.shape[1] != 2:
+        raise InvalidInput("hexatic", "q", "must have shape (N, 2)", q.shape)
+    pairs, n = neighbour_pairs(q, number("hexatic", "reach", reach, above=0.0)), len(q)
+    offset = q[pairs[:, 1]] - q[pairs[:, 0]]
+    angle = 6.0 * np.arctan2(offset[:, 1], offset[:, 0])
+    # A sixth power does not tell a direction from its opposite: a pair adds the same to both.
+    total = _sum(pairs, np.cos(angle), n) + 1j * _sum(pairs, np.sin(angle), n)
+    count = np.bincount(pairs.ravel(), minlength=n)
+    return total / np.maximum(count, 1), count
+
+
+def largest_share(q: Array, reach: float) -> tuple[int, float]:
+    """Number of flocks of agents linked within ``reach``, and the share of the agents that is in the largest one."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    pairs = neighbour_pairs(q, reach)
+    net = coo_matrix((np.ones(len(pairs), dtype=bool), (pairs[:, 0], pairs[:, 1])), shape=(len(q), len(q)))
+    count, labels = connected_components(net, directed=False)
+    return int(count), float(np.bincount(labels).max()) / len(q)
+
+
+def _sum(pairs: NDArray[np.int64], values: Any, n: int) -> Any:
+    return np.bincount(pairs[:, 0], values, n) + np.bincount(pairs[:, 1], values, n)
+
+
+def hexatic_map(
+    q: Array, order: NDArray[np.complex128], *, low: Array, cell: float, shape: tuple[int, int], reach: float
+) -> NDArray[np.complex128]:
+    """Mean hexatic order of the agents in each cell of a grid.
+
+    Parameters
+    ----------
+    q, order
+        Positions, shape (N, 2), and the order of each agent, shape (N,).
+    low
+        Lower left corner of the grid.
+    cell
+        Side of a cell.
+    shape
+        Rows and columns; rows go up.
+    reach
+        A cell without agents takes the order of the nearest one, when its centre is closer than this to it.
+
+    Returns
+    -------
+    numpy.ndarray
+        Order of each cell, 0 where nobody is near, shape ``shape``.
+    """
+    from scipy.spatial import cKDTree
+
+    rows, columns = shape
+    place = np.floor((np.asarray(q) - low) / number("hexatic_map", "cell", cell, above=0.0)).astype(np.int64)
+    inside = (place >= 0).all(axis=1) & (place[:, 0] < columns) & (place[:, 1] < rows)
+    flat = place[inside, 1] * columns + place[inside, 0]
+    z, cells = order[inside], rows * columns
+    total = np.bincount(flat, z.real, cells) + 1j * np.bincount(flat, z.imag, cells)
+    count = np.bincount(flat, minlength=cells)
+    total /= np.maximum(count, 1)
+    empty = np.flatnonzero(count == 0)
+    centres = low + cell * (np.stack([empty % columns, empty // columns], axis=1) + 0.5)
+    nearest = np.asarray(cKDTree(q).query(centres, distance_upper_bound=reach)[1])
+    found = nearest < len(q)
+    total[empty[found]] = order[nearest[found]]
+    return total.reshape(rows, columns)

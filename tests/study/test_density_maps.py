@@ -1,0 +1,54 @@
+"""Densities on a grid: they hold the agents, whole or smoothed."""
+
+import numpy as np
+import pytest
+
+from flocking.errors import InvalidInput
+from flocking.study.density_maps import density_map
+
+
+def test_every_agent_is_in_its_cell():
+    q = np.array([[0.5, 0.5], [1.5, 0.5], [1.6, 0.4], [2.5, 1.5], [9.0, 9.0]])
+    made = density_map(q, low=(0.0, 0.0), high=(3.0, 2.0), cell=1.0)
+    assert made.values.tolist() == [[1.0, 2.0, 0.0], [0.0, 0.0, 1.0]]
+    assert made.agents == 4
+
+
+def test_the_map_grows_to_whole_cells():
+    made = density_map(np.zeros((1, 2)), low=(-1.0, -1.0), high=(1.1, 1.0), cell=0.5)
+    assert made.values.shape == (4, 5)
+    assert made.high.tolist() == [1.5, 1.0]
+
+
+def test_smoothing_keeps_agents_and_spreads_them_evenly():
+    q = np.random.default_rng(0).normal(size=(500, 2))
+    sharp = density_map(q, low=(-12, -12), high=(12, 12), cell=0.1)
+    soft = density_map(q, low=(-12, -12), high=(12, 12), cell=0.1, blur=0.7)
+    assert soft.agents == pytest.approx(sharp.agents) == 500
+    one = density_map(np.zeros((1, 2)), low=(-4.05, -4.05), high=(4.05, 4.05), cell=0.1, blur=0.7)
+    x = np.arange(-4.0, 4.05, 0.1)
+    bell = np.exp(-(x[:, None] ** 2 + x**2) / (2 * 0.7**2)) / (2 * np.pi * 0.7**2)
+    assert np.abs(one.values - bell).max() < 0.01 * bell.max()
+
+
+def test_what_stands_outside_is_smoothed_in():
+    """A uniform crowd is as dense at the border of a map as in its middle."""
+    x = np.arange(-20.0, 20.0, 0.25)
+    q = np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2) + 0.125
+    made = density_map(q, low=(-5, -5), high=(5, 5), cell=0.5, blur=1.0)
+    assert made.values == pytest.approx(np.full((20, 20), 16.0), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("q", "change"),
+    [
+        (np.zeros((3, 3)), {}),
+        (np.zeros((3, 2)), {"high": (0.0, 1.0)}),
+        (np.zeros((3, 2)), {"cell": 0.0}),
+        (np.zeros((3, 2)), {"cell": 1e-6}),
+        (np.zeros((3, 2)), {"blur": -1.0}),
+    ],
+)
+def test_senseless_maps_are_refused(q, change):
+    with pytest.raises(InvalidInput):
+        density_map(q, **({"low": (0, 0), "high": (1, 1), "cell": 0.1} | change))
