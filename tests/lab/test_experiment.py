@@ -175,8 +175,16 @@ def test_obstacles_come_move_and_go():
     path = ["law", "terms", 3, "obstacles", 0, "centre"]
     made.apply({"kind": "move", "path": path, "to": [0.0, 50.0]})
     assert made.scenario.law.terms[3].obstacles[0].centre.at(0.2)[0].tolist() == [0.0, 50.0]
+    made.apply({"kind": "obstacle", "centre": [45.0, 0.0], "radius": 1.0})
+    made.apply({"kind": "remove", "path": path[:-1]})
+    assert [ball.radius for ball in made.scenario.law.terms[3].obstacles] == [1.0]
+    made.apply({"kind": "remove", "path": path[:-1]})
+    assert len(made.scenario.law.terms) == 3
+    made.apply({"kind": "obstacle", "centre": [45.0, 0.0], "radius": 1.0})
     made.apply({"kind": "clear obstacles"})
     assert len(made.scenario.law.terms) == 3
+    with pytest.raises(InvalidInput):
+        made.apply({"kind": "remove", "path": LEADER})
 
 
 def collapsing():

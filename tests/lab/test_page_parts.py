@@ -9,10 +9,12 @@ import pytest
 import flocking as fk
 from flocking.apps.lab.choices import in_space
 from flocking.apps.lab.clock import Clock
+from flocking.apps.lab.events import outcome
 from flocking.apps.lab.experiment import Experiment
 from flocking.apps.lab.glyphs import colors, link_segments, turns
+from flocking.apps.lab.handling import agents_of
 from flocking.apps.lab.history import History
-from flocking.apps.lab.measures import claims_of, lamps, measured
+from flocking.apps.lab.measures import claims_of, lamps, ledger, measured
 from flocking.apps.lab.parts import changed, value_at
 from flocking.apps.lab.settings import sections
 from flocking.apps.lab.solids import imagined, solids
@@ -45,6 +47,17 @@ def test_every_parameter_of_every_scenario_has_a_control_that_works(name):
         for parameter, value in term.parameters.items():
             if isinstance(value, float) and not hasattr(term, "obstacles"):
                 assert any(path[:3] == ("law", "terms", k) and path[-1] == parameter for path in shown), parameter
+
+
+@pytest.mark.parametrize("name", list(paper_scenarios()))
+def test_every_term_and_obstacle_can_be_taken_out_of_a_law(name):
+    scenario = paper_scenarios()[name][1](0)
+    found = [(section.title, section.removal) for section in sections(scenario) if section.removal]
+    titles = [title for title, _ in found]
+    assert len(titles) == len(scenario.law.terms) + sum(len(getattr(t, "obstacles", ())) for t in scenario.law.terms)
+    for title, event in found:
+        left = outcome(event, scenario, scenario, scenario.start).scenario
+        assert len(sections(left)) < len(sections(scenario)), title
 
 
 def test_a_new_formula_brings_its_own_parameters_and_drops_those_it_does_not_use():
@@ -173,7 +186,8 @@ def test_a_lamp_names_the_agents_that_left_and_an_intervention_begins_anew():
     assert found["connected"].culprit.agents == (2,)
     assert found["connected"].culprit.time == pytest.approx(1.0, abs=1e-6)
     assert found["links-kept"].culprit.agents == (1, 2)
-    assert found["velocities-agree"].word == "not yet"
+    assert found["velocities-agree"].word == "hypothesis not met"  # of a graph that stays connected
+    assert found["velocities-agree"].culprit.agents == (2,)
     experiment.apply({"kind": "kick", "agents": [0], "speed": 0.0, "seed": 0})
     clock = Clock([experiment])
     for t in (3.1, 3.2, 3.3, 3.4):
@@ -182,6 +196,39 @@ def test_a_lamp_names_the_agents_that_left_and_an_intervention_begins_anew():
     assert history.span == (3.1, 3.4)
     assert words(history)["connected"].word == "hypothesis not met"
     assert words(history)["connected"].culprit.agents == (2,)
+
+
+def test_a_claim_about_the_end_has_not_failed_before_it():
+    from flocking.papers import zhou_2015
+
+    scenario = zhou_2015.scenario(seed=0)
+    experiment = Experiment(scenario)
+    early = words(watched(experiment, np.linspace(0.1, 1.0, 10)))
+    assert early["coincide"].word == "not so far"
+    assert early["coincide"].color == "orange"
+    assert early["energy"].word == "holds"
+    late = words(watched(experiment, np.linspace(1.5, scenario.t_end, 60)))
+    assert late["coincide"].word == "fails"
+
+
+def test_the_ledger_of_the_instruments_balances():
+    experiment = Experiment(zhou())
+    experiment.advance(0.5)
+    experiment.apply({"kind": "set", "path": ["law", "terms", 1, "gain"], "value": 0.5})
+    experiment.advance(2.0)
+    trace = [row for row in experiment.records()[0] if row[0] >= experiment.changed_at]
+    found = ledger(trace[0], trace[-1])
+    assert found["dissipated"] > 0.1
+    change = trace[-1][1] - trace[0][1]
+    assert change == pytest.approx(-found["dissipated"] + found["supplied"] + found["jumped"], abs=1e-5)
+    assert found["residual"] == pytest.approx(change + found["dissipated"] - found["supplied"] - found["jumped"])
+
+
+def test_agents_are_named_by_numbers_and_ranges():
+    assert agents_of("3, 5-8 1") == [1, 3, 5, 6, 7, 8]
+    for text in ("a", "1-", "-3", "1.5", "9" * 40):
+        with pytest.raises(fk.InvalidInput):
+            agents_of(text)
 
 
 def test_a_history_stays_small_and_keeps_its_beginning():
@@ -195,7 +242,7 @@ def test_a_history_stays_small_and_keeps_its_beginning():
 def test_measures_of_a_moment():
     state = fk.State([[0.0, 0.0], [1.0, 0.0], [9.0, 0.0]], [[1.0, 0.0], [-1.0, 0.0], [0.0, 0.0]])
     state = fk.State(state.q, state.p, 0.0, fk.Proximity(2.0).initial(state.q))
-    found = measured(state, 3.0, 0.0)
+    found = measured(state, 3.0)
     assert found["flocks"] == 2
     assert found["closest pair"] == 1.0
     assert found["connectivity"] == pytest.approx(0.0, abs=1e-12)

@@ -10,6 +10,8 @@ from flocking.apps.lab.settings import Setting, sections
 from flocking.errors import FlockingError
 
 NONE = "(nothing)"
+FINEST = 1e-4
+"""Smallest difference that can be typed."""
 
 
 class Comparison:
@@ -29,8 +31,8 @@ class Comparison:
         """Path of the number in which the two differ; empty when there is one experiment."""
         with gui.add_folder("Compare"):
             self.setting = gui.add_dropdown("differ in", (NONE,))
-            self.value = gui.add_number("value on the right", 1.0)
-            self.button = gui.add_button("Compare", hint="Both start anew, the right one with this value.")
+            self.value = gui.add_number("value in the second", 1.0, step=FINEST)
+            self.button = gui.add_button("Compare", hint="Both start anew, the second with this value.")
             self.stop = gui.add_button("Only one", visible=False)
             self.fault = gui.add_markdown("", visible=False)
 
@@ -39,6 +41,12 @@ class Comparison:
             found = self._settings().get(self.setting.value)
             if found is not None:
                 self.begin(found.path, float(self.value.value))
+
+        @self.setting.on_update
+        def _(_: Any) -> None:
+            chosen = self._settings().get(self.setting.value)
+            if chosen is not None:
+                self.value.value = round(float(chosen.value), 4)
 
         @self.stop.on_click
         def _(_: Any) -> None:
@@ -59,12 +67,12 @@ class Comparison:
         return found
 
     def meant(self, event: Event) -> list[Experiment]:
-        """The experiments that an event is for: what they differ in is changed on the left alone."""
+        """The experiments that an event is for: what they differ in is changed in the first alone."""
         both: list[Experiment] = self._page.clock.experiments
         return both[:1] if self.path and tuple(event.get("path", ())) == self.path else both
 
     def begin(self, path: tuple[Any, ...], value: float) -> None:
-        """Start both anew, with ``value`` at ``path`` on the right."""
+        """Start both anew, with ``value`` at ``path`` in the second."""
 
         def act() -> None:
             try:
@@ -84,7 +92,7 @@ class Comparison:
         self._page.clock.post(act)
 
     def drop(self) -> None:
-        """Go on with the left one alone."""
+        """Go on with the first alone."""
         self.end()
         self._page.clock.experiments = self._page.clock.experiments[:1]
         self._page.clock.post(self._fit)

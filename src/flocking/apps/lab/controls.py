@@ -65,6 +65,12 @@ class Controls:
             self.errors[f"{number} {section.title}"] = fault
             for setting in section.settings:
                 self.handles[setting.path] = self._control(setting, _teller(fault))
+            if section.removal is not None:
+                self._remover(section, _teller(fault))
+
+    def _remover(self, section: Section, tell: Callable[[str], None]) -> None:
+        button = self._gui.add_button(f"Remove {section.title.split(': ')[0].lower()}", color="gray")
+        button.on_click(lambda _: self._send(dict(section.removal or {}), None, tell))
 
     def _control(self, setting: Setting, tell: Callable[[str], None]) -> Any:
         if setting.kind == "formula":

@@ -18,7 +18,7 @@ from flocking.model.checks import integer, number
 from flocking.model.graphs import Fixed
 from flocking.model.law import Law, Scenario
 from flocking.model.leaders import Leader
-from flocking.model.obstacles import Ball
+from flocking.model.obstacles import Ball, Obstacle
 from flocking.model.serial import from_data, to_data
 from flocking.model.state import State
 
@@ -170,6 +170,27 @@ def _with_obstacle(scenario: Scenario, ball: Ball) -> Scenario:
     return scenario.with_(law=Law(scenario.law.graph, (*scenario.law.terms, term)))
 
 
+def _remove(event: Event, scenario: Scenario, base: Scenario, _: State) -> Outcome:
+    """One obstacle goes; with the last one its term."""
+    path = tuple(event["path"])
+    if not isinstance(value_at(scenario, path), Obstacle):
+        raise InvalidInput("lab", "path", "must lead to an obstacle", list(path))
+    return Outcome(_without_obstacle(scenario, path), _without_obstacle(base, path))
+
+
+def _without_obstacle(scenario: Scenario, path: tuple[Any, ...]) -> Scenario:
+    *way, _, number = path
+    term = value_at(scenario, way)
+    left = tuple(x for k, x in enumerate(term.obstacles) if k != number)
+    if left:
+        found: Scenario = substituted(scenario, term, with_children(term, {"obstacles": left}))
+        return found
+    terms = tuple(each for each in scenario.law.terms if each is not term)
+    if not terms:
+        raise InvalidInput("lab", "obstacles", "must leave at least one term in the law", "none")
+    return scenario.with_(law=Law(scenario.law.graph, terms))
+
+
 def _clear(_: Event, scenario: Scenario, base: Scenario, __: State) -> Outcome:
     return Outcome(_without_obstacles(scenario), _without_obstacles(base))
 
@@ -190,7 +211,8 @@ def _agents(given: Sequence[int], n: int) -> np.ndarray[Any, np.dtype[np.intp]]:
 
 _KINDS: dict[str, Callable[[Event, Scenario, Scenario, State], Outcome]] = {
     "set": _set, "scale": _scale, "move": _move, "kick": _kick, "kill": _kill, "add": _add, "cut": _cut,
-    "term": _term, "drop": _drop, "obstacle": _obstacle, "clear obstacles": _clear,
+    "term": _term, "drop": _drop, "obstacle": _obstacle, "remove": _remove,
+    "clear obstacles": _clear,
 }  # fmt: skip
 
 

@@ -16,8 +16,11 @@ Bytes = NDArray[np.uint8]
 COLORINGS = ("speed", "heading", "flock", "energy")
 HIGHLIGHT = (255, 0, 200)
 
-_RAMP = np.array([(68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37)], dtype=np.float64)
-"""Dark to bright with even steps of lightness, readable without colour vision."""
+RAMPS = {
+    False: np.array([(68, 1, 84), (59, 82, 139), (33, 145, 140), (110, 170, 50), (240, 150, 0)], dtype=np.float64),
+    True: np.array([(125, 110, 225), (85, 150, 225), (60, 185, 175), (125, 215, 99), (253, 231, 37)], dtype=float),
+}  # fmt: skip
+"""From slow to fast, or low to high, on a light and on a dark ground: lightness rises, and all stands out from it."""
 
 _FLOCKS = np.array(
     [(0, 114, 178), (230, 159, 0), (0, 158, 115), (213, 94, 0), (204, 121, 167), (86, 180, 233), (150, 150, 0)],
@@ -64,13 +67,14 @@ def turns(p: Array, before: NDArray[np.float32] | None = None) -> NDArray[np.flo
     return np.asarray(found, dtype=np.float32)
 
 
-def ramp(values: Array, low: float, high: float) -> Bytes:
-    """Colours from dark to bright, shape (N, 3)."""
+def ramp(values: Array, low: float, high: float, dark: bool = False) -> Bytes:
+    """Colours of a ramp, shape (N, 3)."""
+    stops = RAMPS[dark]
     x = np.clip((values - low) / (high - low), 0.0, 1.0) if high > low else np.full(len(values), 0.5)
-    position = np.nan_to_num(x) * (len(_RAMP) - 1)
-    k = np.minimum(position.astype(np.intp), len(_RAMP) - 2)
+    position = np.nan_to_num(x) * (len(stops) - 1)
+    k = np.minimum(position.astype(np.intp), len(stops) - 2)
     part = (position - k)[:, None]
-    return np.asarray((1 - part) * _RAMP[k] + part * _RAMP[k + 1], dtype=np.uint8)
+    return np.asarray((1 - part) * stops[k] + part * stops[k + 1], dtype=np.uint8)
 
 
 def wheel(angle: Array) -> Bytes:
@@ -79,7 +83,7 @@ def wheel(angle: Array) -> Bytes:
     return np.asarray(40 + 87.5 * (1 + np.cos(angle[:, None] + shifts)), dtype=np.uint8)
 
 
-def colors(state: State, kind: str, fastest: float, energies: Any = None) -> Bytes:
+def colors(state: State, kind: str, fastest: float, energies: Any = None, dark: bool = False) -> Bytes:
     """One colour per agent, shape (N, 3).
 
     Parameters
@@ -92,14 +96,16 @@ def colors(state: State, kind: str, fastest: float, energies: Any = None) -> Byt
         Speed of the brightest colour.
     energies
         Potential of each agent, for ``"energy"``.
+    dark
+        Whether they stand on a dark ground.
     """
     if kind == "heading":
         return wheel(np.arctan2(state.p[:, 1], state.p[:, 0]) if state.dimension > 1 else np.zeros(state.n))
     if kind == "flock" and state.links is not None:
         return _FLOCKS[components(state.links) % len(_FLOCKS)]
     if kind == "energy" and energies is not None and len(energies) == state.n:
-        return ramp(energies, float(np.min(energies)), float(np.max(energies)))
-    return ramp(np.linalg.norm(state.p, axis=1), 0.0, fastest)
+        return ramp(energies, float(np.min(energies)), float(np.max(energies)), dark)
+    return ramp(np.linalg.norm(state.p, axis=1), 0.0, fastest, dark)
 
 
 def link_segments(state: State, points: NDArray[np.float32], budget: int) -> tuple[NDArray[np.float32], int]:

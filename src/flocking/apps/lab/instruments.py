@@ -11,7 +11,7 @@ import numpy as np
 
 from flocking.apps.lab.clock import Clock, Frame
 from flocking.apps.lab.history import History, Series
-from flocking.apps.lab.measures import MOST_CLAIMS, NAMES, Lamp, claims_of, lamps, measured
+from flocking.apps.lab.measures import LEDGER, MOST_CLAIMS, NAMES, Lamp, claims_of, lamps, ledger, measured
 from flocking.apps.lab.scene import Scene
 from flocking.engine.run import Run
 
@@ -22,6 +22,8 @@ PATIENCE = 5.0
 
 CURVES = ("energy", "velocity spread", "connectivity")
 INKS = ("#0072b2", "#d55e00", "#009e73")
+SECOND_INK = "#999999"
+"""Of the run on the right, when two are compared."""
 
 
 class Instruments:
@@ -44,18 +46,13 @@ class Instruments:
         self.lamps: list[Lamp] = []
         self.reads = 0
         self.table = gui.add_html("")
-        empty = np.zeros(2)
         self._plots = [
             gui.add_uplot(
-                (np.array([0.0, 1.0]), empty),
-                ({}, {"stroke": ink, "width": 2, "label": name}),
-                title=name,
-                aspect=3.2,
-                scales={"x": {"time": False}},
-                legend={"show": False},
+                (np.array([0.0, 1.0]), np.zeros(2)), _inks(ink, 1), title=name, aspect=3.2, padding=(14, 10, 0, 0),
+                scales={"x": {"time": False}}, legend={"show": False},
             )
             for name, ink in zip(CURVES, INKS, strict=True)
-        ]
+        ]  # fmt: skip
         self._buttons: list[Any] = []
         self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._run, name="flocking-lab-instruments", daemon=True)
@@ -83,9 +80,10 @@ class Instruments:
     def reset(self) -> None:
         """Forget what was measured."""
         with self._lock:
-            self.series.rows.clear()
+            self.series = Series(NAMES)
             self.history.clear()
             self.lamps = []
+        self._highlight((), "")
 
     def _run(self) -> None:
         number, judged, pause = 0, 0.0, LAMP_SECONDS
@@ -106,39 +104,45 @@ class Instruments:
             time.sleep(max(READ_SECONDS, 2 * (time.perf_counter() - begin)))
 
     def _read(self, frame: Frame) -> None:
-        state = frame.states[0]
+        count = len(frame.states)
         with self._lock:
             self.history.take(frame)
-            rows = list(frame.rows[0][0])
-            energy = rows[-1][1] if rows else float("nan")
-            since = next((row for row in rows if row[0] >= frame.changed_at[0]), rows[-1] if rows else None)
-            residual = _residual(since, rows[-1]) if since is not None else float("nan")
-            numbers = measured(state, energy, residual)
-            self.series.add(frame.time, tuple(numbers[name] for name in NAMES))
+            numbers = [_numbers(frame, k) for k in range(count)]
+            if len(self.series.names) != count * len(NAMES):
+                self.series = Series(NAMES * count)
+            self.series.add(frame.time, tuple(each[name] for each in numbers for name in NAMES))
             columns = self.series.columns()
         self.reads += 1
         self.table.content = self._html(frame, numbers)
-        if len(columns[0]) > 1:
-            for plot, name in zip(self._plots, CURVES, strict=True):
-                values = columns[1 + NAMES.index(name)]
-                if np.isfinite(values).any():
-                    plot.data = (columns[0], values)
+        if len(columns[0]) < 2:
+            return
+        for plot, name, ink in zip(self._plots, CURVES, INKS, strict=True):
+            values = columns[1 + NAMES.index(name) :: len(NAMES)]
+            if all(np.isfinite(each).any() for each in values):
+                with self._scene.server.atomic():
+                    if len(plot.series) != 1 + count:
+                        plot.series = _inks(ink, count)
+                    plot.data = (columns[0], *values)
 
-    def _html(self, frame: Frame, numbers: dict[str, float]) -> str:
+    def _html(self, frame: Frame, numbers: list[dict[str, float]]) -> str:
         state = frame.states[0]
         clock = self._clock
         experiment = clock.experiments[0]
         pace = f"{clock.reached:.3g} of {clock.speed:.3g}" if clock.playing else "paused"
-        rows = {"time": f"{frame.time:.4g}", "agents": f"{state.n} in {state.dimension}-D, {experiment.engine} engine",
-                "time per second": pace}  # fmt: skip
-        rows |= {name: f"{value:.4g}" for name, value in numbers.items() if not math.isnan(value)}
+        rows = {"agents": [f"{state.n} in {state.dimension}-D, {experiment.engine} engine"], "time per second": [pace]}
+        for name in (*NAMES, *LEDGER):
+            values = [each[name] for each in numbers]
+            if not all(math.isnan(value) for value in values):
+                rows[f"&nbsp; {name}" if name in LEDGER else name] = [f"{value:.4g}" for value in values]
         if not experiment.complete:
-            rows["log"] = "full: this can no longer be replayed"
-        if self._scene.note:
-            rows["scene"] = self._scene.note
-        cells = "".join(f"<tr><td>{k}</td><td><b>{v}</b></td></tr>" for k, v in rows.items())
-        fault = f"<p style='color:#d33'><b>Stopped: {_escaped(frame.failure)}</b></p>" if frame.failure else ""
-        return f"{fault}<table style='font-size:0.85em;width:100%;padding:0 0.8em'>{cells}</table>"
+            rows["log"] = ["full: this can no longer be replayed"]
+        if len(numbers) > 1:
+            rows = {"": ["first", "second (grey curves)"], **rows}
+        cells = "".join(
+            f"<tr><td>{name}</td>{''.join(_cell(value, len(numbers) // len(values)) for value in values)}</tr>"
+            for name, values in rows.items()
+        )
+        return f"<table style='font-size:0.85em;width:100%;padding:0 0.8em'>{cells}</table>"
 
     def window(self) -> Run | None:
         """What happened since the last intervention, as a run."""
@@ -213,11 +217,20 @@ class Instruments:
         self._scene.repaint()
 
 
-def _residual(first: tuple[float, ...], last: tuple[float, ...]) -> float:
-    """What the ledger leaves unexplained between two of its rows."""
-    _, energy, _, _, dissipated, supplied, jumped = (b - a for a, b in zip(first, last, strict=True))
-    return energy + dissipated - supplied - jumped
+def _numbers(frame: Frame, k: int) -> dict[str, float]:
+    """What is measured of one of a frame's runs, with its ledger since the last intervention."""
+    rows = list(frame.rows[k][0])
+    found = dict.fromkeys(LEDGER, float("nan"))
+    if rows:
+        since = next((row for row in rows if row[0] >= frame.changed_at[k]), rows[-1])
+        found = ledger(since, rows[-1])
+    return measured(frame.states[k], rows[-1][1] if rows else float("nan")) | found
 
 
-def _escaped(text: str) -> str:
-    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
+def _inks(ink: str, count: int) -> tuple[dict[str, Any], ...]:
+    lines = [{"stroke": color, "width": 2, "points": {"show": False}} for color in (ink, SECOND_INK)[:count]]
+    return ({}, *lines)
+
+
+def _cell(value: str, width: int) -> str:
+    return f"<td colspan='{width}'><b>{value}</b></td>"

@@ -10,9 +10,13 @@ import numpy as np
 
 from flocking.apps.lab.experiment import Experiment
 from flocking.apps.lab.filming import Film, picture
+from flocking.apps.lab.measures import measured
 from flocking.engine.run import Run
 from flocking.errors import FlockingError
 from flocking.model.state import State
+
+NO_RUN = "(none here)"
+MOST_RUNS = 200
 
 
 class Keeping:
@@ -38,16 +42,28 @@ class Keeping:
         self.record = gui.add_button("Record a film", icon="video")
         self.said = gui.add_markdown("")
         with gui.add_folder("Stored run"):
-            self.folder = gui.add_text("folder", "")
+            self.folder = gui.add_dropdown("folder", (NO_RUN,), hint="Runs that 'flocking run --out' stored here.")
+            self.elsewhere = gui.add_text("or a path", "")
             self.open = gui.add_button("Open", icon="folder-open")
             self.frame = gui.add_slider("frame", 0, 1, 1, 0, visible=False)
             self.back = gui.add_button("Back to the live run", visible=False)
         self.scenario.on_click(lambda event: self._guarded(self.save_scenario, event))
         self.picture.on_click(lambda event: self._guarded(self.save_picture, event))
         self.record.on_click(lambda event: self._guarded(self.toggle_film, event))
-        self.open.on_click(lambda event: self._guarded(lambda: self.open_run(self.folder.value), event))
+        self.open.on_click(
+            lambda event: self._guarded(lambda: self.open_run(self.elsewhere.value or self.folder.value), event)
+        )
+        self.offer()
         self.frame.on_update(lambda _: self.scrub(int(self.frame.value)))
         self.back.on_click(lambda _: self.close_run())
+
+    def offer(self) -> None:
+        """Offer the stored runs that are in the folder now."""
+        found = sorted(file.parent.name for file in self._page.folder.glob("*/zarr.json"))[:MOST_RUNS]
+        chosen, names = self.folder.value, tuple(found) or (NO_RUN,)
+        if tuple(self.folder.options) != names:
+            self.folder.options = names
+            self.folder.value = chosen if chosen in names else names[0]
 
     def _guarded(self, action: Any, event: Any) -> None:
         before = len(self.saved)
@@ -57,6 +73,7 @@ class Keeping:
             self.said.content = f"Not possible: {error}"
             return
         for path in self.saved[before:]:
+            self._page.offer()
             if event is not None and event.client is not None:
                 event.client.send_file_download(path.name, path.read_bytes())
 
@@ -141,7 +158,9 @@ class Keeping:
             return
         frame = min(max(frame, 0), len(run.t) - 1)
         self._page.scene.show_stored([_drawable(run, frame)], run.scenario)
-        self.said.content = f"Stored run {run.scenario.name}: t = {run.t[frame]:.4g}, {run.status}."
+        numbers = measured(run.state(frame), _energy_at(run, frame))
+        said = ", ".join(f"{name} {value:.4g}" for name, value in numbers.items() if np.isfinite(value))
+        self.said.content = f"Stored run {run.scenario.name}: t = {run.t[frame]:.4g}, {run.status}. {said}."
 
     def close_run(self) -> None:
         """Go back to the live run."""
@@ -149,6 +168,12 @@ class Keeping:
         self.frame.visible = self.back.visible = False
         self.said.content = ""
         self._page.scene.show_live()
+
+
+def _energy_at(run: Run, frame: int) -> float:
+    """Energy of the last row of the ledger up to a frame."""
+    row = int(np.searchsorted(run.trace["time"], run.t[frame], side="right")) - 1
+    return float(run.trace["energy"][row]) if row >= 0 else float("nan")
 
 
 def _drawable(run: Run, frame: int) -> State:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +20,12 @@ MOST_CONNECTIVITY = 400
 MOST_CLAIMS = 400
 """Larger groups get no algebraic connectivity and no lamps: both look at every pair."""
 
-NAMES = ("energy", "residual", "velocity spread", "connectivity", "flocks", "closest pair", "deviation")
+LEDGER = ("dissipated", "supplied", "jumped", "residual")
+"""What the energy did since the last intervention: `residual` is what the others leave unexplained of its change."""
+
+NAMES = ("energy", "velocity spread", "connectivity", "flocks", "closest pair", "defect")
+
+NOT_YET = "not so far"
 
 _PENDING = frozenset(
     {general.velocities_agree, general.distances_settle, general.switching_stops, general.forces_vanish,
@@ -28,14 +33,24 @@ _PENDING = frozenset(
 )  # fmt: skip
 """Conclusions about the end of a run: while it goes on they have not failed, they have not come true yet."""
 
+_LASTING = frozenset(
+    {general.ledger_residual, general.momentum_drift, general.energy_rise, general.energy_continuous,
+     general.linked_apart, general.all_apart, general.stays_connected, general.no_link_lost,
+     general.crossings_transversal}
+)  # fmt: skip
+"""Conclusions about every moment: once they fail nothing mends them."""
 
-def measured(state: State, energy: float, residual: float) -> dict[str, float]:
+_WHILE_CONNECTED = frozenset({general.velocities_agree, general.distances_settle})
+"""What the theorems conclude from a graph that stays connected."""
+
+
+def measured(state: State, energy: float) -> dict[str, float]:
     """Numbers of one moment by their `NAMES`; NaN for what a group is too large for.
 
-    ``deviation`` is how far linked distances are from their mean, relatively: the defect of a lattice.
+    ``defect`` is how far linked distances are from their mean, relatively.
     """
     found = dict.fromkeys(NAMES, float("nan"))
-    found |= {"energy": energy, "residual": residual, "velocity spread": observables.velocity_spread(state)}
+    found |= {"energy": energy, "velocity spread": observables.velocity_spread(state)}
     found["closest pair"] = observables.closest_pair(state)[0]
     if state.links is None:
         return found
@@ -47,8 +62,14 @@ def measured(state: State, energy: float, residual: float) -> dict[str, float]:
     i, j = np.nonzero(np.triu(state.links | state.links.T))
     if len(i):
         r = np.linalg.norm(state.q[i] - state.q[j], axis=1)
-        found["deviation"] = float(np.sqrt(np.mean((r / r.mean() - 1) ** 2))) if r.mean() > 0 else 0.0
+        found["defect"] = float(np.sqrt(np.mean((r / r.mean() - 1) ** 2))) if r.mean() > 0 else 0.0
     return found
+
+
+def ledger(first: tuple[float, ...], last: tuple[float, ...]) -> dict[str, float]:
+    """What the energy did between two rows of a ledger, by `LEDGER`."""
+    _, energy, _, _, dissipated, supplied, jumped = (b - a for a, b in zip(first, last, strict=True))
+    return dict(zip(LEDGER, (dissipated, supplied, jumped, energy + dissipated - supplied - jumped), strict=True))
 
 
 @dataclass(frozen=True)
@@ -60,7 +81,7 @@ class Lamp:
     claim
         The claim.
     word
-        Its verdict, or ``"not yet"``.
+        Its verdict, or ``"not so far"``.
     note
         What was measured.
     culprit
@@ -77,16 +98,26 @@ class Lamp:
         """Green, red, orange while open, grey where it does not apply."""
         if self.word == str(self.claim.expected) == "fails":
             return "teal"  # the paper is known to be wrong there
-        return {"holds": "green", "fails": "red", "hypothesis not met": "violet", "not yet": "orange"}.get(
+        return {"holds": "green", "fails": "red", "hypothesis not met": "violet", NOT_YET: "orange"}.get(
             self.word, "gray"
         )
 
 
 def claims_of(scenario_name: str) -> tuple[Claim, ...]:
-    """The paper's claims about its scenario, then the general ones that these do not name already."""
+    """The paper's claims about its scenario, then the general ones that these do not name already.
+
+    Of the general ones agreement is claimed as the theorems do: of a graph that stays connected.
+    """
     found = paper_claims(scenario_name) or ()
     known = {c.key for c in found}
-    return (*found, *(c for c in general.GENERAL if c.key not in known))
+    return (*found, *(_conditional(c) for c in general.GENERAL if c.key not in known))
+
+
+def _conditional(claim: Claim) -> Claim:
+    if claim.conclusion not in _WHILE_CONNECTED:
+        return claim
+    statement = f"While the graph stays connected, {claim.statement[0].lower()}{claim.statement[1:]}"
+    return replace(claim, statement=statement, hypothesis=general.stays_connected)
 
 
 def lamps(run: Run, claims: Sequence[Claim]) -> list[Lamp]:
@@ -99,6 +130,13 @@ def lamps(run: Run, claims: Sequence[Claim]) -> list[Lamp]:
             who = culprit(result, evidence)
         except Exception as error:  # claims of papers look at their own laws, and a law may be changed at will
             result, who = Result(claim, Verdict.NOT_APPLICABLE, note=f"{type(error).__name__}: {error}"), None
-        open_still = result.verdict is Verdict.FAILS and claim.conclusion in _PENDING
-        found.append(Lamp(claim, "not yet" if open_still else str(result.verdict), result.note, who))
+        found.append(Lamp(claim, _word(claim, result.verdict, run), result.note, who))
     return found
+
+
+def _word(claim: Claim, verdict: Verdict, run: Run) -> str:
+    """The verdict, or that it is too early for one: a paper speaks of the end of its scenario."""
+    if verdict is not Verdict.FAILS or claim.conclusion in _LASTING:
+        return str(verdict)
+    early = claim.conclusion in _PENDING or run.t[-1] < run.scenario.t_end
+    return NOT_YET if early else str(verdict)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from flocking.apps.lab.banner import Banner
 from flocking.apps.lab.choices import first_choice, in_space, library, scenario_of
 from flocking.apps.lab.clock import Clock
 from flocking.apps.lab.comparison import Comparison
@@ -19,7 +19,7 @@ from flocking.apps.lab.handling import Handling
 from flocking.apps.lab.instruments import Instruments
 from flocking.apps.lab.keeping import Keeping
 from flocking.apps.lab.scene import Scene
-from flocking.apps.lab.transport import FASTEST, SLOWEST, Transport
+from flocking.apps.lab.transport import Transport
 from flocking.errors import FlockingError
 from flocking.model.law import Scenario
 
@@ -51,17 +51,18 @@ class Page:
         """The last thing that was refused."""
         self.scene = Scene(server, self.clock, self._dragged)
         gui = server.gui
+        self._name = name
         names = tuple(dict.fromkeys((name, *library(self.folder))))
+        self.banner = Banner(gui, self.clock, self.scene, self.go_back)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Run"):
-            self.transport = Transport(
-                gui, self.clock, names, load=self.load, restart=self.restart, go_back=self.go_back, lift=self.lift
-            )
+            self.transport = Transport(gui, self.clock, names, load=self.load, restart=self.restart, lift=self.lift)
             self.instruments = Instruments(gui, self.clock, self.scene)
         law_tab = tabs.add_tab("Law")
         self.controls = Controls(gui, law_tab, self.send)
         with tabs.add_tab("Act"):
             self.handling = Handling(gui, self.clock, self.send)
+            self.scene.picked = self._picked
         with tabs.add_tab("Claims"):
             self.instruments.add_lamps()
         with tabs.add_tab("View"):
@@ -76,6 +77,7 @@ class Page:
         self.scene.begin()
         self.instruments.begin()
         self.clock.post(lambda: None)
+        server.on_client_connect(lambda _: self.offer())
 
     @property
     def experiment(self) -> Experiment:
@@ -121,6 +123,8 @@ class Page:
                 return
             if tell is not None:
                 tell("")
+            if event["kind"] == "kill":
+                self.scene.look.highlight = ()  # those who stay have other numbers
             if (
                 event["kind"] not in ("set", "scale", "move", "kick")
                 or str(event.get("path", [""])[-1])[:7] == "formula"
@@ -132,6 +136,11 @@ class Page:
     def _dragged(self, path: tuple[Any, ...], point: list[float]) -> None:
         self.send({"kind": "move", "path": list(path), "to": point}, ("move", path))
 
+    def _picked(self, agent: int) -> None:
+        """An agent was clicked: it is chosen for what is done next, and seen to be."""
+        self.scene.look.highlight = tuple(self.handling.pick(agent))
+        self.scene.repaint()
+
     def load(self, name: str, seed: int | None = None) -> None:
         """Open another scenario, or the same one with another seed."""
         try:
@@ -141,8 +150,15 @@ class Page:
                 self._install(replay(EventLog.read(self.folder / name)))
             else:
                 self._install(Experiment(scenario_of(name, self.folder, seed)))
+            self._name = self.transport.scenario.value = name
         except (FlockingError, OSError) as error:
+            self.transport.scenario.value = self._name
             self.complain(str(error))
+
+    def offer(self) -> None:
+        """Offer the files that are in the folder now."""
+        self.transport.offer(library(self.folder))
+        self.keeping.offer()
 
     def lift(self) -> None:
         """Start the present scenario anew in three dimensions."""
@@ -167,15 +183,12 @@ class Page:
         self.controls.build(scenario)
         self.instruments.reset()
         self.comparison.refresh()
-        self.scene.look.highlight = ()
         length = max(scenario.t_end - scenario.start.t, 1e-9)
-        self.transport.speed.value = min(max(round(math.log10(length / SECONDS_A_RUN), 2), SLOWEST), FASTEST)
-        self.clock.speed = 10.0**self.transport.speed.value
+        self.transport.run_at(length / SECONDS_A_RUN)
         if scenario.seed is not None:
             self.transport.seed.value = scenario.seed
         frame = self.clock.frame
         self.scene.aim(frame)
-        self.transport.refresh()
         self.scene.repaint()
 
     @staticmethod

@@ -32,8 +32,14 @@ AMBIENT = 1.0
 HIGHLIGHT_SCALE = 1.6
 FAR_OFF = 3.0
 """Leaders and obstacles further away than this, in sizes of the group, do not widen the view."""
-SIDE_BY_SIDE = 1.25
-"""Distance of two groups that are compared, in sizes of the first."""
+BESIDE = 1.25
+"""Distance of two groups that are compared, in extents of the first."""
+
+FIELD_OF_VIEW = 0.9
+MARGIN = 1.15
+"""Room around what a view is fitted to."""
+LEADER_SIZE = 0.02
+"""Radius of a leader, in sizes of the group."""
 
 GRID = {False: ((225, 225, 225), (190, 190, 190)), True: ((45, 45, 48), (75, 75, 80))}
 """Colours of the grid's lines and of every fifth of them, in light and dark."""
@@ -52,6 +58,15 @@ class Look:
     imagined: bool = False
     dark: bool = False
     highlight: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class Legend:
+    """What the colours of a scene mean: ``kind`` is one of `flocking.apps.lab.glyphs.COLORINGS`."""
+
+    kind: str = "speed"
+    low: float = 0.0
+    high: float = 1.0
 
 
 @dataclass
@@ -89,8 +104,13 @@ class Scene:
         self.server, self.clock, self.look = server, clock, Look()
         self.note = ""
         """What is not shown in full."""
+        self.legend = Legend()
+        self.after: Callable[[Frame], None] = lambda _: None
+        """Called when a frame was painted."""
         self.painted = 0
         self.rate = 0.0
+        self.picked: Callable[[int], None] = lambda _: None
+        """Called with the number of an agent that was clicked."""
         self._dragged = dragged
         self._held: dict[tuple[Any, ...], float] = {}
         self._groups: list[_Group] = []
@@ -125,27 +145,28 @@ class Scene:
         """Measure the group and point every camera at it, from above in the plane."""
         state = frame.states[0]
         self._spacing = glyphs.spacing(state.q)
-        q = glyphs.in_space(state.q)
-        centre = _centre(state.q) if self.look.follow else ((q.min(axis=0) + q.max(axis=0)) / 2).astype(np.float64)
-        self._size = max(2 * float(np.abs(q - centre).max()), 2 * self._spacing)
-        around = [thing.position for thing in solids(frame.scenarios[0], state.t)]
-        near = [x for x in around if np.abs(x - centre).max() < FAR_OFF * self._size]
-        if near:
-            reach = 2 * float(np.abs(np.array(near) - centre).max())
-            self._size = min(max(self._size, reach), FAR_OFF * self._size)
-        self._columns = len(frame.states)
+        low, high = _box(state, solids(frame.scenarios[0], state.t), 2 * self._spacing)
+        extent, middle = high - low, (low + high) / 2
+        self._size = float(extent.max())
+        self._count = len(frame.states)
+        self._step = np.zeros(3)
+        if self._count > 1:
+            # Of two that are compared wide ones stand above each other.
+            axis = 0 if extent[0] <= extent[1] else 1
+            self._step[axis] = (1, -1)[axis] * BESIDE * max(extent[axis], 0.2 * self._size)
+            extent = extent + np.abs(self._step) * (self._count - 1)
         self._fastest = max(float(np.linalg.norm(state.p, axis=1).max()), 1e-9)
-        self._shift = -centre if self.look.follow else np.zeros(3)
-        look_at = np.zeros(3) if self.look.follow else centre
-        far = 1.6 * self._size * (1 + 0.75 * (self._columns - 1))
+        self._shift = -_centre(state.q) if self.look.follow else np.zeros(3)
+        look_at = middle + self._shift
+        far = MARGIN * float(extent.max()) / 2 / np.tan(FIELD_OF_VIEW / 2)
         # Exactly from above the camera's turn about its own axis would be undefined.
-        offset = np.array([0.0, -1e-3 * far, far]) if state.dimension < 3 else np.array([0.6, -1.0, 0.6]) * far
+        offset = np.array([0.0, -1e-3 * far, far]) if state.dimension < 3 else np.array([0.6, -1.0, 0.6]) * far / 1.2
         cell = 10 ** np.floor(np.log10(self._size / 2))
         self._grid.cell_size, self._grid.section_size = float(cell), float(5 * cell)
         self._grid.fade_distance = float(8 * self._size)
         camera = self.server.initial_camera
         camera.position, camera.look_at, camera.up = look_at + offset, look_at, (0.0, 0.0, 1.0)
-        camera.far, camera.fov = float(100 * self._size), 0.9
+        camera.far, camera.fov = float(100 * self._size), FIELD_OF_VIEW
         for client in self.server.get_clients().values():
             client.camera.position, client.camera.look_at = look_at + offset, look_at
 
@@ -175,7 +196,9 @@ class Scene:
                 continue
             number = frame.number
             begin = time.perf_counter()
-            self.paint(self._stored or frame)
+            shown = self._stored or frame
+            self.paint(shown)
+            self.after(shown)
             took = time.perf_counter() - begin
             # Leave as much time as painting takes to the simulation and to sending.
             pause = max(FASTEST_PAINT - took, took)
@@ -217,15 +240,7 @@ class Scene:
             self._groups[k] = self._made(k, state, things, shape)
         group = self._groups[k]
         q = glyphs.in_space(state.q, self._shift)
-        energies = None
-        if self.look.color == "energy" and state.n <= MOST_ENERGIES:
-            from flocking.study.state_energy import agent_energies
-
-            energies = agent_energies(scenario.law, state, scenario.energy)
-        if self.look.color == "speed":
-            # The scale follows the fastest agent, slowly down so that a flock that calms is seen to.
-            self._fastest = max(0.995 * self._fastest, float(np.linalg.norm(state.p, axis=1).max()), 1e-9)
-        colors = glyphs.colors(state, self.look.color, self._fastest, energies)
+        colors, notes = self._colors(state, scenario)
         chosen = [i for i in self.look.highlight if i < state.n] if k == 0 else []
         if chosen:
             colors[chosen] = glyphs.HIGHLIGHT
@@ -240,8 +255,7 @@ class Scene:
                 group.enlarged = bool(chosen)
         else:
             group.agents.points, group.agents.colors = q, colors
-        note = self._paint_links(group, state, q)
-        self._paint_trails(group, state.q)
+        notes += [self._paint_links(group, state, q), self._paint_trails(group, state.q)]
         for (_, handle), thing in zip(group.solids, things, strict=True):
             if time.monotonic() - self._held.get(thing.path, -1.0) > 0.3:
                 handle.position = tuple(thing.position + self._shift)
@@ -249,7 +263,27 @@ class Scene:
         group.ghosts.visible = len(points) > 0
         if len(points):
             group.ghosts.points = (points + self._shift).astype(np.float32)
-        return note
+        return " ".join(note for note in notes if note)
+
+    def _colors(self, state: State, scenario: Scenario) -> tuple[glyphs.Bytes, list[str]]:
+        """Colours of agents, and what is not coloured as asked."""
+        kind, energies, notes = self.look.color, None, []
+        if kind == "energy" and state.n <= MOST_ENERGIES:
+            from flocking.study.state_energy import agent_energies
+
+            energies = agent_energies(scenario.law, state, scenario.energy)
+        if (kind == "energy" and energies is None) or (kind == "flock" and state.links is None):
+            notes = [f"Coloured by speed: {state.n} agents are too many to colour by {kind}."]
+            kind = "speed"
+        if energies is not None:
+            self.legend = Legend(kind, float(np.min(energies)), float(np.max(energies)))
+        elif kind == "speed":
+            # The scale follows the fastest agent, slowly down so that a flock that calms is seen to.
+            self._fastest = max(0.995 * self._fastest, float(np.linalg.norm(state.p, axis=1).max()), 1e-9)
+            self.legend = Legend(kind, 0.0, self._fastest)
+        else:
+            self.legend = Legend(kind)
+        return glyphs.colors(state, kind, self._fastest, energies, self.look.dark), notes
 
     def _paint_links(self, group: _Group, state: State, q: Any) -> str:
         note = ""
@@ -265,20 +299,21 @@ class Scene:
             group.links.points = segments
         return note
 
-    def _paint_trails(self, group: _Group, q: Any) -> None:
+    def _paint_trails(self, group: _Group, q: Any) -> str:
         if not (self.look.trails and len(q) <= MOST_TRAILS):
             group.past.clear()
             group.trails.visible = False
-            return
+            return f"Trails are drawn for up to {MOST_TRAILS} agents." if self.look.trails else ""
         group.past.append(q)
         path = np.array([glyphs.in_space(x, self._shift) for x in group.past])
         group.trails.visible = len(path) > 1
         if len(path) > 1:
             group.trails.points = np.stack([path[:-1], path[1:]], axis=2).reshape(-1, 2, 3)
+        return ""
 
     def _made(self, k: int, state: State, things: list[Solid], shape: tuple[Any, ...]) -> _Group:
         scene, root = self.server.scene, f"/world/{k}"
-        scene.add_frame(root, show_axes=False, position=(self._beside(k), 0.0, 0.0))
+        scene.add_frame(root, show_axes=False, position=self._beside(k))
         q = glyphs.in_space(state.q)
         ink = DARK if self.look.dark else LIGHT
         length = self._length(state.n)
@@ -288,6 +323,7 @@ class Scene:
                 f"{root}/agents", vertices * np.float32(length), faces, glyphs.turns(state.p), q,
                 side="double", cast_shadow=False, receive_shadow=False, lod="off", flat_shading=True,
             )  # fmt: skip
+            agents.on_click(lambda event: self.picked(int(event.instance_index)))
         else:
             agents = scene.add_point_cloud(
                 f"{root}/agents", q, ink, point_size=0.5 * length, point_shape="circle", precision="float32",
@@ -312,12 +348,12 @@ class Scene:
         least = 0.025 if n <= MOST_LARGE else 0.014 if n <= MOST_EXACTLY_SEEN else 0.0
         return min(max(0.5 * self._spacing, least * self._size), 0.06 * self._size)
 
-    def _beside(self, k: int) -> float:
-        """How far to the right group ``k`` is drawn."""
-        return (k - (self._columns - 1) / 2) * SIDE_BY_SIDE * self._size
+    def _beside(self, k: int) -> tuple[float, ...]:
+        """Where group ``k`` is drawn."""
+        return tuple(float(x) for x in (k - (self._count - 1) / 2) * self._step)
 
     def _solid(self, name: str, thing: Solid) -> Any:
-        scale = 1.0 if thing.kind == "obstacle" else 0.035 * self._size
+        scale = 1.0 if thing.kind == "obstacle" else LEADER_SIZE * self._size
         handle = self.server.scene.add_mesh_simple(
             name, (thing.vertices * scale).astype(np.float32), thing.faces,
             color=(190, 80, 60) if thing.kind == "obstacle" else (20, 150, 90), side="double", flat_shading=True,
@@ -342,6 +378,23 @@ class Scene:
     def _remove(self, group: _Group) -> None:
         for handle in (group.agents, group.links, group.trails, group.ghosts, *(h for _, h in group.solids)):
             handle.remove()
+
+
+def _box(state: State, things: list[Solid], least: float) -> tuple[Any, Any]:
+    """Corners of a box around the agents and what is near them, at least ``least`` wide."""
+    q = glyphs.in_space(state.q).astype(np.float64)
+    low, high = q.min(axis=0), q.max(axis=0)
+    size, middle = max(float((high - low).max()), least), (low + high) / 2
+    for thing in things:
+        if np.abs(thing.position - middle).max() > FAR_OFF * size:
+            continue
+        own = thing.vertices if thing.kind == "obstacle" else np.zeros((1, 3))
+        # Of a long wall only the near part counts.
+        own = own if np.abs(own).max() < size else np.zeros((1, 3))
+        low = np.minimum(low, thing.position + own.min(axis=0))
+        high = np.maximum(high, thing.position + own.max(axis=0))
+    short = np.maximum(least - (high - low), 0.0) / 2
+    return low - short, high + short
 
 
 def _centre(q: Any) -> Any:

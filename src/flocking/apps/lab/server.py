@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import socket
 import threading
 from typing import Any
@@ -78,6 +79,8 @@ def opened(port: int | None) -> Any:
         raise InvalidInput(
             "lab", "port", "must be free", port or f"{PORT} to {PORT + TRIES - 1}", "Give another --port."
         )
+    # A connection that ends before it began is nobody's fault, and no reason for a traceback.
+    logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
     server = viser.ViserServer(host=HOST, port=free, label="flocking lab", verbose=False)
     server.gui.configure_theme(show_share_button=False, show_logo=False, control_width="large")
     server.gui.main_panel.dock_right()

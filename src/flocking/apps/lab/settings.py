@@ -73,10 +73,13 @@ class Section:
         Name of the part.
     settings
         Its settings.
+    removal
+        The event that takes the part out of the law; None where it must stay.
     """
 
     title: str
     settings: tuple[Setting, ...]
+    removal: dict[str, Any] | None = None
 
 
 def sections(scenario: Scenario) -> list[Section]:
@@ -89,13 +92,17 @@ def sections(scenario: Scenario) -> list[Section]:
     law = scenario.law
     found = [_section(f"Graph: {type(law.graph).__name__}", law.graph, ("law", "graph"), seen)]
     for k, term in enumerate(law.terms):
-        found.append(_section(type(term).__name__, term, ("law", "terms", k), seen))
-    for k, term in enumerate(law.terms):
-        for path, part in _inner(term, ("law", "terms", k)):
-            if id(part) not in seen:
-                found.append(_section(f"{_role(part)}: {type(part).__name__}", part, path, seen))
+        removal = {"kind": "drop", "number": k} if len(law.terms) > 1 else None
+        found.append(_section(type(term).__name__, term, ("law", "terms", k), seen, removal))
+    inner = [(path, part) for k, term in enumerate(law.terms) for path, part in _inner(term, ("law", "terms", k))]
+    obstacles = [part for _, part in inner if isinstance(part, Obstacle)]
+    for path, part in inner:
+        if id(part) not in seen:
+            number = f" {obstacles.index(part) + 1}" if isinstance(part, Obstacle) and len(obstacles) > 1 else ""
+            removal = {"kind": "remove", "path": list(path)} if isinstance(part, Obstacle) else None
+            found.append(_section(f"{_role(part)}{number}: {type(part).__name__}", part, path, seen, removal))
     found.append(_section("Agents", scenario.agents, ("agents",), seen))
-    return [s for s in found if s.settings]
+    return [s for s in found if s.settings or s.removal]
 
 
 def _role(part: Any) -> str:
@@ -113,9 +120,11 @@ def _inner(part: Any, path: tuple[Step, ...]) -> Iterator[tuple[tuple[Step, ...]
             yield from _inner(child, (*path, step))
 
 
-def _section(title: str, part: Any, path: tuple[Step, ...], seen: set[int]) -> Section:
+def _section(
+    title: str, part: Any, path: tuple[Step, ...], seen: set[int], removal: dict[str, Any] | None = None
+) -> Section:
     seen.add(id(part))
-    return Section(title, tuple(_settings(part, path)))
+    return Section(title, tuple(_settings(part, path)), removal)
 
 
 def _settings(part: Any, path: tuple[Step, ...]) -> Iterator[Setting]:

@@ -1,4 +1,4 @@
-"""Running: which scenario, play, pause, step, restart, seed and speed."""
+"""Running: which scenario, steps, beginning anew, seed and speed."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from typing import Any
 from flocking.apps.lab.clock import Clock
 
 STEPS = {"0.01": 0.01, "0.1": 0.1, "1": 1.0}
-SLOWEST, FASTEST = -2.0, 2.0
-"""Powers of ten between which the speed is set."""
+SLOWEST, FASTEST = 0.01, 100.0
+PACES = {"slower": 0.5, "faster": 2.0}
+RESTART, RESET, LIFT = "Restart", "Reset", "In 3-D"
 
 
 class Transport:
-    """The part of a page that starts and stops.
+    """The part of a page that says what runs, and how fast.
 
     Parameters
     ----------
@@ -27,32 +28,24 @@ class Transport:
         Called with a scenario's name and a seed.
     restart
         Called to start anew with the present settings.
-    go_back
-        Called to return to the last good moment.
     lift
         Called to put the scenario in space.
     """
 
     def __init__(
         self, gui: Any, clock: Clock, names: tuple[str, ...], *,
-        load: Callable[[str, int | None], None], restart: Callable[[], None], go_back: Callable[[], None],
-        lift: Callable[[], None],
+        load: Callable[[str, int | None], None], restart: Callable[[], None], lift: Callable[[], None],
     ) -> None:  # fmt: skip
-        self.clock = clock
+        self._clock = clock
         self.scenario = gui.add_dropdown("scenario", names, initial_value=names[0])
         self.seed = gui.add_number("seed", 0, min=0, step=1)
-        self.toggle = gui.add_button("Play", icon="player-play", color="green")
         self.steps = gui.add_button_group("step by", tuple(STEPS))
-        self.restart = gui.add_button(
-            "Restart", icon="rotate", hint="From the start, with the settings as they are now."
-        )
-        self.reset = gui.add_button(
-            "Reset", icon="arrow-back-up", hint="From the start, with the scenario's own settings."
-        )
-        self.lift = gui.add_button("Put in space", icon="cube", hint="Anew in 3-D, where the law allows it.")
-        self.go_back = gui.add_button("Go back to the last good moment", icon="history", visible=False, color="orange")
-        self.speed = gui.add_slider("speed, 10^", SLOWEST, FASTEST, 0.05, 0.0)
-        self.status = gui.add_markdown("")
+        self.anew = gui.add_button_group(
+            "from the start", (RESTART, RESET, LIFT),
+            hint="Restart keeps the settings as they are now; Reset takes the scenario's own.",
+        )  # fmt: skip
+        self.speed = gui.add_number("time per second", 1.0, min=SLOWEST, max=FASTEST, step=0.01)
+        self.pace = gui.add_button_group("", tuple(PACES))
 
         @self.scenario.on_update
         def _(event: Any) -> None:
@@ -64,33 +57,29 @@ class Transport:
             if event.client is not None:
                 load(self.scenario.value, int(self.seed.value))
 
-        @self.toggle.on_click
-        def _(_: Any) -> None:
-            (clock.pause if clock.playing else clock.play)()
-            self.refresh()
-
         @self.steps.on_click
         def _(_: Any) -> None:
             clock.step(STEPS[self.steps.value])
-            self.refresh()
 
         @self.speed.on_update
         def _(_: Any) -> None:
-            clock.speed = 10.0**self.speed.value
+            clock.speed = float(self.speed.value)
 
-        self.restart.on_click(lambda _: restart())
-        self.reset.on_click(lambda _: load(self.scenario.value, int(self.seed.value)))
-        self.lift.on_click(lambda _: lift())
-        self.go_back.on_click(lambda _: go_back())
+        @self.pace.on_click
+        def _(_: Any) -> None:
+            self.run_at(clock.speed * PACES[self.pace.value])
 
-    def refresh(self) -> None:
-        """Show whether time runs."""
-        playing = self.clock.playing
-        label = "Pause" if playing else "Play"
-        if self.toggle.label != label:
-            self.toggle.label = label
-            self.toggle.icon = "player-pause" if playing else "player-play"
-            self.toggle.color = None if playing else "green"
-        failed = bool(self.clock.frame.failure)
-        if self.go_back.visible != failed:
-            self.go_back.visible = failed
+        deeds = {RESTART: restart, RESET: lambda: load(self.scenario.value, int(self.seed.value)), LIFT: lift}
+        self.anew.on_click(lambda _: deeds[self.anew.value]())
+
+    def run_at(self, speed: float) -> None:
+        """Set how much time passes in a second."""
+        self._clock.speed = self.speed.value = min(max(float(f"{speed:.3g}"), SLOWEST), FASTEST)
+
+    def offer(self, names: tuple[str, ...]) -> None:
+        """Offer other scenarios; the one that is open stays among them."""
+        chosen = self.scenario.value
+        names = tuple(dict.fromkeys((*names, chosen)))
+        if tuple(self.scenario.options) != names:
+            self.scenario.options = names
+            self.scenario.value = chosen
