@@ -7,15 +7,40 @@ from functools import cached_property
 import numpy as np
 
 from flocking.model.checks import Array
+from flocking.model.graphs import Graph
 from flocking.model.law import Law
+from flocking.model.potentials import Potential
 from flocking.model.state import State
 from flocking.model.terms import Gradient
+from flocking.model.weights import PairWeights
+
+
+def link_potential(graph: Graph, potential: Potential) -> Potential:
+    """Potential of a link: psi times the weight a(r) that the graph gives it.
+
+    Parameters
+    ----------
+    graph
+        The graph; its weight may depend on the distance alone.
+    potential
+        The potential psi.
+    """
+    if not graph.parameters:
+        return potential
+    import sympy
+
+    r = sympy.Symbol("r", positive=True)
+    weight = graph.weight(r, lambda name: sympy.Symbol(f"weight_{name}", real=True))
+    psi = potential.expression(r, {k: sympy.Symbol(f"psi_{k}", real=True) for k in potential.parameters})
+    numbers = {f"weight_{k}": v for k, v in graph.parameters.items() if not isinstance(v, PairWeights)}
+    return Potential(weight * psi, **numbers, **{f"psi_{k}": v for k, v in potential.parameters.items()})
 
 
 class Equilibrium:
     """Pair potentials of a law at one state: each agent's V_i, the forces and the Hessian.
 
-    Only `Gradient` terms over the law's own graph count, with link weight 1.
+    Only `Gradient` terms over the law's own graph count. Where links have weights a(r), the potential of a link is
+    a psi, as `Gradient` takes it by default.
 
     Parameters
     ----------
@@ -32,7 +57,8 @@ class Equilibrium:
         d = state.q[self.j] - state.q[self.i]
         self.r = np.linalg.norm(d, axis=1)
         self.direction = d / np.where(self.r > 0, self.r, 1.0)[:, None]
-        self.potentials = [t.potential for t in law.pair_terms if isinstance(t, Gradient) and t.over is None]
+        gradients = [t for t in law.pair_terms if isinstance(t, Gradient) and t.over is None]
+        self.potentials = [link_potential(law.graph, t.potential) for t in gradients]
 
     def _sum(self, which: str) -> Array:
         total = np.zeros(len(self.r))

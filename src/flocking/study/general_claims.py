@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from flocking.model.terms import Gradient
+from flocking.model.weights import PairWeights
 from flocking.study.claims import Claim, Measure, above, below
 from flocking.study.evidence import Evidence
 
@@ -211,8 +213,16 @@ def needs_ledger(e: Evidence) -> str:
 
 
 def needs_potential(e: Evidence) -> str:
-    """Equilibria are asked of laws with a potential."""
-    return "" if e.equilibrium.potentials else "the law has no potential over its graph"
+    """Equilibria are asked of laws whose pair forces derive from a potential over the law's graph."""
+    graph = e.law.graph
+    gradients = [t for t in e.law.pair_terms if isinstance(t, Gradient)]
+    if any(t.over is not None and t.over != graph for t in gradients):
+        return "a potential acts over another graph"
+    if any(isinstance(value, PairWeights) for value in graph.parameters.values()):
+        return "the weights of links depend on headings"
+    if graph.parameters and any(t.weighting == "force" for t in gradients):
+        return "forces are weighted, not the potential"
+    return "" if gradients else "the law has no potential over its graph"
 
 
 def needs_switches(e: Evidence) -> str:
@@ -232,6 +242,11 @@ def needs_free(e: Evidence) -> str:
     return needs_potential(e) or ("a body term acts from outside" if e.law.body_terms else "")
 
 
+def needs_total_potential(e: Evidence) -> str:
+    """One-way links store no energy that both agents would lower."""
+    return needs_free(e) or ("links are one-way" if e.law.graph.directed else "")
+
+
 GENERAL: tuple[Claim, ...] = (
     Claim("ledger", "any law", "The declared law explains the energy of the motion.", ledger_residual,
           obstacle=needs_ledger, dynamic=False),
@@ -249,6 +264,6 @@ GENERAL: tuple[Claim, ...] = (
     Claim("all-apart", "any law", "No two agents ever collide.", all_apart),
     Claim("forces-vanish", "any law", "The potential forces balance at the end.", forces_vanish, obstacle=needs_free),
     Claim("potential-minimal", "any law", "The total potential ends in a local minimum.", potential_is_minimal,
-          obstacle=needs_free),
+          obstacle=needs_total_potential),
 )  # fmt: skip
 """Claims that `audit` asks of any run. For a user's law they report; nothing is expected of it."""
