@@ -118,7 +118,7 @@ def _print_json(data: Any) -> None:
 
 
 def list_scenarios(*, as_json: Json = False) -> int:
-    """List the scenarios of the papers.
+    """List the scenarios of the papers, and the large ones of the gallery.
 
     Parameters
     ----------
@@ -128,8 +128,11 @@ def list_scenarios(*, as_json: Json = False) -> int:
     from flocking.apps.scenario_names import paper_scenarios
     from flocking.apps.tables import print_table
     from flocking.papers import paper
+    from flocking.papers.olfati_saber_2003.system import KEY as LARGE_KEY
+    from flocking.papers.showcases.files import TITLES
 
     rows = [{"scenario": name, "paper": key, "title": paper(key).TITLE} for name, (key, _) in paper_scenarios().items()]
+    rows += [{"scenario": name, "paper": LARGE_KEY, "title": f"Large: {title}"} for name, title in TITLES.items()]
     if as_json:
         _print_json(rows)
     else:
