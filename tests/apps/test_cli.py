@@ -163,6 +163,14 @@ BAD = [
     (["equations", "tanner"], "must be one of"),
     (["reproduce", "tanner"], "must be one of"),
     (["reproduce", "zhou-2015", "--seeds", "0"], "at least 1"),
+    (["reproduce", "zhou-2015", "--seeds", "9" * 30], "at most 10000"),
+    (["reproduce", "zhou-2015", "--workers", "0"], "workers must be at least 1"),
+    (["reproduce", "zhou-2015", "--out", "/dev/null/x"], "folder that can be written"),
+    (["run", "zhou-2015", "--seed", "1.5"], "--seed must be a whole number; got '1.5'"),
+    (["run", "zhou-2015", "--seed=2.0"], "--seed must be a whole number; got '2.0'"),
+    (["reproduce", "--seeds", "5.5"], "--seeds must be a whole number"),
+    (["sweep", "zhou-bound", "--most-runs", "0"], "most_runs must be at least 1"),
+    (["plot", "zhou-2015", "--out", "x.jpg"], "must end in .svg, .png or .pdf"),
 ]
 
 
@@ -231,6 +239,23 @@ def test_reproduce_with_too_few_seeds_is_not_as_expected(capsys: pytest.CaptureF
     found = json.loads(out)
     assert found["as_expected"] is False
     assert {row["verdict"] for row in found["claims"]} <= {"untested", "not applicable"}
+
+
+def test_reproduce_says_why_claims_are_untested_and_what_to_open(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    from flocking.papers import paper
+    from flocking.study.audit import Judgement
+    from flocking.study.claims import Result, Verdict
+
+    claim = paper("zhou-2015").claims("zhou-2015")[0]
+    few = Judgement(claim, (Result(claim, Verdict.HOLDS, 1.0, 0.0),) * 4)
+    found = Reproduction({"zhou-2015": [few, few]}, seconds=1.0)
+    monkeypatch.setattr(reproduction, "reproduce", lambda *_, **__: found)
+    code, out, _ = call(capsys, "reproduce", "--seeds", "4", "--out", tmp_path)
+    assert code == 1
+    assert "2 are untested: fewer than five seeds met" in out
+    assert f"Open {tmp_path / 'report.html'}" in out
 
 
 def test_reproduce_passes_its_arguments_and_exits_with_0_when_all_is_as_expected(

@@ -98,7 +98,7 @@ def test_a_film_lies_beside_its_run(tmp_path: Path, capsys: pytest.CaptureFixtur
     [
         (["plot"], "source must be given"),
         (["plot", "nowhere"], "must be a name that 'flocking list' shows"),
-        (["plot", "RUN", "--kind", "ner"], "kind must be one of net, energy"),
+        (["plot", "RUN", "--kind", "ner"], "kind must be one of net, "),
         (["plot", "RUN", "--time", "7"], "must lie in the run, from 0 to 2"),
         (["plot", "RUN", "--time", "nan"], "time must be finite"),
         (["plot", "RUN", "--time", "1", "--kind", "energy"], "time can be given for --kind net alone"),
@@ -109,6 +109,10 @@ def test_a_film_lies_beside_its_run(tmp_path: Path, capsys: pytest.CaptureFixtur
         (["plot", "same.toml"], "must not place agents 0 and 1 at the same point"),
         (["animate", "RUN", "--out", "film.avi"], "must end in .mp4 or .gif"),
         (["animate", "RUN", "--out", "film.gif", "--fps", "0"], "fps must be at least 1"),
+        (["animate", "RUN", "--out", "film.gif", "--fps", "9" * 30], "fps must be at most 240"),
+        (["animate", "RUN", "--out", "film.gif", "--fps", "2.5"], "--fps must be a whole number"),
+        (["animate", "RUN", "--out", "film.gif", "--seconds", "1e300"], "must not take more than 100000 pictures"),
+        (["animate", "RUN", "--out", "taken.gif"], "cannot be written"),
         (["animate", "RUN", "--out", "film.gif", "--seconds", "-1"], "seconds must be greater than 0"),
         (["animate", "RUN", "--out", "file/x.gif"], "must be writable"),
     ],
@@ -124,8 +128,9 @@ def test_bad_input_is_told_in_a_line(
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").write_text("")
     (tmp_path / "same.toml").write_text(FALL)
+    (tmp_path / "taken.gif").mkdir()
     assert main([str(folder) if word == "RUN" else word for word in words]) == 2
     shown = capsys.readouterr()
     assert message in shown.err
     assert shown.out == ""
-    assert names(tmp_path) == ["file", "same.toml"]
+    assert names(tmp_path) == ["file", "same.toml", "taken.gif"]

@@ -172,6 +172,17 @@ def test_mp4_is_written_by_the_ffmpeg_at_hand(run, tmp_path, monkeypatch):
     assert rcParams["animation.ffmpeg_path"] == before
 
 
+def test_an_ffmpeg_that_fails_is_told_and_leaves_nothing(run, tmp_path, monkeypatch):
+    place = tmp_path / "bin"
+    place.mkdir()
+    (place / "ffmpeg").write_text('#!/bin/sh\nfor last; do :; done\necho half > "$last"\nexit 1\n')
+    (place / "ffmpeg").chmod(0o755)
+    monkeypatch.setenv("PATH", str(place), prepend=os.pathsep)
+    with pytest.raises(fk.InvalidInput, match="ffmpeg failed"):
+        fk.animate(run, tmp_path / "film.mp4", size=1, dpi=40)
+    assert list(tmp_path.iterdir()) == [place]
+
+
 def test_declared_figures_draw_from_a_run(run, led, psi, part):
     builders = {
         "initial": declaration.initial(), "final": declaration.final(), "one": declaration.snapshot(1.0),

@@ -9,6 +9,7 @@ from typing import Any
 from flocking.engine.run import Run
 from flocking.papers import paper_of
 from flocking.study.audit import Judgement
+from flocking.study.claims import Verdict
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,11 @@ class Reproduction:
     def as_expected(self) -> bool:
         """Whether every claim came out as fixed before the runs."""
         return all(j.as_expected for found in self.judgements.values() for j in found)
+
+    @property
+    def untested(self) -> int:
+        """Number of claims whose hypothesis too few seeds met."""
+        return sum(j.verdict == Verdict.UNTESTED for found in self.judgements.values() for j in found)
 
     def as_list(self) -> list[dict[str, Any]]:
         """Rows of ``claims.json``."""

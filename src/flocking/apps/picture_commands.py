@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 
 DRAWN = 0
 
+OTHER_FORMATS = ("jpg", "jpeg", "gif", "tif", "tiff", "bmp", "webp", "eps", "ps", "mp4", "html")
+"""Endings that ask for a kind of picture that is not drawn; any other ending belongs to the name."""
+
 
 def plot(
     source: str | None = None,
@@ -32,8 +35,8 @@ def plot(
     source
         Folder of a run, a name that 'flocking list' shows, or a TOML file.
     kind
-        What to draw: net, energy, phase, spread, connectivity, closest, links, velocities, positions, errors or
-        series (a sheet of several); once for each picture. '--kind list' prints them.
+        What to draw: net, density, energy, phase, spread, connectivity, closest, links, velocities, positions, errors
+        or series (a sheet of several); once for each picture. '--kind list' prints them.
     out
         The file, ending in .svg, .png or .pdf; SVG and PNG of that name without such an ending. Beside the run's
         folder when absent, or in the current folder for a scenario.
@@ -61,6 +64,8 @@ def plot(
         raise InvalidInput("plot", "time", "can be given for --kind net alone", time)
     format_name = out.suffix[1:].lower() if out is not None else ""
     known = format_name in FORMATS
+    if format_name in OTHER_FORMATS:
+        raise InvalidInput("plot", "out", "must end in .svg, .png or .pdf, or have no such ending", str(out))
     run, place = _run_of("plot", source, seed, most_agents)
     base = place if out is None else out.with_suffix("") if known else out
     for name in kinds:

@@ -15,11 +15,15 @@ from flocking.apps.film import write_film
 from flocking.apps.findings import Reproduction, claim_rows
 from flocking.apps.report import CLAIMS, figures_of, write_report
 from flocking.engine.run import Run
-from flocking.errors import SimulationError
+from flocking.errors import InvalidInput, SimulationError
+from flocking.model.checks import integer
 from flocking.papers import KEYS, paper
 from flocking.study.audit import Judgement, Report
 from flocking.study.audit import audit as audit_claims
 from flocking.study.claims import Result, Verdict
+
+MOST_SEEDS = 10_000
+"""Largest number of seeds: more is a slip of the hand."""
 
 Verdicts = list[tuple[str, str, float, float, str]]
 
@@ -63,7 +67,7 @@ def reproduce(
     keys
         Keys of the papers.
     seeds
-        Number of seeds per scenario, 0, 1, 2...
+        Number of seeds per scenario, 0, 1, 2..., at most `MOST_SEEDS`.
     out
         Folder for ``report.html``, ``claims.json``, ``errata.json``, figures and films; nothing is written when absent.
     workers
@@ -74,7 +78,7 @@ def reproduce(
     Raises
     ------
     InvalidInput
-        When a key is unknown.
+        When a key is unknown, a number is out of range, or the folder cannot be made.
     """
     import time
 
@@ -82,6 +86,12 @@ def reproduce(
 
     begin = time.monotonic()
     modules = {key: paper(key) for key in keys}
+    if integer("reproduce", "seeds", seeds, least=1) > MOST_SEEDS:
+        raise InvalidInput("reproduce", "seeds", f"must be at most {MOST_SEEDS}", seeds)
+    if workers is not None:
+        integer("reproduce", "workers", workers, least=1)
+    if out is not None:
+        _make_folders(out, keys)
     # By seed, so that two workers seldom compile the same kernel; the first run of each scenario is kept for drawing.
     tasks = [(n, k, s) for s in range(seeds) for k, module in modules.items() for n in module.scenarios()]
     count = (workers or min(os.cpu_count() or 1, 8)) if len(tasks) >= 8 else 1
@@ -114,6 +124,16 @@ def reproduce(
     return found_all
 
 
+def _make_folders(out: Path, keys: Sequence[str]) -> None:
+    """Make the folders first: a place that cannot be written should not cost the runs."""
+    try:
+        for key in keys:
+            (out / key / CLAIMS).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        rule = f"must be a folder that can be written ({error.strerror})"
+        raise InvalidInput("reproduce", "out", rule, str(out), "Choose another one.") from None
+
+
 def _judgements(module: ModuleType, name: str, per_seed: list[Verdicts]) -> list[Judgement]:
     found = []
     for number, claim in enumerate(module.claims(name)):
@@ -143,7 +163,6 @@ def _drawings(
 ) -> Iterator[tuple[str, str | None, Run, Path]]:
     """What is to be drawn: a paper, what of it (see `draw`), the run, the folder."""
     for key, module in modules.items():
-        (out / key / CLAIMS).mkdir(parents=True, exist_ok=True)
         first = next(iter(module.scenarios()))
         wanted: list[tuple[str | None, str]] = [(None, first)]
         wanted += [(number, figure.scenario or first) for number, figure in module.figures().items()]

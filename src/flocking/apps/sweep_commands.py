@@ -52,10 +52,13 @@ def sweep(
     as_json
         Print JSON.
     """
+    from flocking.model.checks import integer
     from flocking.papers.studies.running import run_file
     from flocking.study.sweeps.intervals import check_level
 
     check_level(level)
+    if most_runs is not None:
+        integer("sweep", "most_runs", most_runs, least=1)
     file = find_sweep(sweep, most_runs, most_agents)
     folder = out or Path("out") / "sweeps" / file.name
     begin = time.monotonic()

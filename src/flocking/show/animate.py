@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from subprocess import CalledProcessError
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,12 @@ from flocking.show.style import figure, in_style, themed
 
 SUFFIXES = (".mp4", ".gif")
 
+FASTEST = 240
+"""Largest number of pictures per second."""
+
+MOST_PICTURES = 100_000
+"""Largest number of pictures of a film unless told otherwise."""
+
 
 def animate(
     run: Run,
@@ -26,6 +33,7 @@ def animate(
     size: float = 4.0,
     dpi: int = 120,
     theme: str = "light",
+    most_pictures: int = MOST_PICTURES,
     **options: Any,
 ) -> Path:
     """Write the stored frames of a run as a film.
@@ -38,7 +46,7 @@ def animate(
         Where to: ``.mp4`` needs ffmpeg (see `ffmpeg`), ``.gif`` does not; without a suffix the better one at hand is
         chosen.
     fps
-        Pictures per second of the film.
+        Pictures per second of the film, at most `FASTEST`.
     seconds
         Length of the film: frames are left out or shown again to fit; every frame once when absent.
     follow
@@ -49,6 +57,8 @@ def animate(
         Dots per inch.
     theme
         ``"light"`` or ``"dark"``.
+    most_pictures
+        Largest number of pictures, against slips of the hand.
     options
         Further options of `flocking.show.plane.net`, such as ``trails=True``.
 
@@ -60,25 +70,39 @@ def animate(
     Raises
     ------
     InvalidInput
-        When the suffix is unknown, ffmpeg is needed and missing, or a number is out of range.
+        When the suffix is unknown, ffmpeg is needed and missing or fails, or a number is out of range.
     """
     fps = integer("animate", "fps", fps, least=1)
+    if fps > FASTEST:
+        raise InvalidInput("animate", "fps", f"must be at most {FASTEST}", fps)
     dpi = integer("animate", "dpi", dpi, least=10)
     size = number("animate", "size", size, above=0.0)
     if not isinstance(run, Run) or len(run.t) == 0:
         raise InvalidInput("animate", "run", "must be a Run with at least one frame", run)
+    wanted = len(run.t) if seconds is None else number("animate", "seconds", seconds, above=0.0) * fps
+    if wanted > integer("animate", "most_pictures", most_pictures, least=1):
+        raise InvalidInput(
+            "animate", "seconds", f"must not take more than {most_pictures} pictures", seconds,
+            "Make the film shorter, or give a larger most_pictures.",
+        )  # fmt: skip
     if seconds is None:
         frames = np.arange(len(run.t))
     else:
-        count = max(1, round(number("animate", "seconds", seconds, above=0.0) * fps))
+        count = max(1, round(wanted))
         frames = np.rint(np.linspace(0, len(run.t) - 1, count)).astype(np.intp)
     target = film_path(path)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InvalidInput("animate", "path", f"must be writable ({error.strerror})", str(path)) from None
-    with themed(theme):
-        _film(run, target, frames, fps, follow, size, dpi, options)
+    try:
+        with themed(theme):
+            _film(run, target, frames, fps, follow, size, dpi, options)
+    except (CalledProcessError, OSError) as error:
+        if target.is_file():
+            target.unlink()
+        why = getattr(error, "strerror", None) or "ffmpeg failed: is the disk full, or ffmpeg without H.264?"
+        raise InvalidInput("animate", "path", f"cannot be written ({why})", str(path), "Try a .gif.") from None
     return target
 
 

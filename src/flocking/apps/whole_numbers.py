@@ -1,0 +1,39 @@
+"""Whole numbers on the command line: 1.5 is not taken for 2."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from inspect import signature
+from typing import Any
+
+from flocking.errors import InvalidInput
+
+
+def check_whole_numbers(command: Callable[..., Any], words: Sequence[str]) -> None:
+    """Check that options of a command that count something were given as whole numbers.
+
+    Parameters
+    ----------
+    command
+        The function of the command.
+    words
+        Words of the command line.
+
+    Raises
+    ------
+    InvalidInput
+        When one was not.
+    """
+    counting = {
+        "--" + name.replace("_", "-")
+        for name, parameter in signature(command).parameters.items()
+        if str(parameter.annotation) in ("int", "int | None")
+    }
+    following = [*words[1:], ""]
+    for word, after in zip(words, following, strict=True):
+        if word == "--":
+            return
+        name, equals, value = word.partition("=")
+        if name in counting and not re.fullmatch(r"[+-]?\d+", value if equals else after):
+            raise InvalidInput(command.__name__, name, "must be a whole number", value if equals else after)
