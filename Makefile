@@ -15,7 +15,7 @@ CLUSTER_READY := $(VENV)/.cluster-ready
 BROWSER_READY := $(VENV)/.browser-ready
 DOCS_READY := $(VENV)/.docs-ready
 
-.PHONY: setup reproduce test test-mpi test-cluster test-browser bench validate fuzz lint docs clean
+.PHONY: setup reproduce test test-mpi test-cluster test-browser bench validate fuzz robustness lint docs clean
 
 setup: $(READY)
 
@@ -85,6 +85,16 @@ $(DOCS_READY): $(READY) docs/requirements.txt
 # Random cases against files, formulas, stored runs, the command line and the interface; prints their numbers.
 fuzz: $(READY)
 	$(BIN)/python -m pytest tests/fuzz -m "slow or not slow" -n $(WORKERS) $(PYTEST_ARGS)
+
+# Kills, damages and fuzzes: writers and workers killed, stored runs and sweeps damaged, random cases; a table at the end
+# counts them. make robustness TIER=slow: 200 kills and ten thousand random cases and more, in about an hour.
+TIER ?= quick
+TIER_quick := not slow
+TIER_slow := slow or not slow
+robustness: $(CLUSTER_READY)
+	$(BIN)/python -m pytest -m "($(TIER_$(TIER))) and not mpi and not browser" -n $(WORKERS) --dist loadfile \
+		tests/engine/test_storage.py tests/engine/test_storage_kill.py tests/engine/tiles/test_saving.py \
+		tests/study/test_sweep_kills.py tests/study/test_sweep_store.py tests/fuzz tests/cluster $(PYTEST_ARGS)
 
 lint: $(READY)
 	$(BIN)/ruff check .

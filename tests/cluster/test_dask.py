@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from tests.counting import count
 
 ROOT = Path(__file__).resolve().parents[2]
 SPEEDS = [0.5, 1.0, 2.0]
@@ -28,7 +29,7 @@ def cluster(folder, **settings):
 
     environment = os.environ | {
         f"DASK_DISTRIBUTED__{name}": str(value) for name, value in settings.items()
-    } | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "src")])}  # fmt: skip
+    } | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "src"), *sys.path])}  # fmt: skip
     file = folder / "scheduler.json"
     common = ["--no-dashboard", "--scheduler-file", str(file)]
     commands = [
@@ -139,6 +140,7 @@ def test_two_workers_killed_while_they_run_cost_nothing_but_time(address, tmp_pa
     hunter.start()
     table = run(seen, cluster=address, out=tmp_path / "out")
     hunter.join()
+    count("Dask: workers killed", len(killed))
     assert len(killed) == 2
     assert len(workers_seen(seen)) > 2
     assert table.complete
@@ -152,6 +154,7 @@ def test_a_run_that_kills_its_worker_each_time_is_given_up_and_all_others_finish
     seen.mkdir()
     with cluster(tmp_path, SCHEDULER__ALLOWED_FAILURES=0) as address:
         table = run(seen, "kill", cluster=address, out=tmp_path / "out")
+    count("Dask: workers killed", 3)
     assert (seen / "deaths").read_text() == "xxx"
     (failure,) = table.failures
     assert (failure["speed"], failure["seed"], failure["tries"]) == (2.0, 1, 3)
@@ -169,6 +172,7 @@ def test_what_the_scheduler_gave_up_is_tried_once_more_alone(address, tmp_path, 
     table = run(seen, "kill", cluster=address, out=tmp_path / "out")
     (failure,) = table.failures
     assert (failure["speed"], failure["seed"]) == (2.0, 1)
+    count("Dask: workers killed", 8)
     assert len((seen / "deaths").read_text()) == failure["tries"] == 8
     assert np.nansum(table.values("velocity_spread")) == pytest.approx(expected.sum() - expected[2, 1])
 

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from tests.counting import count
 
 ROOT = Path(__file__).resolve().parents[2]
 HOSTS = ("127.0.0.2", "127.0.0.3")
@@ -38,7 +39,7 @@ class Cluster:
 
     def launch(self, name, *words):
         common = ["--no-dashboard", "--scheduler-file", str(self.file)]
-        environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "src")])}
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "src"), *sys.path])}
         self.running[name] = subprocess.Popen(
             [sys.executable, "-m", "dask", *words, *common], env=environment, cwd=self.folder, stdout=self.log,
             stderr=self.log, start_new_session=True,
@@ -99,6 +100,7 @@ def test_a_host_is_cut_off_in_the_middle_of_a_sweep_and_comes_back(tmp_path):
             cluster=address, out=tmp_path / "out",
         )  # fmt: skip
         watcher.join()
+        count("Dask: hosts cut off")
     finally:
         cluster.close()
     assert table.complete

@@ -34,8 +34,8 @@ def noting(folder):
     return made
 
 
-def killing(folder):
-    """A family one run of which kills its own worker each time, and one the first time only."""
+def harmful(folder):
+    """A family one run of which kills its own worker each time, and one asks for more memory than there is."""
     place = str(folder)
 
     def made(speed, seed):
@@ -43,9 +43,10 @@ def killing(folder):
             with Path(place, "deaths").open("a") as file:
                 file.write("x")
             os.kill(os.getpid(), signal.SIGKILL)
-        if (speed, seed) == (1.0, 3) and not Path(place, "once").exists():
-            Path(place, "once").touch()
-            os.kill(os.getpid(), signal.SIGKILL)
+        if (speed, seed) == (1.0, 3):
+            chunks = []
+            while True:
+                chunks.append(bytearray(2**26))
         return make(speed, seed=seed)
 
     return made

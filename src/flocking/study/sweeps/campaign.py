@@ -41,7 +41,7 @@ class Campaign:
 
     def __init__(self, work: Work, crew: Crew, keep: Keep) -> None:
         self._crew = crew
-        self._job = partial(run_batch, packed(work)) if crew.elsewhere else partial(run_here, work)
+        self._job = partial(run_batch, packed(work), crew.memory) if crew.elsewhere else partial(run_here, work)
         self._keep = keep
         self._waiting: deque[Task] = deque()
         self._suspects: deque[Task] = deque()

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
+from contextlib import suppress
+from pathlib import Path
 from types import TracebackType
 from typing import Any
 
@@ -14,6 +16,12 @@ IDLE_SECONDS = 30
 """Processes without work leave after this long, whatever became of the one that started them."""
 
 CONNECT_SECONDS = 20
+
+LEAST_MEMORY = 2**30
+"""Bytes that a worker gets however many share the machine: the library itself takes a quarter of it."""
+
+GROUP_LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
+"""Where Linux says how much memory a container may use."""
 
 
 class Crew:
@@ -27,6 +35,8 @@ class Crew:
     """Whether workers see the files of this process."""
     elsewhere = True
     """Whether the work must be packed to reach them."""
+    memory: int | None = None
+    """Bytes that each worker may hold; None where others see to it."""
 
     def __enter__(self) -> Crew:
         return self
@@ -80,6 +90,7 @@ class LocalProcesses(Crew):
 
     def __init__(self, workers: int) -> None:
         self._workers = workers
+        self.memory = memory_share(workers)
         self._executor: Any = None
 
     @property
@@ -172,6 +183,18 @@ class Cluster(Crew):
         """Take back what is not done, and close the connection."""
         self._executor.shutdown(wait=False)
         self._client.close()
+
+
+def memory_share(workers: int) -> int | None:
+    """Bytes for each of so many ``workers``: an equal part of what this process may use; None where that is unknown."""
+    try:
+        whole = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (ValueError, OSError, AttributeError):
+        return None
+    for name in GROUP_LIMITS:
+        with suppress(OSError, ValueError):
+            whole = min(whole, int(Path(name).read_text()))
+    return max(LEAST_MEMORY, whole // workers)
 
 
 def _allowed_failures(dask_scheduler: Any) -> int:

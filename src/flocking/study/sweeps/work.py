@@ -102,19 +102,23 @@ def _unpacked(content: bytes) -> Work:
     return work
 
 
-def run_batch(content: bytes, tasks: Sequence[Task], scratch: str | None) -> list[Row]:
+def run_batch(content: bytes, memory: int | None, tasks: Sequence[Task], scratch: str | None) -> list[Row]:
     """Run a batch in a worker.
 
     Parameters
     ----------
     content
         The work, packed.
+    memory
+        Bytes the worker may hold; a run that asks for more fails. None for no bound.
     tasks
         The runs.
     scratch
         Folder in which the worker notes what it is at, so that its death can be laid to that run; None for none.
     """
     _leave_interrupts_to_the_parent()
+    if memory is not None:
+        _bound_memory(memory)
     work = _unpacked(content)
     rows = []
     for task in tasks:
@@ -126,6 +130,16 @@ def run_batch(content: bytes, tasks: Sequence[Task], scratch: str | None) -> lis
 def run_here(work: Work, tasks: Sequence[Task], _: str | None) -> list[Row]:
     """Run a batch of ``work`` in this process."""
     return [run_task(work, task) for task in tasks]
+
+
+def _bound_memory(most: int) -> None:
+    """Let a run that asks for too much fail with its message, before the machine has to kill something."""
+    with suppress(ImportError, ValueError, OSError):
+        import resource
+
+        hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
+        most = most if hard == resource.RLIM_INFINITY else min(most, hard)
+        resource.setrlimit(resource.RLIMIT_DATA, (most, hard))
 
 
 def _leave_interrupts_to_the_parent() -> None:
