@@ -22,6 +22,11 @@ def scenario(name, dimension, *, n=300, t_end=0.5, frames=6, side=1.0, speed=1.0
         away = np.where(q[:, :1] > 0, 1.0, -1.0) * np.array([60.0, 25.0, 10.0][:dimension])
         state = fk.State(q, state.p + away)
         name = "olfati-saber (35)"
+    if name == "leaving":  # a crowd that leaves a few behind, far away in one corner
+        q, p = np.array(state.q), np.array(state.p)
+        p -= np.array([150.0, 50.0, 20.0][:dimension])
+        q[::20], p[::20] = 20.0 * np.abs(q[::20]) + 1000.0, 0.0
+        state, name = fk.State(q, p), "olfati-saber (35)"
     found, agents = law(name, dimension, state.n)
     return fk.Scenario(found, state, t_end=t_end, frames=frames, agents=agents, name=name)
 
@@ -30,7 +35,7 @@ def main():
     asked = json.loads(sys.argv[1])
     made = scenario(asked["law"], asked["dimension"], **asked.get("scenario", {}))
     session = LammpsSession(made, LammpsOptions(step=asked["step"], **asked.get("options", {})))
-    before = session.ranks.comm.gather(set(session._ids.tolist()))
+    before = session.ranks.comm.gather(set(session.atoms.ids.tolist()))
     if "die_at" in asked:
         doomed = session.ranks.size - 1
         take = session._take_steps
@@ -43,12 +48,28 @@ def main():
             take(to)
 
         session._take_steps = dying
+    if "break" in asked and session.ranks.rank == session.ranks.size - 1:
+        lammps = session.atoms._lammps
+
+        class MPIAbortException(Exception):
+            pass
+
+        def failing(text):
+            if text.startswith("run"):
+                raise MPIAbortException(
+                    "ERROR on proc 1: Non-numeric atom coords - simulation unstable (../domain.cpp:1)"
+                )
+            type(lammps).commands_string(lammps, text)
+
+        lammps.commands_string = failing
     crossed = []
+    afterwards = []
     close = session.close
 
     def look():
-        after = session.ranks.comm.gather(set(session._ids.tolist()))
+        after = session.ranks.comm.gather(set(session.atoms.ids.tolist()))
         if session.ranks.first:
+            afterwards.extend(len(a) for a in after)
             crossed.extend(len(a - b) for a, b in zip(after, before, strict=True))
         close()
 
@@ -57,7 +78,7 @@ def main():
     if session.ranks.first and "out" in asked:
         np.savez(
             asked["out"], t=run.t, q=run.q, p=run.p, trace=run.trace, crossed=crossed, ranks=session.ranks.size,
-            owned=[len(b) for b in before],
+            owned=[len(b) for b in before], owned_after=afterwards,
         )  # fmt: skip
 
 

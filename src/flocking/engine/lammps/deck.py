@@ -1,20 +1,17 @@
-"""A scenario as a LAMMPS input deck and data file: what this engine runs, and what `export_deck` writes."""
+"""A scenario as a LAMMPS input deck and data file: what this engine runs, and what is exported."""
 
 from __future__ import annotations
 
 import inspect
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from flocking.engine.durable import put, told
 from flocking.engine.lammps.bodies import AXES, BodyDeck, body_deck
 from flocking.engine.lammps.checks import check_supported
 from flocking.engine.lammps.pairs import PairPart, pair_commands, pair_part, table_text
-from flocking.engine.layout import DAMPING, MASS, Layout
-from flocking.errors import InvalidInput, StorageError
+from flocking.engine.layout import MASS, Layout
 from flocking.model.checks import number
 from flocking.model.law import Scenario
 
@@ -103,7 +100,11 @@ class Deck:
             lines += [f"#   {name} = {value!r}" for name, value in term.parameters.items()]
         if bound := max(part.table_error for part in self.parts):
             lines.append(f"# tabulated forces are within {bound:.1e} of the formula")
-        lines += [*pair_commands(self.parts), "", "# half-step velocities: positions at t, velocities at t - h/2"]
+        lines += [
+            *pair_commands(self.parts),
+            "",
+            "# velocity Verlet; forces see positions at t and velocities at t - h/2",
+        ]
         lines += ["fix move all nve", f"variable now equal time+({float(scenario.start.t)!r})", ""]
         for body in scenario.law.body_terms:
             lines.append(f"# {_headline(body)}")
@@ -113,6 +114,7 @@ class Deck:
         if self.dimension == 2:
             lines.append("fix flat all enforce2d")
         if ranks > 1:
+            lines.append("# where agents crowd, the ranks' boxes are cut anew: recursive bisection")
             lines.append(f"fix even all balance {BALANCE_EVERY} {UNEVEN} rcb")
         return lines
 
@@ -183,72 +185,3 @@ def make_deck(scenario: Scenario, skin: float | None = None) -> Deck:
     reach = max(part.radius for part in parts)
     width = SKIN_SHARE * reach if skin is None else number("engine='lammps'", "skin", skin, above=0.0)
     return Deck(scenario, width, parts, body_deck(formulas, layout, P, scenario.agents), A)
-
-
-def steps_between(start: float, end: float, step: float) -> int:
-    """How many steps of at most ``step`` lead from one time to another."""
-    return max(1, int(np.ceil((end - start) / step - 1e-9)))
-
-
-def export_deck(scenario: Scenario, folder: str | Path, *, step: float) -> Path:
-    """Write a scenario for a cluster that has LAMMPS alone: ``in.flocking``, ``data.flocking`` and tables.
-
-    Run it there with ``mpiexec -n 64 lmp -in in.flocking``. Frames go to ``frames.lammpstrj``.
-
-    Parameters
-    ----------
-    scenario
-        What to simulate.
-    folder
-        A new or empty folder.
-    step
-        Largest time step; it is shortened a little so that frames fall on steps.
-
-    Returns
-    -------
-    Path
-        The input deck.
-
-    Raises
-    ------
-    UnsupportedLaw
-        When a part has no translation.
-    InvalidInput
-        When the step is not positive or the frames are not evenly spaced.
-    StorageError
-        When the folder holds something already or cannot be written.
-    """
-    step = number("export_deck", "step", step, above=0.0)
-    deck = make_deck(scenario)
-    folder = Path(folder)
-    times = scenario.frame_times
-    gaps = np.diff(times)
-    if len(gaps) and not np.allclose(gaps, gaps[0], rtol=1e-9):
-        raise InvalidInput("export_deck", "frames", "must be evenly spaced", "uneven times", "Give a number of frames.")
-    each = (
-        steps_between(times[0], times[1], step) if len(gaps) else steps_between(scenario.start.t, scenario.t_end, step)
-    )
-    h = float(gaps[0] if len(gaps) else scenario.t_end - scenario.start.t) / each
-    count = round((scenario.t_end - scenario.start.t) / h) if h else 0
-    velocities = " ".join(f"v{AXES[k]}" for k in range(deck.dimension))
-    places = " ".join(AXES[: deck.dimension])
-    lines = [
-        f"# {scenario.name or 'flock'}: {scenario.start.n} agents until t = {scenario.t_end:g}, written by flocking.",
-        "# LAMMPS of July 2025 or newer with the packages LEPTON, DPD-BASIC and EXTRA-FIX. Equation numbers are the",
-        "# papers'. One unit of length, time and mass throughout.", "",
-        *deck.world(), "", *deck.agents("data.flocking"), "", *deck.law(ranks=2), "",
-        f"timestep {h!r}", f"thermo {each}", "thermo_style custom step time atoms ke pe",
-        f"dump frames all custom {each} frames.lammpstrj id {places} {velocities}",
-        "dump_modify frames sort id format float %.17g",
-        f"restart {max(each, 1000)} restart.1 restart.2", f"run {count}",
-    ]  # fmt: skip
-    with told(folder, "write the deck"):
-        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-            raise StorageError(f"{folder}: not an empty folder. Choose another one; nothing is ever overwritten.")
-        files = {"in.flocking": "\n".join(lines) + "\n", "data.flocking": deck.data_text(), **deck.tables()}
-        for name, text in files.items():
-            put(folder / name, text.encode())
-    return folder / "in.flocking"
-
-
-__all__ = ["DAMPING", "Deck", "export_deck", "make_deck", "steps_between"]

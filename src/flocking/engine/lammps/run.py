@@ -2,28 +2,32 @@
 
 from __future__ import annotations
 
-import io
-import json
 import time
-import zipfile
+import zlib
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
+from flocking.engine.durable import told
 from flocking.engine.lammps import library
+from flocking.engine.lammps.options import LammpsOptions
 from flocking.engine.lammps.ranks import Ranks
-from flocking.engine.lammps.session import LammpsOptions, LammpsSession, Restart
-from flocking.engine.run import SWITCH_FIELDS, TRACE_FIELDS, Run
+from flocking.engine.lammps.restart import Restart, packed, unpacked
+from flocking.engine.lammps.session import LammpsSession
+from flocking.engine.progress import Progress, stops
+from flocking.engine.run import OBSERVED_FIELDS, SWITCH_FIELDS, TRACE_FIELDS, Run
 from flocking.engine.run_writer import RunWriter
 from flocking.engine.storage import read_run, read_scenario_of
 from flocking.errors import SimulationError, StorageError
 from flocking.model.law import Scenario
-from flocking.model.state import State
 
 COMMIT_SECONDS = 5.0
-"""Wall time between two commits with a restart file; a kill loses no more than this and one frame."""
+"""Wall time between two commits with a restart file; a kill loses no more than this and one stop of a small run."""
+
+COMMIT_SHARE = 20.0
+"""A commit that takes long is followed by so many times its own duration without one."""
 
 
 class _Writing:
@@ -31,16 +35,19 @@ class _Writing:
 
     def __init__(self, session: LammpsSession, writer: RunWriter | None, every: float) -> None:
         self._session, self._writer, self._every = session, writer, every
-        self._last = time.monotonic()
+        self._last, self._cost = time.monotonic(), 0.0
 
     def keep(self) -> None:
         """Commit when it is time to; all ranks call it together."""
         ranks = self._session.ranks
-        if not ranks.comm.bcast(time.monotonic() - self._last >= self._every):
+        begin = time.monotonic()
+        wait = max(self._every, COMMIT_SHARE * self._cost) if self._every else 0.0
+        if not ranks.comm.bcast(begin - self._last >= wait):
             return
         restart = self._session.restart()
         ranks.alone(lambda: self._commit("unfinished", restart))
         self._last = time.monotonic()
+        self._cost = self._last - begin
 
     def finish(self, status: str) -> None:
         """Commit the last records of a run that will not go on."""
@@ -55,41 +62,13 @@ class _Writing:
             links = np.array(records.links[new]) if records.with_links else None
             writer.append(np.array(records.t[new]), np.array(records.q[new]), np.array(records.p[new]), links)
         rows = np.array(records.ledger.trace[counts["step"] :], dtype=TRACE_FIELDS)
-        writer.append_records(np.zeros(0, dtype=SWITCH_FIELDS), rows)
+        observed = np.array(records.observed[counts["observation"] :], dtype=OBSERVED_FIELDS)
+        writer.append_records(np.zeros(0, dtype=SWITCH_FIELDS), rows, observed)
         writer.commit(
             status, closest=(records.ledger.closest_linked, records.ledger.closest_unlinked),
             provenance=self._session.about,
-            checkpoint=None if restart is None else _packed(restart, self._session.options),
+            checkpoint=None if restart is None else packed(restart, self._session.options),
         )  # fmt: skip
-
-
-def _packed(restart: Restart, options: LammpsOptions) -> bytes:
-    text = json.dumps(
-        {
-            "engine": "lammps",
-            "time": restart.time,
-            "steps": restart.steps,
-            "plan": restart.plan,
-            **{"options": asdict(options)},
-        }
-    )
-    file = io.BytesIO()
-    np.savez(
-        file, numbers=np.frombuffer(text.encode(), dtype=np.uint8), forces=restart.forces,
-        restart=np.frombuffer(restart.file, dtype=np.uint8),
-    )  # fmt: skip
-    return file.getvalue()
-
-
-def _unpacked(data: bytes, where: Path) -> tuple[Restart, LammpsOptions]:
-    try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as file:
-            numbers = json.loads(file["numbers"].tobytes())
-            plan = tuple(numbers["plan"])
-            restart = Restart(file["restart"].tobytes(), file["forces"], numbers["time"], numbers["steps"], plan)
-        return restart, LammpsOptions(**numbers["options"])
-    except (ValueError, KeyError, TypeError, OSError, EOFError, zipfile.BadZipFile) as error:
-        raise StorageError(f"{where}: no checkpoint this version can go on from ({error}).") from None
 
 
 def drive_ranks(
@@ -117,8 +96,13 @@ def drive_ranks(
     """
     if save is None:
         return _drive(session, None, progress)
-    records = session.records
-    writer = session.ranks.alone(lambda: RunWriter.create(save, session.scenario, with_links=records.with_links))
+    records, options = session.records, session.options
+    how = {"engine": "lammps", "options": asdict(options)}
+    writer = session.ranks.alone(
+        lambda: RunWriter.create(
+            save, session.scenario, with_links=records.with_links, observed=options.observe, session=how
+        )
+    )
     return _written(session, writer, progress, every)
 
 
@@ -138,9 +122,12 @@ def resume_on_ranks(folder: str | Path, *, scenario: Scenario | None, progress: 
         records, data = found
         if data is None:
             return records  # type: ignore[no-any-return]
-        restart, options = _unpacked(data, folder)
-        session = LammpsSession(records.scenario, options, restart=restart)
-        _recall(session, records)
+        if isinstance(data, LammpsOptions):
+            session = LammpsSession(records.scenario, data)
+        else:
+            restart, options = unpacked(data, folder)
+            session = LammpsSession(records.scenario, options, restart=restart)
+            session.records.recall(records, session.whole_state())
     except BaseException:
         if writer is not None:
             writer.close()
@@ -148,29 +135,24 @@ def resume_on_ranks(folder: str | Path, *, scenario: Scenario | None, progress: 
     return _written(session, writer, progress, COMMIT_SECONDS)
 
 
-def _last_commit(folder: Path, writer: RunWriter | None, scenario: Scenario | None) -> tuple[Run, bytes | None]:
+def _last_commit(
+    folder: Path, writer: RunWriter | None, scenario: Scenario | None
+) -> tuple[Run, bytes | LammpsOptions | None]:
+    """The run as committed, and what it goes on from: nothing where it has ended, options where it never began."""
     assert writer is not None
     records = read_run(folder, scenario=scenario if scenario is not None else read_scenario_of(folder)[0])
     if records.finished:
         return records, None
     kept = writer.record["checkpoint"]
+    if kept is None and writer.record["commits"] == 0:
+        return records, LammpsOptions(**writer.record["session"]["options"])
     if kept is None:
         raise StorageError(f"{folder}: this run cannot go on, it has no restart file: {records.status}")
-    return records, (folder / kept["file"]).read_bytes()
-
-
-def _recall(session: LammpsSession, run: Run) -> None:
-    """Give a session the records of the run it goes on with."""
-    records = session.records
-    records.count = len(run.t)
-    now = session.whole_state()
-    if now is None:
-        return
-    records.t, records.q, records.p = [float(t) for t in run.t], list(run.q), list(run.p)
-    records.links = list(run.links) if records.with_links else []
-    records.ledger.closest_linked, records.ledger.closest_unlinked = run.closest_linked, run.closest_unlinked
-    if session.options.ledger:
-        records.ledger.go_on(run.trace.tolist(), State(now.q, now.p, session.time))
+    with told(folder, "read the checkpoint"):
+        data = (folder / kept["file"]).read_bytes()
+    if zlib.crc32(data) != kept["checksum"]:
+        raise StorageError(f"{folder / kept['file']}: the checkpoint does not match its checksum; it was damaged.")
+    return records, data
 
 
 def _written(session: LammpsSession, writer: RunWriter | None, progress: bool, every: float) -> Run:
@@ -184,15 +166,15 @@ def _written(session: LammpsSession, writer: RunWriter | None, progress: bool, e
 
 
 def _drive(session: LammpsSession, writing: _Writing | None, progress: bool) -> Run:
-    from flocking.engine.simulate import Progress, stops
-
     scenario = session.scenario
     status = "finished"
     try:
-        with Progress(progress and session.ranks.first, scenario) as bar:
+        with Progress(progress and session.ranks.first, scenario, lines=True) as bar:
+            begin = session.steps
+            bar.show(session.time, 0)
             for t in stops(scenario, session.time, often=writing is not None):
                 session.advance(t)
-                bar.show(t, session.steps * scenario.start.n)
+                bar.show(session.time, (session.steps - begin) * scenario.start.n)
                 if writing is not None and t < scenario.t_end:
                     writing.keep()
         if writing is not None:

@@ -2,144 +2,29 @@
 
 from __future__ import annotations
 
-import tempfile
-from dataclasses import dataclass, fields
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from flocking.engine.lammps import library
-from flocking.engine.lammps.deck import Deck, make_deck, steps_between
-from flocking.engine.lammps.ledger import Ledger, observation
+from flocking.engine.lammps.atoms import Atoms, LammpsError
+from flocking.engine.lammps.deck import Deck, make_deck
+from flocking.engine.lammps.ledger import observation
+from flocking.engine.lammps.options import LammpsOptions, lammps_options
 from flocking.engine.lammps.ranks import Ranks
+from flocking.engine.lammps.records import Records
+from flocking.engine.lammps.restart import Restart
+from flocking.engine.lammps.steps import check_books, check_strides, chosen_step, step_too_large, steps_between
 from flocking.engine.provenance import provenance
-from flocking.engine.run import SWITCH_FIELDS, TRACE_FIELDS, Run
-from flocking.errors import InvalidInput, NotFinite, SimulationError
-from flocking.model.checks import integer, number
+from flocking.engine.run import Run
+from flocking.errors import InvalidInput, SimulationError
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 
-MOST_LINKED = 2000
-"""Larger groups carry no link matrix in their frames."""
-MOST_LINK_BYTES = 256 * 2**20
-BINS_EACH = 8
-FEWEST_BINS = 2**22
-THINNEST = 0.05
-"""Cells for finding neighbours: their number per agent, at least, and the flattest box in radii that has any."""
-
-
-@dataclass(frozen=True)
-class LammpsOptions:
-    """How LAMMPS runs a scenario.
-
-    Parameters
-    ----------
-    step
-        Largest time step; it is shortened a little so that frames fall on steps.
-    skin
-        Skin of the neighbour lists; a share of the largest radius when absent.
-    ledger
-        Steps between two rows of the energy ledger; 0 for no ledger. Rows are computed on one rank from the whole
-        state: for large groups let them be rare.
-    observe
-        Record order, flocks, density and closest pair at the frame times.
-    keep_log
-        A file for LAMMPS's own log.
-
-    Raises
-    ------
-    InvalidInput
-        When a value is missing or out of range.
-    """
-
-    step: float
-    skin: float | None = None
-    ledger: int = 1
-    observe: bool = False
-    keep_log: str | None = None
-
-    def __post_init__(self) -> None:
-        number("engine='lammps'", "step", self.step, above=0.0)
-        integer("engine='lammps'", "ledger", self.ledger, least=0)
-        if self.skin is not None:
-            number("engine='lammps'", "skin", self.skin, above=0.0)
-
-
-def lammps_options(given: dict[str, Any]) -> LammpsOptions:
-    """Options from keyword arguments.
-
-    Raises
-    ------
-    InvalidInput
-        When there is no such option, or no step.
-    """
-    known = {f.name for f in fields(LammpsOptions)}
-    for name in sorted(set(given) - known):
-        raise InvalidInput(
-            "start", name, f"must be an option of engine='lammps': {', '.join(sorted(known))}", given[name]
-        )
-    if given.get("step") is None:
-        raise InvalidInput(
-            "start", "step", "must be given for engine='lammps'", None,
-            "Give step=0.01, or the one the tiled engine chooses: start(scenario, 'tiles').step.",
-        )  # fmt: skip
-    return LammpsOptions(**given)
-
-
-class Records:
-    """Frames, ledger and observations, on the first rank alone."""
-
-    def __init__(self, scenario: Scenario) -> None:
-        n = scenario.start.n
-        self.frame_times = scenario.frame_times
-        self.with_links = n <= MOST_LINKED and len(self.frame_times) * n**2 <= MOST_LINK_BYTES
-        self.t: list[float] = []
-        self.q: list[Any] = []
-        self.p: list[Any] = []
-        self.links: list[Any] = []
-        self.observed: list[tuple[float, ...]] = []
-        self.ledger = Ledger(scenario)
-        self.count = 0
-
-    def tables(self, n: int, m: int) -> dict[str, Any]:
-        """All records as arrays, by the names of `Run`."""
-        from flocking.engine.tiles.observables import OBSERVED_FIELDS
-
-        frames = len(self.t)
-        linked = self.with_links and frames
-        return {
-            "t": np.array(self.t),
-            "q": np.array(self.q) if frames else np.zeros((0, n, m)),
-            "p": np.array(self.p) if frames else np.zeros((0, n, m)),
-            "links": np.array(self.links) if linked else np.zeros((frames, 0, 0), dtype=bool),
-            "switches": np.zeros(0, dtype=SWITCH_FIELDS),
-            "trace": np.array(self.ledger.trace, dtype=TRACE_FIELDS),
-            "closest_linked": self.ledger.closest_linked,
-            "closest_unlinked": self.ledger.closest_unlinked,
-            "observables": np.array(self.observed, dtype=OBSERVED_FIELDS) if self.observed else None,
-        }
-
-
-@dataclass(frozen=True, eq=False)
-class Restart:
-    """What another session needs to go on, on any number of ranks.
-
-    Parameters
-    ----------
-    file
-        A LAMMPS restart file: positions and velocities with all their bits.
-    forces
-        Forces of the last step, shape (N, 3): those on velocities are of half a step before.
-    time, steps, plan
-        Where the session stands.
-    """
-
-    file: bytes
-    forces: Any
-    time: float
-    steps: int
-    plan: tuple[float, float, int, int]
+GROWTH = 1.2
+LONGEST_BOUT = 1024
+"""How much larger a flock may get, and how many steps LAMMPS takes, until somebody looks at its box again."""
 
 
 class LammpsSession:
@@ -171,95 +56,86 @@ class LammpsSession:
     ) -> None:
         if plant is not None:
             raise InvalidInput("LammpsSession", "plant", "cannot be given", plant, "Use engine='exact'.")
-        self.scenario, self.options, self.plant = scenario, options, None
+        self.scenario, self.plant = scenario, None
         self.deck: Deck = make_deck(scenario, options.skin)
         self.ranks = Ranks(library.communicator())
         self.time, self.steps = scenario.start.t, 0
-        self.records = Records(scenario)
+        self.records = Records(scenario, [part.rim for part in self.deck.parts])
         self._plan = (self.time, self.time, 1, 1)
         self._step = 0.0
-        self._cells = (0.0, "bin")
         self._at_row = True
+        self._bout = 1
+        self._sound = scenario.start
         with self.ranks.bound():
-            self._lammps = library.instance(self.ranks.comm, options.keep_log or "none")
+            self.options = replace(options, step=self._wanted(options), ledger=options.rows(scenario.start.n))
+            self.atoms = Atoms(self.deck, self.ranks, options.keep_log or "none")
             self._begin(restart)
-        if restart is None:
-            self._record()
+            if restart is None:
+                self._record()
+
+    def _wanted(self, options: LammpsOptions) -> float:
+        """The step that was asked for, or one chosen by the first rank for all."""
+        step = options.step
+        if step is None:
+            step = self.ranks.comm.bcast(self.ranks.alone(lambda: chosen_step(self.scenario, self.scenario.start)))
+        return float(step)
 
     def _begin(self, restart: Restart | None) -> None:
-        """Hand LAMMPS the deck and the agents; forces are those of the present state in the end."""
-        with tempfile.TemporaryDirectory() if self.ranks.first else _Nowhere() as made:
-            folder = Path(self.ranks.comm.bcast(made))
-            if self.ranks.first:
-                if restart is None:
-                    (folder / "data").write_text(self.deck.data_text())
-                else:
-                    (folder / "restart").write_bytes(restart.file)
-                for name, text in self.deck.tables().items():
-                    (folder / name).write_text(text)
-            self.ranks.comm.Barrier()
-            if restart is None:
-                self._command(*self.deck.world(), *self.deck.agents(str(folder / "data")))
-            else:
-                self._command(*self.deck.settings(), f"read_restart {folder / 'restart'}", *self.deck.properties())
-            self._command(*_placed(self.deck.law(self.ranks.size), folder))
-            self._fit_bins()
-            self._command(f"timestep {self.options.step!r}", "thermo 1000000000", "run 0 post no")
-            self.ranks.comm.Barrier()
+        try:
+            self.atoms.begin(self.step, None if restart is None else restart.file)
+        except LammpsError as error:
+            self._end_alone(error, f"LAMMPS cannot start this run: {error}.")
+            raise SimulationError(f"LAMMPS cannot start this run: {error}.", time=self.time) from None
         if restart is not None:
             self.time, self.steps, self._plan = restart.time, restart.steps, restart.plan
-            self._lammps.numpy.extract_atom("f")[: self._count] = restart.forces[self._ids]
+            self.atoms.set_forces(restart.forces)
+
+    @property
+    def step(self) -> float:
+        """The largest time step."""
+        assert self.options.step is not None
+        return self.options.step
+
+    @property
+    def rows(self) -> int:
+        """Steps between two rows of the ledger; 0 for no ledger."""
+        assert self.options.ledger is not None
+        return self.options.ledger
+
+    def _end_alone(self, error: LammpsError, words: str) -> None:
+        """End the whole job where this rank alone knows of an error: the others would wait for ever."""
+        if error.alone and self.ranks.size > 1:
+            self.ranks.end(words)
 
     def _command(self, *lines: str) -> None:
-        """Give LAMMPS commands; its complaints end the run and say so."""
-        text = "\n".join(line for line in lines if line and not line.startswith("#"))
+        """Give LAMMPS commands while the run goes on; what it complains of then comes from too large a step."""
         try:
-            self._lammps.commands_string(text)
-        except Exception as error:
-            words = str(error)
-            if type(error).__name__ == "MPIAbortException":
-                raise
-            raise SimulationError(f"LAMMPS: {words}. The step may be too large.", time=self.time) from None
-
-    @property
-    def _count(self) -> int:
-        return int(self._lammps.extract_global("nlocal"))
-
-    @property
-    def _ids(self) -> Any:
-        return np.array(self._lammps.numpy.extract_atom("id")[: self._count], dtype=np.int64) - 1
-
-    def _gathered(self, *names: str) -> Any | None:
-        """Vectors of all agents in their order, one after the other, on the first rank; shape (N, 3 * names)."""
-        count = self._count
-        parts = [self._ids[:, None].astype(np.float64)]
-        parts += [np.array(self._lammps.numpy.extract_atom(name)[:count]).reshape(count, 3) for name in names]
-        rows = self.ranks.gathered(np.ascontiguousarray(np.concatenate(parts, axis=1)))
-        if rows is None:
-            return None
-        found = np.full((self.scenario.start.n, 3 * len(names)), np.nan)
-        found[rows[:, 0].astype(np.int64)] = rows[:, 1:]
-        return found
+            self.atoms.command(*lines)
+        except LammpsError as error:
+            failure = step_too_large(self.scenario, self._sound, self.step, f"LAMMPS says: {error}", self.time)
+            self._end_alone(error, str(failure))
+            raise failure from None
 
     def whole_state(self) -> State | None:
         """The state on the first rank, None elsewhere.
 
         Raises
         ------
-        NotFinite
+        StepTooLarge
             On all ranks, when an agent is lost or its state is not finite.
         """
-        rows = self._gathered("x", "v")
-        bad = None if rows is None else np.flatnonzero(~np.isfinite(rows).all(axis=1))[:10].tolist()
-        bad = self.ranks.comm.bcast(bad)
-        if bad:
-            raise NotFinite(
-                "Agents were lost or became infinite or NaN: the step is too large.", time=self.time, agents=tuple(bad)
-            )
+        rows = self.atoms.gathered("x", "v")
+        self.ranks.alone(lambda: self._check_finite(rows))
         if rows is None:
             return None
         m = self.deck.dimension
         return State(rows[:, :m], rows[:, 3 : 3 + m], self.time)
+
+    def _check_finite(self, rows: Any) -> None:
+        bad = np.flatnonzero(~np.isfinite(rows).all(axis=1))[:10]
+        if len(bad):
+            why = "agents were lost or became infinite or NaN"
+            raise step_too_large(self.scenario, self._sound, self.step, why, self.time, tuple(map(int, bad)))
 
     @property
     def state(self) -> State:
@@ -269,32 +145,20 @@ class LammpsSession:
 
     def forces(self) -> Any:
         """Forces on all agents as LAMMPS has them, shape (N, m), on the first rank; None elsewhere."""
-        rows = self._gathered("f")
+        rows = self.atoms.gathered("f")
         return None if rows is None else rows[:, : self.deck.dimension]
 
-    def _fit_bins(self) -> None:
-        """Larger cells for a widely scattered flock: their number must stay within memory."""
-        low, high = self._lammps.extract_box()[:2]
-        sides = np.array(high[: self.deck.dimension]) - np.array(low[: self.deck.dimension])
-        usual = 0.5 * (self.deck.reach + self.deck.skin)
-        fewest = float(np.prod(np.maximum(sides / usual, 1.0)))
-        most = max(FEWEST_BINS, BINS_EACH * self.scenario.start.n)
-        size = 0.0 if fewest <= most else usual * (fewest / most) ** (1.0 / self.deck.dimension)
-        # Cells cannot be much flatter than they reach: agents in a row are searched pair by pair.
-        search = "nsq" if float(sides.min()) < THINNEST * self.deck.reach else "bin"
-        if (size, search) != self._cells:
-            self._cells = (size, search)
-            # Sorting agents in memory has cells of its own.
-            self._command(
-                f"neighbor {self.deck.skin!r} {search}", f"neigh_modify binsize {size!r}",
-                f"atom_modify sort {0 if size else 1000} 0.0",
-            )  # fmt: skip
+    def _fitted(self) -> float:
+        """Fit LAMMPS's cells to the box; how many times larger that was than when they were fitted last."""
+        try:
+            return self.atoms.fit_cells()
+        except LammpsError as error:
+            raise SimulationError(f"LAMMPS cannot find neighbours: {error}.", time=self.time) from None
 
     def _next_stop(self) -> float:
         times = [self.scenario.t_end] if self.time < self.scenario.t_end else []
         times += [float(t) for t in self.records.frame_times if t > self.time][:1]
-        stop = min(times, default=self.time + 1000 * self.options.step)
-        return stop
+        return min(times, default=self.time + 1000 * self.step)
 
     def advance(self, to: float) -> None:
         """Take steps until the session's time is ``to`` or just beyond it. Where steps fall does not depend on ``to``.
@@ -306,7 +170,7 @@ class LammpsSession:
         """
         try:
             with self.ranks.bound():
-                while self.time < to - 1e-9 * self.options.step:
+                while self.time < to - 1e-9 * self.step:
                     self._take_steps(to)
                     self._record()
         except SimulationError as error:
@@ -317,17 +181,20 @@ class LammpsSession:
         start, end, count, index = self._plan
         if index >= count:
             start, end = self.time, self._next_stop()
-            count, index = steps_between(start, end, self.options.step), 0
+            count, index = steps_between(start, end, self.step), 0
         h = (end - start) / count
-        rows = self.options.ledger or count
+        rows = self.rows or count
         row_end = min(count, (index // rows + 1) * rows)
         wanted = int(np.ceil((to - self.time) / h - 1e-9))
-        todo = max(1, min(row_end - index, wanted))
+        todo = max(1, min(row_end - index, wanted, self._bout))
         if h != self._step:
             self._step = h
             self._command(f"timestep {h!r}")
         # Without a setup: forces on velocities stay those of half a step before.
         self._command(f"run {todo} pre no post no")
+        # Before a scattering flock has grown far beyond its cells they are made larger.
+        grown = self._fitted()
+        self._bout = max(1, self._bout // 4) if grown > GROWTH else min(2 * self._bout, LONGEST_BOUT)
         self.steps += todo
         index += todo
         self._plan = (start, end, count, index)
@@ -336,53 +203,48 @@ class LammpsSession:
 
     def _record(self) -> None:
         """Add a row to the ledger, and store a frame where one is due."""
-        due = self.records.count < len(self.records.frame_times) and (
-            self.records.frame_times[self.records.count] <= self.time + 1e-12 * max(1.0, abs(self.time))
-        )
-        if not due and not (self.options.ledger and self._at_row):
+        due = self.records.due(self.time)
+        if not due and not (self.rows and self._at_row):
             return
-        self._fit_bins()
         state = self.whole_state()
         if due:
             self.records.count += 1
-        if state is not None:
-            self._write_down(state, due)
+        self.ranks.alone(lambda: self._write_down(state, due))
 
-    def _write_down(self, state: State, due: bool) -> None:
-        records, scenario = self.records, self.scenario
-        if self.options.ledger:
-            records.ledger.add(state)
-        if not due:
-            return
-        if self.options.observe:
-            records.observed.append(observation(scenario, state))
-        records.q.append(state.q)
-        records.p.append(state.p)
-        if records.with_links:
-            records.links.append(scenario.law.graph.initial(state.q))
-        records.t.append(state.t)
+    def _write_down(self, state: State | None, due: bool) -> None:
+        """Keep a state on the first rank, once it has passed the checks."""
+        assert state is not None
+        records = self.records
+        singular = self.scenario.law.singular_at_zero()
+        pairs = records.ledger.pairs(state) if self.rows or self.options.observe or singular else []
+        for some in pairs if singular else []:
+            check_strides(state, some, self.step)
+        if self.rows:
+            records.ledger.add(state, pairs)
+        if due:
+            records.frame(state, observation(self.scenario, state, pairs[0]) if self.options.observe else None)
+            if self.rows:
+                check_books(records.ledger, self.step, self.rows, self._sound)
+        self._sound = state
 
     def restart(self) -> Restart | None:
         """What another session needs to go on, on the first rank; None elsewhere."""
-        with self.ranks.bound(), tempfile.TemporaryDirectory() if self.ranks.first else _Nowhere() as made:
-            path = Path(self.ranks.comm.bcast(made)) / "restart"
-            forces = self._gathered("f")
-            # Without another setup: that would hand agents over to other ranks while their forces stay behind.
-            self._command(f"write_restart {path} noinit")
-            self.ranks.comm.Barrier()
-            data = path.read_bytes() if self.ranks.first else None
-            self.ranks.comm.Barrier()
-        return None if data is None else Restart(data, forces, self.time, self.steps, self._plan)
+        with self.ranks.bound():
+            forces = self.atoms.gathered("f")
+            data = self.atoms.restart_file()
+        if data is None:
+            return None
+        return Restart(data, forces, self.time, self.steps, self._plan)
 
     @property
     def about(self) -> dict[str, Any]:
         """Where the results come from, as the run's provenance says."""
         found = provenance(self.engine, self.scenario) | library.versions()
         return found | {
-            "steps": self.steps, "step": self.options.step, "scheme": "verlet", "ranks": self.ranks.size,
+            "steps": self.steps, "step": self.step, "scheme": "verlet", "ranks": self.ranks.size,
             "rank": self.ranks.rank, "switches": "not recorded",
-            "ledger": f"trapezoidal, a row every {self.options.ledger} steps",
-            "closest": "at the rows of the ledger",
+            "ledger": f"trapezoidal, a row every {self.rows} steps" if self.rows else "none",
+            "closest": "at the rows of the ledger" if self.rows else "not recorded",
         }  # fmt: skip
 
     def run(self, status: str = "finished") -> Run:
@@ -392,21 +254,7 @@ class LammpsSession:
 
     def close(self) -> None:
         """Give LAMMPS's memory back."""
-        self._lammps.close()
+        self.atoms.close()
 
 
-class _Nowhere:
-    """Stands in for a folder on ranks that make none."""
-
-    def __enter__(self) -> None:
-        return None
-
-    def __exit__(self, *_: object) -> None:
-        return None
-
-
-def _placed(lines: list[str], folder: Path) -> list[str]:
-    """Commands with the tables' full paths."""
-    import re
-
-    return [re.sub(r" (table\d+\.txt) ", rf" {folder}/\1 ", line) for line in lines]
+__all__ = ["LammpsOptions", "LammpsSession", "lammps_options"]

@@ -1,0 +1,194 @@
+"""The agents inside LAMMPS: handed over, gathered, their cells fitted, kept in a restart file."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.lammps import library
+from flocking.engine.lammps.deck import Deck
+from flocking.engine.lammps.ranks import Ranks
+
+BINS_EACH = 8
+FEWEST_BINS = 2**17
+THINNEST = 0.05
+"""Cells for finding neighbours: their number per agent, at least, and the flattest box in radii that has any."""
+
+
+class LammpsError(Exception):
+    """LAMMPS complained. ``alone``: on this rank, of which the others know nothing."""
+
+    def __init__(self, words: str, *, alone: bool) -> None:
+        super().__init__(words)
+        self.alone = alone
+
+
+class Atoms:
+    """A running LAMMPS on all ranks; they call its methods together.
+
+    Parameters
+    ----------
+    deck
+        The scenario.
+    ranks
+        The ranks.
+    log
+        LAMMPS's log file, or ``"none"``.
+
+    Raises
+    ------
+    EngineMissing
+        When LAMMPS is not installed.
+    """
+
+    def __init__(self, deck: Deck, ranks: Ranks, log: str) -> None:
+        self.deck, self.ranks = deck, ranks
+        self._cells = (0.0, "bin")
+        self._begun = False
+        self._sides = np.zeros(deck.dimension)
+        self._lammps = library.instance(ranks.comm, log)
+
+    def begin(self, step: float, restart: bytes | None) -> None:
+        """Hand LAMMPS the deck and the agents of its scenario, or those of a restart file; forces are up to date."""
+        with tempfile.TemporaryDirectory() if self.ranks.first else _Nowhere() as made:
+            folder = Path(self.ranks.comm.bcast(made))
+            if self.ranks.first:
+                if restart is None:
+                    (folder / "data").write_text(self.deck.data_text())
+                else:
+                    (folder / "restart").write_bytes(restart)
+                for name, text in self.deck.tables().items():
+                    (folder / name).write_text(text)
+            self.ranks.comm.Barrier()
+            if restart is None:
+                self.command(*self.deck.world(), *self.deck.agents(str(folder / "data")))
+            else:
+                self.command(*self.deck.settings(), f"read_restart {folder / 'restart'}", *self.deck.properties())
+            self.command(*_placed(self.deck.law(self.ranks.size), folder))
+            self.fit_cells()
+            self.command(f"timestep {step!r}", "thermo 1000000000", "run 0 post no")
+            self._begun = True
+            self.ranks.comm.Barrier()
+
+    def command(self, *lines: str) -> None:
+        """Give LAMMPS commands.
+
+        Raises
+        ------
+        LammpsError
+            When it complains.
+        """
+        text = "\n".join(line for line in lines if line and not line.startswith("#"))
+        try:
+            self._lammps.commands_string(text)
+        except Exception as error:
+            raise LammpsError(_words(error), alone=type(error).__name__ == "MPIAbortException") from None
+
+    @property
+    def count(self) -> int:
+        """Number of agents that this rank owns."""
+        return int(self._lammps.extract_global("nlocal"))
+
+    @property
+    def ids(self) -> Any:
+        """Which agents this rank owns."""
+        return np.array(self._lammps.numpy.extract_atom("id")[: self.count], dtype=np.int64) - 1
+
+    def gathered(self, *names: str) -> Any | None:
+        """Vectors of all agents in their order, one after the other, on the first rank; shape (N, 3 * names)."""
+        count = self.count
+        parts = [self.ids[:, None].astype(np.float64)]
+        parts += [np.array(self._lammps.numpy.extract_atom(name)[:count]).reshape(count, 3) for name in names]
+        rows = self.ranks.gathered(np.ascontiguousarray(np.concatenate(parts, axis=1)))
+        if rows is None:
+            return None
+        found = np.full((self.deck.scenario.start.n, 3 * len(names)), np.nan)
+        found[rows[:, 0].astype(np.int64)] = rows[:, 1:]
+        return found
+
+    def set_forces(self, forces: Any) -> None:
+        """Put forces of all agents in place, shape (N, 3)."""
+        self._lammps.numpy.extract_atom("f")[: self.count] = forces[self.ids]
+
+    def fit_cells(self) -> float:
+        """Larger cells for a widely scattered flock: their number must stay within memory.
+
+        Returns
+        -------
+        float
+            How many times larger the box is than at the last call.
+        """
+        low, high = self._lammps.extract_box()[:2]
+        sides = np.array(high[: self.deck.dimension]) - np.array(low[: self.deck.dimension])
+        grown = float((sides / np.maximum(self._sides, self.deck.reach)).max())
+        self._sides = sides
+        wanted = self._wanted_cells(sides)
+        if wanted != self._cells:
+            self._cells = wanted
+            size, search = wanted
+            # Sorting agents in memory has cells of its own.
+            self.command(
+                f"neighbor {self.deck.skin!r} {search}", f"neigh_modify binsize {size!r}",
+                f"atom_modify sort {0 if size else 1000} 0.0",
+            )  # fmt: skip
+            if self._begun:
+                self._set_up_anew()
+        return grown
+
+    def _wanted_cells(self, sides: Any) -> tuple[float, str]:
+        """Size of the cells, 0 for LAMMPS's own choice, and how they are searched; seldom another than now."""
+        size, search = self._cells
+        usual = 0.5 * (self.deck.reach + self.deck.skin)
+        fewest = float(np.prod(np.maximum(sides / usual, 1.0)))
+        most = max(FEWEST_BINS, BINS_EACH * self.deck.scenario.start.n)
+        needed = 0.0 if fewest <= most else usual * (fewest / most) ** (1.0 / self.deck.dimension)
+        if needed > size or needed < 0.125 * size:
+            size = 2.0 * needed
+        # Cells cannot be much flatter than they reach: agents in a row are searched pair by pair.
+        flat = float(sides.min()) < THINNEST * self.deck.reach * (2.0 if search == "nsq" else 1.0)
+        return size, "nsq" if flat else "bin"
+
+    def _set_up_anew(self) -> None:
+        """Let LAMMPS take other cells into use, which needs a setup; forces stay those of half a step before."""
+        forces = self.ranks.comm.bcast(self.gathered("f"))
+        self.command("run 0 post no")
+        self.set_forces(forces)
+
+    def restart_file(self) -> bytes | None:
+        """Positions, velocities and agents' own values as a LAMMPS restart file, on the first rank; None elsewhere."""
+        with tempfile.TemporaryDirectory() if self.ranks.first else _Nowhere() as made:
+            path = Path(self.ranks.comm.bcast(made)) / "restart"
+            # Without another setup: that would hand agents over to other ranks while their forces stay behind.
+            self.command(f"write_restart {path} noinit")
+            self.ranks.comm.Barrier()
+            data = path.read_bytes() if self.ranks.first else None
+            self.ranks.comm.Barrier()
+        return data
+
+    def close(self) -> None:
+        """Give LAMMPS's memory back."""
+        self._lammps.close()
+
+
+class _Nowhere:
+    """Stands in for a folder on ranks that make none."""
+
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(self, *_: object) -> None:
+        return None
+
+
+def _words(error: Exception) -> str:
+    """What LAMMPS said, without where in its source it said it."""
+    return re.sub(r"\s*\(\.\./.*?\)|\s*\(src/.*?\)|^ERROR( on proc \d+)?: ", "", str(error)).strip()
+
+
+def _placed(lines: list[str], folder: Path) -> list[str]:
+    """Commands with the tables' full paths."""
+    return [re.sub(r" (table\d+\.txt) ", rf" {folder}/\1 ", line) for line in lines]

@@ -1,0 +1,66 @@
+"""What a killed run goes on from: a LAMMPS restart file and where the session stood, in one file."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.lammps.options import LammpsOptions
+from flocking.errors import StorageError
+
+
+@dataclass(frozen=True, eq=False)
+class Restart:
+    """What another session needs to go on, on any number of ranks.
+
+    Parameters
+    ----------
+    file
+        A LAMMPS restart file: positions and velocities with all their bits.
+    forces
+        Forces of the last step, shape (N, 3): those on velocities are of half a step before.
+    time, steps, plan
+        Where the session stands.
+    """
+
+    file: bytes
+    forces: Any
+    time: float
+    steps: int
+    plan: tuple[float, float, int, int]
+
+
+def packed(restart: Restart, options: LammpsOptions) -> bytes:
+    """A restart and the options of its session as the bytes of an ``.npz`` file."""
+    numbers = {"engine": "lammps", "time": restart.time, "steps": restart.steps, "plan": restart.plan}
+    text = json.dumps({**numbers, "options": asdict(options)})
+    file = io.BytesIO()
+    np.savez(
+        file, numbers=np.frombuffer(text.encode(), dtype=np.uint8), forces=restart.forces,
+        restart=np.frombuffer(restart.file, dtype=np.uint8),
+    )  # fmt: skip
+    return file.getvalue()
+
+
+def unpacked(data: bytes, where: Path) -> tuple[Restart, LammpsOptions]:
+    """The restart and the options that were packed.
+
+    Raises
+    ------
+    StorageError
+        When the data are no restart.
+    """
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as file:
+            numbers = json.loads(file["numbers"].tobytes())
+            plan = tuple(numbers["plan"])
+            restart = Restart(file["restart"].tobytes(), file["forces"], numbers["time"], numbers["steps"], plan)
+        return restart, LammpsOptions(**numbers["options"])
+    except (ValueError, KeyError, TypeError, OSError, EOFError, zipfile.BadZipFile) as error:
+        raise StorageError(f"{where}: no checkpoint this version can go on from ({error}).") from None

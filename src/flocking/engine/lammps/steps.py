@@ -1,0 +1,81 @@
+"""The time step of a run on a cluster: chosen from its start, held against what it met."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flocking.engine.automatic_step import largest_step
+from flocking.engine.lammps.neighbours import sampled_pairs
+from flocking.engine.step_checks import RESIDUAL, check_ledger, check_stride
+from flocking.engine.step_checks import step_too_large as too_large
+from flocking.errors import StepTooLarge
+
+if TYPE_CHECKING:
+    from flocking.engine.lammps.ledger import Ledger
+    from flocking.model.law import Scenario
+    from flocking.model.state import State
+
+RARE_RESIDUAL = 0.5
+"""Share of the energy moved that a ledger may leave unexplained whose rows are further apart than one step."""
+
+ROUNDING = 1e3 * float(np.finfo(np.float64).eps)
+
+
+def chosen_step(scenario: Scenario, state: State) -> float:
+    """The largest step that resolves a state, by the rule of the tiled engine."""
+    return largest_step(scenario, sampled_pairs(scenario.law, state.q, state.p), "verlet")
+
+
+def steps_between(start: float, end: float, step: float) -> int:
+    """How many steps of at most ``step`` lead from one time to another."""
+    return max(1, int(np.ceil((end - start) / step - 1e-9)))
+
+
+def step_too_large(
+    scenario: Scenario, last: State, step: float, why: str, time: float, agents: tuple[int, ...] = ()
+) -> StepTooLarge:
+    """The error that names the step that resolves the last state known to be sound, and is at most half of this one."""
+    return too_large(step, min(0.5 * step, _resolves(scenario, last)), why, time=time, agents=agents)
+
+
+def _resolves(scenario: Scenario, state: State) -> float:
+    return min(chosen_step(scenario, scenario.start), chosen_step(scenario, state))
+
+
+def check_strides(state: State, pairs: tuple[Any, Any], step: float) -> None:
+    """Whether some linked pair moves too far for its distance within one step.
+
+    Raises
+    ------
+    StepTooLarge
+        When one does.
+    """
+    i, j = pairs
+    if not len(i):
+        return
+    distance, speed = (np.linalg.norm(x[j] - x[i], axis=1) for x in (state.q, state.p))
+    k = int(np.argmax(speed / np.maximum(distance, 1e-300)))
+    pair = (int(min(i[k], j[k])), int(max(i[k], j[k])))
+    check_stride(step, float(distance[k]), step * float(speed[k]), time=state.t, agents=pair)
+
+
+def check_books(ledger: Ledger, step: float, rows: int, sound: State) -> None:
+    """Whether the ledger closes well enough; where rows are rare its own rule of integration may miss much.
+
+    Raises
+    ------
+    StepTooLarge
+        When it does not.
+    """
+    if len(ledger.trace) < 2:
+        return
+    last = ledger.trace[-1]
+    scale = abs(last[1]) + last[2]
+    instead = "" if rows == 1 else f"; so may a row of the ledger at every step (ledger=1, now {rows})"
+    check_ledger(
+        step, ledger.trace[0], last, order=1, rounding=ROUNDING * scale, time=last[0],
+        at_most=lambda: _resolves(ledger.scenario, sound), instead=instead,
+        allowed=RESIDUAL if rows == 1 else RARE_RESIDUAL,
+    )  # fmt: skip
