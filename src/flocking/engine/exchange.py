@@ -59,13 +59,18 @@ def observable_table(run: Run) -> dict[str, Array]:
 
     Time, number of links, flocks and share of the largest, closest pair, order, largest deviation from the mean
     velocity, and the mean position and velocity (weighted by mass) by axis. Without link matrices in the run
-    the first three are missing.
+    the first three are those that were observed while it went on, or missing. Of a run without frames: what was
+    observed.
     """
     from collections import defaultdict
 
     rows: dict[str, list[float]] = defaultdict(list)
     masses = run.scenario.agents.masses
     linked = run.links.shape[1:] == (run.n, run.n)
+    seen = run.observables
+    if seen is not None and len(seen) and not len(run.t):
+        return {name: seen[name].astype(np.float64) for name in seen.dtype.names or ()}
+    observed = seen if seen is not None and not linked and np.array_equal(seen["time"], run.t) else None
     for k in range(len(run.t)):
         state = State(run.q[k], run.p[k], float(run.t[k]))
         rows["time"].append(state.t)
@@ -74,6 +79,10 @@ def observable_table(run: Run) -> dict[str, Array]:
             rows["links"].append(int(np.count_nonzero(links | links.T)) // 2)
             rows["flocks"].append(observables.flocks(links))
             rows["largest_flock"].append(observables.density(links))
+        elif observed is not None:
+            rows["links"].append(round(observed["neighbours"][k] * run.n / 2))
+            rows["flocks"].append(observed["flocks"][k])
+            rows["largest_flock"].append(observed["density"][k])
         rows["closest_pair"].append(observables.closest_pair(state)[0])
         rows["order"].append(observables.order(state))
         rows["velocity_spread"].append(observables.velocity_spread(state))

@@ -88,7 +88,7 @@ class RunWriter:
             When the folder holds something already or cannot be written.
         """
         folder = Path(folder).resolve()
-        _check_free(folder)
+        check_free(folder)
         size = Dimensions(scenario.start.n, scenario.start.dimension, with_links, precision, observed)
         fresh = folder.with_name(f".{folder.name}.{os.getpid()}.partial")
         with told(folder, "create the run"):
@@ -268,7 +268,14 @@ class RunWriter:
         self.record = record
 
 
-def _check_free(folder: Path) -> None:
+def check_free(folder: Path) -> None:
+    """Refuse a folder that holds something already.
+
+    Raises
+    ------
+    StorageError
+        When it does, or cannot be looked at.
+    """
     with told(folder, "create the run"):
         if (folder / RECORD).exists():
             raise StorageError(

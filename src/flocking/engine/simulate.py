@@ -45,7 +45,7 @@ def start(
         The law the agents really obey, for tests of an audit; the scenario's law when absent.
     options
         For ``"tiles"``: step, scheme, precision and more, see `flocking.engine.tiles.session.TilesOptions`; for
-        ``"lammps"``: step and more, see `flocking.engine.lammps.session.LammpsOptions`.
+        ``"lammps"``: step and more, see `flocking.engine.lammps.options.LammpsOptions`.
 
     Raises
     ------
@@ -135,7 +135,7 @@ def simulate(
         The law the agents really obey, for tests of an audit; the scenario's law when absent.
     options
         For ``"tiles"``: step, scheme, precision and more, see `flocking.engine.tiles.session.TilesOptions`; for
-        ``"lammps"``: step and more, see `flocking.engine.lammps.session.LammpsOptions`.
+        ``"lammps"``: step and more, see `flocking.engine.lammps.options.LammpsOptions`.
 
     Returns
     -------
@@ -155,6 +155,11 @@ def simulate(
         engine = chosen_engine(scenario, engine, plant)
     if isinstance(engine, str) and engine == "tiles":
         options.setdefault("tell", progress)
+    if isinstance(save, str | Path):
+        from flocking.engine.run_writer import check_free
+
+        # Before the session: a large one takes its time.
+        check_free(Path(save).resolve())
     session = _opened(scenario, engine, plant, options)
     if save is None and session.engine == "tiles":
         cast("TilesSession", session).records.check_fits()
@@ -196,7 +201,11 @@ def drive(session: ExactSession | TilesSession, *, progress: bool, saving: Savin
     except KeyboardInterrupt as stop:
         status = f"interrupted at t = {session.time:.9g}"
         if saving is not None:
-            saving.interrupt(status, between_steps=isinstance(stop, Noted))
+            try:
+                saving.interrupt(status, between_steps=isinstance(stop, Noted))
+            except StorageError as fault:
+                fault.run = _what_there_is(session, saving, status)
+                raise
     except SimulationError as error:
         if saving is not None:
             try:

@@ -10,10 +10,13 @@ from flocking.engine.run import Closest
 from flocking.engine.step_checks import STRIDE, check_ledger, check_stride
 from flocking.engine.tiles.crowd import Crowd
 from flocking.engine.tiles.pairs import tile_pairs
-from flocking.errors import LinkLost, NotFinite
+from flocking.errors import LinkLost, NotFinite, OutOfPrecision
 
 if TYPE_CHECKING:
     from flocking.engine.tiles.session import TilesSession
+
+COARSEST = 1e-2
+"""Largest share of the radius that the rounding of positions may take for most agents."""
 
 FARTHEST = 1e15
 """Distances beyond it are those of no pair at all: what a kernel starts from that has not met one."""
@@ -80,6 +83,22 @@ def _check_strides(session: TilesSession, crowd: Crowd, h: float) -> None:
         pair = (int(crowd.ids[i[k]]), int(crowd.ids[j[k]]))
         check_stride(
             session.step, float(distance[k]), float(moved[k]), time=session.time, agents=(min(pair), max(pair))
+        )
+
+
+def resolution(session: TilesSession, q: Any) -> None:
+    """Whether numbers can still tell the positions of most agents, shape (N, m), apart."""
+    crowd = session._crowd
+    if not crowd.moving:
+        return
+    out = float(np.median(np.abs(q).max(axis=1)))
+    step = float(np.finfo(crowd.dtype).eps) * out
+    if step > COARSEST * max(crowd.cutoffs):
+        wider = "use precision='float64', or s" if crowd.dtype == np.float32 else "S"
+        raise OutOfPrecision(
+            f"Most agents are so far out ({out:.3g}) that {session.options.precision} tells positions apart only by "
+            f"{step:.2g}, of a radius of {max(crowd.cutoffs):.3g}: {wider}tart near the origin.",
+            time=session.time,
         )
 
 

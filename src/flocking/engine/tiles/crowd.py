@@ -148,7 +148,8 @@ class Crowd:
         mean = velocities.mean(axis=0, dtype=np.float64)
         # In parts, so that a large crowd is not copied whole.
         parts = (velocities[k : k + 2**20] - mean for k in range(0, self.n, 2**20))
-        return float(np.sqrt(max(float((part**2).sum(axis=1).max()) for part in parts)))
+        with np.errstate(over="ignore"):
+            return float(np.sqrt(max(float((part**2).sum(axis=1).max()) for part in parts)))
 
     def _set_graphs(self, scenario: Scenario, memory_limit: float) -> None:
         n, law = self.n, scenario.law

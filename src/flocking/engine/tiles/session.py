@@ -24,10 +24,13 @@ from flocking.engine.tiles.schemes import Scheme, scheme_named
 from flocking.engine.tiles.spec import PRECISIONS, SCHEMES, KernelSpec, check_supported, graph_kinds
 from flocking.engine.tiles.threads import Workers
 from flocking.errors import InvalidInput, NotFinite, SimulationError, TooCrowded
-from flocking.model.checks import number
+from flocking.model.checks import integer, number
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 from flocking.model.weights import HashedWeights
+
+MOST_THREADS = 1024
+MOST_STEPS = 1e12
 
 
 @dataclass(frozen=True)
@@ -80,9 +83,14 @@ class TilesOptions:
             raise InvalidInput("TilesOptions", "scheme", f"must be one of {', '.join(SCHEMES)}", self.scheme)
         if self.precision not in PRECISIONS:
             raise InvalidInput("TilesOptions", "precision", f"must be one of {', '.join(PRECISIONS)}", self.precision)
-        for name in ("step", "skin", "memory_limit", "threads"):
+        for name in ("step", "skin", "memory_limit"):
             if getattr(self, name) is not None:
                 number("TilesOptions", name, getattr(self, name), above=0.0)
+        if self.threads is not None and integer("TilesOptions", "threads", self.threads, least=1) > MOST_THREADS:
+            raise InvalidInput("TilesOptions", "threads", f"must be at most {MOST_THREADS}", self.threads)
+        for name in ("ledger", "observe", "keep_frames", "tell"):
+            if not isinstance(getattr(self, name), bool):
+                raise InvalidInput("TilesOptions", name, "must be True or False", getattr(self, name))
 
     @property
     def lists_limit(self) -> float:
@@ -164,7 +172,12 @@ class TilesSession:
         self.farthest = 0.0
         self._scheme: Scheme = scheme_named(self.options.scheme, self.options.ledger)
         self._crowd = self._new_crowd(scenario, scenario.start)
+        checks.resolution(self, scenario.start.q)
         self.step = self.options.step or self._automatic_step()
+        if scenario.t_end - scenario.start.t > MOST_STEPS * self.step:
+            raise InvalidInput(
+                "TilesSession", "step", f"must reach the end in {MOST_STEPS:.0e} steps", self.step, "Give a longer one."
+            )
         self._plan = (self.time, self.time, 1, 1)
         self._record()
 
@@ -319,6 +332,7 @@ class TilesSession:
         q, p = self._look()
         if not (np.isfinite(q).all() and np.isfinite(p).all()):
             raise NotFinite("The state became infinite or NaN.", time=self.time)
+        checks.resolution(self, q)
         self._book()
         observed = None
         if self.options.observe:
@@ -332,10 +346,10 @@ class TilesSession:
         if self.options.ledger:
             self.records.book(self.time, self._scheme.books, self._crowd.n, self.scenario.energy.unlinked)
             if not self.steps and not np.isfinite(self.records.trace[-1][1]):
-                raise InvalidInput(
-                    "Scenario", "start", "must have a finite energy", self.records.trace[-1][1],
-                    "Two agents sit where the potential is infinite; move them apart or inside its range.",
-                )  # fmt: skip
+                fix = "Two agents sit where the potential is infinite; move them apart or inside its range."
+                if not np.isfinite(self.records.trace[-1][2]):
+                    fix = f"Squares of the velocities overflow in {self.options.precision}."
+                raise InvalidInput("Scenario", "start", "must have a finite energy", self.records.trace[-1][1], fix)
             checks.ledger(self)
 
     def snapshot(self, *, copied: bool = True) -> TilesSnapshot:
