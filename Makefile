@@ -15,7 +15,7 @@ CLUSTER_READY := $(VENV)/.cluster-ready
 BROWSER_READY := $(VENV)/.browser-ready
 DOCS_READY := $(VENV)/.docs-ready
 
-.PHONY: setup reproduce test test-mpi test-cluster test-browser bench validate fuzz robustness lint docs clean
+.PHONY: setup reproduce test test-mpi test-cluster test-browser bench bench-mpi validate fuzz robustness lint docs clean
 
 setup: $(READY)
 
@@ -68,6 +68,10 @@ bench: $(READY)
 	$(BIN)/python benchmarks/exact.py
 	$(BIN)/python benchmarks/ensembles.py
 	$(BIN)/python benchmarks/speed.py --peers $(PEERS)
+
+# The engine for clusters on 1 and 2 ranks beside the tiled one on 1 and 2 threads, the same states.
+bench-mpi: $(MPI_READY)
+	$(BIN)/python benchmarks/mpi.py
 
 # The slow tests: many seeds, long runs, the package built and installed anew.
 validate: $(READY)

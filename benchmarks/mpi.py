@@ -1,6 +1,7 @@
 """The cluster engine on 1 and 2 ranks beside the tiled engine on 1 and 2 threads: the same states, the same law.
 
-    python benchmarks/mpi.py [--agents 20000 80000] [--steps 100] [--repeats 3] [--json FILE]
+    make bench-mpi
+    python benchmarks/mpi.py [--agents 100000 1000000] [--steps 25] [--repeats 1] [--json FILE]
 
 Protocol (34) on a disturbed lattice, step 0.01, no ledger. Each contender runs in its own process, one after the
 other, the order turning with every repeat; the median is given.
@@ -52,9 +53,9 @@ def measured(engine: str, workers: int, agents: int, steps: int) -> float:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--agents", type=int, nargs="+", default=[20_000, 80_000])
-    parser.add_argument("--steps", type=int, default=100)
-    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--agents", type=int, nargs="+", default=[100_000, 1_000_000])
+    parser.add_argument("--steps", type=int, default=25)
+    parser.add_argument("--repeats", type=int, default=1)
     parser.add_argument("--json", type=Path)
     parser.add_argument("--contender", nargs=4)
     asked = parser.parse_args()
