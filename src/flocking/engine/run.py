@@ -111,6 +111,13 @@ class Run:
         """Number of agents."""
         return int(self.q.shape[1])
 
+    def __repr__(self) -> str:
+        """In one line: arrays have their own names."""
+        name = f"{self.scenario.name!r}, " if self.scenario.name else ""
+        span = f"t = {self.t[0]:g} to {self.t[-1]:g}" if len(self.t) else "none stored"
+        size = f"{self.n} agents, {len(self.t)} frames ({span}), {len(self.switches)} switches"
+        return f"<Run {name}{size}, {self.status}>"
+
     @property
     def finished(self) -> bool:
         """Whether the run reached its end."""
