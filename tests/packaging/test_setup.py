@@ -42,6 +42,7 @@ def test_every_import_of_the_package_is_a_declared_dependency() -> None:
     }
     # Numba, Matplotlib, SymPy and Pydantic bring these.
     brought = {"cycler", "llvmlite", "mpl_toolkits", "mpmath", "pydantic_core", "typing_extensions"}
+    extras |= {name.replace("-", "_") for name in extras}
     known = declared | extras | brought | {"flocking"} | set(sys.stdlib_module_names)
     for path in (ROOT / "src").rglob("*.py"):
         assert imported(path) <= known, path
