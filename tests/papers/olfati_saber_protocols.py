@@ -424,6 +424,7 @@ CHECKS = {
     "(33)": edge,
     "Fig. 5": pair_potentials,
     "(34)": law(),
+    "Remark 4": lambda lengths: assert_allclose(lengths, D, rtol=1e-9),
     "n_ij": units,
     "(35)": law(smooth=True),
     "(36)": law(smooth=True, bump_force=False),

@@ -13,6 +13,7 @@ from flocking.model.energy import Energy
 from flocking.model.law import Law
 from flocking.model.leaders import Leader, Sink, Velocity
 from flocking.model.state import State
+from flocking.model.structural import structural_potential
 from flocking.model.terms import Consensus, Gradient, Term
 from flocking.model.tracking import Track
 from flocking.papers.olfati_saber_2003 import system
@@ -29,6 +30,19 @@ def protocol_34(scale: float) -> tuple[State, Array]:
     """Example state and its control (34), c1 off by ``scale``."""
     state = example_state()
     return state, control(Law(system.hard_net(), system.alpha_terms(c1=system.DAMPING * scale)), state)
+
+
+def common_length(scale: float) -> Array:
+    """Distances at which links in three directions neither pull nor push under (34), d_alpha off by ``scale``."""
+    from scipy.optimize import brentq
+
+    law = Law(system.hard_net(), (Gradient(structural_potential(system.DISTANCE * scale)),))
+
+    def pull(length: float, way: Array) -> float:
+        return float(control(law, State(np.array([0.0 * way, length * way])))[0] @ way)
+
+    ways = [np.array([np.cos(angle), np.sin(angle)]) for angle in (0.0, 1.0, 2.5)]
+    return np.array([brentq(pull, 5.0, 8.3, args=(way,), xtol=1e-12) for way in ways])
 
 
 def unit_vectors(scale: float) -> Array:

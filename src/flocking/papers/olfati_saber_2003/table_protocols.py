@@ -82,6 +82,14 @@ def protocol_rows() -> tuple[Row, ...]:
             f"{HERE}.system.alpha_terms",
             protocols.protocol_34,
         ),
+        row(
+            "Remark 4",
+            "remark",
+            "(34) asks all links for one length",
+            f"{HERE}.system.alpha_terms",
+            protocols.common_length,
+            reading="The protocol it is compared with is not printed: checked is the length that (34) asks for.",
+        ),
         row("n_ij", "definition", "unit vector from i to j", gradient, protocols.unit_vectors),
         row(
             "(35)",
@@ -199,7 +207,7 @@ def dissipation_rows() -> tuple[Row, ...]:
             "distances keep in the limit",
             claims,
             runs.free,
-            reading=TWICE,
+            reading=TWICE + " LaSalle's principle gives stationary points of V, not its local minima.",
             demonstration=wrong.distance_rate,
         ),
     )
@@ -246,6 +254,7 @@ def separation_rows() -> tuple[Row, ...]:
             "V is largest where all agents coincide",
             f"{STUDY}.structure.structural_energy",
             energies.largest_potential,
+            reading="Where psi(-d_alpha) is at least psi(r - d_alpha), as for r = 1.2 d_alpha.",
         ),
         row(
             "(62)",
