@@ -1,4 +1,4 @@
-"""The picture at the head of the README, computed: python docs/make_images.py."""
+"""The pictures of the README and of the page on clusters, computed: python docs/make_images.py."""
 
 from __future__ import annotations
 
@@ -6,14 +6,30 @@ from pathlib import Path
 
 import flocking as fk
 from flocking.papers.olfati_saber_2003.system import obstacle_scenario, obstacles
+from flocking.papers.showcases.shipped import FIELD, SIX, showcase
 from flocking.show import plane
 from flocking.show.sheet import panel, sheet
 from flocking.show.style import save
 
 TIMES = (12.0, 20.0, 26.0, 42.0)
+LARGE_TIMES = (48.0, 168.0, 320.0)
+IMAGES = Path(__file__).parent / "images"
 
 
 def main() -> None:
+    large()
+    hundred()
+
+
+def large() -> None:
+    """A hundred thousand agents, from what is kept of full runs."""
+    FIELD.strip(showcase(FIELD.name).stored("tiles"), LARGE_TIMES).savefig(IMAGES / "obstacle_field.png", dpi=150)
+    kept = {"LAMMPS": showcase(SIX.name).stored("lammps"), "tiles": showcase(SIX.name).stored("tiles")}
+    SIX.beside(kept).savefig(IMAGES / "cluster.png", dpi=130)
+
+
+def hundred() -> None:
+    """A hundred agents, computed here."""
     run = fk.simulate(obstacle_scenario(seed=0).with_(frames=TIMES))
     panels = []
     for frame, _ in enumerate(TIMES):
@@ -27,7 +43,7 @@ def main() -> None:
         )  # fmt: skip
     save(
         sheet(panels, columns=2, width=10.0, ratio=0.5, letters=False),
-        Path(__file__).parent / "images/obstacles",
+        IMAGES / "obstacles",
         ("png",),
     )
 

@@ -29,6 +29,8 @@ def showcase(
 ) -> int:
     """Make a large run of the gallery: run it, audit it, draw it. The same command again goes on with it.
 
+    The exit code is 1 when the ledger of the audit does not hold.
+
     Parameters
     ----------
     name
@@ -49,6 +51,7 @@ def showcase(
     from flocking.papers.auditing import audit
     from flocking.papers.showcases.shipped import showcase as showcase_named
     from flocking.show.style import save
+    from flocking.study.claims import Verdict
 
     chosen = showcase_named(name)
     folder = out or Path("out") / "showcases" / name
@@ -66,7 +69,7 @@ def showcase(
     if kept.drawable:
         written += save(chosen.draw(kept), folder / name, ("png",))
     _print(chosen.title, report, kept, written, as_json)
-    return FINE if report.as_expected else DIFFERENT
+    return FINE if report["ledger"].verdict == Verdict.HOLDS else DIFFERENT
 
 
 def _print(title: str, report: Report, kept: Kept, written: list[Path], as_json: bool) -> None:

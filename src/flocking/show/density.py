@@ -115,8 +115,23 @@ def density(
     return axes
 
 
+@in_style
 def scale(figure: Any, shades: Any, axes: Any, low: float, high: float, label: str = "density") -> Any:
-    """Draw the scale of colours beside axes, one or several, with few plain numbers."""
+    """Draw the scale of colours beside axes, with few plain numbers.
+
+    Parameters
+    ----------
+    figure
+        The figure.
+    shades
+        What `density` drew.
+    axes
+        Axes beside which it stands, one or several.
+    low, high
+        Ends of the scale.
+    label
+        What it says.
+    """
     from matplotlib.ticker import NullFormatter
 
     drawn = figure.colorbar(shades, ax=axes, label=label, shrink=0.85, pad=0.015, aspect=28)

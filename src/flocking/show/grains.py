@@ -49,13 +49,21 @@ def lattice_colors(order: NDArray[np.complex128]) -> Array:
 
 
 def wheel(axes: Any, color: str) -> Any:
-    """Draw into a corner of axes which hue is which direction: the six arms of a lattice along each."""
+    """Draw into a corner of axes which hue is which direction: a row of a lattice along each.
+
+    Parameters
+    ----------
+    axes
+        The axes.
+    color
+        Colour of the words.
+    """
+    from matplotlib.collections import PolyCollection
+
     inset = axes.inset_axes((0.015, 0.015, 0.2, 0.2))
     angle = np.linspace(0.0, 2 * np.pi, 361)
     middle = 0.5 * (angle[1:] + angle[:-1])
     ring = np.stack([np.stack([s * np.cos(angle), s * np.sin(angle)], axis=1) for s in (0.62, 1.0)])
-    from matplotlib.collections import PolyCollection
-
     pieces = np.stack([ring[0, :-1], ring[1, :-1], ring[1, 1:], ring[0, 1:]], axis=1)
     inset.add_collection(PolyCollection(list(pieces), facecolors=lattice_colors(np.exp(6j * middle)), gid="wheel"))
     inset.set(xlim=(-1.1, 1.1), ylim=(-1.1, 1.1), aspect="equal")

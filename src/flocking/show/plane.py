@@ -173,7 +173,15 @@ def _lift(x: Array) -> Array:
 
 
 def own_outlines(what: Run | State, state: State) -> list[Array]:
-    """Outlines of the obstacles a run's law meets, each once, where they are at the time of ``state``."""
+    """Outlines of the obstacles a run's law meets, each once, where they are at the time of a state.
+
+    Parameters
+    ----------
+    what
+        A run; a state has no obstacles.
+    state
+        The state.
+    """
     if not isinstance(what, Run) or state.dimension != 2:
         return []
     terms = [t for t in what.scenario.law.body_terms if isinstance(t, ObstacleTerm)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +26,8 @@ LATTICE = 2.0 / (np.sqrt(3.0) * DISTANCE**2)
 """Agents per unit of area in the lattice of spacing d_alpha."""
 SCALE_LABEL = r"density, in lattices of spacing $d_\alpha$"
 WIDEST = 10.5
+LATE = 0.9
+"""Share of the median speed below which an agent at the end counts as late: it is still rounding an obstacle."""
 SAMPLE = 200
 """Agents whose places are kept with all digits, so that runs can be compared."""
 FASTEST = 12.0
@@ -81,6 +83,7 @@ class ObstacleViews:
         balls = np.array([[*ball.centre.at(0.0)[0], ball.radius] for ball in balls_of(run.scenario)])
         near = [surface_distances(q, balls) for q in run.q]
         flocks = [largest_share(q, RADIUS) for q in run.q]
+        speeds = np.linalg.norm(run.p[-1], axis=1)
         drawn = [t for t in self.centres if np.abs(run.t - t).min() < 1e-6]
         made = {t: self.view(run.q[_frame(run, t)], t) for t in drawn}
         facts: dict[str, Any] = {
@@ -88,6 +91,7 @@ class ObstacleViews:
             "clearance": [float(d.min()) for d in near],
             "inside": [int((d < 0).sum()) for d in near],
             "mean_speed": [float(np.linalg.norm(p, axis=1).mean()) for p in run.p],
+            "late": int((speeds < LATE * np.median(speeds)).sum()),
             "flocks": [count for count, _ in flocks],
             "largest": [share for _, share in flocks],
             "views": drawn,
@@ -119,11 +123,15 @@ class ObstacleViews:
             panels.append(lambda axes: self._draw_close(close, kept, axes))
         return self._sheet(panels, 3)
 
+    def strip(self, kept: Kept, times: Sequence[float]) -> Figure:
+        """Densities at some of the times kept, side by side."""
+        return self._sheet([self._panel(kept, t, f"$t = {t:g}$") for t in times], len(times), letters=False)
+
     def beside(self, kept: Mapping[str, Kept]) -> Figure:
         """The same moments of runs of several engines, a row for each."""
         times = [t for t in self.centres if all(t in one.facts["views"] for one in kept.values())]
         panels = [self._panel(one, t, f"{engine}, $t = {t:g}$") for engine, one in kept.items() for t in times]
-        return self._sheet(panels, len(times))
+        return self._sheet(panels, len(times), letters=False)
 
     def difference(self, one: Kept, other: Kept, t: float) -> float:
         """Share of the agents in view that would have to stand elsewhere for two densities to be the same."""
@@ -138,11 +146,11 @@ class ObstacleViews:
     def _corner(self, t: float) -> Array:
         return np.array(self.centres[t]) - np.array(self.size) / 2
 
-    def _sheet(self, panels: list[Any], columns: int) -> Figure:
+    def _sheet(self, panels: list[Any], columns: int, *, letters: bool = True) -> Figure:
         from flocking.show.density import SPAN, scale
         from flocking.show.sheet import sheet
 
-        made = sheet(panels, columns=columns, width=WIDEST, ratio=self.ratio)
+        made = sheet(panels, columns=columns, width=WIDEST, ratio=self.ratio, letters=letters)
         axes = made.axes[: len(panels)]
         scale(made, axes[0].images[0], axes, *SPAN, label=SCALE_LABEL)
         return made
