@@ -9,6 +9,10 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from flocking.engine.lammps.run import drive_ranks
+from flocking.engine.lammps.session import LammpsOptions, LammpsSession
+from flocking.engine.run_writer import RunWriter
+from flocking.errors import StorageError
 from tests.mpi.job import scenario
 from tests.mpi.jobs import launch, run_job
 
@@ -53,6 +57,33 @@ def test_a_rank_that_dies_ends_the_job_and_the_run_goes_on_from_its_last_commit(
     np.testing.assert_allclose(gone_on.p, expected.p, rtol=0, atol=1e-9)
     np.testing.assert_allclose(gone_on.trace["supplied"], expected.trace["supplied"], rtol=1e-9)
     assert fk.read_run(folder).finished
+
+
+def test_a_run_killed_before_its_first_commit_begins_anew(tmp_path):
+    made = scenario("olfati-saber (35)", 2, n=30, t_end=0.2, frames=3)
+    options = {"step": 0.01, "observe": True}
+    RunWriter.create(
+        tmp_path / "run", made, with_links=True, observed=True, session={"engine": "lammps", "options": options}
+    ).close()
+    run = fk.resume(tmp_path / "run", progress=False)
+    assert run.finished
+    other = fk.simulate(made, engine="lammps", progress=False, **options)
+    np.testing.assert_array_equal(run.q, other.q)
+    np.testing.assert_array_equal(fk.read_run(tmp_path / "run").observables["order"], other.observables["order"])
+
+
+def test_a_damaged_checkpoint_is_told(tmp_path):
+    folder = tmp_path / "run"
+    made = scenario("olfati-saber (35)", 2, n=30, t_end=0.2, frames=3)
+    session = LammpsSession(made, LammpsOptions(step=0.01))
+    session._take_steps = lambda to: (_ for _ in ()).throw(KeyboardInterrupt)
+    drive_ranks(session, save=folder, progress=False, every=0.0)
+    file = next(folder.glob("checkpoint-*"))
+    data = bytearray(file.read_bytes())
+    data[len(data) // 2] ^= 1
+    file.write_bytes(data)
+    with pytest.raises(StorageError, match="checksum"):
+        fk.resume(folder, progress=False)
 
 
 def test_the_command_line_runs_under_mpiexec_and_resumes(tmp_path):
