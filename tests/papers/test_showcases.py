@@ -186,7 +186,7 @@ def test_what_is_kept_of_a_lattice():
     inner = flock_from_noise.uncoded(kept.arrays["patch_100"])[100:150, 100:150]
     assert (np.abs(np.angle(inner)) < 0.5).mean() > 0.95
     picture = flock_from_noise.draw(kept)
-    assert [a.get_title() for a in picture.axes if a.images][:2] == ["$t = 5$", "$t = 100$: all"]
+    assert [a.get_title() for a in picture.axes if a.images][:2] == ["$t = 5$", "$t = 100$"]
 
 
 def test_every_showcase_came_with_results():

@@ -61,18 +61,16 @@ def keep(run: Run) -> Kept:
 
 
 def draw(kept: Kept) -> Figure:
-    """The flock at the end in three windows, and one of them at earlier times."""
+    """A window as it ages; at the end all of the flock, and single agents in the middle of the window."""
     from flocking.show.sheet import sheet
 
     end = kept.facts["times"][-1]
     patches = sorted(float(name.removeprefix("patch_")) for name in kept.arrays if name.startswith("patch_"))
-    panels: list[Any] = [_shades(kept, f"patch_{t:g}", PATCH, f"$t = {t:g}$") for t in patches if t < end]
-    panels += [
-        _shades(kept, "whole", WHOLE, f"$t = {end:g}$: all", inner=PATCH),
-        _shades(kept, f"patch_{end:g}", PATCH, f"$t = {end:g}$", inner=CLOSE),
-        lambda axes: draw_close(kept, axes),
+    panels: list[Any] = [
+        _shades(kept, f"patch_{t:g}", PATCH, f"$t = {t:g}$", inner=CLOSE if t == end else 0.0) for t in patches
     ]
-    return sheet(panels, columns=3, width=10.5, ratio=1.0)
+    panels += [_shades(kept, "whole", WHOLE, f"all, $t = {end:g}$", inner=PATCH), lambda axes: draw_close(kept, axes)]
+    return sheet(panels, columns=2, width=7.2, ratio=1.0)
 
 
 def draw_close(kept: Kept, axes: Any) -> Any:
@@ -95,7 +93,7 @@ def draw_close(kept: Kept, axes: Any) -> Any:
         )  # fmt: skip
     half = CLOSE / 2 / RADIUS
     axes.set(xlim=(-half, half), ylim=(-half, half), aspect="equal", xlabel="$x/r$", ylabel="$y/r$")
-    axes.set_title("rings: not six neighbours (yellow: more)")
+    axes.set_title(f"single agents, $t = {kept.facts['times'][-1]:g}$")
     return axes
 
 

@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 LATTICE = 2.0 / (np.sqrt(3.0) * DISTANCE**2)
 """Agents per unit of area in the lattice of spacing d_alpha."""
 SCALE_LABEL = r"density, in lattices of spacing $d_\alpha$"
-WIDEST = 10.5
+COLUMN = 3.6
+"""Width of a panel."""
 LATE = 0.9
 """Share of the median speed below which an agent at the end counts as late: it is still rounding an obstacle."""
 SAMPLE = 200
@@ -75,7 +76,7 @@ class ObstacleViews:
     centres: Mapping[float, tuple[float, float]] = field(default_factory=dict)
     size: tuple[float, float] = (1.0, 1.0)
     cell: float = 1.0
-    ratio: float = 0.86
+    ratio: float = 0.8
     close: CloseView | None = None
 
     def keep(self, run: Run) -> Kept:
@@ -121,7 +122,7 @@ class ObstacleViews:
         if self.close is not None and "close_place" in kept.arrays:
             close = self.close
             panels.append(lambda axes: self._draw_close(close, kept, axes))
-        return self._sheet(panels, 3)
+        return self._sheet(panels, 2)
 
     def strip(self, kept: Kept, times: Sequence[float]) -> Figure:
         """Densities at some of the times kept, side by side."""
@@ -150,7 +151,7 @@ class ObstacleViews:
         from flocking.show.density import SPAN, scale
         from flocking.show.sheet import sheet
 
-        made = sheet(panels, columns=columns, width=WIDEST, ratio=self.ratio, letters=letters)
+        made = sheet(panels, columns=columns, width=COLUMN * columns, ratio=self.ratio, letters=letters)
         axes = made.axes[: len(panels)]
         scale(made, axes[0].images[0], axes, *SPAN, label=SCALE_LABEL)
         return made
@@ -186,7 +187,7 @@ class ObstacleViews:
         for ball in balls_of(showcase_scenario(self.name, agents=1)):
             axes.fill(*(ball.outline(181).T / RADIUS), facecolor=STONE, edgecolor=STONE_EDGE, lw=0.5)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="$x/r$", ylabel="$y/r$")
-        axes.set_title(f"single agents by speed, 0 to {FASTEST:g}, $t = {close.time:g}$")
+        axes.set_title(f"speeds, 0 to {FASTEST:g}, $t = {close.time:g}$")
         bar = axes.figure.colorbar(dots, cax=axes.inset_axes((0.0, -0.022, 1.0, 0.022)), orientation="horizontal")
         bar.set_ticks([])
         bar.outline.set_visible(False)
