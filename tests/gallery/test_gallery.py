@@ -177,7 +177,7 @@ def flock_from_noise(made):
     shades = [a.images[0].get_array() for a in made["picture"].axes if a.images]
     dark = [float((np.asarray(x).max(axis=-1) < 0.35).mean()) for x in shades]
     assert len(dark) == 5
-    assert dark[0] > 3 * dark[-1]
+    assert dark[0] > 3 * dark[3]
 
 
 def cluster_obstacles(made):
