@@ -56,7 +56,7 @@ def test_a_large_group_is_run_told_of_saved_and_read_again(
     expected = fk.simulate(fk.read_scenario(large), engine="tiles", step=0.01, observe=True, progress=False)
     assert run.q.tobytes() == expected.q.tobytes()
     flocks, share = run.observables["flocks"][-1], run.observables["density"][-1]
-    assert re.search(rf"flocks at the end +{flocks}, the largest of {100 * share:.4g} % of the agents\n", text)
+    assert re.search(rf"flocks at the end +{flocks}, the largest with {100 * share:.6g} % of the agents\n", text)
     assert max(map(len, text.splitlines())) <= 100
     assert "not recorded" in text
     for command in ("info", "resume"):

@@ -80,12 +80,18 @@ def _flocks(found: dict[str, Any]) -> str:
     """How many flocks, and where it was observed the share of the largest."""
     share = (found.get("observed") or {}).get("density")
     return str(found.get("flocks", "")) + (
-        "" if share is None else f", the largest of {100 * share:.4g} % of the agents"
+        "" if share is None else f", the largest with {100 * share:.6g} % of the agents"
     )
 
 
 def facts(found: dict[str, Any]) -> list[tuple[str, str]]:
-    """The summary as names and values for reading."""
+    """The summary as names and values for reading.
+
+    Parameters
+    ----------
+    found
+        What `summary` gives.
+    """
     switches = ", ".join(f"{count} {kind}" for kind, count in found["switches"].items())
     closest, energy = found.get("closest"), found.get("energy")
     pair = " and ".join(map(str, closest["pair"])) if closest else ""

@@ -118,7 +118,23 @@ def tiles_options(given: dict[str, Any]) -> TilesOptions:
 
 @dataclass(frozen=True, eq=False)
 class TilesSnapshot:
-    """Everything a session of the tiled engine needs to go on bit for bit."""
+    """Everything a session of the tiled engine needs to go on bit for bit.
+
+    Parameters
+    ----------
+    step
+        The largest time step.
+    plan
+        Start, end and number of the equal steps under way, and which comes next.
+    scheme
+        What the integrator remembers.
+    records
+        Frames and ledger so far.
+    steps
+        Number of steps so far.
+    farthest
+        Bound on how much two agents have approached each other in one step.
+    """
 
     scenario: Scenario
     options: TilesOptions
@@ -173,8 +189,9 @@ class TilesSession:
         self._scheme: Scheme = scheme_named(self.options.scheme, self.options.ledger)
         self._crowd = self._new_crowd(scenario, scenario.start)
         checks.resolution(self, scenario.start.q)
-        self.step = self.options.step or self._automatic_step()
-        if scenario.t_end - scenario.start.t > MOST_STEPS * self.step:
+        self.step, span = self.options.step or self._automatic_step(), scenario.t_end - scenario.start.t
+        self.step = min(self.step, span) if span > 0 else self.step
+        if span > MOST_STEPS * self.step:
             raise InvalidInput(
                 "TilesSession", "step", f"must reach the end in {MOST_STEPS:.0e} steps", self.step, "Give a longer one."
             )
