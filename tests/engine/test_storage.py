@@ -19,6 +19,7 @@ import xarray
 
 import flocking as fk
 from flocking.engine import durable, saving
+from flocking.engine.run import Closest
 from flocking.engine.run_writer import RunWriter
 from flocking.engine.storage import read_run, write_run
 from flocking.errors import InvalidInput, StorageError
@@ -385,3 +386,13 @@ def test_whatever_is_damaged_is_noticed(written: Path, tmp_path: Path) -> None:
             assert json.dumps(to_data(run.scenario)) == json.dumps(to_data(finished().scenario))
         shutil.rmtree(folder)
     assert {"position", "velocity", "links", "ledger", "zarr.json", "scenario.json"} <= noticed
+
+
+def test_closest_pairs_that_never_were_are_equal_on_every_python():
+    none = Closest(np.inf, float("nan"))
+    assert none == Closest(np.inf, float("nan"))
+    assert hash(none) == hash(Closest(np.inf, float("nan")))
+    assert none != Closest(np.inf, 0.0)
+    assert Closest(1.0, 2.0, (0, 1)) == Closest(1.0, 2.0, (0, 1))
+    for other in (Closest(1.5, 2.0, (0, 1)), Closest(1.0, 2.5, (0, 1)), Closest(1.0, 2.0, (0, 2)), (1.0, 2.0, (0, 1))):
+        assert Closest(1.0, 2.0, (0, 1)) != other

@@ -21,6 +21,9 @@ PROBE = 1e-4
 LARGEST = 0.1
 PERIODS = 0.15
 """Step times the fastest rate of the linearised motion."""
+DAMPING, DAMPED = 0.1, 0.4
+"""Step times the strongest damping, and where a scheme bears more of it. The ledger of a flock that settles then closes
+to about two per cent of the energy moved, well within what the step is checked for."""
 CLOSING = 0.02
 """Share of its distance that a pair may close per step at the start."""
 
@@ -90,7 +93,7 @@ def largest_step(scenario: Scenario, sampled: Sequence[SampledPairs | None], sch
             elif name == "position_gain":
                 limits.append(PERIODS / max(float(np.sqrt(_largest(value))), 1e-9))
     if damping > 0:
-        limits.append((1.0 if scheme == "damped" else 0.25) * mass / damping)
+        limits.append((DAMPED if scheme == "damped" else DAMPING) * mass / damping)
     return float(min(limits))
 
 

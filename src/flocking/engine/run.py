@@ -63,6 +63,16 @@ class Closest:
     time: float = np.nan
     pair: tuple[int, int] = (-1, -1)
 
+    def __eq__(self, other: object) -> bool:
+        """Equal in all three; where there was no such pair, two times that are no numbers count as equal."""
+        if not isinstance(other, Closest):
+            return NotImplemented
+        same_time = self.time == other.time or (self.time != self.time and other.time != other.time)
+        return self.distance == other.distance and self.pair == other.pair and same_time
+
+    def __hash__(self) -> int:
+        return hash((self.distance, self.pair))
+
 
 @dataclass(frozen=True, eq=False)
 class Run:

@@ -179,6 +179,13 @@ def simulate(
 def drive(session: ExactSession | TilesSession, *, progress: bool, saving: Saving | None = None) -> Run:
     """Advance a session to the end of its scenario, and save it on the way.
 
+    Parameters
+    ----------
+    progress
+        Show a progress bar.
+    saving
+        Keeps the run on disk on the way; nothing is kept when absent.
+
     Raises
     ------
     SimulationError, StorageError

@@ -18,7 +18,17 @@ RESIDUAL = 0.05
 def step_too_large(
     step: float, would_do: float, why: str, *, time: float, agents: tuple[int, ...] = (), instead: str = ""
 ) -> StepTooLarge:
-    """The error that says which step would do; ``instead``: another way out, in words."""
+    """The error that says which step would do; ``instead``: another way out, in words.
+
+    Parameters
+    ----------
+    would_do
+        The step to try.
+    why
+        What went wrong, in words.
+    agents
+        Numbers of the agents it is about.
+    """
     error = StepTooLarge(
         f"The time step {step:.3g} is too large: {why}. A step of {would_do:.2g} would do{instead}.",
         time=time, agents=agents,
@@ -29,6 +39,11 @@ def step_too_large(
 
 def check_stride(step: float, distance: float, moved: float, *, time: float, agents: tuple[int, ...]) -> None:
     """Whether a pair moved no more than its distance allows in one step.
+
+    Parameters
+    ----------
+    agents
+        Numbers of the two agents.
 
     Raises
     ------

@@ -75,7 +75,13 @@ class Banner:
 
 
 def explained(legend: Legend, dark: bool) -> str:
-    """A legend as HTML."""
+    """A legend as HTML.
+
+    Parameters
+    ----------
+    dark
+        Whether the ground is dark.
+    """
     if legend.kind == "flock":
         return "one colour for each flock"
     if legend.kind == "heading":

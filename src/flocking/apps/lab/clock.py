@@ -101,13 +101,29 @@ class Clock:
         return self._closed
 
     def post(self, action: Action, key: object = None) -> None:
-        """Do something between two steps, soon. Of those posted with the same key only the last is done."""
+        """Do something between two steps, soon. Of those posted with the same key only the last is done.
+
+        Parameters
+        ----------
+        action
+            Called without arguments by the thread of the clock.
+        """
         with self._wake:
             self._waiting[object() if key is None else key] = action
             self._wake.notify_all()
 
     def do(self, action: Action, key: object = None, timeout: float = 60.0) -> None:
-        """Do something between two steps and wait until it is done."""
+        """Do something between two steps and wait until it is done.
+
+        Parameters
+        ----------
+        action
+            Called without arguments by the thread of the clock.
+        key
+            Of actions waiting under one key only the last is done.
+        timeout
+            Seconds to wait at most.
+        """
         done = threading.Event()
 
         def finish() -> None:
@@ -143,7 +159,13 @@ class Clock:
             self._advance(to)
 
     def next_frame(self, after: int, timeout: float | None = None) -> Frame | None:
-        """Wait for a frame with a number above ``after``; None when there is none in time, or the clock was stopped."""
+        """Wait for a frame with a number above ``after``; None when there is none in time, or the clock was stopped.
+
+        Parameters
+        ----------
+        timeout
+            Seconds to wait at most; for ever when absent.
+        """
         with self._frame_ready:
             self._frame_ready.wait_for(lambda: self._closed or self.frame.number > after, timeout)
             return None if self._closed or self.frame.number <= after else self.frame

@@ -54,6 +54,11 @@ class Outcome:
 def outcome(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outcome:
     """What ``event`` does to a scenario that stands at ``state``.
 
+    Parameters
+    ----------
+    base
+        The scenario as it was opened.
+
     Raises
     ------
     InvalidInput

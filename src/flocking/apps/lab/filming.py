@@ -37,6 +37,11 @@ def _theme(look: Look) -> str:
 def picture(state: State, scenario: Scenario, look: Look, path: Path) -> Path:
     """Draw one moment.
 
+    Parameters
+    ----------
+    look
+        What is shown, and how.
+
     Raises
     ------
     InvalidInput
@@ -103,6 +108,11 @@ class Film:
 
     def write(self, path: Path, look: Look) -> Path:
         """End the take and write it, as MP4 where ffmpeg is installed, else as GIF.
+
+        Parameters
+        ----------
+        look
+            What is shown, and how.
 
         Raises
         ------

@@ -68,7 +68,15 @@ def turns(p: Array, before: NDArray[np.float32] | None = None) -> NDArray[np.flo
 
 
 def ramp(values: Array, low: float, high: float, dark: bool = False) -> Bytes:
-    """Colours of a ramp, shape (N, 3)."""
+    """Colours of a ramp, shape (N, 3).
+
+    Parameters
+    ----------
+    values
+        Numbers, shape (N,).
+    dark
+        Whether the ground is dark.
+    """
     stops = RAMPS[dark]
     x = np.clip((values - low) / (high - low), 0.0, 1.0) if high > low else np.full(len(values), 0.5)
     position = np.nan_to_num(x) * (len(stops) - 1)
@@ -78,7 +86,13 @@ def ramp(values: Array, low: float, high: float, dark: bool = False) -> Bytes:
 
 
 def wheel(angle: Array) -> Bytes:
-    """Colours of angles, shape (N, 3); opposite directions get opposite hues."""
+    """Colours of angles, shape (N, 3); opposite directions get opposite hues.
+
+    Parameters
+    ----------
+    angle
+        Radians, shape (N,).
+    """
     shifts = np.array([0.0, -2 * np.pi / 3, 2 * np.pi / 3])
     return np.asarray(40 + 87.5 * (1 + np.cos(angle[:, None] + shifts)), dtype=np.uint8)
 

@@ -129,7 +129,13 @@ class Series:
         self.rows: deque[tuple[float, ...]] = deque(maxlen=SERIES_POINTS)
 
     def add(self, t: float, values: tuple[float, ...]) -> None:
-        """Add a row; time that went back begins anew."""
+        """Add a row; time that went back begins anew.
+
+        Parameters
+        ----------
+        values
+            The numbers of the row after its time.
+        """
         if self.rows and t < self.rows[-1][0]:
             self.rows.clear()
         if not self.rows or t > self.rows[-1][0]:

@@ -190,7 +190,13 @@ class Instruments:
         return button
 
     def show(self, number: int) -> None:
-        """Say what a lamp means, and highlight the agents it is about."""
+        """Say what a lamp means, and highlight the agents it is about.
+
+        Parameters
+        ----------
+        number
+            Number of the lamp among those shown.
+        """
         shown = [lamp for lamp in self.lamps if lamp.word != "not applicable"]
         if number >= len(shown):
             return

@@ -48,6 +48,11 @@ def measured(state: State, energy: float) -> dict[str, float]:
     """Numbers of one moment by their `NAMES`; NaN for what a group is too large for.
 
     ``defect`` is how far linked distances are from their mean, relatively.
+
+    Parameters
+    ----------
+    energy
+        Energy of the scenario at that moment.
     """
     found = dict.fromkeys(NAMES, float("nan"))
     found |= {"energy": energy, "velocity spread": observables.velocity_spread(state)}
@@ -67,7 +72,13 @@ def measured(state: State, energy: float) -> dict[str, float]:
 
 
 def ledger(first: tuple[float, ...], last: tuple[float, ...]) -> dict[str, float]:
-    """What the energy did between two rows of a ledger, by `LEDGER`."""
+    """What the energy did between two rows of a ledger, by `LEDGER`.
+
+    Parameters
+    ----------
+    first, last
+        The two rows, fields `TRACE_FIELDS`.
+    """
     _, energy, _, _, dissipated, supplied, jumped = (b - a for a, b in zip(first, last, strict=True))
     return dict(zip(LEDGER, (dissipated, supplied, jumped, energy + dissipated - supplied - jumped), strict=True))
 
@@ -107,6 +118,11 @@ def claims_of(scenario_name: str) -> tuple[Claim, ...]:
     """The paper's claims about its scenario, then the general ones that these do not name already.
 
     Of the general ones agreement is claimed as the theorems do: of a graph that stays connected.
+
+    Parameters
+    ----------
+    scenario_name
+        Name of the scenario.
     """
     found = paper_claims(scenario_name) or ()
     known = {c.key for c in found}

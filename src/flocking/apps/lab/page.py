@@ -105,13 +105,27 @@ class Page:
         return name, Experiment(scenario_of(name, self.folder))
 
     def complain(self, message: str) -> None:
-        """Say what was refused."""
+        """Say what was refused.
+
+        Parameters
+        ----------
+        message
+            What to say.
+        """
         self.trouble = message
         for client in self.server.get_clients().values():
             client.add_notification("Not possible", message[:400], color="red", auto_close_seconds=10.0)
 
     def send(self, event: Event, key: object = None, tell: Callable[[str], None] | None = None) -> None:
-        """Do an event to every experiment between two steps, and say in place what is wrong with it."""
+        """Do an event to every experiment between two steps, and say in place what is wrong with it.
+
+        Parameters
+        ----------
+        key
+            Of events waiting under one key only the last is done.
+        tell
+            Told what is wrong, or an empty text; a notification when absent.
+        """
 
         def act() -> None:
             try:

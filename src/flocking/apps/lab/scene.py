@@ -49,7 +49,19 @@ LIGHT, DARK = (70, 70, 80), (200, 200, 210)
 
 @dataclass
 class Look:
-    """What of a scene is shown, and how."""
+    """What of a scene is shown, and how.
+
+    Parameters
+    ----------
+    color
+        What colours the agents.
+    trails, follow, imagined
+        Whether paths are drawn, the camera moves with the group, and beta- and gamma-agents are shown.
+    dark
+        Whether the ground is dark.
+    highlight
+        Numbers of agents to point at.
+    """
 
     color: str = "speed"
     links: bool = True
@@ -171,7 +183,13 @@ class Scene:
             client.camera.position, client.camera.look_at = look_at + offset, look_at
 
     def show_stored(self, states: list[State], scenario: Scenario, *, aim: bool = False) -> None:
-        """Show states from elsewhere instead of the clock's."""
+        """Show states from elsewhere instead of the clock's.
+
+        Parameters
+        ----------
+        aim
+            Whether the camera turns to them.
+        """
         live = self.clock.frame
         self._stored = replace(live, time=states[0].t, states=tuple(states), scenarios=(scenario,))
         if aim:

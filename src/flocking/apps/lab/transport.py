@@ -73,11 +73,23 @@ class Transport:
         self.anew.on_click(lambda _: deeds[self.anew.value]())
 
     def run_at(self, speed: float) -> None:
-        """Set how much time passes in a second."""
+        """Set how much time passes in a second.
+
+        Parameters
+        ----------
+        speed
+            Time units per second.
+        """
         self._clock.speed = self.speed.value = min(max(float(f"{speed:.3g}"), SLOWEST), FASTEST)
 
     def offer(self, names: tuple[str, ...]) -> None:
-        """Offer other scenarios; the one that is open stays among them."""
+        """Offer other scenarios; the one that is open stays among them.
+
+        Parameters
+        ----------
+        names
+            Their names.
+        """
         chosen = self.scenario.value
         names = tuple(dict.fromkeys((*names, chosen)))
         if tuple(self.scenario.options) != names:

@@ -20,7 +20,13 @@ THINNEST = 0.05
 
 
 class LammpsError(Exception):
-    """LAMMPS complained. ``alone``: on this rank, of which the others know nothing."""
+    """LAMMPS complained. ``alone``: on this rank, of which the others know nothing.
+
+    Parameters
+    ----------
+    words
+        What it said.
+    """
 
     def __init__(self, words: str, *, alone: bool) -> None:
         super().__init__(words)
@@ -53,7 +59,13 @@ class Atoms:
         self._lammps = library.instance(ranks.comm, log)
 
     def begin(self, step: float, restart: bytes | None) -> None:
-        """Hand LAMMPS the deck and the agents of its scenario, or those of a restart file; forces are up to date."""
+        """Hand LAMMPS the deck and the agents of its scenario, or those of a restart file; forces are up to date.
+
+        Parameters
+        ----------
+        step
+            Time step.
+        """
         with tempfile.TemporaryDirectory() if self.ranks.first else _Nowhere() as made:
             folder = Path(self.ranks.comm.bcast(made))
             if self.ranks.first:
@@ -76,6 +88,11 @@ class Atoms:
 
     def command(self, *lines: str) -> None:
         """Give LAMMPS commands.
+
+        Parameters
+        ----------
+        lines
+            The commands, one each.
 
         Raises
         ------

@@ -92,7 +92,13 @@ class Deck:
         return [*self.properties(), f"read_data {data}{extra}"]
 
     def law(self, ranks: int = 1) -> list[str]:
-        """Commands for neighbours, pair terms, motion and body terms."""
+        """Commands for neighbours, pair terms, motion and body terms.
+
+        Parameters
+        ----------
+        ranks
+            How many ranks share the agents.
+        """
         scenario = self.scenario
         lines = [f"neighbor {self.skin!r} bin", "neigh_modify every 1 delay 0 check yes", ""]
         for term in scenario.law.pair_terms:

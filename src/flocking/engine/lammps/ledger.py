@@ -43,7 +43,13 @@ class Ledger:
         self._encounters = Encounters(scenario.law)
 
     def go_on(self, trace: list[tuple[float, ...]], state: State) -> None:
-        """Go on after the rows of an earlier run that ended in ``state``."""
+        """Go on after the rows of an earlier run that ended in ``state``.
+
+        Parameters
+        ----------
+        trace
+            Those rows, fields `TRACE_FIELDS`.
+        """
         self.trace = trace
         if trace:
             pairs = self.pairs(state)

@@ -57,7 +57,13 @@ class PairPart:
 
 
 def numbers(layout_values: Any, expression: sympy.Expr) -> sympy.Expr:
-    """The expression with its single-number parameters ``P0``, ``P1``... replaced by their values."""
+    """The expression with its single-number parameters ``P0``, ``P1``... replaced by their values.
+
+    Parameters
+    ----------
+    layout_values
+        Values of ``P0``, ``P1``... in order.
+    """
     import sympy
 
     known = {
@@ -143,7 +149,13 @@ def table_text(name: str, table: np.ndarray[Any, Any]) -> str:
 
 
 def pair_commands(parts: list[PairPart]) -> list[str]:
-    """Commands that set up all pair styles; tables are read from files ``table0.txt``, ``table1.txt``..."""
+    """Commands that set up all pair styles; tables are read from files ``table0.txt``, ``table1.txt``...
+
+    Parameters
+    ----------
+    parts
+        One for each pair term.
+    """
     styles: list[tuple[str, str, str]] = []
     for number, part in enumerate(parts):
         if part.energy:

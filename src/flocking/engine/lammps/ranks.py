@@ -38,7 +38,13 @@ class Ranks:
         return self.rank == 0
 
     def alone(self, action: Callable[[], T]) -> T | None:
-        """Let the first rank do something. Its result stays there; its failure is raised on all ranks."""
+        """Let the first rank do something. Its result stays there; its failure is raised on all ranks.
+
+        Parameters
+        ----------
+        action
+            Called without arguments.
+        """
         result, failure = None, None
         if self.first:
             try:
@@ -54,14 +60,26 @@ class Ranks:
         return result
 
     def end(self, words: str) -> None:
-        """Say why on standard error, and end the whole job: all its ranks."""
+        """Say why on standard error, and end the whole job: all its ranks.
+
+        Parameters
+        ----------
+        words
+            The reason.
+        """
         sys.stderr.write(f"flocking: rank {self.rank} of {self.size}: {words}\n")
         sys.stderr.flush()
         time.sleep(TOLD_SECONDS)
         self.comm.Abort(1)
 
     def gathered(self, rows: Any) -> Any | None:
-        """Rows of all ranks one after the other, on the first rank; None elsewhere."""
+        """Rows of all ranks one after the other, on the first rank; None elsewhere.
+
+        Parameters
+        ----------
+        rows
+            This rank's rows, shape (K, columns).
+        """
         from mpi4py import MPI
 
         counts = self.comm.gather(rows.size)

@@ -46,7 +46,13 @@ class Records:
         return self.count < len(self.frame_times) and bool(self.frame_times[self.count] <= t + 1e-12 * max(1.0, abs(t)))
 
     def frame(self, state: State, observed: tuple[float, ...] | None) -> None:
-        """Store a frame."""
+        """Store a frame.
+
+        Parameters
+        ----------
+        observed
+            Observations of the frame, fields `OBSERVED_FIELDS`, or None.
+        """
         if observed is not None:
             self.observed.append(observed)
         self.q.append(state.q)

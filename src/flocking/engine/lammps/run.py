@@ -109,6 +109,11 @@ def drive_ranks(
 def resume_on_ranks(folder: str | Path, *, scenario: Scenario | None, progress: bool) -> Run:
     """Go on with a run on disk from its last commit, on any number of ranks.
 
+    Parameters
+    ----------
+    progress
+        Show a progress bar.
+
     Raises
     ------
     StorageError

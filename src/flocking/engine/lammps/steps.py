@@ -29,14 +29,28 @@ def chosen_step(scenario: Scenario, state: State) -> float:
 
 
 def steps_between(start: float, end: float, step: float) -> int:
-    """How many steps of at most ``step`` lead from one time to another."""
+    """How many steps of at most ``step`` lead from one time to another.
+
+    Parameters
+    ----------
+    start, end
+        The two times.
+    """
     return max(1, int(np.ceil((end - start) / step - 1e-9)))
 
 
 def step_too_large(
     scenario: Scenario, last: State, step: float, why: str, time: float, agents: tuple[int, ...] = ()
 ) -> StepTooLarge:
-    """The error that names the step that resolves the last state known to be sound, and is at most half of this one."""
+    """The error that names the step that resolves the last state known to be sound, and is at most half of this one.
+
+    Parameters
+    ----------
+    why
+        What went wrong, in words.
+    agents
+        Numbers of the agents it is about.
+    """
     return too_large(step, min(0.5 * step, _resolves(scenario, last)), why, time=time, agents=agents)
 
 
@@ -46,6 +60,11 @@ def _resolves(scenario: Scenario, state: State) -> float:
 
 def check_strides(state: State, pairs: tuple[Any, Any], step: float) -> None:
     """Whether some linked pair moves too far for its distance within one step.
+
+    Parameters
+    ----------
+    pairs
+        Numbers of the two agents of each linked pair, shape (K,) each.
 
     Raises
     ------
@@ -63,6 +82,13 @@ def check_strides(state: State, pairs: tuple[Any, Any], step: float) -> None:
 
 def check_books(ledger: Ledger, step: float, rows: int, sound: State) -> None:
     """Whether the ledger closes well enough; where rows are rare its own rule of integration may miss much.
+
+    Parameters
+    ----------
+    step
+        The time step.
+    sound
+        The last state known to be sound.
 
     Raises
     ------

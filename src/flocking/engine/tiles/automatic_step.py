@@ -13,7 +13,13 @@ from flocking.model.law import Scenario
 
 
 def choose(crowd: Crowd, scenario: Scenario, scheme: str) -> float:
-    """The largest step that resolves the start, from agents spread evenly over the sorted order of the crowd."""
+    """The largest step that resolves the start, from agents spread evenly over the sorted order of the crowd.
+
+    Parameters
+    ----------
+    scheme
+        Name of the scheme that will take the steps.
+    """
     return largest_step(scenario, [_sampled(crowd, number) for number in range(len(crowd.lists))], scheme)
 
 

@@ -83,7 +83,13 @@ _compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
 
 @_compiled
 def cell_of(x, origin, inverse, count):  # type: ignore[no-untyped-def]
-    """Cell of a coordinate along one axis, wrapped."""
+    """Cell of a coordinate along one axis, wrapped.
+
+    Parameters
+    ----------
+    origin, inverse, count
+        Where the cells begin, one over their width, and how many there are.
+    """
     c = np.int64((np.float64(x) - origin) * inverse)
     return c if 0 <= c < count else c % count
 
@@ -222,6 +228,11 @@ class Sorter:
 
         `crowding` is a lower bound of the number of ordered pairs within reach: a cell splits into 2^m parts
         whose agents are all within reach of each other.
+
+        Parameters
+        ----------
+        seen
+            Where the agents are.
         """
         n = self.n
         grid = self.grid = choose_grid(seen.low, seen.high, reach, n)
@@ -250,7 +261,15 @@ class Sorter:
         self.crowding = float(crowded.sum())
 
     def arrange(self, agents: Any, ids: Any, target: Any, target_ids: Any, reference: Any) -> Any:
-        """Agents, identities and reference positions into the new order; returns the new place of each old one."""
+        """Agents, identities and reference positions into the new order; returns the new place of each old one.
+
+        Parameters
+        ----------
+        agents, ids
+            Agents and identities in the old order.
+        target, target_ids
+            Where they go.
+        """
         place = self.key_there
         self.workers.each(_arrange, self.n, self.order, agents, ids, target, target_ids, reference, place)
         return place

@@ -23,7 +23,13 @@ FARTHEST = 1e15
 
 
 def after_step(session: TilesSession, crowd: Crowd, h: float) -> None:
-    """What every step is checked for. The state before the step is still in ``crowd.Y``."""
+    """What every step is checked for. The state before the step is still in ``crowd.Y``.
+
+    Parameters
+    ----------
+    h
+        The step just made.
+    """
     if not np.isfinite(crowd.top_speed):
         bad = np.flatnonzero(~np.isfinite(crowd.X[:, : crowd.n]).all(axis=0))
         if not len(bad):

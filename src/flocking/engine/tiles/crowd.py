@@ -68,7 +68,13 @@ def _extremes(tops, out):  # type: ignore[no-untyped-def]
 
 @dataclass
 class CrowdMemory:
-    """Copies of everything that fixes how a crowd goes on."""
+    """Copies of everything that fixes how a crowd goes on.
+
+    Parameters
+    ----------
+    fields
+        The copies by name.
+    """
 
     fields: dict[str, Any]
 
@@ -234,7 +240,13 @@ class Crowd:
         return float(np.sqrt(out.max())) + self._rounding
 
     def require_lists(self, step: float) -> None:
-        """Make sure that the lists hold every pair within the cutoffs."""
+        """Make sure that the lists hold every pair within the cutoffs.
+
+        Parameters
+        ----------
+        step
+            The time step; the skin is chosen by it.
+        """
         if not self.usable():
             self.rebuild(step)
 
@@ -263,6 +275,13 @@ class Crowd:
 
     def rebuild(self, step: float, skin: float | None = None) -> None:
         """Sort the agents and build all lists anew, keeping the memory of links.
+
+        Parameters
+        ----------
+        step
+            The time step; the skin is chosen by it.
+        skin
+            Width of the skin; chosen when absent.
 
         Raises
         ------
@@ -332,7 +351,21 @@ class Crowd:
         self, t: float, *, keep: float, kick: float, drift: float, whole: float = 0.0, soft: float = 1.0,
         hold: bool = False,
     ) -> None:  # fmt: skip
-        """One pass of the kernel from X into Y; the caller decides whether Y becomes the state."""
+        """One pass of the kernel from X into Y; the caller decides whether Y becomes the state.
+
+        Parameters
+        ----------
+        keep
+            Factor on the old velocity.
+        kick, drift
+            Times for which the control acts on velocities and velocities act on positions.
+        whole
+            Time by which velocities lag behind positions.
+        soft
+            1 where damping of velocities is exponential within the kick, 0 where not.
+        hold
+            Whether links stay as they are.
+        """
         T = self.dtype
         if self.spec.layout.law.beyond_neighbours or (
             self.spec.ledger and self.spec.layout.energy.frame == "centre of mass"
@@ -387,7 +420,13 @@ class Crowd:
         self.bound += abs(stride) * self.top_speed * (1.0 + 1e-6) + self._rounding
 
     def adopt(self, scenario: Scenario, spec: KernelSpec, t: float) -> None:
-        """Obey another law over graphs of the same kinds from now on; links are kept."""
+        """Obey another law over graphs of the same kinds from now on; links are kept.
+
+        Parameters
+        ----------
+        spec
+            What fixes the kernel of the other law.
+        """
         self.spec, self.graphs = spec, scenario.law.graphs
         self.kernel = tile_kernels(spec).move
         self.sums = np.zeros((self.tiles if spec.ledger else 1, len(SUMS)), np.float64)

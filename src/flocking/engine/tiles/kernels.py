@@ -41,7 +41,13 @@ def _printers() -> str:
 
 
 def tile_kernels(spec: KernelSpec) -> ModuleType:
-    """Module with the kernel ``move`` of a law; see the module's docstring and `_arguments`."""
+    """Module with the kernel ``move`` of a law; see the module's docstring and `_arguments`.
+
+    Parameters
+    ----------
+    spec
+        What fixes the kernel.
+    """
     from flocking.engine.expressions import law_formulas
 
     structure = ("tiles", _printers(), spec.structure)
@@ -49,7 +55,13 @@ def tile_kernels(spec: KernelSpec) -> ModuleType:
 
 
 def is_compiled(spec: KernelSpec) -> bool:
-    """Whether machine code of a law's kernel is on disk already."""
+    """Whether machine code of a law's kernel is on disk already.
+
+    Parameters
+    ----------
+    spec
+        What fixes the kernel.
+    """
     module = Path(str(tile_kernels(spec).__file__))
     return any((module.parent / "__pycache__").glob(f"{module.stem}.move-*.nbi"))
 

@@ -61,7 +61,13 @@ class TileLists:
 
 
 def empty_lists(tiles: int) -> TileLists:
-    """Lists without a single entry."""
+    """Lists without a single entry.
+
+    Parameters
+    ----------
+    tiles
+        Number of tiles.
+    """
     return TileLists(np.empty((0, WIDTH), np.uint32), np.zeros(tiles, np.int64), np.zeros(tiles, np.int32))
 
 
@@ -328,6 +334,8 @@ def fixed_lists(ids: Any, place: Any, offsets: Any, neighbours: Any, workers: Wo
         Place of each identity, shape (n,).
     offsets, neighbours
         Sensed identities of identity i are ``neighbours[offsets[i] : offsets[i + 1]]``.
+    workers
+        The threads that fill them.
     """
     n = len(place)
     tiles = (n + WIDTH - 1) // WIDTH

@@ -48,7 +48,13 @@ def flattened(value: Any, arrays: Arrays) -> Any:
 
 
 def restored(data: Any, arrays: Arrays) -> Any:
-    """The value that `flattened` gave ``data`` for."""
+    """The value that `flattened` gave ``data`` for.
+
+    Parameters
+    ----------
+    arrays
+        Arrays by the names that ``data`` mentions.
+    """
     if not isinstance(data, dict):
         return data
     if "array" in data:
@@ -78,7 +84,15 @@ def pack_tiles(session: TilesSession) -> tuple[dict[str, Any], Arrays]:
 def restore_tiles(
     numbers: dict[str, Any], arrays: Arrays, scenario: Scenario, stored: dict[str, int], threads: int | None
 ) -> TilesSession:
-    """The session that was packed, with so many records of each kind ``stored`` on disk."""
+    """The session that was packed, with so many records of each kind ``stored`` on disk.
+
+    Parameters
+    ----------
+    numbers, arrays
+        What was packed.
+    threads
+        Number of threads; all processors when absent.
+    """
     options = TilesOptions(**numbers["options"])
     kept = restored(numbers["session"], arrays)
     records = Records(scenario, options.precision, keep_frames=options.keep_frames, observe=options.observe)

@@ -16,6 +16,11 @@ from flocking.model.weights import HashedWeights, MatrixWeights
 def kernel_numbers(scenario: Scenario, spec: KernelSpec, t: float) -> tuple[Any, list[Any], Any, Any]:
     """Numbers of a law at time ``t``.
 
+    Parameters
+    ----------
+    spec
+        What fixes the kernel.
+
     Returns
     -------
     tuple

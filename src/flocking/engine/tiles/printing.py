@@ -78,7 +78,13 @@ class Lifter:
 
 
 def without_branches(expression: Any) -> Any:
-    """Every Piecewise turned into nested two-way selections, which common subexpressions may pass through."""
+    """Every Piecewise turned into nested two-way selections, which common subexpressions may pass through.
+
+    Parameters
+    ----------
+    expression
+        A SymPy expression.
+    """
     import sympy
 
     if expression.is_Atom:

@@ -132,7 +132,15 @@ class Records:
                 "closest": self.closest}  # fmt: skip
 
     def recall(self, memory: dict[str, Any], stored: dict[str, int]) -> None:
-        """Go on after so many records of each kind that are on disk."""
+        """Go on after so many records of each kind that are on disk.
+
+        Parameters
+        ----------
+        memory
+            What was kept of the records.
+        stored
+            Numbers of records on disk, by kind.
+        """
         self.count, self.apart, self.first = memory["count"], memory["apart"], memory["first"]
         self.trace, self.stored, self.closest = list(memory["open"]), dict(stored), memory["closest"]
 
@@ -141,7 +149,13 @@ class Records:
         return self.count < len(self.frame_times) and t >= self.frame_times[self.count]
 
     def frame(self, t: float, q: Any, p: Any, links: Any, observed: tuple[float, ...] | None) -> None:
-        """Store a frame."""
+        """Store a frame.
+
+        Parameters
+        ----------
+        observed
+            Observations of the frame, fields `OBSERVED_FIELDS`, or None.
+        """
         self.count += 1
         if observed is not None:
             self.observed.append(observed)
@@ -154,7 +168,15 @@ class Records:
             self.links.append(links)
 
     def book(self, t: float, books: Books, n: int, unlinked: float) -> None:
-        """Add a row to the ledger; a second row of the same time replaces the first."""
+        """Add a row to the ledger; a second row of the same time replaces the first.
+
+        Parameters
+        ----------
+        books
+            Sums over the group and integrals so far.
+        unlinked
+            Energy of a pair without a link.
+        """
         sums = books.sums
         energy = sums["pairs"] + sums["bodies"] + sums["kinetic"]
         # What pairs without a link carry changes by jumps alone.

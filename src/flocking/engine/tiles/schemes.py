@@ -57,6 +57,11 @@ class Scheme(ABC):
 
     `begin` looks at the state of the present step (forces, energies, closest pair) without moving it;
     `step` moves. Both leave the agents' velocities as `velocities_lag` says.
+
+    Parameters
+    ----------
+    ledger
+        Whether energies are summed on the way.
     """
 
     order: int
@@ -215,5 +220,11 @@ class RungeKutta(Scheme):
 
 
 def scheme_named(name: str, ledger: bool) -> Scheme:
-    """The scheme of a name in `flocking.engine.tiles.spec.SCHEMES`."""
+    """The scheme of a name in `flocking.engine.tiles.spec.SCHEMES`.
+
+    Parameters
+    ----------
+    ledger
+        Whether energies are summed on the way.
+    """
     return RungeKutta(ledger) if name == "rk4" else Verlet(ledger)

@@ -124,7 +124,13 @@ def check_supported(scenario: Scenario) -> None:
 
 
 def graph_kinds(scenario: Scenario, ledger: bool) -> tuple[GraphKind, ...]:
-    """Treatment of each graph of a scenario's law."""
+    """Treatment of each graph of a scenario's law.
+
+    Parameters
+    ----------
+    ledger
+        Whether energies are summed on the way.
+    """
     law = scenario.law
     return tuple(_kind(graph, has_barrier(law, graph) and graph.moves, ledger) for graph in law.graphs)
 

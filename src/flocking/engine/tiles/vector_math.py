@@ -37,7 +37,15 @@ def _horner(coefficients: list[float], variable: str) -> str:
 
 
 def source(names: set[str], double: bool) -> str:
-    """Source of the wanted functions among fast_sin, fast_cos, fast_exp and fast_log, in terms of the type ``T``."""
+    """Source of the wanted functions among fast_sin, fast_cos, fast_exp and fast_log, in terms of the type ``T``.
+
+    Parameters
+    ----------
+    names
+        Which functions.
+    double
+        Whether numbers have 64 bits, else 32.
+    """
     makers = {"fast_sin": _wave, "fast_cos": _wave, "fast_exp": _exponential, "fast_log": _logarithm}
     return "".join(makers[name](name, double) for name in sorted(names))
 
@@ -108,5 +116,11 @@ def _logarithm(name: str, double: bool) -> str:
 
 
 def tested_error(double: bool) -> float:
-    """Largest relative error that tests allow each function, in units of rounding times 4."""
+    """Largest relative error that tests allow each function, in units of rounding times 4.
+
+    Parameters
+    ----------
+    double
+        Whether numbers have 64 bits, else 32.
+    """
     return 4.0 * float(np.finfo(np.float64 if double else np.float32).eps)
