@@ -10,12 +10,16 @@ import numpy as np
 from flocking.engine.run import Closest, Run
 from flocking.model.checks import Array
 from flocking.model.connectivity import Links, components, is_connected
+from flocking.model.graphs import pair_distances
 from flocking.model.law import Law
 from flocking.study.equilibrium import Equilibrium
 
 LEDGER_FACTOR = 100.0
 """The ledger must close to this many tolerances times the total energy moved."""
 
+
+SLACK = 1e-6
+"""Share of a radius within which a pair may be linked or not."""
 
 MOST_DENSE = 4000
 """Largest group whose pairs are all looked at at once."""
@@ -108,10 +112,32 @@ class Evidence:
         """Largest absolute residual of the energy ledger over the run."""
         return float(np.abs(self.run.residual).max(initial=0.0))
 
+    @cached_property
+    def foreign_link(self) -> str:
+        """What contradicts the declared graph at the last frame: a link too long, or one that is missing.
+
+        The ledger of an engine adds over the links that were at work, whoever made them. Earlier frames may belong
+        to a law that was replaced on the way.
+        """
+        graph, state = self.law.graph, self.run.state(-1) if len(self.run.t) else None
+        if state is None or state.links is None or graph.sees_headings or not self.switches_known:
+            return ""
+        distance = pair_distances(state.q)
+        if graph.moves:
+            leaves, enters = (np.asarray(r)[..., None] for r in (graph.break_radius, graph.appear_radius))
+            wrong = state.links & (distance > leaves * (1 + SLACK)) | ~state.links & (distance < enters * (1 - SLACK))
+        else:
+            wrong = state.links != graph.initial(state.q)
+        if not wrong.any():
+            return ""
+        i, j = (int(k) for k in np.argwhere(wrong)[0])
+        what = "are linked" if state.links[i, j] else "are not linked"
+        return f"agents {i} and {j}, {distance[i, j]:.4g} apart, {what} at the end, against the declared graph"
+
     @property
     def ledger_closes(self) -> bool:
         """Whether the declared law explains the energy of the computed motion."""
-        return self.residual <= self.ledger_bound
+        return self.residual <= self.ledger_bound and not self.foreign_link
 
     @property
     def ledger_note(self) -> str:

@@ -28,7 +28,9 @@ def from_paper(claim: Claim, source: str, **changes: object) -> Claim:
 
 
 def ledger_residual(e: Evidence) -> Measure:
-    """Residual of the energy ledger against what the tolerance allows."""
+    """Residual of the energy ledger against what the tolerance allows; links must be those of the declared graph."""
+    if e.foreign_link:
+        return Measure(-1.0, 0.0, e.foreign_link)
     return below(e.residual, e.ledger_bound, e.ledger_note)
 
 
