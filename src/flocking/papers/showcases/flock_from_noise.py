@@ -61,7 +61,13 @@ def keep(run: Run) -> Kept:
 
 
 def draw(kept: Kept) -> Figure:
-    """A window as it ages; at the end all of the flock, and single agents in the middle of the window."""
+    """A window as it ages; at the end all of the flock, and single agents in the middle of the window.
+
+    Parameters
+    ----------
+    kept
+        What was kept of the run.
+    """
     from flocking.show.sheet import sheet
 
     end = kept.facts["times"][-1]
@@ -74,7 +80,13 @@ def draw(kept: Kept) -> Figure:
 
 
 def draw_close(kept: Kept, axes: Any) -> Any:
-    """Single agents in the smallest window: hue by direction; rings where there are not six neighbours."""
+    """Single agents in the smallest window: hue by direction; rings where there are not six neighbours.
+
+    Parameters
+    ----------
+    kept
+        What was kept of the run.
+    """
     from matplotlib.collections import LineCollection
 
     from flocking.show.grains import lattice_colors
@@ -98,14 +110,26 @@ def draw_close(kept: Kept, axes: Any) -> Any:
 
 
 def coded(order: NDArray[np.complex128]) -> NDArray[np.uint16]:
-    """Hexatic orders as a small number each: quality in steps, times the directions, plus the direction."""
+    """Hexatic orders as a small number each: quality in steps, times the directions, plus the direction.
+
+    Parameters
+    ----------
+    order
+        Hexatic order of each agent, shape (N,).
+    """
     grade = np.rint(GRADES * np.clip(np.abs(order), 0.0, 1.0)).astype(np.uint16)
     hue = np.floor((np.angle(order) / (2 * np.pi) % 1.0) * HUES).astype(np.uint16) % HUES
     return np.where(grade > 0, grade * HUES + hue, 0).astype(np.uint16)
 
 
 def uncoded(codes: NDArray[np.uint16]) -> NDArray[np.complex128]:
-    """The orders that `coded` was given, as well as it keeps them."""
+    """The orders that `coded` was given, as well as it keeps them.
+
+    Parameters
+    ----------
+    codes
+        Shape (N,).
+    """
     codes = codes.astype(np.int64)
     return np.asarray((codes // HUES) / GRADES * np.exp(2j * np.pi * (codes % HUES + 0.5) / HUES))
 

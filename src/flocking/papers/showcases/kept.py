@@ -68,12 +68,24 @@ class Kept:
 
 
 def packed(densities: Array) -> NDArray[np.uint8]:
-    """Densities in a byte each, evenly on a logarithmic scale; 0 is less than the lowest."""
+    """Densities in a byte each, evenly on a logarithmic scale; 0 is less than the lowest.
+
+    Parameters
+    ----------
+    densities
+        Agents per area, any shape.
+    """
     share = np.log(np.maximum(densities, 1e-300) / LOWEST) / np.log(HIGHEST / LOWEST)
     return np.where(share < 0, 0, 1 + np.rint(254 * np.minimum(share, 1.0))).astype(np.uint8)
 
 
 def unpacked(codes: NDArray[np.uint8]) -> Array:
-    """The densities that `packed` was given, to about one per cent."""
+    """The densities that `packed` was given, to about one per cent.
+
+    Parameters
+    ----------
+    codes
+        Bytes, any shape.
+    """
     share = (codes.astype(np.float64) - 1) / 254
     return np.where(codes == 0, 0.0, LOWEST * (HIGHEST / LOWEST) ** share)

@@ -129,18 +129,36 @@ class ObstacleViews:
         return self._sheet([self._panel(kept, t, f"$t = {t:g}$") for t in times], len(times), letters=False)
 
     def beside(self, kept: Mapping[str, Kept]) -> Figure:
-        """The same moments of runs of several engines, a row for each."""
+        """The same moments of runs of several engines, a row for each.
+
+        Parameters
+        ----------
+        kept
+            What was kept of the runs, by the name of the engine.
+        """
         times = [t for t in self.centres if all(t in one.facts["views"] for one in kept.values())]
         panels = [self._panel(one, t, f"{engine}, $t = {t:g}$") for engine, one in kept.items() for t in times]
         return self._sheet(panels, len(times), letters=False)
 
     def difference(self, one: Kept, other: Kept, t: float) -> float:
-        """Share of the agents in view that would have to stand elsewhere for two densities to be the same."""
+        """Share of the agents in view that would have to stand elsewhere for two densities to be the same.
+
+        Parameters
+        ----------
+        one, other
+            What was kept of the two runs.
+        """
         a, b = (self.stored(kept, t).values for kept in (one, other))
         return float(np.abs(a - b).sum() / (a.sum() + b.sum()))
 
     def parting(self, one: Kept, other: Kept, t: float) -> float:
-        """Largest distance between the same agent in two runs, of those whose places are kept."""
+        """Largest distance between the same agent in two runs, of those whose places are kept.
+
+        Parameters
+        ----------
+        one, other
+            What was kept of the two runs.
+        """
         offset = one.arrays[f"sample_{t:g}"] - other.arrays[f"sample_{t:g}"]
         return float(np.linalg.norm(offset, axis=1).max())
 

@@ -137,7 +137,13 @@ class Showcase:
         return simulate(scenario, engine=engine, save=folder, progress=progress, step=self.step, **options)
 
     def kept_of(self, run: Run, report: Report) -> Kept:
-        """What is kept of a run, with its audit and where it comes from."""
+        """What is kept of a run, with its audit and where it comes from.
+
+        Parameters
+        ----------
+        report
+            Its audit.
+        """
         kept = self.keep(run)
         about = {name: run.provenance[name] for name in PROVENANCE if name in run.provenance}
         closest = run.closest
