@@ -72,6 +72,10 @@ class NotFinite(SimulationError):
     """A position, velocity or force became NaN or infinite."""
 
 
+class OutOfPrecision(SimulationError):
+    """Agents went so far out that numbers of the chosen precision cannot tell their positions apart."""
+
+
 class Chattering(SimulationError):
     """A link switches on and off without time passing: a sliding mode in Filippov's sense."""
 
