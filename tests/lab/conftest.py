@@ -9,7 +9,7 @@ import flocking as fk
 from tests.lab.tabs import FLAGS, NAMES, LabTab
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def browser(tmp_path_factory):
     """Chromium; its own record of the network must name no other machine."""
     record = tmp_path_factory.mktemp("network") / "log.json"

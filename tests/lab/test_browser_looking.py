@@ -47,7 +47,8 @@ def test_what_is_kept_repeats_the_run(page, tab):
     tab.shot("kept")
     tab.go("Run")
     log = page.keeping.saved[1].name
-    wait(lambda: log in page.transport.scenario.options, "what was saved can be opened")
+    for path in page.keeping.saved[:3]:
+        wait(lambda path=path: path.name in page.transport.scenario.options, "what was saved can be opened")
     tab.choose("scenario", log)
     wait(lambda: page.experiment.time == 1.0, "the log is replayed")
     assert np.array_equal(again.state.q, page.experiment.state.q)
