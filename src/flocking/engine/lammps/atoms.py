@@ -179,8 +179,11 @@ class Atoms:
         """Positions, velocities and agents' own values as a LAMMPS restart file, on the first rank; None elsewhere."""
         with tempfile.TemporaryDirectory() if self.ranks.first else _Nowhere() as made:
             path = Path(self.ranks.comm.bcast(made)) / "restart"
-            # Without another setup: that would hand agents over to other ranks while their forces stay behind.
-            self.command(f"write_restart {path} noinit")
+            # The box is drawn about the agents first: those who have left it since lists were made would not be read.
+            # That hands agents over to other ranks while their forces stay behind.
+            forces = self.ranks.comm.bcast(self.gathered("f"))
+            self.command(f"write_restart {path}", "run 0 post no")
+            self.set_forces(forces)
             self.ranks.comm.Barrier()
             data = path.read_bytes() if self.ranks.first else None
             self.ranks.comm.Barrier()
