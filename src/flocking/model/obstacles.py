@@ -138,9 +138,17 @@ class Obstacle(ABC):
         -------
         dict
             ``distance`` (N,); ``normal``, ``projection`` and ``boundary``, the velocity of the projection, (N, m).
+
+        Raises
+        ------
+        InvalidInput
+            When positions or velocities have another shape.
         """
-        points = np.asarray(q, dtype=np.float64)
-        speeds = np.zeros_like(points) if p is None else np.asarray(p, dtype=np.float64)
+        points = array(type(self).__name__, "q", q, ndim=2)
+        speeds = np.zeros_like(points) if p is None else array(type(self).__name__, "p", p, ndim=2)
+        if points.shape[1] != self.dimension or speeds.shape != points.shape:
+            shapes = f"shapes {points.shape} and {speeds.shape}"
+            raise InvalidInput(type(self).__name__, "q", f"and p must have shape (N, {self.dimension})", shapes)
         names = tuple(self.parameters)
         module = generated_module(("obstacle", self.structure, names), lambda: _array_source(self, names))
         with np.errstate(all="ignore"):
