@@ -40,8 +40,9 @@ def test_what_is_typical_is_where_half_of_the_agents_stand():
 
 def test_the_unit_scales_agents_and_obstacles():
     ball = fk.Ball([10.0, 4.0], 2.0)
-    axes = density(crowd(), limits=((0, 0), (20, 20)), unit=2.0, unit_name="r", obstacles=[ball])
-    assert shades(axes)[1] == [0, 10, 0, 10]
+    axes = density(crowd(), limits=((4, 2), (20, 18)), unit=2.0, unit_name="r", obstacles=[ball])
+    assert shades(axes)[1] == [2, 10, 1, 9]
+    assert (*axes.get_xlim(), *axes.get_ylim()) == (2, 10, 1, 9)
     assert axes.get_xlabel() == "$x/r$"
     (patch,) = axes.patches
     assert patch.get_xy().mean(axis=0) == pytest.approx([5.0, 2.0], abs=0.05)
