@@ -247,6 +247,9 @@ def test_a_smaller_run_is_made_and_kept(tmp_path):
     run = one.run(tmp_path / "run", scenario, progress=False)
     again = one.run(tmp_path / "run", scenario, progress=False)
     assert np.array_equal(again.q, run.q)
+    for other in (one.scenario(agents=401, until=10.0), one.scenario(agents=400, until=11.0)):
+        with pytest.raises(InvalidInput, match="must hold no other run"):
+            one.run(tmp_path / "run", other, progress=False)
     kept = one.kept_of(run, fk.audit(run))
     assert kept.facts["views"] == [10.0]
     assert kept.facts["audit"]["ledger"][0] == "holds"

@@ -127,11 +127,21 @@ class Showcase:
             Show how far it is.
         threads
             Threads of the tiled engine.
+
+        Raises
+        ------
+        InvalidInput
+            When ``folder`` holds a run of another scenario.
         """
         from flocking.engine.resuming import resume
         from flocking.engine.simulate import simulate
+        from flocking.engine.storage import read_scenario_of
 
         if folder.exists() and any(folder.iterdir()):
+            found, _ = read_scenario_of(folder)
+            if (found.name, found.start.n, found.t_end) != (scenario.name, scenario.start.n, scenario.t_end):
+                held = f"{found.name} with {found.start.n} agents until {found.t_end:g}"
+                raise InvalidInput("showcase", "out", "must hold no other run", held, "Choose another folder.")
             return resume(folder, progress=progress)
         options: dict[str, Any] = {"ledger": LEDGER_EVERY} if engine == "lammps" else {"threads": threads}
         return simulate(scenario, engine=engine, save=folder, progress=progress, step=self.step, **options)
