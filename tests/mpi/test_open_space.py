@@ -69,3 +69,25 @@ def test_an_odd_skin_is_taken():
     session = LammpsSession(fk.Scenario(found, start(2, 10), t_end=1.0, agents=agents), LammpsOptions(skin=1e-3))
     session.close()
     assert session.deck.skin == 1e-3
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_groups_that_fly_apart_go_on_as_if_each_were_alone(dimension):
+    """On the way LAMMPS takes larger cells into use: its memory would not hold as many small ones."""
+    found, agents = law("olfati-saber (35)", dimension, 60)
+    one, other = start(dimension, 30, seed=3), start(dimension, 30, seed=4)
+    away = np.array([4e4, 3e4, 2e4])[:dimension]
+    gap = 10.0 * np.ones(dimension) / np.sqrt(dimension)
+    span = np.ptp(one.q, axis=0) + gap
+    both = fk.State(np.concatenate([one.q, other.q + span]), np.concatenate([one.p, other.p + away]))
+    session = LammpsSession(fk.Scenario(found, both, t_end=1.0, frames=2), LammpsOptions(step=0.01, ledger=0))
+    session.advance(1.0)
+    grown, run = session.atoms._cells[0], session.run()
+    session.close()
+    assert grown > 0.0
+    for state, these, speed, place in ((one, slice(0, 30), 0.0, 0.0), (other, slice(30, 60), away, span)):
+        alone = fk.simulate(
+            fk.Scenario(found, state, t_end=1.0, frames=2), engine="lammps", step=0.01, ledger=0, progress=False
+        )
+        np.testing.assert_allclose(run.p[-1][these] - speed, alone.p[-1], rtol=0, atol=1e-7)
+        np.testing.assert_allclose(run.q[-1][these] - speed - place, alone.q[-1], rtol=0, atol=1e-7)
