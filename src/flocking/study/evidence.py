@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from flocking.engine.run import Closest, Run
+from flocking.engine.step_checks import RESIDUAL
 from flocking.model.checks import Array
 from flocking.model.connectivity import Links, components, is_connected
 from flocking.model.graphs import pair_distances
@@ -94,12 +95,28 @@ class Evidence:
         """Mass of each agent, shape (N,)."""
         return np.broadcast_to(np.asarray(self.run.scenario.agents.masses, dtype=np.float64), self.run.n)
 
+    @property
+    def fixed_step(self) -> bool:
+        """Whether the engine took fixed steps: its ledger closes to the order of its scheme, not to a tolerance."""
+        return "scheme" in self.run.provenance
+
+    @cached_property
+    def step_residual(self) -> float:
+        """Largest part of a single step's energy that the ledger does not explain, with rounding."""
+        size = float(np.abs(self.run.trace["energy"]).max(initial=0.0))
+        return float(np.abs(np.diff(self.run.residual)).max(initial=0.0)) + 1e-12 * size
+
     @cached_property
     def ledger_bound(self) -> float:
         """How large the ledger's residual may be: 100 tolerances times the energy moved, plus rounding.
 
-        Between samples of a motion from elsewhere the powers are interpolated, and their error takes its place.
+        Between samples of a motion from elsewhere the powers are interpolated, and their error takes its place. A
+        fixed step is held to what its engine holds it to, a share of the energy moved.
         """
+        if self.fixed_step and len(self.run.trace):
+            kinetic = self.run.trace["kinetic"]
+            moved = self.run.turnover + float(np.abs(np.diff(self.run.trace["jumped"])).sum())
+            return RESIDUAL * (moved + float(kinetic[0] + kinetic[-1])) + 1e-14
         if self.sampled:
             size = float(np.abs(self.run.trace["energy"]).max(initial=0.0))
             return 3 * float(self.run.provenance["ledger_error"]) + 1e-9 * size
@@ -110,6 +127,8 @@ class Evidence:
     @cached_property
     def residual(self) -> float:
         """Largest absolute residual of the energy ledger over the run."""
+        if not len(self.run.trace):
+            raise NotMeasurable("the run has no ledger to vouch for its motion")
         return float(np.abs(self.run.residual).max(initial=0.0))
 
     @cached_property
@@ -142,22 +161,28 @@ class Evidence:
     @property
     def ledger_note(self) -> str:
         """The residual and its bound in words."""
-        return f"ledger residual {self.residual:.2e}, allowed {self.ledger_bound:.2e}"
+        share = f" ({100 * RESIDUAL:g} % of the energy moved, for a fixed step)" if self.fixed_step else ""
+        return f"ledger residual {self.residual:.2e}, allowed {self.ledger_bound:.2e}{share}"
 
     @cached_property
     def mean_velocity(self) -> Array:
         """Velocity of the centre of mass at the frames, shape (F, m)."""
+        self._need_frames()
         return np.asarray(np.einsum("i,fik->fk", self.masses, self.run.p) / self.masses.sum())
 
     @cached_property
     def velocity_spread(self) -> Array:
-        """Largest |p_i - mean| at each frame, shape (F,)."""
+        """Largest |p_i - mean| at each frame, shape (F,); what was observed where the run keeps no frames."""
+        seen = self.run.observables
+        if not len(self.run.t) and seen is not None and len(seen) and not np.ptp(self.masses):
+            return np.asarray(seen["spread"])
         offsets = self.run.p - self.mean_velocity[:, None, :]
         return np.asarray(np.linalg.norm(offsets, axis=2).max(axis=1))
 
     @cached_property
     def speeds(self) -> Array:
         """Largest speed at each frame, shape (F,)."""
+        self._need_frames()
         return np.asarray(np.linalg.norm(self.run.p, axis=2).max(axis=1))
 
     @cached_property
@@ -182,7 +207,12 @@ class Evidence:
         r = np.linalg.norm(d, axis=1)
         return float(np.abs((d * v).sum(axis=1) / np.where(r > 0, r, 1.0)).max())
 
+    def _need_frames(self) -> None:
+        if not len(self.run.t):
+            raise NotMeasurable("the run keeps no frames")
+
     def _need_all_pairs(self) -> None:
+        self._need_frames()
         if self.run.n > MOST_DENSE:
             raise NotMeasurable(f"{self.run.n} agents have too many pairs")
 
@@ -220,12 +250,35 @@ class Evidence:
     @cached_property
     def first_disconnected(self) -> float:
         """First time at which the graph is not connected; infinite when it always is."""
+        if (seen := self._observed_flocks) is not None:
+            return next((float(row["time"]) for row in seen if row["flocks"] > 1), np.inf)
         return next((t for t, links in self.link_history if not is_connected(links)), np.inf)
 
     @cached_property
     def flocks_at_end(self) -> int:
         """Number of flocks at the end."""
+        if (seen := self._observed_flocks) is not None:
+            return int(seen["flocks"][-1])
         return int(components(self.link_history[-1][1]).max()) + 1
+
+    @property
+    def _observed_flocks(self) -> np.ndarray[Any, Any] | None:
+        """What was observed, where there are no link matrices to look at instead."""
+        seen, run = self.run.observables, self.run
+        bare = not len(run.t) or run.links.shape[1:] != (run.n, run.n)
+        return seen if bare and seen is not None and len(seen) else None
+
+    @property
+    def connected_at_start(self) -> bool:
+        """Whether the graph is connected at the start."""
+        if (seen := self._observed_flocks) is not None:
+            return bool(seen["flocks"][0] == 1)
+        return bool(is_connected(self.link_history[0][1]))
+
+    @property
+    def looks(self) -> int:
+        """How many times the links were looked at."""
+        return len(self.link_history if self._observed_flocks is None else self._observed_flocks)
 
     @property
     def links_created(self) -> int:
