@@ -44,7 +44,7 @@ def start(
     plant
         The law the agents really obey, for tests of an audit; the scenario's law when absent.
     options
-        For ``"tiles"``: step, scheme, precision and more, see `flocking.engine.tiles.session.TilesOptions`; for
+        For ``"tiles"``: step, scheme, precision and more, see `flocking.engine.tiles.options.TilesOptions`; for
         ``"lammps"``: step and more, see `flocking.engine.lammps.options.LammpsOptions`.
 
     Raises
@@ -134,7 +134,7 @@ def simulate(
     plant
         The law the agents really obey, for tests of an audit; the scenario's law when absent.
     options
-        For ``"tiles"``: step, scheme, precision and more, see `flocking.engine.tiles.session.TilesOptions`; for
+        For ``"tiles"``: step, scheme, precision and more, see `flocking.engine.tiles.options.TilesOptions`; for
         ``"lammps"``: step and more, see `flocking.engine.lammps.options.LammpsOptions`.
 
     Returns

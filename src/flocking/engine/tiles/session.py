@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import sys
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,102 +17,19 @@ from flocking.engine.tiles import automatic_step, checks
 from flocking.engine.tiles.crowd import Crowd, CrowdMemory
 from flocking.engine.tiles.kernels import is_compiled
 from flocking.engine.tiles.lists import TooManyNeighboursError
+from flocking.engine.tiles.options import TilesOptions as TilesOptions
+from flocking.engine.tiles.options import tiles_options as tiles_options
 from flocking.engine.tiles.pairs import listed_pairs
 from flocking.engine.tiles.records import MOST_LINKED, Records
 from flocking.engine.tiles.schemes import Scheme, scheme_named
-from flocking.engine.tiles.spec import PRECISIONS, SCHEMES, KernelSpec, check_supported, graph_kinds
+from flocking.engine.tiles.spec import KernelSpec, check_supported, graph_kinds
 from flocking.engine.tiles.threads import Workers
 from flocking.errors import InvalidInput, NotFinite, SimulationError, TooCrowded
-from flocking.model.checks import integer, number
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 from flocking.model.weights import HashedWeights
 
-MOST_THREADS = 1024
 MOST_STEPS = 1e12
-
-
-@dataclass(frozen=True)
-class TilesOptions:
-    """How the tiled engine runs a scenario.
-
-    Parameters
-    ----------
-    step
-        Time step; chosen from the start when absent. Steps are shortened a little so that frames fall on them.
-    scheme
-        ``"verlet"`` (half-step velocities, as LAMMPS), ``"damped"`` (the same with the agents' own damping
-        exact: for strong damping) or ``"rk4"``.
-    precision
-        ``"float64"`` or ``"float32"``.
-    threads
-        Number of threads; all processors when absent. Results do not depend on it.
-    ledger
-        Keep the energy ledger at every step and check the step against it.
-    observe
-        Record order, flocks, density and closest pair at the frame times.
-    keep_frames
-        Store positions and velocities at the frame times.
-    skin
-        Skin of the neighbour lists; chosen automatically when absent.
-    memory_limit
-        Largest size of the neighbour lists in bytes; half the machine's memory when absent.
-    tell
-        Say on standard error when a law is compiled for the first time.
-
-    Raises
-    ------
-    InvalidInput
-        When a value is out of range or unknown.
-    """
-
-    step: float | None = None
-    scheme: str = "verlet"
-    precision: str = "float64"
-    threads: int | None = None
-    ledger: bool = True
-    observe: bool = False
-    keep_frames: bool = True
-    skin: float | None = None
-    memory_limit: float | None = None
-    tell: bool = False
-
-    def __post_init__(self) -> None:
-        if self.scheme not in SCHEMES:
-            raise InvalidInput("TilesOptions", "scheme", f"must be one of {', '.join(SCHEMES)}", self.scheme)
-        if self.precision not in PRECISIONS:
-            raise InvalidInput("TilesOptions", "precision", f"must be one of {', '.join(PRECISIONS)}", self.precision)
-        for name in ("step", "skin", "memory_limit"):
-            if getattr(self, name) is not None:
-                number("TilesOptions", name, getattr(self, name), above=0.0)
-        if self.threads is not None and integer("TilesOptions", "threads", self.threads, least=1) > MOST_THREADS:
-            raise InvalidInput("TilesOptions", "threads", f"must be at most {MOST_THREADS}", self.threads)
-        for name in ("ledger", "observe", "keep_frames", "tell"):
-            if not isinstance(getattr(self, name), bool):
-                raise InvalidInput("TilesOptions", name, "must be True or False", getattr(self, name))
-
-    @property
-    def lists_limit(self) -> float:
-        """Memory limit in bytes."""
-        if self.memory_limit is not None:
-            return self.memory_limit
-        return 0.5 * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-
-
-def tiles_options(given: dict[str, Any]) -> TilesOptions:
-    """Options from keyword arguments.
-
-    Raises
-    ------
-    InvalidInput
-        When there is no such option.
-    """
-    known = {f.name for f in fields(TilesOptions)}
-    for name in sorted(set(given) - known):
-        raise InvalidInput(
-            "start", name, f"must be an option of the tiled engine: {', '.join(sorted(known))}", given[name]
-        )
-    return TilesOptions(**given)
 
 
 @dataclass(frozen=True, eq=False)
