@@ -91,7 +91,7 @@ fuzz: $(READY)
 	$(BIN)/python -m pytest tests/fuzz -m "slow or not slow" -n $(WORKERS) $(PYTEST_ARGS)
 
 # Kills, damages and fuzzes: writers and workers killed, stored runs and sweeps damaged, random cases; a table at the end
-# counts them. make robustness TIER=slow: 200 kills and ten thousand random cases and more, in about an hour.
+# counts them. make robustness TIER=slow: 200 kills and over ten thousand random cases.
 TIER ?= quick
 TIER_quick := not slow
 TIER_slow := slow or not slow

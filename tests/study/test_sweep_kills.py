@@ -139,3 +139,14 @@ def test_a_sweep_killed_outright_goes_on_where_it_was(tmp_path):
     assert table.complete
     assert {index: table.rows[index]["seconds"] for index in before} == before
     assert np.array_equal(table.values("velocity_spread"), expected())
+
+
+def test_a_process_that_begins_without_interrupts_never_hears_of_ctrl_c():
+    before = signal.getsignal(signal.SIGINT)
+    code = "import os, signal; os.kill(os.getpid(), signal.SIGINT); print(signal.getsignal(2) == signal.SIG_IGN)"
+    with crew.without_interrupts():
+        inside = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (inside.stdout.strip(), inside.stderr) == ("True", "")
+    assert signal.getsignal(signal.SIGINT) is before
+    outside = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert "KeyboardInterrupt" in outside.stderr

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+import signal
+import threading
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -106,7 +108,8 @@ class LocalProcesses(Crew):
         share = str(max(1, (os.cpu_count() or 1) // self._workers))
         threads = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), share)
         self._executor = get_reusable_executor(max_workers=self._workers, timeout=IDLE_SECONDS, env=threads)
-        future: Future[Any] = self._executor.submit(function, *arguments)
+        with without_interrupts():
+            future: Future[Any] = self._executor.submit(function, *arguments)
         return future
 
     def lost(self, error: BaseException) -> bool:
@@ -183,6 +186,23 @@ class Cluster(Crew):
         """Take back what is not done, and close the connection."""
         self._executor.shutdown(wait=False)
         self._client.close()
+
+
+@contextmanager
+def without_interrupts() -> Iterator[None]:
+    """Let processes that begin meanwhile never hear of Ctrl-C.
+
+    A terminal sends it to workers, too, which would say so at length while they start; the parent stops them.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    # Of all ways to meet a signal only this one goes over to a new program.
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def memory_share(workers: int) -> int | None:
