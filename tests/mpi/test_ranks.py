@@ -72,6 +72,30 @@ def test_a_run_killed_before_its_first_commit_begins_anew(tmp_path):
     np.testing.assert_array_equal(fk.read_run(tmp_path / "run").observables["order"], other.observables["order"])
 
 
+@pytest.mark.parametrize("name", ["olfati-saber (35)", "shi (4)"])
+def test_a_flock_that_grows_goes_on_as_if_never_stopped(tmp_path, name):
+    """Some of its agents are outside LAMMPS's box when it is stopped between two searches for neighbours."""
+    made = scenario(name, 2, n=100, t_end=0.5, frames=3)
+    made = made.with_(start=fk.State(made.start.q, 0.6 * made.start.q + made.start.p, 3.0), t_end=3.5)
+    whole = fk.simulate(made, engine="lammps", step=0.01, progress=False)
+    for stop in (1, 7, 23, 40):
+        session = LammpsSession(made, LammpsOptions(step=0.01))
+        take, calls = session._take_steps, iter(range(10**6))
+
+        def taking(to, take=take, calls=calls, stop=stop):
+            if next(calls) == stop:
+                raise KeyboardInterrupt
+            take(to)
+
+        session._take_steps = taking
+        left = drive_ranks(session, save=tmp_path / str(stop), progress=False, every=0.0)
+        assert left.status.startswith("interrupted")
+        run = fk.resume(tmp_path / str(stop), progress=False)
+        assert run.finished
+        np.testing.assert_allclose(run.q, whole.q, rtol=0, atol=1e-10)
+        np.testing.assert_allclose(run.p, whole.p, rtol=0, atol=1e-10)
+
+
 def test_a_damaged_checkpoint_is_told(tmp_path):
     folder = tmp_path / "run"
     made = scenario("olfati-saber (35)", 2, n=30, t_end=0.2, frames=3)

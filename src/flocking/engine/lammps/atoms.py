@@ -1,4 +1,4 @@
-"""The agents inside LAMMPS: handed over, gathered, their cells fitted, kept in a restart file."""
+"""The agents inside LAMMPS: handed over, gathered, their cells fitted."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 from flocking.engine.lammps import library
 from flocking.engine.lammps.deck import Deck
 from flocking.engine.lammps.ranks import Ranks
+from flocking.model.state import State
 
 BINS_EACH = 8
 FEWEST_BINS = 2**17
@@ -58,28 +59,27 @@ class Atoms:
         self._sides = np.zeros(deck.dimension)
         self._lammps = library.instance(ranks.comm, log)
 
-    def begin(self, step: float, restart: bytes | None) -> None:
-        """Hand LAMMPS the deck and the agents of its scenario, or those of a restart file; forces are up to date.
+    def begin(self, step: float, state: State, steps: int = 0) -> None:
+        """Hand LAMMPS the deck and the agents; forces are up to date.
 
         Parameters
         ----------
         step
             Time step.
+        state
+            Positions, velocities and time.
+        steps
+            How many steps were taken until then.
         """
         with tempfile.TemporaryDirectory() if self.ranks.first else _Nowhere() as made:
             folder = Path(self.ranks.comm.bcast(made))
             if self.ranks.first:
-                if restart is None:
-                    (folder / "data").write_text(self.deck.data_text())
-                else:
-                    (folder / "restart").write_bytes(restart)
+                (folder / "data").write_text(self.deck.data_text(state))
                 for name, text in self.deck.tables().items():
                     (folder / name).write_text(text)
             self.ranks.comm.Barrier()
-            if restart is None:
-                self.command(*self.deck.world(), *self.deck.agents(str(folder / "data")))
-            else:
-                self.command(*self.deck.settings(), f"read_restart {folder / 'restart'}", *self.deck.properties())
+            self.command(*self.deck.world(), *self.deck.agents(str(folder / "data")))
+            self.command(f"reset_timestep {steps} time {state.t - self.deck.scenario.start.t!r}")
             self.command(*_placed(self.deck.law(self.ranks.size), folder))
             self.fit_cells()
             self.command(f"timestep {step!r}", "thermo 1000000000", "run 0 post no")
@@ -174,20 +174,6 @@ class Atoms:
         forces = self.ranks.comm.bcast(self.gathered("f"))
         self.command("run 0 post no")
         self.set_forces(forces)
-
-    def restart_file(self) -> bytes | None:
-        """Positions, velocities and agents' own values as a LAMMPS restart file, on the first rank; None elsewhere."""
-        with tempfile.TemporaryDirectory() if self.ranks.first else _Nowhere() as made:
-            path = Path(self.ranks.comm.bcast(made)) / "restart"
-            # The box is drawn about the agents first: those who have left it since lists were made would not be read.
-            # That hands agents over to other ranks while their forces stay behind.
-            forces = self.ranks.comm.bcast(self.gathered("f"))
-            self.command(f"write_restart {path}", "run 0 post no")
-            self.set_forces(forces)
-            self.ranks.comm.Barrier()
-            data = path.read_bytes() if self.ranks.first else None
-            self.ranks.comm.Barrier()
-        return data
 
     def close(self) -> None:
         """Give LAMMPS's memory back."""

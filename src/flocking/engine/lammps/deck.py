@@ -14,6 +14,7 @@ from flocking.engine.lammps.pairs import PairPart, pair_commands, pair_part, tab
 from flocking.engine.layout import MASS, Layout
 from flocking.model.checks import number
 from flocking.model.law import Scenario
+from flocking.model.state import State
 
 BALANCE_EVERY = 500
 """Steps between two checks whether ranks have equal numbers of agents."""
@@ -75,16 +76,9 @@ class Deck:
         boundary = "boundary s s p" if self.dimension == 2 else "boundary s s s"
         return [
             "units lj", f"dimension {self.dimension}", f"{boundary}  # open: the box follows the agents",
-            "atom_style atomic", "newton on", *self.settings(),
-        ]  # fmt: skip
-
-    def settings(self) -> list[str]:
-        """Commands that a restart file does not hold."""
-        return [
-            "atom_modify map yes",
-            "comm_style tiled",
+            "atom_style atomic", "newton on", "atom_modify map yes", "comm_style tiled",
             "comm_modify vel yes  # consensus needs the neighbours' velocities",
-        ]
+        ]  # fmt: skip
 
     def agents(self, data: str) -> list[str]:
         """Commands that read the agents from a data file."""
@@ -124,9 +118,9 @@ class Deck:
             lines.append(f"fix even all balance {BALANCE_EVERY} {UNEVEN} rcb")
         return lines
 
-    def data_text(self) -> str:
-        """The data file: agents, their velocities and their own values, with all digits."""
-        q, p = self.scenario.start.q, self.scenario.start.p
+    def data_text(self, state: State) -> str:
+        """The data file of a state: agents, their velocities and their own values, with all digits."""
+        q, p = state.q, state.p
         n, m = q.shape
         low, high = _box(q)
         lines = [f"{self.scenario.name or 'flock'}: {n} agents", "", f"{n} atoms", "1 atom types", ""]

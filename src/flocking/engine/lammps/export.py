@@ -63,7 +63,11 @@ def export_deck(scenario: Scenario, folder: str | Path, *, step: float | None = 
     with told(folder, "write the deck"):
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise StorageError(f"{folder}: not an empty folder. Choose another one; nothing is ever overwritten.")
-        files = {"in.flocking": "\n".join(lines) + "\n", "data.flocking": deck.data_text(), **deck.tables()}
+        files = {
+            "in.flocking": "\n".join(lines) + "\n",
+            "data.flocking": deck.data_text(scenario.start),
+            **deck.tables(),
+        }
         for name, text in files.items():
             put(folder / name, text.encode())
     return folder / "in.flocking"

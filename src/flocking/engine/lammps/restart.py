@@ -1,4 +1,7 @@
-"""What a killed run goes on from: a LAMMPS restart file and where the session stood, in one file."""
+"""What a killed run goes on from: all agents and where the session stood, in one file.
+
+LAMMPS's own restart files lose agents that have left its box since it last looked for neighbours.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +16,7 @@ import numpy as np
 
 from flocking.engine.lammps.options import LammpsOptions
 from flocking.errors import StorageError
+from flocking.model.state import State
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,19 +25,21 @@ class Restart:
 
     Parameters
     ----------
-    file
-        A LAMMPS restart file: positions and velocities with all their bits.
-    forces
-        Forces of the last step, shape (N, 3): those on velocities are of half a step before.
+    agents
+        Positions, velocities and the forces of the last step, shape (N, 9): those on velocities are of half a step
+        before.
     time, steps, plan
         Where the session stands.
     """
 
-    file: bytes
-    forces: Any
+    agents: Any
     time: float
     steps: int
     plan: tuple[float, float, int, int]
+
+    def state(self, dimension: int) -> State:
+        """Positions and velocities in ``dimension`` dimensions."""
+        return State(self.agents[:, :dimension], self.agents[:, 3 : 3 + dimension], self.time)
 
 
 def packed(restart: Restart, options: LammpsOptions) -> bytes:
@@ -41,10 +47,7 @@ def packed(restart: Restart, options: LammpsOptions) -> bytes:
     numbers = {"engine": "lammps", "time": restart.time, "steps": restart.steps, "plan": restart.plan}
     text = json.dumps({**numbers, "options": asdict(options)})
     file = io.BytesIO()
-    np.savez(
-        file, numbers=np.frombuffer(text.encode(), dtype=np.uint8), forces=restart.forces,
-        restart=np.frombuffer(restart.file, dtype=np.uint8),
-    )  # fmt: skip
+    np.savez(file, numbers=np.frombuffer(text.encode(), dtype=np.uint8), agents=restart.agents)
     return file.getvalue()
 
 
@@ -60,7 +63,7 @@ def unpacked(data: bytes, where: Path) -> tuple[Restart, LammpsOptions]:
         with np.load(io.BytesIO(data), allow_pickle=False) as file:
             numbers = json.loads(file["numbers"].tobytes())
             plan = tuple(numbers["plan"])
-            restart = Restart(file["restart"].tobytes(), file["forces"], numbers["time"], numbers["steps"], plan)
+            restart = Restart(file["agents"], numbers["time"], numbers["steps"], plan)
         return restart, LammpsOptions(**numbers["options"])
     except (ValueError, KeyError, TypeError, OSError, EOFError, zipfile.BadZipFile) as error:
         raise StorageError(f"{where}: no checkpoint this version can go on from ({error}).") from None

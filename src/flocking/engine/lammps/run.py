@@ -24,14 +24,14 @@ from flocking.errors import SimulationError, StorageError
 from flocking.model.law import Scenario
 
 COMMIT_SECONDS = 5.0
-"""Wall time between two commits with a restart file; a kill loses no more than this and one stop of a small run."""
+"""Wall time between two commits; a kill loses no more than this and one stop of a small run."""
 
 COMMIT_SHARE = 20.0
 """A commit that takes long is followed by so many times its own duration without one."""
 
 
 class _Writing:
-    """Writes a session to disk: frames at once, a commit with a restart file every few seconds."""
+    """Writes a session to disk: frames at once, a commit to go on from every few seconds."""
 
     def __init__(self, session: LammpsSession, writer: RunWriter | None, every: float) -> None:
         self._session, self._writer, self._every = session, writer, every
@@ -152,7 +152,7 @@ def _last_commit(
     if kept is None and writer.record["commits"] == 0:
         return records, LammpsOptions(**writer.record["session"]["options"])
     if kept is None:
-        raise StorageError(f"{folder}: this run cannot go on, it has no restart file: {records.status}")
+        raise StorageError(f"{folder}: this run cannot go on, it has no checkpoint: {records.status}")
     with told(folder, "read the checkpoint"):
         data = (folder / kept["file"]).read_bytes()
     if zlib.crc32(data) != kept["checksum"]:

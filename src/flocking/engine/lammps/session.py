@@ -82,13 +82,14 @@ class LammpsSession:
 
     def _begin(self, restart: Restart | None) -> None:
         try:
-            self.atoms.begin(self.step, None if restart is None else restart.file)
+            state = self.scenario.start if restart is None else restart.state(self.deck.dimension)
+            self.atoms.begin(self.step, state, 0 if restart is None else restart.steps)
         except LammpsError as error:
             self._end_alone(error, f"LAMMPS cannot start this run: {error}.")
             raise SimulationError(f"LAMMPS cannot start this run: {error}.", time=self.time) from None
         if restart is not None:
             self.time, self.steps, self._plan = restart.time, restart.steps, restart.plan
-            self.atoms.set_forces(restart.forces)
+            self.atoms.set_forces(restart.agents[:, 6:])
 
     @property
     def step(self) -> float:
@@ -230,11 +231,8 @@ class LammpsSession:
     def restart(self) -> Restart | None:
         """What another session needs to go on, on the first rank; None elsewhere."""
         with self.ranks.bound():
-            forces = self.atoms.gathered("f")
-            data = self.atoms.restart_file()
-        if data is None:
-            return None
-        return Restart(data, forces, self.time, self.steps, self._plan)
+            agents = self.atoms.gathered("x", "v", "f")
+        return None if agents is None else Restart(agents, self.time, self.steps, self._plan)
 
     @property
     def about(self) -> dict[str, Any]:
