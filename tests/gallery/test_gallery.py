@@ -51,6 +51,14 @@ def own_potential(made):
     assert len([line for line in lines.splitlines() if line.strip()]) <= 15
 
 
+def live_lab(made):
+    assert made["count"] > 1
+    assert made["same"]
+    assert len(made["experiment"].log.entries) == 1
+    shown = (GALLERY / "plot_live_lab.py").read_text().split(".. image:: ../")[1].split()[0]
+    assert (GALLERY.parent / "docs" / shown).stat().st_size > 10_000
+
+
 def space(made):
     run = made["run"]
     assert run.q.shape[2] == 3
@@ -191,7 +199,7 @@ def cluster_obstacles(made):
 
 SHOWS = {check.__name__: check for check in (
     tanner_2003_fixed, tanner_2003_dynamic, zhou_2015, shi_2009, olfati_saber_2003, own_potential, space, field_of_view,
-    moving_obstacles, figure_of_eight, cucker_smale, reynolds, vicsek, olfati_saber_2006,
+    live_lab, moving_obstacles, figure_of_eight, cucker_smale, reynolds, vicsek, olfati_saber_2006,
     obstacle_field, flock_from_noise, cluster_obstacles,
 )}  # fmt: skip
 
@@ -205,7 +213,7 @@ def study(made):
 
 SHOWS |= dict.fromkeys((name for name in SCRIPTS if name.startswith("study_")), study)
 
-SLOW = {"reynolds", "vicsek", "space", "moving_obstacles", "olfati_saber_2003", "olfati_saber_2006"}
+SLOW = {"reynolds", "vicsek", "space", "moving_obstacles", "olfati_saber_2003", "olfati_saber_2006", "live_lab"}
 """Their kernels are their own and take long to compile the first time; the others are in the default tests."""
 
 ON_BLACK = {"obstacle_field", "flock_from_noise", "cluster_obstacles"}
