@@ -58,6 +58,7 @@ def test_within_a_minute_a_newcomer_sees_which_hypothesis_broke(lab, browser):
     tab = Tab(browser, f"http://127.0.0.1:{port}")
     begin = time.monotonic()
     tab.reads("100 in 2-D, exact engine")
+    tab.press("faster")
     tab.press("Play")
     tab.go("Law")
     gain = tab.tab.get_by_role("slider").nth(5)  # radius, onset, a, b, d, then the gain of the consensus
