@@ -12,7 +12,6 @@ import copy
 from dataclasses import dataclass
 from typing import Any
 
-import numba
 import numpy as np
 
 from flocking.engine.tiles.cells import Sorter
@@ -26,6 +25,7 @@ from flocking.engine.tiles.lists import (
     TooManyNeighboursError,
     fixed_lists,
 )
+from flocking.engine.tiles.measures import cutoffs_of, extremes_of, sensed_offsets, strayed_squares
 from flocking.engine.tiles.nearby_obstacles import NearbyObstacles
 from flocking.engine.tiles.numbers import kernel_numbers
 from flocking.engine.tiles.pairs import tile_pairs
@@ -37,33 +37,6 @@ from flocking.model.state import State
 
 CERTAIN = 0.999
 """Share of half the skin that may be used up; the rest covers rounding."""
-
-_compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
-
-
-@_compiled
-def _strayed(first, last, agents, reference, shift, n, out):  # type: ignore[no-untyped-def]
-    """Largest squared distance of the agents of each tile from where they were at the rebuild, seen from the crowd."""
-    for tile in range(first, last):
-        most = np.float64(0.0)
-        for i in range(tile * 16, min(tile * 16 + 16, n)):
-            square = np.float64(0.0)
-            for k in range(reference.shape[1]):
-                d = np.float64(agents[i, k]) - np.float64(reference[i, k]) - shift[k]
-                square += d * d
-            most = max(most, square) if square < 1e300 else np.float64(np.inf)
-        out[tile] = most
-
-
-@_compiled
-def _extremes(tops, out):  # type: ignore[no-untyped-def]
-    """Largest squared speed, smallest squared distance of linked agents and most breaks over all tiles."""
-    fast, near, broken = 0.0, np.inf, 0.0
-    for tile in range(tops.shape[0]):
-        fast = max(fast, np.float64(tops[tile, 0]))
-        near = min(near, np.float64(tops[tile, 1]))
-        broken = max(broken, np.float64(tops[tile, 2]))
-    out[0], out[1], out[2] = fast, near, broken
 
 
 @dataclass
@@ -161,14 +134,14 @@ class Crowd:
         n, law = self.n, scenario.law
         self.graphs = law.graphs
         self.moving = any(not kind.fixed for kind in self.spec.graphs)
-        self.cutoffs = _cutoffs(self.graphs, self.spec)
+        self.cutoffs = cutoffs_of(self.graphs, self.spec)
         self.sorter = Sorter(n if self.moving else 1, self.workers)
         self.builders = [ListBuilder(n, memory_limit, self.workers) for _ in self.graphs]
         self.limits, self.each, self.edges = [], [], []
         for graph, kind in zip(self.graphs, self.spec.graphs, strict=True):
             self.limits.append(np.zeros(3, self.dtype))
             self.each.append(np.zeros(1, self.dtype))
-            self.edges.append(_offsets(graph, n) if kind.fixed else None)
+            self.edges.append(sensed_offsets(graph, n) if kind.fixed else None)
         self.set_radii(scenario)
 
     def _set_obstacles(self, scenario: Scenario) -> None:
@@ -236,7 +209,7 @@ class Crowd:
         """How far an agent has moved since the rebuild at most, seen from the crowd."""
         out = np.empty(self.tiles)
         shift = self.elapsed * self.C.astype(np.float64)
-        self.workers.each(_strayed, self.tiles, self.agents, self.reference, shift, self.n, out)
+        self.workers.each(strayed_squares, self.tiles, self.agents, self.reference, shift, self.n, out)
         return float(np.sqrt(out.max())) + self._rounding
 
     def require_lists(self, step: float) -> None:
@@ -390,7 +363,7 @@ class Crowd:
 
     def read_tops(self) -> None:
         """Take the extremes of what the tiles reported last."""
-        _extremes(self.tops, self.extremes)
+        extremes_of(self.tops, self.extremes)
 
     def _broken_pair(self) -> tuple[int, int]:
         """The nearest pair beyond its radius in the tiles that report a broken link."""
@@ -430,11 +403,13 @@ class Crowd:
         self.spec, self.graphs = spec, scenario.law.graphs
         self.kernel = tile_kernels(spec).move
         self.sums = np.zeros((self.tiles if spec.ledger else 1, len(SUMS)), np.float64)
-        self.cutoffs = _cutoffs(self.graphs, spec)
+        self.cutoffs = cutoffs_of(self.graphs, spec)
         self._set_obstacles(scenario)
         self.set_radii(scenario)
         self._set_parameters(scenario, t)
-        self.edges = [_offsets(g, self.n) if k.fixed else None for g, k in zip(self.graphs, spec.graphs, strict=True)]
+        self.edges = [
+            sensed_offsets(g, self.n) if k.fixed else None for g, k in zip(self.graphs, spec.graphs, strict=True)
+        ]
         self._build_fixed()
         self.bound = np.inf
         if self.moving:
@@ -476,21 +451,3 @@ _KEPT = (
     "_rounding",
     "_first_links", "lost",
 )  # fmt: skip
-
-
-def _cutoffs(graphs: Any, spec: KernelSpec) -> list[float]:
-    """Largest distance of linked agents under each graph; 0 for a fixed one."""
-    return [
-        0.0 if kind.fixed else float(np.max(np.maximum(graph.break_radius, graph.appear_radius)))
-        for graph, kind in zip(graphs, spec.graphs, strict=True)
-    ]
-
-
-def _offsets(graph: Any, n: int) -> tuple[Any, Any]:
-    """Sensed agents of each agent under a fixed graph, as offsets and neighbours."""
-    edges = np.asarray(graph.edges, dtype=np.int64).reshape(-1, 2)
-    if not graph.directed:
-        edges = np.concatenate([edges, edges[:, ::-1]])
-    edges = edges[np.lexsort((edges[:, 1], edges[:, 0]))]
-    counts = np.bincount(edges[:, 0], minlength=n)
-    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), edges[:, 1].astype(np.int32)

@@ -1,0 +1,55 @@
+"""What is measured on a whole crowd: how far agents strayed, extremes over tiles, reaches and links of its graphs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+
+from flocking.engine.tiles.spec import KernelSpec
+
+_compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
+
+
+@_compiled
+def strayed_squares(first, last, agents, reference, shift, n, out):  # type: ignore[no-untyped-def]
+    """Largest squared distance of the agents of each tile from where they were at the rebuild, seen from the crowd."""
+    for tile in range(first, last):
+        most = np.float64(0.0)
+        for i in range(tile * 16, min(tile * 16 + 16, n)):
+            square = np.float64(0.0)
+            for k in range(reference.shape[1]):
+                d = np.float64(agents[i, k]) - np.float64(reference[i, k]) - shift[k]
+                square += d * d
+            most = max(most, square) if square < 1e300 else np.float64(np.inf)
+        out[tile] = most
+
+
+@_compiled
+def extremes_of(tops, out):  # type: ignore[no-untyped-def]
+    """Largest squared speed, smallest squared distance of linked agents and most breaks over all tiles."""
+    fast, near, broken = 0.0, np.inf, 0.0
+    for tile in range(tops.shape[0]):
+        fast = max(fast, np.float64(tops[tile, 0]))
+        near = min(near, np.float64(tops[tile, 1]))
+        broken = max(broken, np.float64(tops[tile, 2]))
+    out[0], out[1], out[2] = fast, near, broken
+
+
+def cutoffs_of(graphs: Any, spec: KernelSpec) -> list[float]:
+    """Largest distance of linked agents under each graph; 0 for a fixed one."""
+    return [
+        0.0 if kind.fixed else float(np.max(np.maximum(graph.break_radius, graph.appear_radius)))
+        for graph, kind in zip(graphs, spec.graphs, strict=True)
+    ]
+
+
+def sensed_offsets(graph: Any, n: int) -> tuple[Any, Any]:
+    """Sensed agents of each agent under a fixed graph, as offsets and neighbours."""
+    edges = np.asarray(graph.edges, dtype=np.int64).reshape(-1, 2)
+    if not graph.directed:
+        edges = np.concatenate([edges, edges[:, ::-1]])
+    edges = edges[np.lexsort((edges[:, 1], edges[:, 0]))]
+    counts = np.bincount(edges[:, 0], minlength=n)
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), edges[:, 1].astype(np.int32)
