@@ -323,6 +323,9 @@ def test_a_checkpoint_holds_all_of_a_snapshot(tmp_path: Path) -> None:
     assert (one.scheme["last"], one.scheme["counted"]) == (two.scheme["last"], two.scheme["counted"])
     assert one.scheme["books"].sums == two.scheme["books"].sums
     assert pack(restored) == data, "nothing is lost or changed on the way"
+    for name in ("agents", "ids", "reference", "C", "elapsed", "bound", "skin", "rebuilds", "top_speed", "_rounding"):
+        assert np.array_equal(getattr(session._crowd, name), getattr(restored._crowd, name)), name
+    assert np.array_equal(session._crowd.lists[0].rows, restored._crowd.lists[0].rows)
 
 
 def test_a_checkpoint_refuses_what_it_cannot_hold() -> None:
