@@ -38,7 +38,8 @@ def refused_law(name: str, dimension: int) -> fk.Law:
         links = [(i, (i + k) % AGENTS) for i in range(AGENTS) for k in (1, 2, 8)]
         return fk.Law(fk.Fixed(AGENTS, links), [fk.Gradient(fk.Potential("s*s/r**2 + log(r**2)", s=5.0)), consensus])
     if name.startswith("zhou"):
-        psi = fk.Potential("1/r + 1/(R - r)", R=12.0)
+        # Singular a little beyond the radius: at it, random pairs would have forces without bound.
+        psi = fk.Potential("1/r + 1/(R - r)", R=13.0)
         return fk.Law(fk.Hysteresis(radius=12.0, gap=1.0), [fk.Gradient(psi), consensus])
     if name.startswith("shi"):
         made, _ = law("shi (4)", dimension, AGENTS)
