@@ -36,7 +36,7 @@ myst_heading_anchors = 3
 
 autodoc_member_order = "bysource"
 # What an array is stands in the text; its type spelled out fills six lines of a signature.
-autodoc_type_aliases = {"ArrayLike": "ArrayLike", "Array": "Array", "NDArray": "NDArray"}
+autodoc_type_aliases = {"ArrayLike": "ArrayLike", "Array": "Array"}
 napoleon_google_docstring = False
 napoleon_use_rtype = False
 python_maximum_signature_line_length = 88
