@@ -149,7 +149,7 @@ def obstacle_scenario(
         start,
         t_end=OBSTACLE_DURATION,
         energy=Energy("centre of mass", name="H_s"),
-        tolerance=1e-6,
+        tolerance=1e-8,
         name=KEY,
         seed=seed,
     )
@@ -180,7 +180,7 @@ def sink_scenario(
     law = Law(smooth_net(), (*alpha_terms(a, b), follow))
     start = starts.box(agents, side=SINK_BOX, corner=(-SINK_BOX / 2, -SINK_BOX / 2), seed=seed)
     return Scenario(
-        law, start, t_end=SINK_DURATION, energy=Energy("lab", name="H"), tolerance=1e-6, name=SINK, seed=seed
+        law, start, t_end=SINK_DURATION, energy=Energy("lab", name="H"), tolerance=1e-8, name=SINK, seed=seed
     )
 
 
