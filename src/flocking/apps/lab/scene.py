@@ -13,6 +13,7 @@ import numpy as np
 
 from flocking.apps.lab import glyphs
 from flocking.apps.lab.clock import Clock, Frame
+from flocking.apps.lab.framing import box_around, centre_of
 from flocking.apps.lab.solids import Solid, imagined, solids
 from flocking.model.law import Scenario
 from flocking.model.state import State
@@ -30,8 +31,6 @@ MOST_ENERGIES = 500
 FASTEST_PAINT = 1 / 30
 AMBIENT = 1.0
 HIGHLIGHT_SCALE = 1.6
-FAR_OFF = 3.0
-"""Leaders and obstacles further away than this, in sizes of the group, do not widen the view."""
 BESIDE = 1.25
 """Distance of two groups that are compared, in extents of the first."""
 
@@ -157,7 +156,7 @@ class Scene:
         """Measure the group and point every camera at it, from above in the plane."""
         state = frame.states[0]
         self._spacing = glyphs.spacing(state.q)
-        low, high = _box(state, solids(frame.scenarios[0], state.t), 2 * self._spacing)
+        low, high = box_around(state, solids(frame.scenarios[0], state.t), 2 * self._spacing)
         extent, middle = high - low, (low + high) / 2
         self._size = float(extent.max())
         self._count = len(frame.states)
@@ -168,7 +167,7 @@ class Scene:
             self._step[axis] = (1, -1)[axis] * BESIDE * max(extent[axis], 0.2 * self._size)
             extent = extent + np.abs(self._step) * (self._count - 1)
         self._fastest = max(float(np.linalg.norm(state.p, axis=1).max()), 1e-9)
-        self._shift = -_centre(state.q) if self.look.follow else np.zeros(3)
+        self._shift = -centre_of(state.q) if self.look.follow else np.zeros(3)
         look_at = middle + self._shift
         far = MARGIN * float(extent.max()) / 2 / np.tan(FIELD_OF_VIEW / 2)
         # Exactly from above the camera's turn about its own axis would be undefined.
@@ -233,7 +232,7 @@ class Scene:
                 self._dark = self.look.dark
                 self._grid.cell_color, self._grid.section_color = GRID[self._dark]
             if self.look.follow:
-                self._shift = -_centre(frame.states[0].q)
+                self._shift = -centre_of(frame.states[0].q)
             # The grid moves under a group that stays where it is: a lagging client never loses it.
             self._grid.position = (*np.fmod(self._shift[:2], self._grid.section_size), -0.01)
             for k, (state, scenario) in enumerate(zip(frame.states, frame.scenarios, strict=True)):
@@ -396,27 +395,3 @@ class Scene:
     def _remove(self, group: _Group) -> None:
         for handle in (group.agents, group.links, group.trails, group.ghosts, *(h for _, h in group.solids)):
             handle.remove()
-
-
-def _box(state: State, things: list[Solid], least: float) -> tuple[Any, Any]:
-    """Corners of a box around the agents and what is near them, at least ``least`` wide."""
-    q = glyphs.in_space(state.q).astype(np.float64)
-    low, high = q.min(axis=0), q.max(axis=0)
-    size, middle = max(float((high - low).max()), least), (low + high) / 2
-    for thing in things:
-        if np.abs(thing.position - middle).max() > FAR_OFF * size:
-            continue
-        own = thing.vertices if thing.kind == "obstacle" else np.zeros((1, 3))
-        # Of a long wall only the near part counts.
-        own = own if np.abs(own).max() < size else np.zeros((1, 3))
-        low = np.minimum(low, thing.position + own.min(axis=0))
-        high = np.maximum(high, thing.position + own.max(axis=0))
-    short = np.maximum(least - (high - low), 0.0) / 2
-    return low - short, high + short
-
-
-def _centre(q: Any) -> Any:
-    """Mean position as a point of space."""
-    found = np.zeros(3)
-    found[: min(3, q.shape[1])] = q.mean(axis=0)[:3]
-    return found

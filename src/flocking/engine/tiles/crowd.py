@@ -8,13 +8,12 @@ have moved is kept at every step, and lists are rebuilt before it exceeds half t
 
 from __future__ import annotations
 
-import copy
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from flocking.engine.tiles.cells import Sorter
+from flocking.engine.tiles.crowd_memory import CrowdMemory
 from flocking.engine.tiles.kernels import SUMS, tile_kernels
 from flocking.engine.tiles.lists import (
     LINKED,
@@ -28,7 +27,7 @@ from flocking.engine.tiles.lists import (
 from flocking.engine.tiles.measures import cutoffs_of, extremes_of, sensed_offsets, strayed_squares
 from flocking.engine.tiles.nearby_obstacles import NearbyObstacles
 from flocking.engine.tiles.numbers import kernel_numbers
-from flocking.engine.tiles.pairs import tile_pairs
+from flocking.engine.tiles.pairs import broken_pair
 from flocking.engine.tiles.skins import FIRST_SKIN, best_skin
 from flocking.engine.tiles.spec import PRECISIONS, KernelSpec
 from flocking.engine.tiles.threads import Workers
@@ -37,19 +36,6 @@ from flocking.model.state import State
 
 CERTAIN = 0.999
 """Share of half the skin that may be used up; the rest covers rounding."""
-
-
-@dataclass
-class CrowdMemory:
-    """Copies of everything that fixes how a crowd goes on.
-
-    Parameters
-    ----------
-    fields
-        The copies by name.
-    """
-
-    fields: dict[str, Any]
 
 
 class Crowd:
@@ -359,21 +345,11 @@ class Crowd:
         )  # fmt: skip
         self.read_tops()
         if self.extremes[2] > 0 and self.lost is None and not hold:
-            self.lost = self._broken_pair()
+            self.lost = broken_pair(self)
 
     def read_tops(self) -> None:
         """Take the extremes of what the tiles reported last."""
         extremes_of(self.tops, self.extremes)
-
-    def _broken_pair(self) -> tuple[int, int]:
-        """The nearest pair beyond its radius in the tiles that report a broken link."""
-        tiles = np.flatnonzero(self.tops[:, 2] > 0)[:4]
-        pairs = [tile_pairs(lists, tiles, self.n) for lists in self.lists if lists is not None]
-        i, j = (np.concatenate(x) for x in zip(*pairs, strict=True))
-        square = ((self.X[: self.m, j] - self.X[: self.m, i]) ** 2).sum(axis=0)
-        least = min(float(x[0]) for x, kind in zip(self.limits, self.spec.graphs, strict=True) if kind.barrier)
-        k = int(np.argmin(np.where(square >= least, square, np.inf)))
-        return int(self.ids[i[k]]), int(self.ids[j[k]])
 
     def _fill_means(self) -> None:
         n = self.n
@@ -423,18 +399,11 @@ class Crowd:
 
     def memory(self, *, copied: bool = True) -> CrowdMemory:
         """State, order, lists and rebuild reference; not ``copied``, they change as the crowd goes on."""
-        kept = {name: getattr(self, name) for name in _KEPT}
-        kept["rooms"] = [b.room for b in self.builders]
-        return CrowdMemory(copy.deepcopy(kept) if copied else kept)
+        return CrowdMemory.of(self, copied=copied)
 
     def recall(self, memory: CrowdMemory) -> None:
         """Go back to ``memory``."""
-        for name in _KEPT:
-            setattr(self, name, copy.deepcopy(memory.fields[name]))
-        if self.obstacles is not None:
-            self.obstacles.used = np.inf
-        for builder, room in zip(self.builders, memory.fields["rooms"], strict=True):
-            builder.room, builder.spare = room.copy(), None
+        memory.put_back(self)
 
     @property
     def nbytes(self) -> int:
@@ -444,10 +413,3 @@ class Crowd:
         arrays += [sorter.key, sorter.key_there, sorter.index_there, sorter.order, sorter.start, *self.each]
         spares = [b.spare for b in self.builders if b.spare is not None]
         return int(sum(a.nbytes for a in arrays)) + sum(x.nbytes for x in [*self.lists, *spares] if x is not None)
-
-
-_KEPT = (
-    "X", "ids", "each", "A", "C", "reference", "elapsed", "bound", "skin", "rebuilds", "lists", "top_speed",
-    "_rounding",
-    "_first_links", "lost",
-)  # fmt: skip

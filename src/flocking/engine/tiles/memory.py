@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from flocking.engine.run import Closest
-from flocking.engine.tiles.crowd import CrowdMemory
+from flocking.engine.tiles.crowd_memory import CrowdMemory
 from flocking.engine.tiles.lists import TileLists
 from flocking.engine.tiles.records import Records
 from flocking.engine.tiles.schemes import Books

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flocking.engine.tiles.lists import NUMBER, WIDTH, TileLists
+
+if TYPE_CHECKING:
+    from flocking.engine.tiles.crowd import Crowd
 
 
 def tile_pairs(lists: TileLists, tiles: Iterable[int], n: int) -> tuple[Any, Any]:
@@ -36,3 +39,14 @@ def listed_pairs(lists: TileLists, n: int, *, linked: bool = False) -> tuple[Any
     i, j = i[chosen], j[chosen]
     ranks = np.lexsort((j, i))
     return i[ranks], j[ranks]
+
+
+def broken_pair(crowd: Crowd) -> tuple[int, int]:
+    """The nearest pair beyond its radius in the tiles that report a broken link; numbers of the agents."""
+    tiles = np.flatnonzero(crowd.tops[:, 2] > 0)[:4]
+    pairs = [tile_pairs(lists, tiles, crowd.n) for lists in crowd.lists if lists is not None]
+    i, j = (np.concatenate(x) for x in zip(*pairs, strict=True))
+    square = ((crowd.X[: crowd.m, j] - crowd.X[: crowd.m, i]) ** 2).sum(axis=0)
+    least = min(float(x[0]) for x, kind in zip(crowd.limits, crowd.spec.graphs, strict=True) if kind.barrier)
+    k = int(np.argmin(np.where(square >= least, square, np.inf)))
+    return int(crowd.ids[i[k]]), int(crowd.ids[j[k]])

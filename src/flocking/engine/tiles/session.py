@@ -14,7 +14,8 @@ from flocking.engine.provenance import provenance
 from flocking.engine.run import Run
 from flocking.engine.step_checks import step_too_large
 from flocking.engine.tiles import automatic_step, checks
-from flocking.engine.tiles.crowd import Crowd, CrowdMemory
+from flocking.engine.tiles.crowd import Crowd
+from flocking.engine.tiles.crowd_memory import CrowdMemory
 from flocking.engine.tiles.kernels import is_compiled
 from flocking.engine.tiles.lists import TooManyNeighboursError
 from flocking.engine.tiles.options import TilesOptions as TilesOptions
