@@ -146,3 +146,15 @@ def test_an_error_names_owner_parameter_value_and_fix():
     assert (error.owner, error.parameter, error.value) == ("Hysteresis", "gap", 9)
     assert str(error).startswith("Hysteresis: gap must be smaller than the radius, 4; got 9. ")
     assert isinstance(error, ValueError | fk.FlockingError)
+
+
+def test_an_earlier_end_keeps_the_frames_before_it() -> None:
+    scenario = fk.Scenario(
+        fk.Law(fk.Fixed(2, []), [fk.Consensus(1.0)]), fk.State([[0.0], [1.0]]), 4.0, frames=(0, 1, 3)
+    )
+    assert scenario.with_(t_end=2.0).frames == (0.0, 1.0, 2.0)
+    assert scenario.with_(t_end=1.0).frames == (0.0, 1.0)
+    assert scenario.with_(t_end=6.0).frames == (0.0, 1.0, 3.0)
+    assert scenario.with_(t_end=2.0, frames=(0.5,)).frames == (0.5,)
+    with pytest.raises(InvalidInput, match="t_end"):
+        scenario.with_(t_end=-1.0)

@@ -247,5 +247,13 @@ class Scenario:
         return np.array(self.frames)
 
     def with_(self, **changes: Any) -> Scenario:
-        """The same scenario with some fields changed."""
+        """The same scenario with some fields changed.
+
+        An earlier ``t_end`` without new ``frames`` keeps those of the given times that come before it, and itself.
+        """
+        end = changes.get("t_end")
+        if isinstance(end, int | float) and "frames" not in changes and not isinstance(self.frames, int):
+            start = changes.get("start", self.start)
+            if end < self.frames[-1] and isinstance(start, State) and end >= start.t:
+                changes["frames"] = (*(t for t in self.frames if t < end), float(end))
         return replace(self, **changes)
