@@ -1,6 +1,8 @@
-"""Settings shared by all tests: one profile for drawn examples, no slow sessions by accident, counts at the end."""
+"""Settings shared by all tests: one profile for drawn examples, interrupts that are heard, counts at the end."""
 
 from __future__ import annotations
+
+import signal
 
 from hypothesis import HealthCheck, settings
 
@@ -14,3 +16,7 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.load_profile("project")
+
+# A shell starts jobs in the background with interrupts ignored, and processes inherit it: those of the tests must hear.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)

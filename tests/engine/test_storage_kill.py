@@ -61,6 +61,23 @@ def kill(process: int) -> None:
         time.sleep(0.001)
 
 
+def killed_on_its_way(start: Start, what: str, folder: Path, longest: float, rng: np.random.Generator) -> float:
+    """Kill a simulation between its beginning and so many seconds later; how many were few enough on this machine."""
+    while True:
+        process = start(what, folder)
+        while not folder.exists():
+            time.sleep(0.001)
+        time.sleep(rng.uniform(0.0, longest))
+        try:
+            kill(process)
+        except ProcessLookupError:  # it had come to its end
+            longest *= 0.8
+            shutil.rmtree(folder)
+        else:
+            tell("runs on disk: simulations killed and gone on with")
+            return longest
+
+
 def committed(folder: Path) -> int:
     """How many frames the dead writer knew to be committed."""
     told = folder.with_suffix(".told")
@@ -117,16 +134,11 @@ def kill_while_frames_are_written(start: Start, place: Path, instants: int, seed
 
 def kill_while_a_session_runs(start: Start, place: Path, instants: int, seed: int) -> list[int]:
     """Kill so many simulations and go on with each; how many frames each had committed."""
-    rng = np.random.default_rng(seed)
+    rng, longest = np.random.default_rng(seed), 1.5
     found = []
     for k in range(instants):
         folder = place / f"session{k}"
-        process = start("simulate", folder)
-        while not folder.exists():
-            time.sleep(0.001)
-        time.sleep(rng.uniform(0.0, 1.5))
-        kill(process)
-        tell("runs on disk: simulations killed and gone on with")
+        longest = killed_on_its_way(start, "simulate", folder, longest, rng)
         stored = read_run(folder)
         for name in ("t", "q", "p", "links", "switches", "trace"):
             part, whole = getattr(stored, name), getattr(finished(), name)
@@ -146,16 +158,11 @@ def whole() -> Run:
 
 def kill_while_a_crowd_runs(start: Start, whole: Run, place: Path, instants: int, seed: int) -> list[tuple[int, int]]:
     """Kill so many runs of 100,000 agents and go on with each: frames committed, and whether the kill left traces."""
-    rng = np.random.default_rng(seed)
+    rng, longest = np.random.default_rng(seed), 1.3
     found = []
     for k in range(instants):
         folder = place / f"crowd{k}"
-        process = start("tiles", folder)
-        while not folder.exists():
-            time.sleep(0.001)
-        time.sleep(rng.uniform(0.0, 1.3))
-        kill(process)
-        tell("runs on disk: simulations killed and gone on with")
+        longest = killed_on_its_way(start, "tiles", folder, longest, rng)
         traces = len(list(folder.rglob("*" + PARTIAL)))
         shape = json.loads((folder / "position" / "zarr.json").read_text())["shape"][0]
         assert_begins(read_run(folder), whole)

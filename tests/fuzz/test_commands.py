@@ -41,6 +41,7 @@ COMMANDS = [
     "equations",
     "list",
     "schema",
+    "showcase",
     "sweep",
 ]
 WORDS = st.sampled_from(

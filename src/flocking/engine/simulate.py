@@ -95,7 +95,7 @@ def _opened(
 
 def chosen_engine(scenario: Scenario, engine: str, plant: Law | None = None) -> str:
     """The engine that ``"auto"`` means for a scenario; any other name is left as it is."""
-    if engine != "auto":
+    if not isinstance(engine, str) or engine != "auto":
         return engine
     if scenario.start.n <= FEW_AGENTS or plant is not None:
         return "exact"

@@ -15,7 +15,15 @@ FAR_OFF = 3.0
 
 
 def box_around(state: State, things: list[Solid], least: float) -> tuple[Any, Any]:
-    """Corners of a box around the agents and what is near them, at least ``least`` wide."""
+    """Corners of a box around the agents and what is near them, at least ``least`` wide.
+
+    Parameters
+    ----------
+    things
+        Obstacles and leaders; those far off do not count.
+    least
+        Smallest width of the box in each direction.
+    """
     q = glyphs.in_space(state.q).astype(np.float64)
     low, high = q.min(axis=0), q.max(axis=0)
     size, middle = max(float((high - low).max()), least), (low + high) / 2

@@ -14,7 +14,21 @@ _compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
 
 @_compiled
 def strayed_squares(first, last, agents, reference, shift, n, out):  # type: ignore[no-untyped-def]
-    """Largest squared distance of the agents of each tile from where they were at the rebuild, seen from the crowd."""
+    """Largest squared distance of the agents of each tile from where they were at the rebuild, seen from the crowd.
+
+    Parameters
+    ----------
+    first, last
+        Tiles to look at, from the first to before the last.
+    agents
+        Where and how fast the agents are, shape (size, 2 m).
+    reference
+        Where they were, shape (size, m).
+    shift
+        How far the frame of the crowd has moved since, shape (m,).
+    out
+        Filled with one number a tile.
+    """
     for tile in range(first, last):
         most = np.float64(0.0)
         for i in range(tile * 16, min(tile * 16 + 16, n)):
@@ -28,7 +42,15 @@ def strayed_squares(first, last, agents, reference, shift, n, out):  # type: ign
 
 @_compiled
 def extremes_of(tops, out):  # type: ignore[no-untyped-def]
-    """Largest squared speed, smallest squared distance of linked agents and most breaks over all tiles."""
+    """Largest squared speed, smallest squared distance of linked agents and most breaks over all tiles.
+
+    Parameters
+    ----------
+    tops
+        What each tile reported, shape (tiles, 3).
+    out
+        Filled with the three numbers.
+    """
     fast, near, broken = 0.0, np.inf, 0.0
     for tile in range(tops.shape[0]):
         fast = max(fast, np.float64(tops[tile, 0]))
@@ -38,7 +60,15 @@ def extremes_of(tops, out):  # type: ignore[no-untyped-def]
 
 
 def cutoffs_of(graphs: Any, spec: KernelSpec) -> list[float]:
-    """Largest distance of linked agents under each graph; 0 for a fixed one."""
+    """Largest distance of linked agents under each graph; 0 for a fixed one.
+
+    Parameters
+    ----------
+    graphs
+        The graphs of a law.
+    spec
+        What the kernel of that law is made for.
+    """
     return [
         0.0 if kind.fixed else float(np.max(np.maximum(graph.break_radius, graph.appear_radius)))
         for graph, kind in zip(graphs, spec.graphs, strict=True)
