@@ -260,6 +260,14 @@ def test_a_broken_barrier_stops_the_run():
     assert set(caught.value.agents) == {0, 1}
 
 
+@pytest.mark.parametrize("frames", [2, (0.01,)])
+def test_a_barrier_broken_by_the_very_last_step_is_told(frames):
+    start = fk.State([[0.0, 0.0], [3.9, 0.0], [0.0, 2.0]], [[-30.0, 0.0], [30.0, 0.0], [0.0, 0.0]])
+    scenario = fk.Scenario(zhou(), start, t_end=0.01, frames=frames)
+    with pytest.raises(LinkLost, match="step"):
+        fk.simulate(scenario, engine="tiles", step=0.01, ledger=False, progress=False)
+
+
 def test_a_step_too_large_for_a_collision_says_which_would_do():
     start = fk.State([[0.0, 0.0], [2.0, 0.0]], [[4.0, 0.0], [-4.0, 0.0]])
     scenario = fk.Scenario(zhou(), start, t_end=0.5, frames=3)

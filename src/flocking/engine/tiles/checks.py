@@ -38,12 +38,7 @@ def after_step(session: TilesSession, crowd: Crowd, h: float) -> None:
             "Velocities or positions became infinite or NaN. Lower the step, or look at the potential there.",
             time=session.time, agents=tuple(sorted(int(i) for i in crowd.ids[bad[:10]])),
         )  # fmt: skip
-    if crowd.lost is not None:
-        raise LinkLost(
-            "A link whose potential is infinite at the break radius reached it: the step "
-            f"{session.step:.3g} is too large. A step of {session.step / 4:.2g} may do.",
-            time=session.time, agents=tuple(sorted(crowd.lost)),
-        )  # fmt: skip
+    links_kept(session, crowd)
     near = float(np.sqrt(crowd.extremes[1]))
     if near < min(session.records.closest.distance, FARTHEST):
         tile = int(np.argmin(crowd.tops[:, 1]))
@@ -52,6 +47,22 @@ def after_step(session: TilesSession, crowd: Crowd, h: float) -> None:
             session.records.closest = Closest(near, session.time, closest)
     if session.scenario.law.singular_at_zero() and 2.0 * crowd.top_speed * h > STRIDE * near:
         _check_strides(session, crowd, h)
+
+
+def links_kept(session: TilesSession, crowd: Crowd) -> None:
+    """Whether a link broke although its potential is infinite there.
+
+    Raises
+    ------
+    LinkLost
+        When one did.
+    """
+    if crowd.lost is not None:
+        raise LinkLost(
+            "A link whose potential is infinite at the break radius reached it: the step "
+            f"{session.step:.3g} is too large. A step of {session.step / 4:.2g} may do.",
+            time=session.time, agents=tuple(sorted(crowd.lost)),
+        )  # fmt: skip
 
 
 def _listed(crowd: Crowd, tiles: Any) -> tuple[Any, Any]:

@@ -260,12 +260,14 @@ class TilesSession:
             return
         if not (self.options.keep_frames or self.options.observe):
             self._guarded(lambda: self._scheme.look(self._crowd, self.time, self.step))
+            checks.links_kept(self, self._crowd)
             self._book()
             self.records.count += 1
             return
         q, p = self._look()
         if not (np.isfinite(q).all() and np.isfinite(p).all()):
             raise NotFinite("The state became infinite or NaN.", time=self.time)
+        checks.links_kept(self, self._crowd)
         checks.resolution(self, q)
         self._book()
         observed = None
