@@ -118,3 +118,8 @@ def test_a_record_that_contradicts_itself_is_told(tmp_path: Path) -> None:
     with pytest.raises(StorageError, match="damaged or comes from elsewhere"):
         read_run(folder)
     shutil.rmtree(folder)
+
+
+def test_powers_of_numbers_beyond_all_bounds_are_refused_at_once() -> None:
+    with pytest.raises(InvalidInput, match="not a real finite number"):
+        fk.Potential("where(sin(r) > 2, 1e9, sin(2))^cosh(1e9)").kinks()

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
 
 LARGEST_EXACT = 10**100
+MOST_BITS = 4096
+"""Numbers beyond two to this power are not raised to powers: double precision ends at 1024."""
 
 
 def to_sympy(formula: Formula, values: Mapping[str, sympy.Expr]) -> sympy.Expr:
@@ -85,8 +87,19 @@ def _build(node: Node, values: Mapping[str, sympy.Expr]) -> sympy.Expr:
                 case "/":
                     return a / b
                 case "**":
-                    return a**b
+                    return _tame(a) ** _tame(b)
     raise AssertionError(f"not a formula node: {node!r}")
+
+
+def _tame(value: sympy.Expr) -> sympy.Expr:
+    """The value itself, unless it holds a number so large that powers of it never end."""
+    import sympy
+
+    for number in value.atoms(sympy.Float):
+        _, _, exponent, bits = number._mpf_
+        if exponent + bits > MOST_BITS:
+            raise OverflowError
+    return value
 
 
 def from_sympy(expression: sympy.Expr, owner: str = "formula") -> Formula:
