@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flocking.engine.lammps.options import lammps_options
+from flocking.engine.lammps.options import LammpsOptions
 from flocking.engine.lammps.session import LammpsSession
 from flocking.papers.showcases.shipped import showcase
 
@@ -12,7 +12,7 @@ pytestmark = pytest.mark.mpi
 
 def test_a_flock_that_left_its_box_is_read_again():
     scenario = showcase("cluster-obstacles").scenario(agents=1000, until=4.0)
-    options = lammps_options({"step": 0.02, "ledger": 0})
+    options = LammpsOptions(step=0.02, ledger=0)
     going = LammpsSession(scenario, options)
     ends = []
     for t in (1.0, 1.5, 1.94, 2.02, 2.5):  # some of them long after lists were made

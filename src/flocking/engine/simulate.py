@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from flocking.engine.exact import ExactSession
 from flocking.engine.interruption import Deferred, Noted
+from flocking.engine.keyword_options import from_keywords
 from flocking.engine.progress import Progress, stops
 from flocking.engine.run import Run
 from flocking.errors import InvalidInput, SimulationError, StorageError, UnsupportedLaw
@@ -74,13 +75,13 @@ def _opened(
         raise InvalidInput("start", "engine", f"must be one of {', '.join(ENGINES)}", engine)
     engine = chosen_engine(scenario, engine, plant)
     if engine == "tiles":
-        from flocking.engine.tiles.session import TilesSession, tiles_options
+        from flocking.engine.tiles.session import TilesOptions, TilesSession
 
-        return TilesSession(scenario, tiles_options(options), plant=plant)
+        return TilesSession(scenario, from_keywords(TilesOptions, options, "the tiled engine"), plant=plant)
     if engine == "lammps":
-        from flocking.engine.lammps.session import LammpsSession, lammps_options
+        from flocking.engine.lammps.session import LammpsOptions, LammpsSession
 
-        return LammpsSession(scenario, lammps_options(options), plant=plant)
+        return LammpsSession(scenario, from_keywords(LammpsOptions, options, "engine='lammps'"), plant=plant)
     if options:
         raise InvalidInput(
             "start", sorted(options)[0], "is an option of engine='tiles' or 'lammps' alone", options[sorted(options)[0]]

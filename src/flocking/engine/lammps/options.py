@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass
 
-from flocking.errors import InvalidInput
 from flocking.model.checks import integer, number
 
 AGENTS_A_ROW = 4000
@@ -57,19 +55,3 @@ class LammpsOptions:
         if self.ledger is not None:
             return self.ledger
         return min(RAREST, max(1, round(agents / AGENTS_A_ROW)))
-
-
-def lammps_options(given: dict[str, Any]) -> LammpsOptions:
-    """Options from keyword arguments.
-
-    Raises
-    ------
-    InvalidInput
-        When there is no such option.
-    """
-    known = {f.name for f in fields(LammpsOptions)}
-    for name in sorted(set(given) - known):
-        raise InvalidInput(
-            "start", name, f"must be an option of engine='lammps': {', '.join(sorted(known))}", given[name]
-        )
-    return LammpsOptions(**given)

@@ -11,7 +11,7 @@ from flocking.engine.lammps import library
 from flocking.engine.lammps.atoms import Atoms, LammpsError
 from flocking.engine.lammps.deck import Deck, make_deck
 from flocking.engine.lammps.ledger import observation
-from flocking.engine.lammps.options import LammpsOptions, lammps_options
+from flocking.engine.lammps.options import LammpsOptions
 from flocking.engine.lammps.ranks import Ranks
 from flocking.engine.lammps.records import Records
 from flocking.engine.lammps.restart import Restart
@@ -255,4 +255,4 @@ class LammpsSession:
         self.atoms.close()
 
 
-__all__ = ["LammpsOptions", "LammpsSession", "lammps_options"]
+__all__ = ["LammpsOptions", "LammpsSession"]

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass
 
 from flocking.engine.tiles.spec import PRECISIONS, SCHEMES
 from flocking.errors import InvalidInput
@@ -78,19 +77,3 @@ class TilesOptions:
         if self.memory_limit is not None:
             return self.memory_limit
         return 0.5 * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-
-
-def tiles_options(given: dict[str, Any]) -> TilesOptions:
-    """Options from keyword arguments.
-
-    Raises
-    ------
-    InvalidInput
-        When there is no such option.
-    """
-    known = {f.name for f in fields(TilesOptions)}
-    for name in sorted(set(given) - known):
-        raise InvalidInput(
-            "start", name, f"must be an option of the tiled engine: {', '.join(sorted(known))}", given[name]
-        )
-    return TilesOptions(**given)

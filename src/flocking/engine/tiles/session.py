@@ -19,7 +19,6 @@ from flocking.engine.tiles.crowd_memory import CrowdMemory
 from flocking.engine.tiles.kernels import is_compiled
 from flocking.engine.tiles.lists import TooManyNeighboursError
 from flocking.engine.tiles.options import TilesOptions as TilesOptions
-from flocking.engine.tiles.options import tiles_options as tiles_options
 from flocking.engine.tiles.pairs import listed_pairs
 from flocking.engine.tiles.records import MOST_LINKED, Records
 from flocking.engine.tiles.schemes import Scheme, scheme_named
