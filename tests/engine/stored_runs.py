@@ -1,10 +1,15 @@
-"""Small runs for the tests of storage, and what it means for two of them to be equal."""
+"""Small runs for the tests of storage, what it means for two of them to be equal, and a disk that fills."""
 
 from __future__ import annotations
 
+import errno
 import functools
+import os
+
+import pytest
 
 import flocking as fk
+from flocking.engine import durable, saving
 from flocking.engine.run import Run
 
 
@@ -33,3 +38,25 @@ def assert_same(one: Run, two: Run) -> None:
         assert x.tobytes() == y.tobytes(), name
     for name in ("closest_linked", "closest_unlinked", "status", "provenance"):
         assert getattr(one, name) == getattr(two, name), name
+
+
+def fill_the_disk_after_three_commits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a run commit at every stop; after the third commit nothing more can be written."""
+    commits = 0
+    sync = os.fsync
+
+    def full(handle: int) -> None:
+        if commits >= 3:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        sync(handle)
+
+    commit = saving.Saving._commit
+
+    def count(self: saving.Saving, status: str, *, resumable: bool) -> None:
+        nonlocal commits
+        commit(self, status, resumable=resumable)
+        commits += 1
+
+    monkeypatch.setattr(saving, "COMMIT_SECONDS", 0.0)
+    monkeypatch.setattr(saving.Saving, "_commit", count)
+    monkeypatch.setattr(durable.os, "fsync", full)

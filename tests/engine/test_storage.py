@@ -18,7 +18,7 @@ import pytest
 import xarray
 
 import flocking as fk
-from flocking.engine import durable, saving
+from flocking.engine import durable
 from flocking.engine.run import Closest
 from flocking.engine.run_writer import RunWriter
 from flocking.engine.storage import read_run, write_run
@@ -26,7 +26,7 @@ from flocking.errors import InvalidInput, StorageError
 from flocking.model.serial import to_data
 from flocking.model.terms import PairTerm
 from tests.counting import count
-from tests.engine.stored_runs import assert_same, finished, scenario
+from tests.engine.stored_runs import assert_same, fill_the_disk_after_three_commits, finished, scenario
 
 
 @pytest.fixture(scope="module")
@@ -319,24 +319,7 @@ def test_a_full_disk_keeps_what_was_committed(tmp_path: Path, limit: Callable[[i
 
 
 def test_a_full_disk_does_not_lose_the_simulation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    commits = 0
-    sync = os.fsync
-
-    def full(handle: int) -> None:
-        if commits >= 3:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        sync(handle)
-
-    commit = saving.Saving._commit
-
-    def count(self: saving.Saving, status: str, *, resumable: bool) -> None:
-        nonlocal commits
-        commit(self, status, resumable=resumable)
-        commits += 1
-
-    monkeypatch.setattr(saving, "COMMIT_SECONDS", 0.0)
-    monkeypatch.setattr(saving.Saving, "_commit", count)
-    monkeypatch.setattr(durable.os, "fsync", full)
+    fill_the_disk_after_three_commits(monkeypatch)
     with pytest.raises(StorageError, match="no room left") as caught:
         fk.simulate(scenario(), save=tmp_path / "run", progress=False)
     assert caught.value.run is not None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import errno
 import os
 import signal
 import threading
@@ -17,7 +16,7 @@ import pytest
 import xarray
 
 import flocking as fk
-from flocking.engine import durable, saving
+from flocking.engine import saving
 from flocking.engine.checkpoint import pack, unpack
 from flocking.engine.run import Run
 from flocking.engine.storage import read_run
@@ -26,6 +25,7 @@ from flocking.engine.tiles.session import TilesOptions, TilesSession, TilesSnaps
 from flocking.errors import InvalidInput, StepTooLarge, StorageError
 from flocking.model.avoidance import Avoid
 from flocking.model.obstacles import Ball
+from tests.engine.stored_runs import fill_the_disk_after_three_commits
 from tests.engine.tiles.laws import PerAgentRadii, saber, structural, zhou
 
 
@@ -200,24 +200,7 @@ def test_ctrl_c_loses_nothing(tmp_path: Path) -> None:
 
 def test_a_full_disk_loses_nothing_that_was_computed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = fk.simulate(scenario("proximity"), **OPTIONS)
-    commits = 0
-    sync = os.fsync
-
-    def full(handle: int) -> None:
-        if commits >= 3:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        sync(handle)
-
-    commit = saving.Saving._commit
-
-    def count(self: saving.Saving, status: str, *, resumable: bool) -> None:
-        nonlocal commits
-        commit(self, status, resumable=resumable)
-        commits += 1
-
-    monkeypatch.setattr(saving, "COMMIT_SECONDS", 0.0)
-    monkeypatch.setattr(saving.Saving, "_commit", count)
-    monkeypatch.setattr(durable.os, "fsync", full)
+    fill_the_disk_after_three_commits(monkeypatch)
     with pytest.raises(StorageError, match="no room left") as caught:
         fk.simulate(scenario("proximity"), save=tmp_path / "run", **OPTIONS)
     kept = caught.value.run
