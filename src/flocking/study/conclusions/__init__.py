@@ -1,0 +1,1 @@
+"""What claims measure, and why they cannot be asked of some runs, by subject."""

@@ -1,0 +1,74 @@
+"""Claims about energy and momentum."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from flocking.study.claims import Measure, below
+from flocking.study.evidence import Evidence
+
+
+def ledger_residual(e: Evidence) -> Measure:
+    """Residual of the energy ledger against what the tolerance allows; links must be those of the declared graph."""
+    if e.foreign_link:
+        return Measure(-1.0, 0.0, e.foreign_link)
+    return below(e.residual, e.ledger_bound, e.ledger_note)
+
+
+def momentum_drift(e: Evidence) -> Measure:
+    """Largest change of the mean velocity against rounding and tolerance."""
+    drift = float(np.abs(e.mean_velocity - e.mean_velocity[0]).max(initial=0.0))
+    allowed = 100 * e.run.scenario.tolerance * max(1.0, float(e.speeds.max()))
+    return below(drift, allowed, f"mean velocity moved by {drift:.1e}")
+
+
+def energy_rise(e: Evidence) -> Measure:
+    """Largest rise of the energy between switches, beyond what the ledger leaves open."""
+    rise = float((np.diff(e.run.trace["energy"]) - np.diff(e.run.trace["jumped"])).max(initial=0.0))
+    # A fixed step may miss some energy in every step; what it dissipates must still be no less than nothing.
+    allowed = e.step_residual if e.fixed_step else e.ledger_bound
+    return below(rise, allowed, f"largest rise {rise:.1e} between switches")
+
+
+def energy_continuous(e: Evidence) -> Measure:
+    """Total absolute jump of the energy at switches."""
+    jumps = float(np.abs(np.diff(e.run.trace["jumped"])).sum())
+    allowed = 1e-9 * max(1.0, float(np.abs(e.run.trace["energy"]).max()))
+    return below(jumps, allowed, f"jumps add up to {jumps:.1e} over {len(e.link_switches)} switches")
+
+
+def speeds_bounded(factor: float) -> Callable[[Evidence], Measure]:
+    """Largest speed against sqrt(factor c), c the initial energy."""
+
+    def conclusion(e: Evidence) -> Measure:
+        bound = float(np.sqrt(max(factor * e.run.trace["energy"][0], 0.0)))
+        largest = float(e.speeds.max())
+        return below(largest, bound, f"largest speed {largest:.3g}, bound {bound:.3g}", 1e-9 * bound)
+
+    return conclusion
+
+
+def needs_momentum(e: Evidence) -> str:
+    """Momentum is a claim about laws whose forces come in opposite pairs."""
+    if e.law.body_terms:
+        return "a body term acts from outside"
+    if "momentum" not in e.law.symmetries:
+        return "pair forces are not equal and opposite"
+    return (
+        "" if np.ndim(e.run.scenario.agents.damping) == 0 and not e.run.scenario.agents.damping else "agents are damped"
+    )
+
+
+def needs_passive(e: Evidence) -> str:
+    """The energy can only be claimed to fall when nothing supplies any."""
+    supplied = np.abs(np.diff(e.run.trace["supplied"])).sum()
+    return "the law supplies energy" if supplied > e.ledger_bound else ""
+
+
+def needs_ledger(e: Evidence) -> str:
+    """First-order agents have no kinetic energy, and samples have no ledger."""
+    if len(e.run.trace) < 2:
+        return "the run has no ledger"
+    return "" if e.run.scenario.agents.order == 2 else "first-order agents have no kinetic energy"
