@@ -13,7 +13,7 @@ from text_tables import code, number, plain, table
 from flocking.model.law import Scenario
 from flocking.model.terms import Gradient
 from flocking.papers import KEYS, paper
-from flocking.study.equations import Row
+from flocking.study.equations import Demonstration, Fault, Row
 
 
 def constants(module: ModuleType) -> list[tuple[str, str, str]]:
@@ -92,19 +92,27 @@ def claim_rows(module: ModuleType, name: str) -> list[tuple[str, ...]]:
     ]  # fmt: skip
 
 
-def erratum_rows(rows: list[Row]) -> list[tuple[str, ...]]:
-    """The rows whose printed form a counter-example refutes now."""
-    found = []
-    for row in rows:
-        verdict, shown = row.verdict()
-        if verdict == "wrong" and shown is not None:
-            found.append(
-                (
-                    plain(row.number), plain(row.title), plain(row.reading), plain(shown.example),
-                    number(shown.printed), number(shown.true),
-                )
-            )  # fmt: skip
-    return found
+FAULTS = {
+    Fault.FALSE: "False statements",
+    Fault.MISPRINT: "Misprints",
+    Fault.READING: "Ambiguities and missing values",
+}
+
+
+def errata_sections(rows: list[Row], level: int) -> str:
+    """A table for each kind of fault; counter-examples are computed now."""
+    parts = []
+    for fault, heading in FAULTS.items():
+        found = [erratum_row(row, shown) for row in rows for verdict, shown in [row.verdict()] if verdict is fault]
+        if found:
+            parts.append(f"{'#' * level} {heading} ({len(found)})\n\n" + table(ERRATUM_HEAD, found))
+    return "".join(parts)
+
+
+def erratum_row(row: Row, shown: Demonstration | None) -> tuple[str, ...]:
+    """One row of a table of errata."""
+    example = ("", "", "") if shown is None else (plain(shown.example), number(shown.printed), number(shown.true))
+    return (plain(row.number), plain(row.title), plain(row.reading), *example)
 
 
 ERRATUM_HEAD = ("number", "statement", "reading", "example", "as printed", "computed")
@@ -131,9 +139,7 @@ def paper_page(key: str) -> str:
             lines.append(formulas)
             shown = formulas
         lines.append(table(("claim", "source", "statement", "expected"), claim_rows(module, name)))
-    read = [(plain(r.number), plain(r.title), plain(r.reading)) for r in rows if r.reading]
-    lines.append("## How it is read\n\n" + table(("number", "statement", "reading"), read))
-    lines.append("## Wrong as printed\n\n" + table(ERRATUM_HEAD, erratum_rows(rows)))
+    lines.append("## How it is read\n\n" + errata_sections(rows, 3))
     listed = [(plain(r.number), plain(r.kind), plain(r.title), code(r.home), plain(r.verdict()[0])) for r in rows]
     lines.append("## Equation table\n\n" + table(("number", "kind", "statement", "home", "verdict"), listed))
     return "".join(lines)
@@ -142,12 +148,13 @@ def paper_page(key: str) -> str:
 def errata_page() -> str:
     """All counter-examples of all papers."""
     lines = [
-        "# Errata of the papers\n\nA statement stands here because a counter-example refutes its printed form: both "
-        "sides were computed when this page was built. Misprints with one sensible reading are listed on the pages "
-        "of the papers.\n\n"
+        "# Errata of the papers\n\nThree kinds are kept apart. A *false statement* is refuted by a counter-example "
+        "under every sensible reading. A *misprint* has one sensible reading, under which the paper's argument stands; "
+        "where a counter-example to the printed form helps, it is shown. An *ambiguity or missing value* is a choice "
+        "that the paper leaves open. Both sides of every counter-example were computed when this page was built.\n\n"
     ]
     for key in KEYS:
         module = paper(key)
         head = f"## {plain(module.TITLE)} ({module.YEAR})\n\n"
-        lines.append(head + table(ERRATUM_HEAD, erratum_rows(list(module.equations()))))
+        lines.append(head + errata_sections(list(module.equations()), 3))
     return "".join(lines)

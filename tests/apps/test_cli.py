@@ -221,7 +221,7 @@ def test_equations(capsys: pytest.CaptureFixture[str]) -> None:
     assert code == 0
     rows = json.loads(out)
     assert {row["paper"] for row in rows} == {"tanner-2003-fixed"}
-    assert any(row["verdict"] == "wrong" for row in rows)
+    assert any(row["verdict"] == "false statement" for row in rows)
     code, out, _ = call(capsys, "equations", "tanner-2003-fixed")
     assert all(row["number"] in out for row in rows)
     assert max(map(len, out.splitlines())) <= 80

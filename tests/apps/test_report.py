@@ -74,7 +74,7 @@ def test_every_claim_and_erratum_is_in_the_report(folder):
         assert row["scenario"].startswith(row["paper"])
     for row in json.loads((out / "errata.json").read_text(encoding="utf-8"))["tanner-2003-fixed"]:
         assert row["number"] in text
-        assert row["verdict"] == "wrong"
+        assert row["verdict"] in ("false statement", "misprint", "ambiguity or missing value")
 
 
 def test_the_report_is_well_formed_and_asks_for_nothing(folder):

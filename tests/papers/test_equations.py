@@ -7,7 +7,7 @@ import importlib
 import pytest
 
 from flocking.papers import KEYS, paper
-from flocking.study.equations import KINDS, Row
+from flocking.study.equations import KINDS, Demonstration, Fault, Row
 
 ROWS = [row for key in KEYS for row in paper(key).equations()]
 
@@ -46,12 +46,37 @@ def test_row_is_complete(row: Row) -> None:
     for part in name.split("."):
         found = getattr(found, part)
     verdict, shown = row.verdict()
-    assert verdict in ("as printed", "read so", "wrong")
-    assert (verdict == "wrong") == (shown is not None)
-    if row.demonstration is not None:
-        assert verdict == "wrong", "a demonstration that refutes nothing"
+    assert verdict is row.fault, "a demonstration that refutes nothing"
+    assert (shown is not None) == (row.demonstration is not None)
+    assert (verdict is not Fault.FALSE) or shown is not None
 
 
 def test_numbers_are_unique_within_a_paper() -> None:
     names = [identity(row) for row in ROWS]
     assert len(names) == len(set(names))
+
+
+def _made(**fields) -> Row:
+    return Row("paper", "(1)", "equation", "title", "home", float, **fields)
+
+
+def _shown(true: float) -> Demonstration:
+    return Demonstration(1.0, true, 0.1, "example")
+
+
+def test_a_reading_alone_is_an_ambiguity_and_accuses_nobody() -> None:
+    assert _made(reading="so").fault is Fault.READING
+    assert _made().fault is Fault.NONE
+
+
+def test_a_false_statement_needs_its_counter_example() -> None:
+    with pytest.raises(ValueError, match="counter-example"):
+        _made(reading="so", fault=Fault.FALSE)
+    with pytest.raises(ValueError, match="reading"):
+        _made(fault=Fault.MISPRINT)
+
+
+def test_a_counter_example_that_refutes_nothing_is_no_more_than_a_reading() -> None:
+    wrong = {"reading": "so", "fault": Fault.FALSE}
+    assert _made(**wrong, demonstration=lambda: _shown(2.0)).verdict()[0] is Fault.FALSE
+    assert _made(**wrong, demonstration=lambda: _shown(1.05)).verdict() == (Fault.READING, None)

@@ -71,11 +71,12 @@ def test_claims_are_well_formed() -> None:
 
 def test_every_erratum_is_refuted_by_its_example() -> None:
     found = paper.errata()
-    assert len(found) > 20
+    assert sum(erratum.demonstration is not None for erratum in found) >= 20
     for erratum in found:
-        assert erratum.fault, erratum.statement
-        shown = erratum.demonstration()
-        assert shown.refutes, (erratum.statement, shown)
+        assert erratum.reading, erratum.statement
+        if erratum.demonstration is not None:
+            shown = erratum.demonstration()
+            assert shown.refutes, (erratum.statement, shown)
 
 
 def judged_with(scenario: fk.Scenario, name: str) -> dict[str, str]:

@@ -21,7 +21,7 @@ class Reproduction:
     judgements
         Per scenario name, one judgement per claim.
     errata
-        Per paper, the refuted statements with their counter-examples.
+        Per paper, the statements that are not read as printed, with their faults and counter-examples.
     figures
         Files drawn.
     seconds

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
 from html import escape
 from pathlib import Path
 from types import ModuleType
@@ -12,18 +11,30 @@ from typing import Any
 from flocking.apps.film import film_in
 from flocking.apps.findings import Reproduction
 from flocking.apps.report_claims import card, cited, claims_beside_pictures, embedded, place_of
+from flocking.apps.report_errata import equation_table, errata_tables
 from flocking.apps.report_formulas import formulas
 from flocking.apps.report_style import STYLE
+from flocking.apps.report_tables import head_row, table
 from flocking.engine.run import Run
 from flocking.model.potentials import Potential
 from flocking.model.terms import Gradient
 from flocking.study.audit import Judgement
-from flocking.study.claims import Verdict
+from flocking.study.claims import Origin, Verdict
+from flocking.study.equations import Fault
 
 CLAIMS = "claims"
 """Folder of a paper that holds the pictures drawn for its claims."""
 
-COUNTED = ("claims", "hold", "fail", "undecided", "as expected", "statements refuted")
+COUNTED = (
+    "claims",
+    "hold",
+    "fail",
+    "undecided",
+    "as expected",
+    "false statements",
+    "misprints",
+    "ambiguous or missing",
+)
 """What the summary counts for each paper."""
 
 
@@ -81,24 +92,28 @@ def _all(found: Reproduction) -> list[Judgement]:
 def _summary(found: Reproduction, modules: dict[str, ModuleType]) -> str:
     judged = _all(found)
     counts = Counter(j.verdict for j in judged)
-    refuted = sum(len(rows) for rows in found.errata.values())
+    faults = Counter(row["verdict"] for rows in found.errata.values() for row in rows)
+    own = sum(j.claim.origin is not Origin.PAPER for j in judged)
     numbers = [
         (str(len(judged)), "claims judged"),
         (str(counts[Verdict.HOLDS]), "hold"),
         (str(counts[Verdict.FAILS]), "fail"),
         (str(len(judged) - counts[Verdict.HOLDS] - counts[Verdict.FAILS]), "undecided"),
-        (str(refuted), "printed statements refuted"),
+        (str(own), "of these our own questions or assumptions"),
+        (str(faults[Fault.FALSE]), "false statements"),
+        (str(faults[Fault.MISPRINT]), "misprints"),
+        (str(faults[Fault.READING]), "ambiguities or missing values"),
         (str(max((j.tried for j in judged), default=0)), "seeds a scenario"),
         (f"{found.seconds:.0f} s", "computing time"),
     ]
     boxes = "".join(f"<div><b>{escape(value)}</b>{escape(name)}</div>" for value, name in numbers)
     rows = "".join(_paper_row(key, module, found) for key, module in modules.items())
-    head = _head("paper", *COUNTED)
+    head = head_row("paper", *COUNTED)
     return (
         "<h1>Flocking control: the papers, reproduced</h1>\n"
         f'<p class="dim">What each theorem claims, whether it holds in its own simulations, by what margin, and where '
         f'the papers err.</p>\n<div class="numbers">{boxes}</div>\n<p>{escape(_outcome(judged))}</p>\n'
-        f"{_table(head, rows)}{_failing(found)}"
+        f"{table(head, rows)}{_failing(found)}"
     )
 
 
@@ -121,17 +136,30 @@ def _paper_row(key: str, module: ModuleType, found: Reproduction) -> str:
     judged = [j for name in module.scenarios() for j in found.judgements[name]]
     holds, fails = (sum(j.verdict == v for j in judged) for v in (Verdict.HOLDS, Verdict.FAILS))
     counted = (len(judged), holds, fails, len(judged) - holds - fails, sum(j.as_expected for j in judged))
-    cells = (*counted, len(found.errata.get(key, [])))
+    faults = Counter(row["verdict"] for row in found.errata.get(key, []))
+    cells = (*counted, faults[Fault.FALSE], faults[Fault.MISPRINT], faults[Fault.READING])
     counts = "".join(f'<td class="count" data-name="{name}">{n}</td>' for name, n in zip(COUNTED, cells, strict=True))
     return f'<tr><td><a href="#{escape(key)}">{escape(_name(module))}</a></td>{counts}</tr>'
 
 
+FAILING = {
+    Origin.PAPER: "Stated by a paper, and not so in its own simulations",
+    Origin.ASSUMPTION: "Assumed by a paper, and not always so",
+    Origin.OWN: "Our own questions, answered no",
+}
+"""Headings over the claims that fail, by who makes them: only the first speak against a paper."""
+
+
 def _failing(found: Reproduction) -> str:
-    """What fails, once for each statement, with links to where it does."""
+    """What fails, once for each statement, with links to where it does, by who states it."""
+    return "".join(_failing_of(found, origin, heading) for origin, heading in FAILING.items())
+
+
+def _failing_of(found: Reproduction, origin: Origin, heading: str) -> str:
     places: dict[tuple[str, str], list[tuple[str, Judgement]]] = {}
     for name, judgements in found.judgements.items():
         for j in judgements:
-            if j.verdict == Verdict.FAILS:
+            if j.verdict == Verdict.FAILS and j.claim.origin is origin:
                 places.setdefault((j.claim.statement, j.claim.source), []).append((name, j))
     if not places:
         return ""
@@ -139,7 +167,7 @@ def _failing(found: Reproduction) -> str:
     for (statement, source), where in places.items():
         links = ", ".join(f'<a href="#{escape(place_of(n, j))}">{escape(n)}</a>' for n, j in where)
         items.append(f'<li>{escape(statement)} <span class="dim">{escape(source)}</span>: {links}</li>')
-    return f"<h3>Claimed, and not so</h3>\n<ul>{''.join(items)}</ul>\n"
+    return f"<h3>{escape(heading)}</h3>\n<ul>{''.join(items)}</ul>\n"
 
 
 def _name(module: ModuleType) -> str:
@@ -161,8 +189,8 @@ def _paper(key: str, module: ModuleType, found: Reproduction, out: Path) -> str:
     filmed = next(iter(module.scenarios())) in found.runs
     rest = {n: path for n, path in drawn.items() if n not in told}
     parts.append(_figures(module, rest, film_in(out / key) if filmed else None))
-    parts.append(_errata(found.errata.get(key, [])))
-    parts.append(_equations(module))
+    parts.append(errata_tables(found.errata.get(key, [])))
+    parts.append(equation_table(module))
     return "".join(parts)
 
 
@@ -174,15 +202,6 @@ def _formulas(found: Reproduction, module: ModuleType) -> str:
             if isinstance(term, Gradient):
                 shown.setdefault(term.potential.formula.structure, term.potential)
     return "".join(f'<div class="formula">{formulas(psi)}</div>\n' for psi in shown.values())
-
-
-def _table(head: str, rows: Iterable[str]) -> str:
-    body = "".join(rows)
-    return f'<div class="scroll"><table class="claims"><thead>{head}</thead><tbody>{body}</tbody></table></div>\n'
-
-
-def _head(*names: str) -> str:
-    return "<tr>" + "".join(f"<th>{name}</th>" for name in names) + "</tr>"
 
 
 def _figures(module: ModuleType, drawn: dict[str, Path], film: Path | None) -> str:
@@ -200,44 +219,6 @@ def _figures(module: ModuleType, drawn: dict[str, Path], film: Path | None) -> s
     return f'<h3>Figures</h3>\n<div class="figures">{"".join(cards)}</div>\n' if cards else ""
 
 
-def _errata(rows: list[dict[str, Any]]) -> str:
-    if not rows:
-        return ""
-    items = []
-    for row in rows:
-        shown = row["demonstration"] or {}
-        printed, true = (_number(shown.get(k)) for k in ("printed", "true"))
-        items.append(
-            f'<tr><td class="verdict {"wrong" if shown else "other"}">{escape(row["number"])}</td>'
-            f"<td>{escape(row['title'])}"
-            + (f'<br><span class="dim">{escape(row["reason"])}</span>' if row["reason"] else "")
-            + f'</td><td class="count" data-name="printed">{printed}</td><td class="count" data-name="true">{true}</td>'
-            f"<td>{escape(str(shown.get('example', '')))}</td></tr>"
-        )
-    head = _head("where", "what", "printed", "true", "example")
-    return "<h3>Errata, each with a computed counter-example</h3>\n" + _table(head, items)
-
-
-def _number(value: Any) -> str:
-    return f"{value:.6g}" if isinstance(value, int | float) else escape(str(value))
-
-
-def _equations(module: ModuleType) -> str:
-    rows = [row.as_dict() for row in module.equations()]
-    counts = Counter(row["verdict"] for row in rows)
-    body = "".join(
-        f"<tr><td>{escape(r['number'])}</td><td>{escape(r['title'])}</td><td>{escape(r['verdict'])}</td>"
-        f"<td><code>{escape(r['home'].removeprefix('flocking.'))}</code></td></tr>"
-        for r in rows
-    )
-    told = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
-    return (
-        f"<details><summary>Equation table: {len(rows)} rows ({escape(told)})</summary>"
-        f"<div class='scroll'><table><thead>{_head('number', 'statement', 'verdict', 'home')}</thead>"
-        f"<tbody>{body}</tbody></table></div></details>\n"
-    )
-
-
 def _provenance(found: Reproduction) -> str:
     runs = list(found.runs.values())
     if not runs:
@@ -247,7 +228,7 @@ def _provenance(found: Reproduction) -> str:
         facts.pop(name, None)
     shown = "".join(f"<dt>{escape(str(k))}</dt><dd>{escape(str(v))}</dd>" for k, v in facts.items())
     rows = "".join(_scenario_row(name, run) for name, run in found.runs.items())
-    head = _head("scenario", "agents", "until", "tolerance", "steps", "switches", "parameters")
+    head = head_row("scenario", "agents", "until", "tolerance", "steps", "switches", "parameters")
     return (
         f'<h2 id="provenance">Where the numbers come from</h2>\n<dl>{shown}</dl>\n'
         "<p>Seeds are 0, 1, 2 and so on; the row shows seed 0. The same call gives the same numbers.</p>\n"

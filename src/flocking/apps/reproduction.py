@@ -21,6 +21,7 @@ from flocking.papers import KEYS, paper
 from flocking.study.audit import Judgement, Report
 from flocking.study.audit import audit as audit_claims
 from flocking.study.claims import Result, Verdict
+from flocking.study.equations import Fault
 
 MOST_SEEDS = 10_000
 """Largest number of seeds: more is a slip of the hand."""
@@ -144,14 +145,14 @@ def _judgements(module: ModuleType, name: str, per_seed: list[Verdicts]) -> list
 
 
 def errata_rows(module: ModuleType) -> list[dict[str, Any]]:
-    """Statements of a paper that a counter-example refutes, computed now.
+    """Statements of a paper that are not read as printed, with their counter-examples, computed now.
 
     Parameters
     ----------
     module
         The paper.
     """
-    return [row.as_dict() for row in module.equations() if row.demonstration is not None]
+    return [row.as_dict() for row in module.equations() if row.fault is not Fault.NONE]
 
 
 def _json(data: object) -> str:

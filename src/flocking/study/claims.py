@@ -22,6 +22,14 @@ class Verdict(StrEnum):
     UNTESTED = "untested"
 
 
+class Origin(StrEnum):
+    """Who says what a claim says."""
+
+    PAPER = "stated by the paper"
+    ASSUMPTION = "assumed by the paper"
+    OWN = "own question"
+
+
 @dataclass(frozen=True)
 class Measure:
     """A measured statement: it holds when its margin is positive.
@@ -91,6 +99,9 @@ class Claim:
         Why the expected verdict is not ``holds``, where it is not.
     dynamic
         Whether the claim rests on the computed motion: then a ledger that does not close leaves it unresolved.
+    origin
+        Whether the paper states it, assumes it, or it is a question of our own that the paper does not answer: what
+        fails of the last two speaks against no paper.
     """
 
     key: str
@@ -102,6 +113,7 @@ class Claim:
     expected: Verdict = Verdict.HOLDS
     reason: str = ""
     dynamic: bool = True
+    origin: Origin = Origin.PAPER
 
     def examine(self, evidence: Evidence) -> Result:
         """Hold the claim against the evidence of one run."""
@@ -154,6 +166,7 @@ class Result:
         return {
             "claim": self.claim.key,
             "source": self.claim.source,
+            "origin": str(self.claim.origin),
             "statement": self.claim.statement,
             "expected": str(self.claim.expected),
             "verdict": str(self.verdict),

@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Any
 
 KINDS = ("equation", "definition", "assumption", "lemma", "proposition", "theorem", "corollary", "remark", "example",
          "figure", "table", "problem", "protocol")  # fmt: skip
+
+
+class Fault(StrEnum):
+    """What is the matter with a printed statement, where it is not read as printed."""
+
+    NONE = "as printed"
+    READING = "ambiguity or missing value"
+    MISPRINT = "misprint"
+    FALSE = "false statement"
 
 
 @dataclass(frozen=True)
@@ -70,7 +81,16 @@ class Row:
     reading
         How it is read, where the printed form cannot be meant; empty when it is read as printed.
     demonstration
-        Computes a counter-example to the printed form, where that is wrong.
+        Computes a counter-example to the printed form, where that cannot be meant or is wrong.
+    fault
+        What is the matter with the printed form. A reading alone means an ambiguity or a missing value, unless it says
+        `Fault.MISPRINT`: one sensible reading of a slip, under which the paper's argument stands. `Fault.FALSE` is a
+        statement that stays wrong under every sensible reading, and needs a counter-example.
+
+    Raises
+    ------
+    ValueError
+        When fault, reading and demonstration do not go together.
     """
 
     paper: str
@@ -81,19 +101,30 @@ class Row:
     build: Callable[[float], Any]
     reading: str = ""
     demonstration: Callable[[], Demonstration] | None = None
+    fault: Fault = Fault.NONE
+
+    def __post_init__(self) -> None:
+        if self.fault is Fault.NONE and self.reading and self.demonstration is None:
+            object.__setattr__(self, "fault", Fault.READING)
+        if (self.fault is Fault.NONE) == bool(self.reading):
+            raise ValueError(f"{self.paper} {self.number}: a fault comes with a reading, and a reading with a fault")
+        if self.fault is Fault.FALSE and self.demonstration is None:
+            raise ValueError(f"{self.paper} {self.number}: a false statement needs a counter-example")
 
     @property
     def test(self) -> str:
         """Name of the test that shows it."""
         return f"tests/papers/test_equations.py::test_row[{self.paper} {self.number}]"
 
-    def verdict(self) -> tuple[str, Demonstration | None]:
-        """``"as printed"``, ``"read so"`` or ``"wrong"``; the last only by a counter-example computed now."""
-        if self.demonstration is not None:
-            shown = self.demonstration()
-            if shown.refutes:
-                return "wrong", shown
-        return ("read so" if self.reading else "as printed"), None
+    def verdict(self) -> tuple[Fault, Demonstration | None]:
+        """The row's fault with its counter-example, which is computed now.
+
+        A fault whose counter-example refutes nothing is no more than a reading.
+        """
+        if self.demonstration is None:
+            return self.fault, None
+        shown = self.demonstration()
+        return (self.fault, shown) if shown.refutes else (Fault.READING, None)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data for JSON, with the verdict computed."""
@@ -105,7 +136,7 @@ class Row:
             "title": self.title,
             "home": self.home,
             "test": self.test,
-            "verdict": verdict,
+            "verdict": str(verdict),
             "reason": self.reading,
             "demonstration": shown.as_dict() if shown else None,
         }
@@ -113,23 +144,37 @@ class Row:
 
 @dataclass(frozen=True)
 class Erratum:
-    """A statement of a paper that is wrong as printed.
+    """A printed statement that is false or a misprint.
 
     Parameters
     ----------
     statement
         Number and content of the statement.
-    fault
+    reading
         What is wrong, and how it is read.
     demonstration
-        Computes a counter-example.
+        Computes a counter-example; None for a misprint that is read off the page.
+    fault
+        Which of the two it is.
     """
 
     statement: str
-    fault: str
-    demonstration: Callable[[], Demonstration]
+    reading: str
+    demonstration: Callable[[], Demonstration] | None
+    fault: Fault = Fault.FALSE
 
 
 def errata_of(rows: Sequence[Row]) -> list[Erratum]:
-    """Errata of a table: its rows that carry a counter-example."""
-    return [Erratum(f"{r.number}: {r.title}", r.reading, r.demonstration) for r in rows if r.demonstration is not None]
+    """Errata of a table: its false statements, then its misprints."""
+    return [
+        Erratum(f"{r.number}: {r.title}", r.reading, r.demonstration, fault)
+        for fault in (Fault.FALSE, Fault.MISPRINT)
+        for r in rows
+        if r.fault is fault
+    ]
+
+
+def fault_counts(rows: Sequence[Row]) -> dict[Fault, int]:
+    """How many rows have each fault, all faults named."""
+    found = Counter(row.fault for row in rows)
+    return {fault: found[fault] for fault in Fault}

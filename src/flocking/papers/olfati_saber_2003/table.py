@@ -22,5 +22,5 @@ def equations() -> tuple[Row, ...]:
 
 
 def errata() -> list[Erratum]:
-    """What is wrong in the paper, each with a counter-example."""
+    """False statements and misprints of the paper."""
     return errata_of(equations())

@@ -7,7 +7,7 @@ from typing import Any
 from flocking.papers.olfati_saber_2003 import counterexamples as wrong
 from flocking.papers.olfati_saber_2003 import examples_nets as examples
 from flocking.papers.olfati_saber_2003.system import KEY
-from flocking.study.equations import Row
+from flocking.study.equations import Fault, Row
 
 MODEL, STUDY, HERE = "flocking.model", "flocking.study", "flocking.papers.olfati_saber_2003"
 CLOSED = "Up to and including r; the support of the smooth adjacency (17) is r open."
@@ -61,6 +61,7 @@ def net_rows() -> tuple[Row, ...]:
             f"{views}.Cone",
             examples.cone,
             reading=SYMMETRIC,
+            fault=Fault.FALSE,
             demonstration=wrong.undirected_cone,
         ),
         row(
@@ -104,6 +105,7 @@ def net_rows() -> tuple[Row, ...]:
             f"{STUDY}.nets.in_degree",
             examples.degrees,
             reading=COLUMN,
+            fault=Fault.MISPRINT,
             demonstration=wrong.in_degree,
         ),
         row(
@@ -113,6 +115,7 @@ def net_rows() -> tuple[Row, ...]:
             f"{STUDY}.nets.degree_matrix",
             examples.degree_matrix,
             reading="deg_out(v_i), a number per node.",
+            fault=Fault.MISPRINT,
         ),
         row("(11)", "equation", "Laplacian", f"{STUDY}.nets.laplacian", examples.laplacian),
         row(
@@ -122,6 +125,7 @@ def net_rows() -> tuple[Row, ...]:
             f"{STUDY}.nets.is_balanced",
             examples.uniform_balance,
             reading=VIEWS,
+            fault=Fault.FALSE,
             demonstration=wrong.unbalanced_view,
         ),
         row(
@@ -131,6 +135,7 @@ def net_rows() -> tuple[Row, ...]:
             f"{STUDY}.nets.laplacian",
             examples.column_sums,
             reading=PROOF_COLUMN,
+            fault=Fault.MISPRINT,
             demonstration=wrong.column_sum,
         ),
         row("(12)", "equation", "first-order dynamics", f"{STUDY}.agreement.agree", examples.agreement_motion),
@@ -141,6 +146,7 @@ def net_rows() -> tuple[Row, ...]:
             f"{STUDY}.agreement.agreement_law",
             examples.agreement,
             reading=WEIGHTED,
+            fault=Fault.MISPRINT,
             demonstration=wrong.unweighted_agreement,
         ),
         row("(14)", "equation", "adjacency of two nodes apart and together", adjacency, examples.apart_and_together),
@@ -162,6 +168,7 @@ def net_rows() -> tuple[Row, ...]:
             f"{graphs}.Smooth",
             examples.smooth_net,
             reading=DIAGONAL,
+            fault=Fault.MISPRINT,
             demonstration=wrong.own_weight,
         ),
         row(
@@ -171,6 +178,7 @@ def net_rows() -> tuple[Row, ...]:
             f"{views}.SmoothCone",
             examples.smooth_cone,
             reading=SYMMETRIC,
+            fault=Fault.FALSE,
             demonstration=wrong.undirected_smooth_cone,
         ),
         row("(19)", "equation", "smooth Laplacian of two nodes", f"{STUDY}.nets.laplacian", examples.smooth_laplacian),
@@ -205,6 +213,7 @@ def structure_rows() -> tuple[Row, ...]:
             realization,
             examples.polygon,
             reading=REGULAR,
+            fault=Fault.FALSE,
             demonstration=wrong.thin_rhombus,
         ),
         row("Lemma 2", "lemma", "permutations of a realization are realizations", realization, examples.permuted),
@@ -227,6 +236,7 @@ def structure_rows() -> tuple[Row, ...]:
             f"{shapes}.count",
             examples.counts,
             reading=TEN,
+            fault=Fault.FALSE,
             demonstration=wrong.ten_conformations,
         ),
     )

@@ -6,7 +6,7 @@ from flocking.papers.olfati_saber_2003 import counterexamples as wrong
 from flocking.papers.olfati_saber_2003 import examples_obstacles as examples
 from flocking.papers.olfati_saber_2003 import examples_runs as runs
 from flocking.papers.olfati_saber_2003.table_nets import HERE, MODEL, row
-from flocking.study.equations import Row
+from flocking.study.equations import Fault, Row
 
 BRACKET = (
     "phi_beta(|qhat - q| - d_beta), at most 0 and between -2 and 0: z/sqrt(1 + z^2) - 1. rho multiplies the beta term"
@@ -43,6 +43,7 @@ def obstacle_rows() -> tuple[Row, ...]:
             avoid,
             examples.gamma_pull,
             reading=SHARED_PLACE,
+            fault=Fault.MISPRINT,
         ),
         row("Fig. 6", "figure", "an alpha-, a beta- and a gamma-agent", figures, examples.figure_6),
         row(
@@ -52,6 +53,7 @@ def obstacle_rows() -> tuple[Row, ...]:
             avoid,
             examples.beta_push,
             reading=BRACKET,
+            fault=Fault.MISPRINT,
             demonstration=wrong.bracket,
         ),
         row(
@@ -61,6 +63,7 @@ def obstacle_rows() -> tuple[Row, ...]:
             avoid,
             examples.protocol_54,
             reading=BRACKET,
+            fault=Fault.MISPRINT,
             demonstration=wrong.bracket,
         ),
         row("(55)", "equation", "beta-agent by contraction", f"{obstacle}.project", examples.contraction),
@@ -89,6 +92,7 @@ def obstacle_rows() -> tuple[Row, ...]:
             f"{HERE}.system.obstacles",
             examples.obstacle_matrix,
             reading=COLUMNS,
+            fault=Fault.MISPRINT,
             demonstration=wrong.rows_for_columns,
         ),
         row(
@@ -98,6 +102,7 @@ def obstacle_rows() -> tuple[Row, ...]:
             f"{HERE}.system.obstacle_scenario",
             examples.desired_velocity,
             reading=ALONG_X,
+            fault=Fault.MISPRINT,
             demonstration=wrong.wrong_axis,
         ),
         row(

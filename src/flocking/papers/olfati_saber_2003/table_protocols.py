@@ -7,7 +7,7 @@ from flocking.papers.olfati_saber_2003 import examples_energy as energies
 from flocking.papers.olfati_saber_2003 import examples_protocols as protocols
 from flocking.papers.olfati_saber_2003 import examples_runs as runs
 from flocking.papers.olfati_saber_2003.table_nets import HERE, MODEL, STUDY, row
-from flocking.study.equations import Row
+from flocking.study.equations import Fault, Row
 
 SETTLED = "The paper's own limits have V > 0: quasi-realizations. Condition i) holds."
 TWICE = "d/dt |q_j - q_i|^2 is twice the product; the conclusions need only where it vanishes."
@@ -50,6 +50,7 @@ def energy_rows() -> tuple[Row, ...]:
             "flocking.study.evidence.Evidence.distance_rate",
             energies.moving_together,
             reading=TWICE,
+            fault=Fault.MISPRINT,
             demonstration=wrong.distance_rate,
         ),
         row("Proposition 3", "proposition", "H_s = 0: a realization at one velocity", energy, energies.no_energy),
@@ -60,6 +61,7 @@ def energy_rows() -> tuple[Row, ...]:
             claims,
             runs.smooth,
             reading=SETTLED,
+            fault=Fault.READING,
             demonstration=wrong.settled_with_energy,
         ),
         row("(30)", "equation", "H_s over pairs i < j with weights a_ij", energy, energies.smooth_energy),
@@ -114,6 +116,7 @@ def protocol_rows() -> tuple[Row, ...]:
             f"{MODEL}.bumps.Bump.steepest",
             protocols.approximation_error,
             reading=NONSMOOTH,
+            fault=Fault.FALSE,
             demonstration=wrong.smooth_bound,
         ),
         row("(38)", "equation", "weights w_ij", f"{STUDY}.structure.vote_weights", protocols.weights),
@@ -124,6 +127,7 @@ def protocol_rows() -> tuple[Row, ...]:
             f"{MODEL}.structural.structural_potential",
             energies.bounds_of_action,
             reading=REPELLED,
+            fault=Fault.MISPRINT,
             demonstration=wrong.weak_repulsion,
         ),
         row("(39)", "equation", "undamped control by weights", f"{STUDY}.structure.vote_weights", protocols.undamped),
@@ -136,6 +140,7 @@ def protocol_rows() -> tuple[Row, ...]:
             vote,
             protocols.negative_vote,
             reading=CLOSE,
+            fault=Fault.MISPRINT,
             demonstration=wrong.too_close,
         ),
         row("case iii", "definition", "votes S+, S- and S0 that cancel", vote, protocols.zero_vote),
@@ -164,6 +169,7 @@ def dissipation_rows() -> tuple[Row, ...]:
             claims,
             runs.free,
             reading=RISES,
+            fault=Fault.FALSE,
             demonstration=wrong.rising_sequence,
         ),
         row("Proposition 5", "proposition", "(35): H_s falls, velocities agree", claims, runs.smooth),
@@ -208,6 +214,7 @@ def dissipation_rows() -> tuple[Row, ...]:
             claims,
             runs.free,
             reading=TWICE + " LaSalle's principle gives stationary points of V, not its local minima.",
+            fault=Fault.MISPRINT,
             demonstration=wrong.distance_rate,
         ),
     )
@@ -227,7 +234,15 @@ def separation_rows() -> tuple[Row, ...]:
             "Proposition 6 i)", "proposition", "dH_s/dt does not depend on u-bar", evaluate, protocols.structural_rates
         ),
         row("Proposition 6 ii)", "proposition", "dH_tr/dt does not depend on u_alpha", track, protocols.sink_rate),
-        row("Proposition 6", "proposition", "H_s + H_tr never rises", track, protocols.total_rates, reading=TILDE),
+        row(
+            "Proposition 6",
+            "proposition",
+            "H_s + H_tr never rises",
+            track,
+            protocols.total_rates,
+            reading=TILDE,
+            fault=Fault.MISPRINT,
+        ),
         row("Remark 6", "remark", "the feedbacks are bounded by 1 + c2 and c2", track, protocols.largest_feedback),
         row(
             "(50)",
@@ -236,6 +251,7 @@ def separation_rows() -> tuple[Row, ...]:
             track,
             protocols.pursuit,
             reading=STRONG,
+            fault=Fault.READING,
             demonstration=wrong.crushed,
         ),
         row("(51)", "equation", "(50) in relative variables", track, protocols.pursuit),
@@ -263,6 +279,7 @@ def separation_rows() -> tuple[Row, ...]:
             evaluate,
             protocols.ledger_rates,
             reading=TILDE,
+            fault=Fault.MISPRINT,
             demonstration=wrong.mean_for_relative,
         ),
         row("(63)", "equation", "dH_tr/dt towards a sink", track, protocols.sink_rate),
@@ -274,6 +291,7 @@ def separation_rows() -> tuple[Row, ...]:
             track,
             protocols.velocity_rate,
             reading="H_tr is half of |p-bar - p_d|^2; printed without the bar.",
+            fault=Fault.MISPRINT,
             demonstration=wrong.velocity_without_bar,
         ),
         row("(66)", "equation", "bounded feedback towards a velocity", track, protocols.velocity_controller),

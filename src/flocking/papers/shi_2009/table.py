@@ -7,7 +7,7 @@ from typing import Any
 
 from flocking.papers.shi_2009 import counterexamples, examples
 from flocking.papers.shi_2009.system import KEY, SETTINGS
-from flocking.study.equations import Erratum, Row, errata_of
+from flocking.study.equations import Erratum, Fault, Row, errata_of
 
 PAPER = "flocking.papers.shi_2009"
 
@@ -89,6 +89,7 @@ def equations() -> Sequence[Row]:
             claims,
             examples.theorem(KEY),
             reading=stationary,
+            fault=Fault.FALSE,
             demonstration=counterexamples.not_minimal(KEY),
         ),
         row("(6)", "equation", "error dynamics in the leader's frame", energy, examples.leader_frame_kinetic),
@@ -100,6 +101,7 @@ def equations() -> Sequence[Row]:
             claims,
             examples.theorem(KEY),
             reading=stationary,
+            fault=Fault.FALSE,
             demonstration=counterexamples.not_minimal(KEY),
         ),
         row("J", "equation", "J in the leader's frame", energy, examples.energy_leader),
@@ -128,6 +130,7 @@ def equations() -> Sequence[Row]:
             "flocking.model.terms.Consensus",
             examples.remark_3,
             reading="The coefficient is xi_i w_ij, not xi_j; the sign as in (4).",
+            fault=Fault.MISPRINT,
             demonstration=counterexamples.wrong_index,
         ),
         row(
@@ -137,6 +140,7 @@ def equations() -> Sequence[Row]:
             law,
             examples.law_8,
             reading=beta,
+            fault=Fault.MISPRINT,
             demonstration=counterexamples.wrong_sign,
         ),
         row(
@@ -154,6 +158,7 @@ def equations() -> Sequence[Row]:
             f"{forms}.free_motion",
             counterexamples.decay,
             reading="The time constant is 1/h_0, not h_0.",
+            fault=Fault.MISPRINT,
             demonstration=counterexamples.time_constant,
         ),
         row(
@@ -163,6 +168,7 @@ def equations() -> Sequence[Row]:
             f"{forms}.centre_motion",
             counterexamples.limit_difference,
             reading="The offset is (v* - v0)/h_0; one line prints a product.",
+            fault=Fault.MISPRINT,
             demonstration=counterexamples.offset_divided,
         ),
         row("(10)", "equation", "error dynamics in the centre-of-mass frame", energy, examples.centre_frame_kinetic),
@@ -182,6 +188,7 @@ def equations() -> Sequence[Row]:
             claims,
             examples.theorem(f"{KEY}-velocity-only"),
             reading=stationary,
+            fault=Fault.FALSE,
             demonstration=counterexamples.not_minimal(f"{KEY}-velocity-only"),
         ),
         row(
@@ -195,6 +202,7 @@ def equations() -> Sequence[Row]:
             claims,
             examples.theorem(f"{KEY}-velocity-only"),
             reading=stationary,
+            fault=Fault.FALSE,
             demonstration=counterexamples.not_minimal(f"{KEY}-velocity-only"),
         ),
         row(
@@ -211,6 +219,7 @@ def equations() -> Sequence[Row]:
             "flocking.engine.simulate.simulate",
             counterexamples.example_2,
             reading="The limit alpha/h_0 is that of e_v*; the text prints e_p*.",
+            fault=Fault.MISPRINT,
         ),
         row("(15)", "equation", "law with the leader's position", law, examples.law_15),
         row("J of (15)", "equation", "J with r_0 m |e_p|^2", energy, examples.energy_position),
@@ -299,5 +308,5 @@ def equations() -> Sequence[Row]:
 
 
 def errata() -> list[Erratum]:
-    """What the paper prints wrongly, each with a computed counter-example."""
+    """False statements and misprints of the paper."""
     return errata_of(equations())

@@ -6,7 +6,7 @@ from typing import Any
 
 from flocking.papers.tanner_2003_dynamic import counterexamples as wrong
 from flocking.papers.tanner_2003_dynamic import examples, system
-from flocking.study.equations import Erratum, Row, errata_of
+from flocking.study.equations import Erratum, Fault, Row, errata_of
 
 MODEL, STUDY, HERE = "flocking.model", "flocking.study", "flocking.papers.tanner_2003_dynamic"
 NOT_REGULAR = ("At R the slope falls from 2/R - 2/R^3 to 0: a concave kink. U'(R; 1) = 0, but the generalized"
@@ -39,19 +39,20 @@ def equations() -> tuple[Row, ...]:
         row("L(G)", "equation", "Laplacian L = B B^T", f"{STUDY}.nets.laplacian", examples.laplacian_of),
         row("lambda_2", "equation", "the second largest eigenvalue is the algebraic connectivity",
             f"{STUDY}.nets.algebraic_connectivity", examples.second_eigenvalue_of,
-            reading="The second smallest, as in Part I.", demonstration=wrong.second_eigenvalue),
+            reading="The second smallest, as in Part I.", fault=Fault.MISPRINT, demonstration=wrong.second_eigenvalue),
         row("Definition IV.1", "definition", "neighbouring graph", f"{MODEL}.graphs.Proximity", examples.links_of,
-            reading="N_i leaves out i itself."),
+            reading="N_i leaves out i itself.", fault=Fault.MISPRINT),
         row("Definition IV.2", "definition", "potential function", f"{STUDY}.potential_check.check_potential",
             examples.minimum_of),
         row("U_ij", "equation", "a nonsmooth potential", f"{MODEL}.potentials.Potential.capped", examples.potential_of,
-            reading="V_R = 1/R^2 + log R^2, for continuity."),
+            reading="V_R = 1/R^2 + log R^2, for continuity.", fault=Fault.MISPRINT),
         row("U_i", "equation", "total potential of agent i", f"{STUDY}.state_energy.agent_energies",
-            examples.agent_potentials_of, reading=COUNT, demonstration=wrong.unlinked_count),
+            examples.agent_potentials_of, reading=COUNT, fault=Fault.MISPRINT, demonstration=wrong.unlinked_count),
         row("(4)", "equation", "the control law", f"{MODEL}.law.Law", examples.control_of),
         row("Definition V.1", "definition", "Filippov solution", f"{smooth}.filippov_corners", examples.filippov_of),
         row("(5)", "equation", "discontinuous right-hand side, whose solutions are unique",
-            f"{smooth}.filippov_corners", examples.filippov_of, reading=UNIQUE, demonstration=wrong.two_solutions),
+            f"{smooth}.filippov_corners", examples.filippov_of, reading=UNIQUE, fault=Fault.FALSE,
+            demonstration=wrong.two_solutions),
         row("Definition V.2", "definition", "generalized directional derivative", f"{smooth}.generalized_derivative",
             examples.generalized_derivatives_of),
         row("Definition V.3", "definition", "generalized gradient", f"{smooth}.generalized_gradient",
@@ -66,26 +67,26 @@ def equations() -> tuple[Row, ...]:
         row("Assumption VI.1", "assumption", "the graph remains connected",
             f"{STUDY}.evidence.Evidence.first_disconnected", examples.first_loss_of, reading=ASSUMED),
         row("Theorem VI.2", "theorem", "flocking in switching networks, all U_i minimal", f"{HERE}.theorems.claims",
-            examples.theorem_of, reading=STATIONARY, demonstration=wrong.minimises),
+            examples.theorem_of, reading=STATIONARY, fault=Fault.FALSE, demonstration=wrong.minimises),
         row("(6)", "equation", "Q = (1/2) sum (sum U_ij + v_i^T v_i)", f"{STUDY}.state_energy.total_energy",
-            examples.energy_of, reading="The inner sum runs over j different from i."),
+            examples.energy_of, reading="The inner sum runs over j different from i.", fault=Fault.MISPRINT),
         row("after (6)", "equation", "level sets of Q bound the speeds by sqrt(c)",
             f"{STUDY}.general_claims.speeds_bounded", examples.speed_margin_of, reading=SPEED,
-            demonstration=wrong.speed_bound),
+            fault=Fault.FALSE, demonstration=wrong.speed_bound),
         row("(7)", "equation", "level sets of Q bound the distances by U^-1(c (N-1))",
             f"{HERE}.theorems.distances_bounded", examples.distance_margin_of, reading=DISTANCE,
-            demonstration=wrong.distance_bound),
+            fault=Fault.FALSE, demonstration=wrong.distance_bound),
         row("Lemma VI.3", "lemma", "U_ij is regular everywhere", f"{smooth}.is_regular", examples.regularity_of,
-            reading=NOT_REGULAR, demonstration=wrong.regularity),
+            reading=NOT_REGULAR, fault=Fault.FALSE, demonstration=wrong.regularity),
         row("Corollary VI.4", "corollary", "the generalized gradient at R is empty", f"{smooth}.generalized_gradient",
-            examples.gradient_of, reading=NOT_EMPTY, demonstration=wrong.empty_gradient),
+            examples.gradient_of, reading=NOT_EMPTY, fault=Fault.FALSE, demonstration=wrong.empty_gradient),
         row("(8)", "equation", "the generalized gradient at R is the empty set", f"{smooth}.generalized_gradient",
-            examples.gradient_of, reading=NOT_EMPTY, demonstration=wrong.empty_gradient),
+            examples.gradient_of, reading=NOT_EMPTY, fault=Fault.FALSE, demonstration=wrong.empty_gradient),
         row("Lemma VI.5", "lemma", "the partial generalized gradient at R is empty", f"{smooth}.generalized_gradient",
-            examples.partial_gradient_of, reading=NOT_EMPTY, demonstration=wrong.empty_gradient),
+            examples.partial_gradient_of, reading=NOT_EMPTY, fault=Fault.FALSE, demonstration=wrong.empty_gradient),
         row("(9)", "equation", "the partial generalized gradient at R is the empty set",
             f"{smooth}.generalized_gradient", examples.partial_gradient_of, reading=NOT_EMPTY,
-            demonstration=wrong.empty_gradient),
+            fault=Fault.FALSE, demonstration=wrong.empty_gradient),
         row("(10)", "equation", "dQ/dt lies in -co{v_x^T L_t v_x + v_y^T L_t v_y}", f"{smooth}.energy_rates",
             examples.rates_of, reading="Holds with the gradient of (8) read right where a pair leaves;"
             " where one enters the set may be empty."),
@@ -104,5 +105,5 @@ def equations() -> tuple[Row, ...]:
 
 
 def errata() -> list[Erratum]:
-    """What is wrong in the paper, each with a counter-example."""
+    """False statements and misprints of the paper."""
     return errata_of(equations())

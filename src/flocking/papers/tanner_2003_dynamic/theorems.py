@@ -8,7 +8,7 @@ import numpy as np
 
 from flocking.papers.tanner_2003_dynamic.system import KEY
 from flocking.study import general_claims as general
-from flocking.study.claims import Claim, Measure, Verdict, above, below
+from flocking.study.claims import Claim, Measure, Origin, Verdict, above, below
 from flocking.study.evidence import Evidence
 
 THEOREM = "Theorem VI.2"
@@ -57,7 +57,8 @@ def claims(scenario: str = KEY) -> Sequence[Claim]:
         Claim("energy-falls", "(10)", "Q never rises.", general.energy_rise),
         Claim("connected", "Assumption VI.1", "The graph stays connected from a connected start.",
               general.stays_connected, general.starts_connected, expected=fails,
-              reason="An assumption, not a result: the potential is finite at R, so that links break and groups part."),
+              reason="An assumption, not a result: the potential is finite at R, so that links break and groups part.",
+              origin=Origin.ASSUMPTION),
         Claim("transversal", "sec. VI", "Every link switches at a nonzero speed, so that no solution slides.",
               general.crossings_transversal),
         Claim("velocities-agree", THEOREM, "All velocities become the same.", general.velocities_agree, connected),
@@ -73,8 +74,9 @@ def claims(scenario: str = KEY) -> Sequence[Claim]:
               general.potential_is_minimal, connected),
         Claim("switching-stops", "after (11)", "Switching eventually stops.", general.switching_stops, connected),
         Claim("links-kept", "not stated", "No link is ever lost.", general.no_link_lost, expected=fails,
-              reason="Links may break, as sec. VIII says; only connectivity is assumed."),
+              reason="Links may break, as sec. VIII says; only connectivity is assumed.", origin=Origin.OWN),
         Claim("speed-bound", "after (6)", "No speed exceeds sqrt(2 c), c the initial Q.", general.speeds_bounded(2.0)),
         Claim("distance-bound", "after (6)", "No distance exceeds (N-1) R.", distances_bounded, connected),
-        Claim("momentum", "not stated", "The common velocity is the mean of the initial ones.", general.momentum_drift),
+        Claim("momentum", "not stated", "The common velocity is the mean of the initial ones.", general.momentum_drift,
+              origin=Origin.OWN),
     )  # fmt: skip

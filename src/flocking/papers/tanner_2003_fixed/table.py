@@ -6,14 +6,13 @@ from typing import Any
 
 from flocking.papers.tanner_2003_fixed import counterexamples as wrong
 from flocking.papers.tanner_2003_fixed import examples, system
-from flocking.study.equations import Erratum, Row, errata_of
+from flocking.study.equations import Erratum, Fault, Row, errata_of
 
 MODEL, STUDY, HERE = "flocking.model", "flocking.study", "flocking.papers.tanner_2003_fixed"
 SPEED = "From W <= c follows v^T v <= 2 c; the printed bound sqrt(c) forgets the factor 1/2 of W."
 DISTANCE = ("Each link is at most V^-1(c) long (the larger branch), so that a path is at most (N-1) V^-1(c); the"
             " printed V^-1(c (N-1)) is too small where V grows faster than linearly.")  # fmt: skip
 STATIONARY = "The argument shows that the forces balance: the limit is stationary, V_i need not be at its minimum."
-UNSEEN = "Of linked agents only, as Remark IV.5 says: unlinked ones end at the same point."
 
 
 def row(number: str, kind: str, title: str, home: str, build: Any, **more: Any) -> Row:
@@ -43,17 +42,17 @@ def equations() -> tuple[Row, ...]:
         row("W", "equation", "W = (1/2) sum (V_i + v_i^T v_i)", f"{STUDY}.state_energy.total_energy",
             examples.energy_of),
         row("(6)", "equation", "level sets of W bound the speeds by sqrt(c)", f"{STUDY}.general_claims.speeds_bounded",
-            examples.speed_limit_of, reading=SPEED, demonstration=wrong.speed_bound),
+            examples.speed_limit_of, reading=SPEED, fault=Fault.FALSE, demonstration=wrong.speed_bound),
         row("after (6)", "equation", "level sets of W bound the distances by V^-1(c (N-1))",
             f"{HERE}.theorems.longest_path", examples.distance_limit_of, reading=DISTANCE,
-            demonstration=wrong.distance_bound),
+            fault=Fault.FALSE, demonstration=wrong.distance_bound),
         row("(7)", "equation", "gradients of V_ij are opposite", f"{MODEL}.terms.Gradient", examples.pair_forces_of),
         row("Theorem IV.4", "theorem", "flocking in a fixed network, all V_i minimal", f"{HERE}.theorems.claims",
-            examples.theorem_of, reading=STATIONARY, demonstration=wrong.minimises),
+            examples.theorem_of, reading=STATIONARY, fault=Fault.FALSE, demonstration=wrong.minimises),
         row("(8)", "equation", "dW/dt as the sum of the powers", f"{STUDY}.state_energy.total_energy",
             examples.total_power_of),
         row("(9)", "equation", "dW/dt = -v_x^T L v_x - v_y^T L v_y", f"{MODEL}.terms.Consensus.dissipation",
-            examples.power_of, reading="Velocities have two components, not three."),
+            examples.power_of, reading="Velocities have two components, not three.", fault=Fault.MISPRINT),
         row("(10)", "equation", "forces are -(B x I) times link gradients", f"{STUDY}.equilibrium.Equilibrium",
             examples.potential_forces_of),
         row("(11)", "equation", "forces are orthogonal to span{1}", f"{STUDY}.equilibrium.Equilibrium",
@@ -76,5 +75,5 @@ def equations() -> tuple[Row, ...]:
 
 
 def errata() -> list[Erratum]:
-    """What is wrong in the paper, each with a counter-example."""
-    return [*errata_of(equations()), Erratum("Abstract: all agents avoid collisions", UNSEEN, wrong.unlinked_meet)]
+    """False statements and misprints of the paper."""
+    return errata_of(equations())

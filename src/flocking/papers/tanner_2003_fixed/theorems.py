@@ -9,7 +9,7 @@ import numpy as np
 from flocking.model.potentials import Potential
 from flocking.papers.tanner_2003_fixed.system import COMPLETE, KEY
 from flocking.study import general_claims as general
-from flocking.study.claims import Claim, Measure, Verdict, below
+from flocking.study.claims import Claim, Measure, Origin, Verdict, below
 from flocking.study.evidence import Evidence
 
 THEOREM = "Theorem IV.4"
@@ -49,9 +49,10 @@ def claims(scenario: str = KEY) -> Sequence[Claim]:
         Claim("velocities-agree", THEOREM, "All velocities become the same.", general.velocities_agree, connected),
         Claim("linked-apart", THEOREM, "Collisions between linked agents are avoided.", general.linked_apart,
               connected),
-        Claim("all-apart", "Remark IV.5", "No two agents collide, linked or not.",
+        Claim("all-apart", "Remark IV.5" if complete else "see Remark IV.5", "No two agents collide, linked or not.",
               general.all_apart if complete else unlinked_keep_distance,
-              expected=holds if complete else fails, reason="" if complete else unseen),
+              expected=holds if complete else fails, reason="" if complete else unseen,
+              origin=Origin.PAPER if complete else Origin.OWN),
         Claim("stationary", THEOREM, "The limit is stationary: the forces of every agent balance.",
               general.forces_vanish, connected),
         Claim("minimal", THEOREM, "The limit minimises every agent's potential V_i.", general.agents_at_their_minimum,
@@ -61,7 +62,8 @@ def claims(scenario: str = KEY) -> Sequence[Claim]:
         Claim("speed-bound", "after (6)", "No speed exceeds sqrt(2 c), c the initial W.", general.speeds_bounded(2.0)),
         Claim("distance-bound", "after (6)", "No distance exceeds (N-1) V^-1(c), the larger branch.", distances_bounded,
               connected),
-        Claim("momentum", "not stated", "The common velocity is the mean of the initial ones.", general.momentum_drift),
+        Claim("momentum", "not stated", "The common velocity is the mean of the initial ones.", general.momentum_drift,
+              origin=Origin.OWN),
     )  # fmt: skip
 
 

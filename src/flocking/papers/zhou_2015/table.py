@@ -6,7 +6,7 @@ from typing import Any
 
 from flocking.papers.zhou_2015 import counterexamples as wrong
 from flocking.papers.zhou_2015 import examples, system
-from flocking.study.equations import Erratum, Row, errata_of
+from flocking.study.equations import Erratum, Fault, Row, errata_of
 
 MODEL, STUDY, HERE = "flocking.model", "flocking.study", "flocking.papers.zhou_2015"
 SIGMA = (
@@ -41,18 +41,18 @@ def _problem() -> tuple[Row, ...]:
     net = f"{MODEL}.graphs.Hysteresis"
     return (
         row("(i)-(iii)", "definition", "when links appear and break", net, examples.links_after, reading=NOW,
-            demonstration=wrong.initial_distances),
+            fault=Fault.MISPRINT, demonstration=wrong.initial_distances),
         row("(1)", "equation", "indicator sigma of a link", net, examples.links_after, reading=SIGMA,
-            demonstration=wrong.indicator),
+            fault=Fault.MISPRINT, demonstration=wrong.indicator),
         row("(2)", "equation", "adjacency matrix and Laplacian", f"{STUDY}.nets.laplacian", examples.laplacian_of,
-            reading="(u, v) is (i, j)."),
+            reading="(u, v) is (i, j).", fault=Fault.MISPRINT),
         row("(3)", "equation", "z^T L z as a sum of squares", f"{MODEL}.terms.Consensus.dissipation",
             examples.sum_of_squares_of, reading=ORDERED),
         row("(4)", "equation", "double integrators", "flocking.engine.codegen.compiled_kernels",
             examples.displacement_of),
         row("(5)", "equation", "stacked positions and velocities", f"{MODEL}.state.State", examples.stacked_of),
         row("sec. 2.2", "problem", "final formation s_1 = ... = s_N", f"{HERE}.theorems.links_have_one_length",
-            examples.coming_together_of, reading=TOGETHER, demonstration=wrong.coinciding_goal),
+            examples.coming_together_of, reading=TOGETHER, fault=Fault.FALSE, demonstration=wrong.coinciding_goal),
         row("(6)", "equation", "u_i = f_i + h_i", f"{MODEL}.law.Law", examples.control_of),
         row("(7)", "equation", "u_i = f_i + h_i + gamma_i", f"{MODEL}.law.Law", examples.led_control_of),
     )  # fmt: skip
@@ -66,35 +66,37 @@ def _without_leader() -> tuple[Row, ...]:
         row("psi (i)", "definition", "least at one distance", f"{STUDY}.potential_check.check_potential",
             examples.minimum_of),
         row("(9)", "equation", "potential infinite at 0 and r", f"{MODEL}.potentials.Potential", examples.potential_of),
-        row("(10)", "equation", "energy Q", energy, examples.energy_of, reading=SIGN, demonstration=wrong.energy_sign),
+        row("(10)", "equation", "energy Q", energy, examples.energy_of, reading=SIGN,
+            fault=Fault.MISPRINT, demonstration=wrong.energy_sign),
         row("(11)", "equation", "mean velocity and position", f"{MODEL}.observables.mean_velocity", examples.means_of),
         row("Theorem 1", "theorem", "flocking without a leader", f"{HERE}.theorems.claims", examples.theorem_of),
         row("(12)", "equation", "dQ/dt, line by line", energy, examples.rate_of, reading=CANCEL,
-            demonstration=wrong.gradient_rate),
+            fault=Fault.MISPRINT, demonstration=wrong.gradient_rate),
         row("(13)", "equation", "Q(t) <= Q_0", f"{HERE}.theorems.largest_energy", examples.bound_of, reading=GROWTH),
         row("(14)", "equation", "dQ/dt = -v^T (L x I) v", dissipation, examples.dissipation_of, reading=LAPLACIAN,
-            demonstration=wrong.weighted_rate),
+            fault=Fault.MISPRINT, demonstration=wrong.weighted_rate),
         row("t_k", "equation", "the graph switches at t_k, k = 1, ..., N", f"{HERE}.theorems.most_new_links",
-            examples.new_links_of, reading="k = 1, 2, ...: at most M times.", demonstration=wrong.many_switches),
+            examples.new_links_of, reading="k = 1, 2, ...: at most M times.", fault=Fault.MISPRINT,
+            demonstration=wrong.many_switches),
         row("(15)", "equation", "Q(t) stays below Q_max between switches", f"{HERE}.theorems.largest_energy",
-            examples.bound_of, reading="Q_max = Q_0 + M psi(r - eps)."),
+            examples.bound_of, reading="Q_max = Q_0 + M psi(r - eps).", fault=Fault.MISPRINT),
         row("(16)", "equation", "M bounds the number of new links", f"{HERE}.theorems.most_new_links",
-            examples.new_links_of, reading="M bounds the sum of all n_k."),
+            examples.new_links_of, reading="M bounds the sum of all n_k.", fault=Fault.MISPRINT),
         row("(17)", "equation", "Q after k switches", f"{HERE}.theorems.largest_energy", examples.bound_of,
             reading="psi at the number r - eps; between switches Q falls as well."),
         row("(18)", "equation", "invariant set Q <= Q_max", f"{HERE}.theorems.largest_energy", examples.bound_of,
             reading="Only linked pairs enter D_g; Q is finite only for distances inside (0, r)."),
         row("(19)", "equation", "limit set dQ/dt = 0", dissipation, examples.dissipation_of),
         row("(20)", "equation", "dQ/dt as a sum of squares", energy, examples.rate_of, reading=MINUS,
-            demonstration=wrong.rate_sign),
+            fault=Fault.MISPRINT, demonstration=wrong.rate_sign),
         row("(21)", "equation", "the mean of the controls vanishes", f"{MODEL}.terms.Consensus.symmetries",
             examples.mean_control_of),
         row("(22)", "equation", "control in the steady state", f"{STUDY}.equilibrium.Equilibrium",
             examples.potential_forces_of, reading="Only where all velocities agree."),
         row("(23)", "equation", "L-hat s = 0, so that all s_i are equal", f"{STUDY}.equilibrium.Equilibrium",
-            examples.potential_forces_of, reading=KERNEL, demonstration=wrong.kernel_of_limit),
+            examples.potential_forces_of, reading=KERNEL, fault=Fault.FALSE, demonstration=wrong.kernel_of_limit),
         row("after (23)", "equation", "all links get the desired length", f"{HERE}.theorems.links_have_one_length",
-            examples.coming_together_of, reading=TOGETHER, demonstration=wrong.equal_lengths),
+            examples.coming_together_of, reading=TOGETHER, fault=Fault.FALSE, demonstration=wrong.equal_lengths),
     )  # fmt: skip
 
 
@@ -103,25 +105,25 @@ def _with_leader() -> tuple[Row, ...]:
     bound = f"{HERE}.theorems.largest_energy"
     return (
         row("(24)", "protocol", "control with a leader, whom all agents approach", track, examples.led_control_of,
-            reading=VELOCITY_ONLY, demonstration=wrong.no_position),
+            reading=VELOCITY_ONLY, fault=Fault.FALSE, demonstration=wrong.no_position),
         row("(25)", "equation", "energy U in the leader's frame", f"{MODEL}.energy.Energy", examples.led_energy_of),
         row("Theorem 2", "theorem", "flocking with a leader", f"{HERE}.theorems.claims", examples.led_theorem_of),
         row("(26)", "equation", "motion relative to the leader", track, examples.relative_control_of,
-            reading="The relative position carries a tilde: s_i - v_gamma t."),
+            reading="The relative position carries a tilde: s_i - v_gamma t.", fault=Fault.MISPRINT),
         row("(27)", "equation", "control in relative variables", track, examples.relative_control_of),
         row("(28)", "equation", "U in relative variables", f"{MODEL}.energy.Energy", examples.led_energy_of,
-            reading="The kinetic part belongs inside the sum over i."),
+            reading="The kinetic part belongs inside the sum over i.", fault=Fault.MISPRINT),
         row("(29)", "equation", "dU/dt", f"{MODEL}.tracking.Track.balance", examples.led_dissipation_of,
-            reading="L of the weights w_ij; \"U(t) <= 0\" below it means dU/dt."),
+            reading="L of the weights w_ij; \"U(t) <= 0\" below it means dU/dt.", fault=Fault.MISPRINT),
         row("(30)", "equation", "U(t) stays below U_max between switches", bound, examples.led_bound_of),
         row("(31)", "equation", "invariant set U <= U_max", bound, examples.led_bound_of,
             reading="(1/2) N^2 - (3/2) N + 1 is M of (16)."),
         row("(32)", "equation", "limit set dU/dt = 0", energy, examples.led_rate_of,
-            reading="(L + c_1 I_N) x I_n: the bracket closes before the product."),
+            reading="(L + c_1 I_N) x I_n: the bracket closes before the product.", fault=Fault.MISPRINT),
         row("(33)", "equation", "the mean acceleration", track, examples.led_mean_control_of, reading=MEAN,
-            demonstration=wrong.leader_sign),
+            fault=Fault.MISPRINT, demonstration=wrong.leader_sign),
         row("(34)", "equation", "the mean velocity decays exponentially", f"{HERE}.theorems.mean_velocity_decays",
-            examples.mean_velocity_of, reading=ALL_INFORMED, demonstration=wrong.some_informed),
+            examples.mean_velocity_of, reading=ALL_INFORMED, fault=Fault.FALSE, demonstration=wrong.some_informed),
     )  # fmt: skip
 
 
@@ -143,5 +145,5 @@ def _figures() -> tuple[Row, ...]:
 
 
 def errata() -> list[Erratum]:
-    """What is wrong in the paper, each with a counter-example."""
+    """False statements and misprints of the paper."""
     return errata_of(equations())

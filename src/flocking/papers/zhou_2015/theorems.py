@@ -9,7 +9,7 @@ import numpy as np
 from flocking.model.tracking import Track
 from flocking.papers.zhou_2015.system import KEY, LEADER
 from flocking.study import general_claims as general
-from flocking.study.claims import Claim, Measure, Verdict, above, below
+from flocking.study.claims import Claim, Measure, Origin, Verdict, above, below
 from flocking.study.evidence import Evidence
 
 
@@ -185,7 +185,7 @@ def claims(scenario: str = KEY) -> Sequence[Claim]:
         Claim("velocities-follow", f"{theorem} (ii)", "All velocities become the leader's.", velocities_follow, start),
         Claim("mean-velocity", "(34)", "The mean velocity decays to the leader's exponentially.", mean_velocity_decays),
         Claim("leader-offset", "not stated", "The mean position keeps the offset that follows from (34).",
-              leader_offset),
+              leader_offset, origin=Origin.OWN),
         Claim("leader-met", "abstract", "The group comes together with the leader.", leader_met, start, expected=fails,
               reason="(24) feeds back the leader's velocity alone: nothing draws the group to its position."),
         Claim("stationary", "proof of Theorem 2", "The potential forces balance in the limit.", general.forces_vanish,
