@@ -259,8 +259,12 @@ def six(found):
         assert {(i, j) for i, j in zip(*np.nonzero(np.triu(links)), strict=True)} == set(pairs)
         counts.append((len(pairs), max(len(g) for g in reach(q)) / 4))
     assert counts == [(0, 0.25), (2, 0.5), (4, 1.0), (3, 1.0), (5, 1.0), (5, 1.0)]
-    (e, _), (f, _) = found[4:]
-    assert set(links_of(e)) != set(links_of(f))
+    linked = [{(i + 1, j + 1) for i, j in links_of(q)} for q, _ in found]
+    assert linked[1] == {(1, 2), (3, 4)}
+    cycle = {(1, 2), (1, 3), (2, 4), (3, 4)}
+    assert linked[2] == cycle
+    assert linked[4] == cycle | {(1, 4)}
+    assert linked[5] == cycle | {(2, 3)}
 
 
 def graph_count(n):

@@ -6,6 +6,7 @@ import pytest
 import flocking as fk
 from flocking.show import group_series, series
 from flocking.show.phase import phase
+from flocking.show.style import PALETTE, RED, VERMILION
 
 
 def lines(axes, part):
@@ -30,7 +31,16 @@ def test_leader_line(led, run, part, has):
     assert np.allclose(dashed.get_ydata(), 10 + 3 * led.t)
     assert dashed.is_dashed()
     assert not part(series.velocities(led, 0, leader="solid"), "leader").is_dashed()
+    assert dashed.get_color() == RED
     assert series.positions(led, 0).get_ylim()[1] > 19.0
+    from matplotlib.colors import to_hex
+
+    drawn = part(series.velocities(led, 0, agents="dotted"), "agents")
+    assert drawn.get_linestyle()[0][1] is not None
+    assert not {RED.lower(), VERMILION.lower()} & {to_hex(c) for c in drawn.get_colors()}
+    assert {to_hex(c) for c in part(series.velocities(run), "agents").get_colors()} == {c.lower() for c in PALETTE}
+    with pytest.raises(fk.InvalidInput, match="agents"):
+        series.velocities(led, agents="wavy")
     assert not has(series.velocities(led, leader="none"), "leader")
     assert not has(series.velocities(run), "leader")
 
@@ -50,6 +60,9 @@ def test_errors_about_leader_and_mean(led, part):
 
 def test_centre_errors(led, run):
     axes = series.centre_errors(led, quantity="position")
+    axes.figure.canvas.draw()
+    # Above the axes, where no curve is.
+    assert axes.get_legend().get_window_extent().y0 >= axes.bbox.y1
     drawn = [line.get_ydata() for line in axes.lines if line.get_label() in ("$x$", "$y$")]
     assert np.allclose(np.array(drawn).T, led.q.mean(axis=1) - (10 + 3 * led.t)[:, None])
     with pytest.raises(fk.InvalidInput, match="leader"):

@@ -44,7 +44,7 @@ def examine_seed(name: str, key: str, seed: int, keep: bool) -> tuple[Verdicts, 
     module = paper(key)
     scenario = module.scenarios()[name](seed)
     try:
-        run = simulate(scenario, progress=False)
+        run = simulate(scenario, progress=False, fine=keep)
     except SimulationError as error:
         lost = [(c.key, str(Verdict.NOT_RESOLVED), float("nan"), float("nan"), str(error)) for c in module.claims(name)]
         return lost, None

@@ -211,6 +211,7 @@ class ExactSession:
         t, y = segment.t1, segment.coefficients[-1]
         if t > segment.t0:
             self.recorder.approach(segment, self._links.links[0])
+            self._record_fine(segment)
             self._tail = np.array(y[self._dynamics.order * self.n * self.m :])
             self.energy, self.kinetic = self._dynamics.energy(t, y)
             self.jumped += self._links.rise(self._pending)
@@ -301,6 +302,11 @@ class ExactSession:
             q, p, _ = self._dynamics.split(self._segment.at(t))
             self.recorder.frame(t, q, p, self._links.links[0])
 
+    def _record_fine(self, segment: Segment) -> None:
+        for t in self.recorder.fine_times(segment):
+            q, p, _ = self._dynamics.split(segment.at(float(t)))
+            self.recorder.fine_sample(float(t), q, p)
+
     def _record_trace(self) -> None:
         work, dissipated, supplied = self._tail[:LEDGER]
         self.recorder.trace.append(
@@ -383,6 +389,7 @@ class ExactSession:
             raise
         if segment.t1 > segment.t0:
             self.recorder.approach(segment, kept["_links"].links[0])
+            self._record_fine(segment)
         self.jumped += self.energy - before
         self._record_trace()
 

@@ -8,10 +8,13 @@ import numpy as np
 
 from flocking.engine.appending import NewRecords
 from flocking.engine.guards import closest, reach
-from flocking.engine.run import SWITCH_FIELDS, TRACE_FIELDS, Closest
+from flocking.engine.run import SWITCH_FIELDS, TRACE_FIELDS, Closest, FineSamples
 from flocking.engine.segment import Segment
 from flocking.model.checks import Array
 from flocking.model.connectivity import Links
+
+FINE_SAMPLES = 8
+"""Samples in a step, a polynomial of degree 7."""
 
 
 class Recorder:
@@ -36,6 +39,7 @@ class Recorder:
         self.trace: list[tuple[float, ...]] = []
         self.closest_linked = Closest()
         self.closest_unlinked = Closest()
+        self.fine: list[tuple[float, Array, Array]] | None = None
 
     def frame(self, t: float, q: Array, p: Array, links: Links) -> None:
         """Store a frame."""
@@ -104,6 +108,24 @@ class Recorder:
             Numbers of rows on disk, by kind.
         """
 
+    def fine_times(self, segment: Segment) -> Array:
+        """Times in a segment at which the solution is kept; none where that was not asked for."""
+        if self.fine is None or segment.t1 <= segment.t0:
+            return np.empty(0)
+        times = np.linspace(segment.t0, segment.t1, FINE_SAMPLES + 1)
+        return times if not self.fine else times[1:]
+
+    def fine_sample(self, t: float, q: Array, p: Array) -> None:
+        """Keep the solution at one of the `fine_times`."""
+        if self.fine is not None:
+            self.fine.append((t, q.copy(), p.copy()))
+
+    def _fine_samples(self) -> FineSamples | None:
+        if not self.fine:
+            return None
+        t, q, p = zip(*self.fine, strict=True)
+        return FineSamples(np.array(t), np.array(q), np.array(p))
+
     def tables(self) -> dict[str, Any]:
         """All records as arrays, by the names of `Run`."""
         shape = (0, self.n, self.m)
@@ -117,4 +139,5 @@ class Recorder:
             "trace": np.array(self.trace, dtype=TRACE_FIELDS),
             "closest_linked": self.closest_linked,
             "closest_unlinked": self.closest_unlinked,
+            "fine": self._fine_samples(),
         }

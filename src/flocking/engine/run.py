@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -75,6 +75,28 @@ class Closest:
 
 
 @dataclass(frozen=True, eq=False)
+class FineSamples:
+    """The computed solution at several times in every step of the integrator, for curves that miss no extremum.
+
+    Parameters
+    ----------
+    t
+        Times, ascending, shape (K,).
+    q, p
+        Positions and velocities, shape (K, N, m).
+    """
+
+    t: Array
+    q: Array
+    p: Array
+
+    def until(self, end: float) -> FineSamples:
+        """Those not later than ``end``."""
+        count = int(np.searchsorted(self.t, end, side="right"))
+        return FineSamples(self.t[:count], self.q[:count], self.p[:count])
+
+
+@dataclass(frozen=True, eq=False)
 class Run:
     """Frames, switches and ledger of a simulation, with its scenario and provenance.
 
@@ -101,6 +123,8 @@ class Run:
     observables
         What an engine for large groups observed at the frame times, fields `OBSERVED_FIELDS`; None where it was not
         asked to.
+    fine
+        The solution between frames, where ``fine=True`` asked the exact engine for it; it is not stored on disk.
     """
 
     scenario: Scenario
@@ -115,6 +139,7 @@ class Run:
     status: str = "finished"
     provenance: dict[str, Any] = field(default_factory=dict)
     observables: NDArray[Any] | None = None
+    fine: FineSamples | None = None
 
     @property
     def n(self) -> int:
@@ -132,6 +157,12 @@ class Run:
     def finished(self) -> bool:
         """Whether the run reached its end."""
         return self.status == "finished"
+
+    def until(self, end: float) -> Run:
+        """The same run with its frames and fine samples up to time ``end`` only."""
+        count = int(np.searchsorted(self.t, end, side="right"))
+        fine = self.fine.until(end) if self.fine is not None else None
+        return replace(self, t=self.t[:count], q=self.q[:count], p=self.p[:count], links=self.links[:count], fine=fine)
 
     def state(self, frame: int) -> State:
         """State at a stored frame, with its links."""

@@ -116,6 +116,7 @@ def simulate(
     save: str | Path | None = None,
     progress: bool = True,
     plant: Law | None = None,
+    fine: bool = False,
     **options: Any,
 ) -> Run:
     """Run a scenario to its end.
@@ -134,6 +135,8 @@ def simulate(
         Show a progress bar once the run takes longer than two seconds.
     plant
         The law the agents really obey, for tests of an audit; the scenario's law when absent.
+    fine
+        Keep several samples of every step of the exact engine in ``run.fine``, for curves; they are not saved.
     options
         For ``"tiles"``: step, scheme, precision and more, see `flocking.engine.tiles.options.TilesOptions`; for
         ``"lammps"``: step and more, see `flocking.engine.lammps.options.LammpsOptions`.
@@ -162,6 +165,13 @@ def simulate(
         # Before the session: a large one takes its time.
         check_free(Path(save).resolve())
     session = _opened(scenario, engine, plant, options)
+    if fine:
+        if not isinstance(session, ExactSession) or save is not None:
+            raise InvalidInput(
+                "simulate", "fine", "is for runs of engine='exact' that are not saved", fine,
+                "Raise Scenario.frames for the others.",
+            )  # fmt: skip
+        session.recorder.fine = []
     if save is None and session.engine == "tiles":
         cast("TilesSession", session).records.check_fits()
     if session.engine == "lammps":

@@ -10,6 +10,7 @@ from flocking.engine.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
 from flocking.model.connectivity import components
+from flocking.show.motion import motion_of, thinned
 from flocking.show.plane import pairs_of
 from flocking.show.series import time_axis
 from flocking.show.style import BLUE, COLUMN, GREEN, ORANGE, SKY, VERMILION, axes_or_new, in_style, theme
@@ -32,12 +33,14 @@ def spread(run: Run, *, axes: Axes | None = None) -> Any:
     axes
         Where to draw; a new figure when absent.
     """
-    away = np.linalg.norm(run.p - run.p.mean(axis=1, keepdims=True), axis=2)
+    motion = motion_of(run)
+    away = np.linalg.norm(motion.p - motion.p.mean(axis=1, keepdims=True), axis=2)
     axes = axes_or_new(axes)
     # A logarithm has no place for an exact zero.
     curves = [(away.max(axis=1), BLUE, "largest"), (np.sqrt((away**2).mean(axis=1)), ORANGE, "root mean square")]
     for values, color, label in curves:
-        axes.plot(run.t, np.where(values > 0, values, np.nan), color=color, label=label)
+        t, shown = thinned(motion.t, values)
+        axes.plot(t, np.where(shown > 0, shown, np.nan), color=color, label=label)
     axes.set_ylabel(r"$|p_i - \bar{p}|$")
     if (away > 0).any():
         axes.set_yscale("log")
@@ -91,7 +94,9 @@ def closest(run: Run, *, axes: Axes | None = None) -> Any:
     if run.n < 2:
         raise InvalidInput("closest", "run", "must have at least two agents", run.n)
     axes = axes_or_new(axes)
-    axes.plot(run.t, [_nearest(q) for q in run.q], color=BLUE, label="at the frames", gid="frames")
+    motion = motion_of(run)
+    at = "at the frames" if run.fine is None else "of the solution"
+    axes.plot(*thinned(motion.t, np.array([_nearest(q) for q in motion.q])), color=BLUE, label=at, gid="frames")
     for found, marker, name in ((run.closest_linked, "v", "linked"), (run.closest_unlinked, "^", "not linked")):
         if np.isfinite(found.distance):
             pair = f"{found.pair[0]}–{found.pair[1]}"

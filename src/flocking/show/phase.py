@@ -10,6 +10,7 @@ from flocking.engine.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.potentials import Potential
 from flocking.model.terms import Gradient
+from flocking.show.motion import motion_of
 from flocking.show.style import BLUE, ORANGE, axes_or_new, in_style, theme
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 @in_style
 def phase(run: Run, pair: tuple[int, int] | None = None, *, axes: Axes | None = None) -> Any:
-    """Draw (r, dr/dt) of a pair over the frames, with the shape of the law's potential behind it.
+    """Draw (r, dr/dt) of a pair, with the shape of the law's potential behind it.
 
     Parameters
     ----------
@@ -35,7 +36,8 @@ def phase(run: Run, pair: tuple[int, int] | None = None, *, axes: Axes | None = 
         When there is no such pair.
     """
     i, j = _checked_pair(run, pair)
-    apart, relative = run.q[:, j] - run.q[:, i], run.p[:, j] - run.p[:, i]
+    motion = motion_of(run)
+    apart, relative = motion.q[:, j] - motion.q[:, i], motion.p[:, j] - motion.p[:, i]
     r = np.linalg.norm(apart, axis=1)
     rate = np.divide((apart * relative).sum(axis=1), r, out=np.full_like(r, np.nan), where=r > 0)
     axes = axes_or_new(axes)

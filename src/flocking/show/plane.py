@@ -15,6 +15,7 @@ from flocking.model.checks import Array, number
 from flocking.model.leaders import Leader
 from flocking.model.state import State
 from flocking.show.frames import frame_at, leader_at
+from flocking.show.motion import motion_of, thinned_path
 from flocking.show.net_colors import net_colors
 from flocking.show.style import COLUMN, PURPLE, axes_or_new, in_style, theme
 
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
 
 LINK_BUDGET, ARROW_BUDGET, TRAIL_BUDGET = 20_000, 2_500, 400
 """Most links, arrows and trails drawn; of more, an even selection is drawn and the axes say so."""
+
+TRAIL_STEPS = 1000
+"""A path keeps points this share of the picture's span apart."""
 
 ARROW_SHARE = 0.14
 """Length of the fastest arrow as a share of the picture's span; of a crowd, the spacing of its agents."""
@@ -164,7 +168,11 @@ def _choose(what: Run | State, time: float | None, frame: int | None) -> tuple[S
     k = frame_at(what, time, frame)
     speeds = np.sqrt((what.p**2).sum(axis=-1))
     # Slow agents keep a visible arrow, but what is nearly at rest does not look fast.
-    return what.state(k), what.q[: k + 1], float(max(speeds[k].max(), REST_SHARE * speeds.max()))
+    return (
+        what.state(k),
+        motion_of(what.until(float(what.t[k]))).q,
+        float(max(speeds[k].max(), REST_SHARE * speeds.max())),
+    )
 
 
 def _lift(x: Array) -> Array:
@@ -237,10 +245,12 @@ def _draw_links(axes: Any, q: Array, links: Any, budget: int, notes: list[str]) 
 
 def _draw_trails(axes: Any, paths: Array, notes: list[str]) -> None:
     n = paths.shape[1]
+    step = _span([paths.reshape(-1, paths.shape[2])]) / TRAIL_STEPS
     agents = _evenly(n, TRAIL_BUDGET)
     if len(agents) < n:
         notes.append(f"{len(agents):,} of {n:,} trails drawn")
-    _line_collection(axes, np.moveaxis(paths[:, agents], 1, 0), colors=theme().agent, linewidths=0.7,
+    lines = [thinned_path(paths[:, k], step) for k in agents]
+    _line_collection(axes, lines, colors=theme().agent, linewidths=0.7,
                      linestyles=[(0, (1.0, 1.6))], alpha=0.75, zorder=0.8, gid="trails")  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,17 +12,21 @@ from flocking.errors import InvalidInput
 from flocking.model.checks import Array
 from flocking.model.leaders import Leader
 from flocking.show.frames import checked_axis, dimension_name, leader_track
-from flocking.show.style import PALETTE, VERMILION, axes_or_new, in_style, theme
+from flocking.show.motion import motion_of, thinned
+from flocking.show.style import PALETTE, RED, VERMILION, axes_or_new, in_style, theme
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 LEADER_LINES = {"solid": "-", "dashed": (0, (5, 2)), "none": None}
+AGENT_LINES: dict[str, Any] = {"solid": "-", "dotted": (0, (1.0, 1.2))}
 ABOUT = ("leader", "mean")
 
 
 @in_style
-def velocities(run: Run, axis: int = 0, *, axes: Axes | None = None, leader: str = "dashed") -> Any:
+def velocities(
+    run: Run, axis: int = 0, *, axes: Axes | None = None, leader: str = "dashed", agents: str = "solid"
+) -> Any:
     """Velocity component of every agent over time (Zhou, Figs. 4, 5, 11, 12).
 
     Parameters
@@ -34,6 +39,8 @@ def velocities(run: Run, axis: int = 0, *, axes: Axes | None = None, leader: str
         Where to draw; a new figure when absent.
     leader
         Line of the leader, where the law has one: ``"dashed"``, ``"solid"`` or ``"none"``.
+    agents
+        Lines of the agents: ``"solid"`` or ``"dotted"``.
 
     Raises
     ------
@@ -41,11 +48,14 @@ def velocities(run: Run, axis: int = 0, *, axes: Axes | None = None, leader: str
         When the run has no such axis or the line is unknown.
     """
     axis = checked_axis(run, axis)
-    return _components(run, run.p[:, :, axis], 1, axis, f"$p_{{{dimension_name(axis)}}}$", axes, leader)
+    label = f"$p_{{{dimension_name(axis)}}}$"
+    return _components(run, motion_of(run).p[:, :, axis], 1, axis, label, axes, leader, agents)
 
 
 @in_style
-def positions(run: Run, axis: int = 0, *, axes: Axes | None = None, leader: str = "dashed") -> Any:
+def positions(
+    run: Run, axis: int = 0, *, axes: Axes | None = None, leader: str = "dashed", agents: str = "solid"
+) -> Any:
     """Position component of every agent over time (Zhou, Figs. 6, 7, 13, 14).
 
     Parameters
@@ -58,6 +68,8 @@ def positions(run: Run, axis: int = 0, *, axes: Axes | None = None, leader: str 
         Where to draw; a new figure when absent.
     leader
         Line of the leader, where the law has one: ``"dashed"``, ``"solid"`` or ``"none"``.
+    agents
+        Lines of the agents: ``"solid"`` or ``"dotted"``.
 
     Raises
     ------
@@ -65,7 +77,8 @@ def positions(run: Run, axis: int = 0, *, axes: Axes | None = None, leader: str 
         When the run has no such axis or the line is unknown.
     """
     axis = checked_axis(run, axis)
-    return _components(run, run.q[:, :, axis], 0, axis, f"$q_{{{dimension_name(axis)}}}$", axes, leader)
+    label = f"$q_{{{dimension_name(axis)}}}$"
+    return _components(run, motion_of(run).q[:, :, axis], 0, axis, label, axes, leader, agents)
 
 
 @in_style
@@ -95,7 +108,8 @@ def velocity_errors(run: Run, axis: int = 0, *, about: str | None = None, axes: 
     zero = f"v_{{0,{name}}}" if about == "leader" else rf"\bar{{p}}_{{{name}}}"
     axes = axes_or_new(axes)
     axes.axhline(0.0, color=theme().ink, lw=0.7, ls=LEADER_LINES["dashed"], gid="zero")
-    return agent_lines(axes, run.t, run.p[:, :, axis] - reference[:, None], f"$p_{{i,{name}}} - {zero}$")
+    motion = motion_of(run)
+    return agent_lines(axes, motion.t, motion.p[:, :, axis] - reference[:, None], f"$p_{{i,{name}}} - {zero}$")
 
 
 @in_style
@@ -124,26 +138,39 @@ def centre_errors(run: Run, *, quantity: str = "velocity", axes: Axes | None = N
         raise InvalidInput("centre_errors", "quantity", "can be 'position' only where the leader's is known", quantity)
     axes = axes_or_new(axes)
     axes.axhline(0.0, color=theme().ink, lw=0.7, ls=LEADER_LINES["dashed"], gid="zero")
+    t = motion_of(run).t
     for k in range(error.shape[1]):
-        axes.plot(run.t, error[:, k], color=PALETTE[k % len(PALETTE)], label=f"${dimension_name(k)}$")
-    axes.legend()
+        axes.plot(*thinned(t, error[:, k]), color=PALETTE[k % len(PALETTE)], label=f"${dimension_name(k)}$")
+    # Above the axes: no place inside is free of curves for every run.
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=error.shape[1], borderaxespad=0.1)
     axes.set_ylabel(r"$\bar{p} - v_0$" if which else r"$\bar{q} - q_0$")
-    return time_axis(axes, run.t)
+    return time_axis(axes, t)
 
 
-def agent_lines(axes: Any, t: Array, values: Array, label: str) -> Any:
-    """Draw a line per agent, ``values`` (F, N) called ``label``, as one collection with the gid ``agents``."""
+def agent_lines(
+    axes: Any, t: Array, values: Array, label: str, line: str = "solid", palette: Sequence[str] = PALETTE
+) -> Any:
+    """Draw a line per agent, ``values`` (F, N) called ``label``, as one collection with the gid ``agents``.
+
+    Parameters
+    ----------
+    t
+        Times, shape (F,).
+    line
+        ``"solid"`` or ``"dotted"``.
+    palette
+        Colours that a handful of agents take in turn.
+    """
     from matplotlib.collections import LineCollection
 
     n = values.shape[1]
-    lines = np.empty((n, len(t), 2))
-    lines[:, :, 0], lines[:, :, 1] = t, values.T
+    lines = [np.stack(thinned(t, values[:, k]), axis=1) for k in range(n)]
     # A handful of agents can be told apart by hue; of a crowd only the density matters.
     few = n <= 3 * len(PALETTE)
-    colors = [PALETTE[k % len(PALETTE)] for k in range(n)] if few else theme().agent
+    colors = [palette[k % len(palette)] for k in range(n)] if few else theme().agent
     axes.add_collection(
         LineCollection(
-            list(lines), colors=colors, linewidths=1.0 if few else 0.6,
+            lines, colors=colors, linewidths=1.0 if few else 0.6, linestyles=[AGENT_LINES[line]],
             alpha=1.0 if few else float(np.clip(12 / n, 0.06, 0.7)), gid="agents", rasterized=n > 500,
         ),
         autolim=False,
@@ -166,16 +193,21 @@ def only_leader(run: Run) -> Leader | None:
     return next(iter(run.scenario.law.leaders), None)
 
 
-def _components(run: Run, values: Array, which: int, axis: int, label: str, axes: Any, line: str) -> Any:
+def _components(run: Run, values: Array, which: int, axis: int, label: str, axes: Any, line: str, agents: str) -> Any:
+    if agents not in AGENT_LINES:
+        raise InvalidInput("show", "agents", f"must be one of {', '.join(AGENT_LINES)}", agents)
     if line not in LEADER_LINES:
         raise InvalidInput("show", "leader", f"must be one of {', '.join(LEADER_LINES)}", line)
-    axes = agent_lines(axes_or_new(axes), run.t, values, label)
-    leader = only_leader(run)
-    if leader is None or line == "none":
+    t = motion_of(run).t
+    leader = only_leader(run) if line != "none" else None
+    # No agent's line looks like the leader's.
+    palette = PALETTE if leader is None else tuple(color for color in PALETTE if color != VERMILION)
+    axes = agent_lines(axes_or_new(axes), t, values, label, agents, palette)
+    if leader is None:
         return axes
-    track = leader_track(leader, run.t)[which][:, axis]
+    track = leader_track(leader, t)[which][:, axis]
     if np.isfinite(track).all():
-        axes.plot(run.t, track, color=VERMILION, lw=1.8, ls=LEADER_LINES[line], label="leader", gid="leader", zorder=4)
+        axes.plot(*thinned(t, track), color=RED, lw=1.8, ls=LEADER_LINES[line], label="leader", gid="leader", zorder=4)
         _cover(axes, np.concatenate([values.ravel(), track]))
         axes.legend()
     return axes
@@ -194,11 +226,12 @@ def _cover(axes: Any, values: Array) -> None:
 def _reference(run: Run, about: str) -> tuple[Array, Array]:
     if about not in ABOUT:
         raise InvalidInput("show", "about", f"must be one of {', '.join(ABOUT)}", about)
+    motion = motion_of(run)
     if about == "mean":
         masses = np.broadcast_to(np.asarray(run.scenario.agents.masses, dtype=np.float64), (run.n,))
         share = masses / masses.sum()
-        return np.einsum("i,fik->fk", share, run.q), np.einsum("i,fik->fk", share, run.p)
+        return np.einsum("i,fik->fk", share, motion.q), np.einsum("i,fik->fk", share, motion.p)
     leader = only_leader(run)
     if leader is None:
         raise InvalidInput("show", "about", "can be 'leader' only where the law has one", about, "Use about='mean'.")
-    return leader_track(leader, run.t)
+    return leader_track(leader, motion.t)

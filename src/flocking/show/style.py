@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 BLUE, VERMILION, GREEN, ORANGE = "#0072B2", "#D55E00", "#009E73", "#E69F00"
 SKY, PURPLE, GREY = "#56B4E9", "#CC79A7", "#7F7F7F"
 
+RED = "#C8102E"
+"""Leaders' lines."""
+
 PALETTE = (BLUE, VERMILION, GREEN, ORANGE, SKY, PURPLE)
 """Hues of Okabe and Ito without yellow and black, each of which vanishes on one of the two grounds."""
 

@@ -300,13 +300,15 @@ def alpha_flocks(scale: float) -> list[tuple[bool, int]]:
 
 
 def figure_3(scale: float) -> list[tuple[Array, Links]]:
-    """The six realizations of Fig. 3, (a) to (f)."""
-    found = {name: (q, links) for name, q, links in placed(scale)}
-    q, _ = found["two triangles"]
-    turned = q[[2, 3, 0, 1]]
-    again = (turned, Proximity(system.RADIUS, closed=True).initial(turned))
-    names = ("four agents", "two links", "cycle of 4", "chain of 4", "two triangles")
-    return [*(found[name] for name in names), again]
+    """The six realizations of Fig. 3, (a) to (f), agents numbered as there: (e), (f) are flexings of the cycle (c)."""
+    shape_and_agents = (
+        ("four agents", (0, 1, 2, 3)), ("two links", (0, 1, 2, 3)), ("cycle of 4", (0, 1, 3, 2)),
+        ("chain of 4", (0, 1, 2, 3)), ("two triangles", (0, 2, 3, 1)), ("two triangles", (2, 0, 1, 3)),
+    )  # fmt: skip
+    found = {name: q for name, q, _ in placed(scale)}
+    net = Proximity(system.RADIUS * (1 + 1e-12), closed=True)
+    numbered = [found[name][list(agents)] for name, agents in shape_and_agents]
+    return [(q, net.initial(q)) for q in numbered]
 
 
 def counts(scale: float) -> list[int]:

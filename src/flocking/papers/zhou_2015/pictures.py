@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from flocking.engine.run import Run
 from flocking.errors import InvalidInput
 from flocking.papers.zhou_2015 import system
@@ -48,7 +46,9 @@ def figures() -> dict[int, Figure]:
         found[first + 2] = Figure(str(first + 2), f"Paths and final states{led}.", snapshot(FINAL_TIME, trails=True))
         for number in range(first + 3, first + 7):
             which, axis = SERIES[number]
-            draw = (velocities if which == "velocities" else positions)(axis, leader="solid")
+            draw = (velocities if which == "velocities" else positions)(
+                axis, leader="solid", agents="dotted" if led else "solid"
+            )
             found[number] = Figure(
                 str(number), f"{which.capitalize()} along {'xy'[axis]}{led}.", until(FINAL_TIME, draw)
             )
@@ -63,12 +63,7 @@ def until(end: float, draw: Draw) -> Draw:
     draw
         Draws a figure from a run.
     """
-
-    def drawn(run: Run) -> Picture:
-        count = int(np.searchsorted(run.t, end, side="right"))
-        return draw(replace(run, t=run.t[:count], q=run.q[:count], p=run.p[:count], links=run.links[:count]))
-
-    return drawn
+    return lambda run: draw(run.until(end))
 
 
 def figure(number: int, run: Run) -> Picture:

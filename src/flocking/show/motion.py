@@ -1,0 +1,65 @@
+"""The motion that curves are drawn from: the solution between frames where a run keeps it, else its frames."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flocking.engine.run import FineSamples, Run
+from flocking.model.checks import Array
+
+BINS = 800
+"""Columns into which a curve is divided: of more than four points in a column only four are drawn."""
+
+
+def motion_of(run: Run) -> FineSamples:
+    """Times, positions and velocities that curves are drawn from.
+
+    Parameters
+    ----------
+    run
+        The run. With ``simulate(..., fine=True)`` it holds several samples of every step, so that no extremum of the
+        solution is missed; otherwise only its frames are known.
+    """
+    return run.fine if run.fine is not None else FineSamples(run.t, run.q, run.p)
+
+
+def thinned(t: Array, values: Array) -> tuple[Array, Array]:
+    """The points of a curve that can be seen: of each column the first, lowest, highest and last.
+
+    Parameters
+    ----------
+    t
+        Times, ascending, shape (K,).
+    values
+        Values, shape (K,).
+
+    Returns
+    -------
+    tuple of Array
+        The chosen times and values: what a picture shows of them is what it would show of all.
+    """
+    if len(t) <= 4 * BINS or not np.isfinite(values).all():
+        return t, values
+    column = np.minimum((BINS * (t - t[0]) / (t[-1] - t[0])).astype(np.intp), BINS - 1)
+    first = np.flatnonzero(np.diff(column, prepend=-1))
+    last = np.append(first[1:], len(t)) - 1
+    by_value = np.lexsort((values, column))
+    chosen = np.unique(np.concatenate([first, last, by_value[first], by_value[last]]))
+    return t[chosen], values[chosen]
+
+
+def thinned_path(points: Array, step: float) -> Array:
+    """Points of a path at least ``step`` apart, with both ends; shape (K, m) to (k, m).
+
+    Parameters
+    ----------
+    points
+        Points along the path.
+    step
+        Smallest distance of two points that are kept, except for the last.
+    """
+    if len(points) < 3:
+        return points
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    kept = np.flatnonzero(np.diff(np.floor(way / step), prepend=-1.0))
+    return np.asarray(points[np.union1d(kept, [len(points) - 1])])
