@@ -6,8 +6,9 @@ The paper prints a density of 0.97 for a hundred agents that have passed six obs
 start in nor the gain that makes them follow. All regions here have one area. A long, narrow region and a large gain
 give the printed density; a compact square falls into pieces at the obstacles and does not rejoin.
 
-Three runs at each point, 27 in all: a run takes seconds. The picture shows results that come with the library.
-``flocking sweep olfati-saber-density`` makes them anew.
+Three runs at each point, 27 in all: a run takes seconds. Three are too few for an interval of the mean, so the dots
+show every run. The picture shows results that come with the library. ``flocking sweep
+olfati-saber-density`` makes them anew.
 """
 
 from flocking.papers.studies.shipped import study
@@ -15,7 +16,7 @@ from flocking.papers.studies.shipped import study
 question = study("olfati-saber-density")
 table = question.stored()
 print(f"{len(table)} runs, {len(table.failures)} failed")
-print(table.summary()[["density", "density_low", "density_high"]].to_dataframe().round(3))
+print(table.summary()[["density", "density_interval"]].to_dataframe().round(3))
 
 picture = question.draw(table)
 picture.savefig("plot_study_olfati_saber_density.png", dpi=150)

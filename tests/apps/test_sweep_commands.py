@@ -112,3 +112,19 @@ def test_ctrl_c_says_what_is_kept_and_the_same_command_goes_on(file, tmp_path, c
     assert main(["sweep", str(file), "--workers", "1", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["done"] == 24
     assert {name: (rows / name).read_bytes() for name in kept} == kept
+
+
+def test_means_of_too_few_runs_say_that_they_have_no_interval(file, tmp_path, capsys):
+    assert main(["sweep", str(file), "--workers", "1"]) == 0
+    shown = capsys.readouterr().out
+    assert "(no interval)" in shown
+    assert "no 95 % interval of closest: 2 values, 8 needed" in shown
+    assert main(["sweep", str(file), "--workers", "1", "--json"]) == 0
+    for row in json.loads(capsys.readouterr().out)["summary"]:
+        assert (row["closest_low"], row["closest_high"]) == (None, None)
+        assert row["closest_interval"] == "none: 2 values, 8 needed"
+        assert row["connected_interval"] == "Clopper-Pearson"
+        assert 0 <= row["connected_low"] < row["connected_high"] <= 1
+    head, *lines = (tmp_path / "out" / "sweeps" / "speeds" / "summary.csv").read_text().splitlines()
+    assert "closest_interval" in head.split(",")
+    assert all('"none: 2 values, 8 needed"' in line for line in lines)

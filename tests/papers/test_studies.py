@@ -61,6 +61,17 @@ def test_the_picture_of_a_study_is_drawn_from_its_results(name):
     assert all(axes.get_xlabel() and axes.get_ylabel() for axes in picture.axes if axes.get_label() != "<colorbar>")
 
 
+def test_a_picture_says_where_means_have_no_interval():
+    def notes(name):
+        picture = study(name).draw(study(name).stored())
+        return [text.get_text() for axes in picture.axes for text in axes.texts if text.get_gid() == "no interval"]
+
+    assert [" ".join(note.split()) for note in notes("olfati-saber-density")] == [
+        "no 95 % interval: 3 values, 8 needed"
+    ]
+    assert notes("tanner-connectivity") == []
+
+
 def test_what_the_studies_found():
     tanner = study("tanner-connectivity").stored().summary()
     dense_slow, wide_fast = tanner.sel(start_radius=1.5, speed=0.5), tanner.sel(start_radius=3.5, speed=4.0)

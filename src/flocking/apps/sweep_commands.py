@@ -6,6 +6,7 @@ import json
 import math
 import sys
 import time
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -156,17 +157,34 @@ def _print(
     cells = []
     for row in rows[:LONGEST_SUMMARY]:
         places = [str(row[name]) for name in head[: len(head) - len(table.measures)]]
-        values = [
-            f"{short(row[m])} ({short(row[f'{m}_low'])}, {short(row[f'{m}_high'])})" if few else short(row[m])
-            for m in table.measures
-        ]
+        values = [f"{short(row[m])} ({_ends(row, m)})" if few else short(row[m]) for m in table.measures]
         cells.append((*places, *values))
     print_table(head, cells, title=f"{file.name}: means" + (f" with {100 * level:g} % intervals" if few else ""))
     if len(rows) > LONGEST_SUMMARY:
         print(f"... and {len(rows) - LONGEST_SUMMARY} more points in {folder / 'summary.csv'}")
+    for reason, measures in _reasons(rows, table.measures).items():
+        print(f"no {100 * level:g} % interval of {', '.join(measures)}: {reason}")
     print(f"\n{len(table)} of {table.plan.size} runs, {len(failures)} failed, {seconds:.0f} s; results in {folder}")
     for failure in failures[:5]:
         print("  " + ", ".join(f"{name} = {value}" for name, value in failure.items()))
+
+
+def _ends(row: Mapping[str, Any], measure: str) -> str:
+    from flocking.apps.tables import short
+
+    if row[f"{measure}_low"] is None:
+        return "no interval"
+    return f"{short(row[f'{measure}_low'])}, {short(row[f'{measure}_high'])}"
+
+
+def _reasons(rows: Sequence[Mapping[str, Any]], measures: Sequence[str]) -> dict[str, list[str]]:
+    """Why means have no interval, with the measures that have none for that reason at some point."""
+    found: dict[str, list[str]] = {}
+    for measure in measures:
+        for method in dict.fromkeys(row[f"{measure}_interval"] for row in rows):
+            if method.startswith("none: "):
+                found.setdefault(method.removeprefix("none: "), []).append(measure)
+    return found
 
 
 def _summary_rows(table: SweepTable, level: float) -> list[dict[str, Any]]:

@@ -23,6 +23,15 @@ def _need_grid(table: SweepTable, *names: str) -> None:
             raise InvalidInput("sweep picture", "axis", f"must be one of {', '.join(table.plan.grid)}", name)
 
 
+def _tell_missing(axes: Any, methods: Any) -> None:
+    """Write above the axes why some means have no interval; `methods` names the method of each, any shape."""
+    reasons = sorted({str(m).removeprefix("none: ") for m in methods.ravel() if str(m).startswith("none: ")})
+    if reasons:
+        text = "no 95 % interval: " + "; ".join(reasons)
+        axes.text(1.0, 1.01, text, transform=axes.transAxes, ha="right", va="bottom", fontsize=6, gid="no interval")
+        axes.set_title(axes.get_title(), pad=14)
+
+
 @in_style
 def share_map(
     table: SweepTable,
@@ -58,12 +67,13 @@ def share_map(
     _need_grid(table, x, y)
     axes = axes_or_new(axes, width=4.6)
     found = table.summary().transpose(y, x, ...)
-    means, lows, highs = (np.asarray(found[measure + end]) for end in ("", "_low", "_high"))
+    means, lows, highs, named = (np.asarray(found[measure + end]) for end in ("", "_low", "_high", "_interval"))
     top = 1.0 if table.is_share(measure) else float(np.nanmax(means))
     mesh = axes.imshow(means, origin="lower", aspect="auto", cmap="cividis", vmin=0.0, vmax=top)
     for (row, column), value in np.ndenumerate(means):
         ink = "white" if value < 0.55 * top else "black"
-        text = f"{value:.2f}\n{lows[row, column]:.2f}–{highs[row, column]:.2f}"
+        ends = f"{lows[row, column]:.2f}–{highs[row, column]:.2f}" if np.isfinite(lows[row, column]) else "no interval"
+        text = f"{value:.2f}\n{ends}"
         axes.text(column, row, text, ha="center", va="center", color=ink, fontsize=6)
     for name, set_ticks in ((x, axes.set_xticks), (y, axes.set_yticks)):
         values = table.plan.grid[name]
@@ -72,6 +82,7 @@ def share_map(
     axes.set_ylabel(y_label or y)
     axes.set_title(title)
     axes.figure.colorbar(mesh, ax=axes, fraction=0.05, pad=0.02)
+    _tell_missing(axes, named)
     return axes
 
 
@@ -125,6 +136,8 @@ def bands(
         middle, low, high = (np.asarray(own[measure + end]) for end in ("", "_low", "_high"))
         axes.plot(places, middle, "o-", color=color, ms=3, label=shown(value) if by else None)
         axes.fill_between(places, low, high, color=color, alpha=0.2, lw=0)
+        # A band is drawn between neighbours that both have an interval; the bar shows those that stand alone.
+        axes.vlines(places, low, high, color=color, lw=0.8)
         if runs:
             data = table.dataset[measure]
             data = data.isel({by: k}) if by else data
@@ -137,6 +150,7 @@ def bands(
     axes.set_xlabel(x_label or x)
     axes.set_ylabel(y_label or measure)
     axes.set_title(title)
+    _tell_missing(axes, np.asarray(found[measure + "_interval"]))
     return axes
 
 

@@ -1,13 +1,43 @@
-"""Confidence intervals: Wilson's for shares, the bootstrap for means."""
+"""Confidence intervals: exact ones for shares, t intervals corrected for skewness for means."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, number
 
-RESAMPLES = 2000
+SHARE, MEAN = "Clopper-Pearson", "wider of Student's t and Hall's transformed t"
+
+LEAST_VALUES = {0.8: 4, 0.9: 5, 0.95: 8, 0.98: 15, 0.99: 25, 0.995: 30, 0.998: 40, 0.999: 60}
+"""Fewest values of which the interval of a mean at a level, or below it, misses at most 1.1 times as often as it says.
+
+Measured with 40,000 to 400,000 draws of each number of values: the worst of normal, uniform, exponential and two-peaked
+values. The tests repeat the measurement.
+"""
+
+
+@dataclass(frozen=True)
+class Interval:
+    """An interval, or why there is none.
+
+    Parameters
+    ----------
+    low, high
+        Its ends; nan where there is none.
+    method
+        The method, or ``"none: "`` and the reason.
+    """
+
+    low: float
+    high: float
+    method: str
+
+
+def _none(reason: str) -> Interval:
+    return Interval(np.nan, np.nan, f"none: {reason}")
 
 
 def check_level(level: float) -> float:
@@ -24,8 +54,10 @@ def check_level(level: float) -> float:
     return checked
 
 
-def wilson(successes: int, total: int, level: float = 0.95) -> tuple[float, float]:
-    """Wilson's score interval for a share.
+def share_interval(successes: int, total: int, level: float = 0.95) -> Interval:
+    """Clopper and Pearson's exact interval of a share: it covers at least as often as it says, whatever the share.
+
+    C. J. Clopper, E. S. Pearson, Biometrika 26 (1934) 404.
 
     Parameters
     ----------
@@ -34,26 +66,43 @@ def wilson(successes: int, total: int, level: float = 0.95) -> tuple[float, floa
     level
         Level of confidence.
 
-    Returns
-    -------
-    tuple of float
-        Lower and upper end; nan when nothing was tried.
+    Raises
+    ------
+    InvalidInput
+        When the level is not between 0 and 1.
     """
+    tail = (1 - check_level(level)) / 2
     if total == 0:
-        return np.nan, np.nan
-    from scipy.special import ndtri
+        return _none("nothing was counted")
+    from scipy.special import betaincinv
 
-    z2 = float(ndtri(0.5 + check_level(level) / 2)) ** 2
-    share = successes / total
-    centre = (share + z2 / (2 * total)) / (1 + z2 / total)
-    half = np.sqrt(z2 * (share * (1 - share) / total + z2 / (4 * total**2))) / (1 + z2 / total)
-    # Rounding must not push the ends past what is certain.
-    low = 0.0 if successes == 0 else float(centre - half)
-    return low, 1.0 if successes == total else float(centre + half)
+    failures = total - successes
+    low = 0.0 if successes == 0 else float(betaincinv(successes, failures + 1, tail))
+    high = 1.0 if failures == 0 else float(betaincinv(successes + 1, failures, 1 - tail))
+    return Interval(low, high, SHARE)
 
 
-def bootstrap(values: Array, level: float = 0.95, seed: int = 0, resamples: int = RESAMPLES) -> tuple[float, float]:
-    """Percentile bootstrap interval of the mean.
+def least_values(level: float) -> int | None:
+    """Fewest values that have an interval of their mean at a level; None where no number of values is known to do.
+
+    Parameters
+    ----------
+    level
+        Level of confidence.
+    """
+    return next((least for known, least in LEAST_VALUES.items() if level <= known), None)
+
+
+def mean_interval(values: Array, level: float = 0.95) -> Interval:
+    """Interval of a mean, of independent values whose distribution is unknown.
+
+    It reaches from the lower of the lower ends to the higher of the upper ends of two: Student's, which is exact for
+    normal values and cautious for symmetric ones with heavy tails, and Hall's, where the t statistic is transformed by
+    a cubic that takes out the skewness. No method covers every distribution: values whose mean rests on rare, very
+    large ones (log-normal with a logarithmic deviation of 1: 91 % of 8 values, 94 % of 30) are covered less often.
+
+    P. Hall, "On the removal of skewness by transformation", J. R. Stat. Soc. B 54 (1992) 221, with Student's
+    quantiles in place of normal ones.
 
     Parameters
     ----------
@@ -61,22 +110,52 @@ def bootstrap(values: Array, level: float = 0.95, seed: int = 0, resamples: int 
         Measured values, shape (K,); those that are nan are left out.
     level
         Level of confidence.
-    seed
-        Seed of the resampling.
-    resamples
-        How many resamples.
 
     Returns
     -------
-    tuple of float
-        Lower and upper end; nan for fewer than two values.
+    Interval
+        There is none below `least_values`, nor where all values are equal: their spread is then unknown.
+
+    Raises
+    ------
+    InvalidInput
+        When the level is not between 0 and 1.
     """
+    check_level(level)
     kept = np.asarray(values, dtype=np.float64)
     kept = kept[~np.isnan(kept)]
-    if len(kept) < 2:
-        return np.nan, np.nan
-    rng = np.random.default_rng(seed)
-    means = np.array([kept[rng.integers(len(kept), size=len(kept))].mean() for _ in range(resamples)])
-    half = check_level(level) / 2
-    low, high = np.quantile(means, [0.5 - half, 0.5 + half])
-    return float(low), float(high)
+    least = least_values(level)
+    if least is None:
+        return _none(f"not known to cover at levels above {max(LEAST_VALUES)}")
+    if len(kept) < least:
+        return _none(f"{len(kept)} value{'' if len(kept) == 1 else 's'}, {least} needed")
+    if not np.isfinite(kept).all():
+        return _none("a value is infinite")
+    if kept.min() == kept.max():
+        return _none("all values are equal")
+    return _wider(kept, level)
+
+
+def _wider(values: Array, level: float) -> Interval:
+    from scipy.special import stdtrit
+
+    n = len(values)
+    # Scaled, so that squares and cubes of very large or small values stay in range.
+    scale = float(np.abs(values).max())
+    scaled = values / scale
+    mean = float(scaled.mean())
+    off = scaled - mean
+    deviation = float(np.sqrt((off**2).sum() / (n - 1)))
+    standard = off / np.sqrt((off**2).mean())
+    skewness = float((standard**3).mean()) * np.sqrt(n * (n - 1)) / (n - 2)
+    reach = float(stdtrit(n - 1, (1 + level) / 2)) / np.sqrt(n)
+    low = mean - deviation * max(reach, _untransformed(reach, skewness, n))
+    high = mean - deviation * min(-reach, _untransformed(-reach, skewness, n))
+    return Interval(low * scale, high * scale, MEAN)
+
+
+def _untransformed(reach: float, skewness: float, n: int) -> float:
+    """The w at which Hall's cubic w + g w^2/3 + g^2 w^3/27 + g/(6 n) is ``reach``, for skewness g."""
+    shifted = reach - skewness / (6 * n)
+    # Below this the cubic is the line, to the last digit.
+    return shifted if abs(skewness) < 1e-8 else float(3 * (np.cbrt(1 + skewness * shifted) - 1) / skewness)

@@ -15,7 +15,7 @@ import numpy as np
 
 from flocking.errors import InvalidInput, StorageError
 from flocking.model.checks import Array
-from flocking.study.sweeps.intervals import bootstrap, check_level, wilson
+from flocking.study.sweeps.intervals import check_level, mean_interval, share_interval
 from flocking.study.sweeps.plan import Plan, label
 from flocking.study.sweeps.work import Row
 
@@ -152,18 +152,18 @@ class SweepTable:
             found["seed"] = list(self.plan.seeds)  # type: ignore[arg-type]
         return found
 
-    def summary(self, level: float = 0.95, seed: int = 0) -> xarray.Dataset:
+    def summary(self, level: float = 0.95) -> xarray.Dataset:
         """Mean of each measure at each point, with its interval: ``NAME``, ``NAME_low`` and ``NAME_high``.
 
-        Wilson's interval for truth values, whose mean is a share; the bootstrap of the mean for all others. Values
-        that are nan are left out; ``NAME_count`` says how many were not. ``runs`` and ``failed`` count the runs.
+        Clopper and Pearson's exact interval for truth values, whose mean is a share; for all others that of
+        `mean_interval`, which there is only from some number of values on (8 at 95 %). ``NAME_interval`` names the
+        method, or says why there is no interval; its ends are then nan. Values that are nan are left out;
+        ``NAME_count`` says how many were not. ``runs`` and ``failed`` count the runs.
 
         Parameters
         ----------
         level
             Level of confidence.
-        seed
-            Seed of the bootstrap.
 
         Raises
         ------
@@ -176,23 +176,23 @@ class SweepTable:
         lengths = {name: length for name, length in self.plan.lengths.items() if name != self.plan.run_dimension}
         names, shape = tuple(lengths), tuple(lengths.values())
         variables: dict[str, Any] = {}
-        for number, measure in enumerate(self.measures):
-            means, lows, highs, counts = [], [], [], []
+        for measure in self.measures:
             share = self.is_share(measure)
-            for point, values in enumerate(self.values(measure)):
-                kept = values[~np.isnan(values)]
-                if share:
-                    ends = wilson(int(kept.sum()), len(kept), level)
-                else:
-                    own = np.random.SeedSequence(seed, spawn_key=(number, point)).generate_state(1)[0]
-                    ends = bootstrap(kept, level, int(own))
-                means.append(float(kept.mean()) if len(kept) else np.nan)
-                lows.append(ends[0])
-                highs.append(ends[1])
-                counts.append(len(kept))
-            kind = {"interval": "Wilson" if share else "bootstrap of the mean", "level": level}
-            for ending, column in (("", means), ("_low", lows), ("_high", highs), ("_count", counts)):
-                variables[measure + ending] = (names, np.array(column).reshape(shape), kind if not ending else {})
+            each = [values[~np.isnan(values)] for values in self.values(measure)]
+            found = [
+                share_interval(int(kept.sum()), len(kept), level) if share else mean_interval(kept, level)
+                for kept in each
+            ]
+            columns: dict[str, list[Any]] = {
+                "": [float(kept.mean()) if len(kept) else np.nan for kept in each],
+                "_low": [interval.low for interval in found],
+                "_high": [interval.high for interval in found],
+                "_interval": [interval.method for interval in found],
+                "_count": [len(kept) for kept in each],
+            }
+            for ending, column in columns.items():
+                about = {} if ending else {"level": level}
+                variables[measure + ending] = (names, np.array(column).reshape(shape), about)
         done, failed = np.zeros(self.plan.points, dtype=int), np.zeros(self.plan.points, dtype=int)
         for index, row in self.rows.items():
             done[index // self.plan.runs_per_point] += 1
