@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +17,10 @@ from flocking.model.law import Law, Scenario
 from flocking.model.state import Agents, State
 from flocking.study.audit import Judgement, audit, judge
 from flocking.study.claims import Claim
+
+if TYPE_CHECKING:
+    from flocking.show.contents import PanelContents
+    from flocking.show.declaration import Figure
 
 STEP = 1e-5
 """Duration of the motions from which rates are read."""
@@ -70,6 +77,57 @@ def velocity_change(scenario: Scenario, mass: float) -> Array:
 def state_at(scenario: Scenario, time: float) -> State:
     """State of a scenario at ``time``, exactly."""
     return simulate(scenario.with_(t_end=time, frames=(scenario.start.t, time)), progress=False).state(-1)
+
+
+@lru_cache(maxsize=16)
+def shown(make: Callable[[], Scenario]) -> Run:
+    """The run of a scenario that figures show."""
+    return simulate(make(), progress=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Pictured:
+    """A figure as it is drawn.
+
+    Parameters
+    ----------
+    run
+        The run it shows; None for figures of no run.
+    panels
+        What it holds.
+    declared
+        Number, caption and scenario of every figure of the paper, by number.
+    """
+
+    run: Run | None
+    panels: tuple[PanelContents, ...]
+    declared: dict[str, tuple[str, str, str]]
+
+
+def pictured(
+    figures: Callable[[], Mapping[Any, Figure]], number: int | str, make: Callable[[], Scenario] | None = None
+) -> Callable[[float], Pictured]:
+    """Builder of what a figure shows, everything horizontal scaled.
+
+    Parameters
+    ----------
+    figures
+        Figures of the paper by number.
+    number
+        Number of the figure.
+    make
+        The scenario whose run it shows; absent for figures of no run.
+    """
+
+    def build(scale: float) -> Pictured:
+        from flocking.show.contents import contents
+
+        run: Any = None if make is None else shown(make)
+        known = figures()
+        declared = {str(name): (f.number, f.caption, f.scenario) for name, f in known.items()}
+        return Pictured(run, contents(known[number].draw(run), scale), declared)
+
+    return build
 
 
 def judged(

@@ -211,7 +211,14 @@ def traced(parts: list[Part]) -> Iterator[set[tuple[str, Any]]]:
                 line, end, column, last = places[offset // 2]
                 if line is not None and column is not None:
                     constant = code.co_code[offset] == dis.opmap["LOAD_CONST"]
+                    constant = constant and not isinstance(code.co_consts[_argument(code, offset)], CodeType)
                     lines.add((code.co_filename, ((line, column), (end, last), constant)))
+
+
+def _argument(code: CodeType, offset: int) -> int:
+    """Argument of an instruction, with the extension before it."""
+    extended = offset >= 2 and code.co_code[offset - 2] == dis.EXTENDED_ARG
+    return code.co_code[offset + 1] + (code.co_code[offset - 1] << 8 if extended else 0)
 
 
 def _defaults(function: FunctionType) -> dict[str, Any]:

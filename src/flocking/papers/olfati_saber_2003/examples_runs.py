@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,9 +15,13 @@ from flocking.model.checks import Array
 from flocking.model.law import Law, Scenario
 from flocking.model.state import Agents
 from flocking.model.terms import Consensus
+from flocking.papers import examples
 from flocking.papers.olfati_saber_2003 import system
 from flocking.papers.olfati_saber_2003.theorems import claims
 from flocking.study.audit import Judgement, Report, audit, judge
+
+if TYPE_CHECKING:
+    from flocking.show.declaration import Figure
 
 FEW_AGENTS = 24
 FEW_START = ((40.0, 12.5), (40.0, 20.0))
@@ -82,6 +87,36 @@ sink = judged(system.SINK)
 def passing(scale: float) -> Report:
     """The audit of a few agents that pass the obstacles."""
     return audited(system.KEY, 0, scale)
+
+
+def known_figures() -> Mapping[str, Figure]:
+    """Figures of the paper; the pictures are loaded when they are asked for."""
+    from flocking.papers.olfati_saber_2003.pictures import figures
+
+    return figures()
+
+
+def picture(number: str, make: Callable[[], Scenario] | None = None) -> Callable[[float], examples.Pictured]:
+    """Builder: a figure as it is drawn.
+
+    Parameters
+    ----------
+    number
+        Its number.
+    make
+        The scenario whose run it shows; absent for figures of no run.
+    """
+    return examples.pictured(known_figures, number, make)
+
+
+def few_for_figures() -> Scenario:
+    """The first task with few agents, as far as Fig. 7 and 8 need it."""
+    return few_through_obstacles().with_(t_end=26.0, name="")
+
+
+def few_gathering() -> Scenario:
+    """The second task with few agents, for the first snapshots of Fig. 9."""
+    return few_to_sink().with_(t_end=8.0, frames=81, name="")
 
 
 def newton(scale: float) -> tuple[Scenario, Run]:

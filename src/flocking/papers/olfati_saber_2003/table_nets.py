@@ -6,6 +6,7 @@ from typing import Any
 
 from flocking.papers.olfati_saber_2003 import counterexamples as wrong
 from flocking.papers.olfati_saber_2003 import examples_nets as examples
+from flocking.papers.olfati_saber_2003 import examples_runs as runs
 from flocking.papers.olfati_saber_2003.system import KEY
 from flocking.study.equations import Fault, Row
 
@@ -43,9 +44,7 @@ def net_rows() -> tuple[Row, ...]:
             f"{graphs}.PerAgentRadii",
             examples.radius_agreement,
         ),
-        row(
-            "Fig. 1", "figure", "spherical and conic neighbourhood", f"{HERE}.pictures.figures", examples.neighbourhoods
-        ),
+        row("Fig. 1", "figure", "spherical and conic neighbourhood", f"{HERE}.pictures.figures", runs.picture("1")),
         row(
             "(4)",
             "equation",
@@ -160,7 +159,7 @@ def net_rows() -> tuple[Row, ...]:
             reading="rho is not given: cosine by default, quintic and infinitely smooth on request.",
         ),
         row("L_rho", "assumption", "bumps have bounded slopes", f"{MODEL}.bumps.Bump.steepest", examples.steepest),
-        row("Fig. 2", "figure", "a bump function and its slope", f"{HERE}.pictures.figures", examples.bump_of_figure_2),
+        row("Fig. 2", "figure", "a bump function and its slope", f"{HERE}.pictures.figures", runs.picture("2")),
         row(
             "(17)",
             "equation",
@@ -219,7 +218,7 @@ def structure_rows() -> tuple[Row, ...]:
         row("Lemma 2", "lemma", "permutations of a realization are realizations", realization, examples.permuted),
         row("Note 2", "remark", "alpha-flocks among alpha-nets", f"{MODEL}.observables.flocks", examples.alpha_flocks),
         row("Example 1", "example", "six realizations for n = 4", f"{shapes}.conformations", examples.figure_3),
-        row("Fig. 3", "figure", "the six realizations", f"{HERE}.pictures.figures", examples.figure_3),
+        row("Fig. 3", "figure", "the six realizations", f"{HERE}.pictures.figures", runs.picture("3")),
         row(
             "Problem 1",
             "problem",

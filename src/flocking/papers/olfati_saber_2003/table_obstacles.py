@@ -45,7 +45,7 @@ def obstacle_rows() -> tuple[Row, ...]:
             reading=SHARED_PLACE,
             fault=Fault.MISPRINT,
         ),
-        row("Fig. 6", "figure", "an alpha-, a beta- and a gamma-agent", figures, examples.figure_6),
+        row("Fig. 6", "figure", "an alpha-, a beta- and a gamma-agent", figures, runs.picture("6")),
         row(
             "beta term of (54)",
             "equation",
@@ -113,8 +113,22 @@ def obstacle_rows() -> tuple[Row, ...]:
             examples.gap,
         ),
         row("task 1", "example", "split, rejoin and squeeze", claims, runs.passing, reading=MISSING),
-        row("Fig. 7", "figure", "agents among the obstacles", figures, examples.numbers, reading=MISSING),
-        row("Fig. 8", "figure", "the same with links; density 0.97", figures, runs.passing, reading=MISSING),
+        row(
+            "Fig. 7",
+            "figure",
+            "agents among the obstacles",
+            figures,
+            runs.picture("7", runs.few_for_figures),
+            reading=MISSING,
+        ),
+        row(
+            "Fig. 8",
+            "figure",
+            "the same with links; density 0.97",
+            figures,
+            runs.picture("8", runs.few_for_figures),
+            reading=MISSING,
+        ),
         row(
             "task 2", "example", "gathering at a sink", claims, runs.sink, reading="a = 50, b = 250, c2 = 5; see (50)."
         ),
@@ -123,7 +137,7 @@ def obstacle_rows() -> tuple[Row, ...]:
             "figure",
             "a flock forms at a sink",
             figures,
-            examples.sink_numbers,
+            runs.picture("9", runs.few_gathering),
             reading="Start uniform in [-60, 60]^2 at rest, 40 s.",
         ),
     )

@@ -39,7 +39,7 @@ def energy_rows() -> tuple[Row, ...]:
         row("(28)", "equation", "V, V_i and K_r", energy, energies.energy_pieces),
         row("(29)", "equation", "potential and action function", potential, energies.potential_values),
         row("bounds of (29)", "remark", "phi_alpha is bounded, between -b and a", potential, energies.bounds_of_action),
-        row("Fig. 4", "figure", "potential and action function for a = 1, b = 5", figures, energies.potential_values),
+        row("Fig. 4", "figure", "potential and action function for a = 1, b = 5", figures, runs.picture("4")),
         row("Proposition 2 i)", "proposition", "V = 0 exactly for realizations", energy, energies.zero_energy),
         row("Proposition 2 ii)", "proposition", "K_r = 0 keeps all distances", energy, energies.moving_together),
         row("Proposition 2 iii)", "proposition", "K_r = 0 keeps the topology", energy, energies.moving_together),
@@ -69,7 +69,7 @@ def energy_rows() -> tuple[Row, ...]:
         row("Example 2", "example", "potential of two agents, nonsmooth", energy, energies.pair_potentials),
         row("(32)", "equation", "potential of two agents", energy, energies.pair_potentials),
         row("(33)", "equation", "edge deviation", f"{STUDY}.structure.deviation", energies.edge_deviation),
-        row("Fig. 5", "figure", "nonsmooth and smooth pair potential", figures, energies.pair_potentials),
+        row("Fig. 5", "figure", "nonsmooth and smooth pair potential", figures, runs.picture("5")),
     )
 
 
