@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from flocking.engine.encounter_formulas import encounter_function, encounter_loop
+from flocking.engine.encounter_formulas import encounter_function, encounter_loop, obstacle_slot
 from flocking.engine.layout import MASS, Layout
+from flocking.engine.pieces import held, piece_lines
 from flocking.formula.compiled import generated_module
 
 if TYPE_CHECKING:
@@ -24,9 +25,12 @@ RATES = ("work", "dissipated", "supplied")
 def compiled_kernels(layout: Layout, dimension: int, order: int) -> ModuleType:
     """Numba kernels of a law.
 
-    Functions of the module: ``rhs(t, y, n, senders, sensed, offsets, P, A, W, S)`` gives dy/dt of the exact
-    engine's state vector; ``control(t, q, p, ..., u, rates)`` fills the forces and the `RATES`;
-    ``energies(t, q, p, ...)`` gives pair storage, body storage and kinetic energy in the frame of the energy.
+    Functions of the module: ``rhs(t, y, n, senders, sensed, offsets, pieces, spans, P, A, W, S)`` gives dy/dt of
+    the exact engine's state vector; ``control(t, q, p, ..., u, rates)`` fills the forces and the `RATES`;
+    ``energies(t, q, p, ...)`` gives pair storage, body storage and kinetic energy in the frame of the energy. Row
+    ``pieces[e]`` of ``spans`` says which piece of a piecewise formula is in force for pair ``e``, see `limits`;
+    ``shape0(r, side, reach, P, A, W)``... are those formulas of each graph in plain Python, ``shape_obstacles0``...
+    those of each group of obstacles.
 
     Parameters
     ----------
@@ -93,14 +97,39 @@ _HEADER = """import math
 import numba
 import numpy as np
 
-ARGUMENTS = "t, q, p, senders, sensed, offsets, P, A, W, S"
+ARGUMENTS = "t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S"
 
 """
 
 
 def _scalar_module(formulas: LawFormulas, order: int) -> str:
     m = formulas.dimension
-    return _HEADER + _control_source(formulas, order) + _energies_source(formulas, order) + _rhs_source(m, order)
+    source = _HEADER + _control_source(formulas, order) + _energies_source(formulas, order) + _rhs_source(m, order)
+    return source + _shapes_source(formulas)
+
+
+def _shapes_source(formulas: LawFormulas) -> str:
+    source = ""
+    for number, pair in enumerate(formulas.pairs):
+        wanted, split = held({name: getattr(pair, name) for name in ("along", "drag", "storage")}, "r")
+        source += _shape_function(f"shape{number}", "r", wanted, formulas) if split else ""
+    for number, encounter in enumerate(formulas.encounters):
+        wanted, split = held(encounter.after_distance, "distance")
+        source += _shape_function(f"shape_obstacles{number}", "distance", wanted, formulas) if split else ""
+    return source
+
+
+def _shape_function(name: str, distance: str, wanted: dict[str, sympy.Expr], formulas: LawFormulas) -> str:
+    """Formulas as a function of the distance alone: what else they depend on is 1, or that of the first agent."""
+    from flocking.formula.printing import statements
+
+    names = free_names(wanted.values())
+    lines = [f"{n} = A[{n[1:]}, 0]" for n in names.per_agent] + [f"{n} = W[{n[1:]}, 0, -1]" for n in names.per_pair]
+    for other in sorted(names.others - {distance, "side", "reach"}):
+        lines += [f"{other} = {obstacle_slot(other, formulas.encounters, '0') or '1.0'}"]
+    lines += [*statements(wanted, arrays=False, prefix="s_"), "return " + ", ".join(wanted) + ","]
+    head = f"\n\ndef {name}({distance}, side, reach, P, A, W):\n"
+    return head + _unpack(names, 1) + _indented(lines, 1)
 
 
 def _unpack(names: Names, depth: int) -> str:
@@ -116,7 +145,7 @@ def _pair_loop(
     """
     from flocking.formula.printing import statements
 
-    chosen = {name: getattr(pair, source) for name, source in wanted.items()}
+    chosen, split = held({name: getattr(pair, source) for name, source in wanted.items()}, "r")
     if all(value == 0 for value in chosen.values()):
         return ""
     names = free_names(chosen.values())
@@ -125,6 +154,7 @@ def _pair_loop(
     body += [f"d{k} = q[j, {k}] - q[i, {k}]" for k in axes]
     body += [f"v{k} = {velocity}[j, {k}] - {velocity}[i, {k}]" for k in axes]
     body += ["r = math.sqrt(" + " + ".join(f"d{k} * d{k}" for k in axes) + ")"]
+    body += piece_lines("r") if split else []
     if "speed2" in names.others:
         body += ["speed2 = " + " + ".join(f"v{k} * v{k}" for k in axes)]
     if "radial" in names.others:
@@ -174,7 +204,7 @@ def _control_source(formulas: LawFormulas, order: int) -> str:
     everything = [e for p in formulas.pairs for e in (*p.named().values(), p.flow)]
     everything += [*body.named().values(), *body.frame, body.flow]
     source = '@numba.njit(cache=True, error_model="numpy", nogil=True)\n'
-    source += "def control(t, q, p, senders, sensed, offsets, P, A, W, S, u, rates):\n"
+    source += "def control(t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S, u, rates):\n"
     source += _indented(["n = q.shape[0]"], 1) + _unpack(free_names(everything), 1)
     source += _indented(["work = 0.0", "dissipated = 0.0", "supplied = 0.0"], 1) + _means(body, m)
     source += _indented(["for i in range(n):"], 1) + _indented([f"u[i, {k}] = 0.0" for k in range(m)], 2)
@@ -223,7 +253,7 @@ def _energies_source(formulas: LawFormulas, order: int) -> str:
     m, body = formulas.dimension, formulas.body
     everything = [p.storage for p in formulas.pairs] + [*body.named().values(), *body.frame]
     source = '@numba.njit(cache=True, error_model="numpy", nogil=True)\n'
-    source += "def energies(t, q, p, senders, sensed, offsets, P, A, W, S):\n"
+    source += "def energies(t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S):\n"
     source += _indented(["n = q.shape[0]"], 1) + _unpack(free_names(everything), 1)
     source += _indented(["pairs = 0.0", "bodies = 0.0", "kinetic = 0.0"], 1) + _means(body, m)
     for number, pair in enumerate(formulas.pairs):
@@ -240,14 +270,14 @@ def _energies_source(formulas: LawFormulas, order: int) -> str:
 
 def _rhs_source(m: int, order: int) -> str:
     source = '@numba.njit(cache=True, error_model="numpy", nogil=True)\n'
-    source += "def rhs(t, y, n, senders, sensed, offsets, P, A, W, S):\n"
+    source += "def rhs(t, y, n, senders, sensed, offsets, pieces, spans, P, A, W, S):\n"
     lines = ["dy = np.empty_like(y)", f"q = y[: n * {m}].reshape(n, {m})"]
     if order == 2:
         lines += [f"p = y[n * {m} : 2 * n * {m}].reshape(n, {m})"]
     else:
         lines += [f"p = np.zeros((n, {m}))"]
     lines += [f"u = np.empty((n, {m}))", f"rates = dy[n * {m * order} :]"]
-    lines += ["control(t, q, p, senders, sensed, offsets, P, A, W, S, u, rates)"]
+    lines += ["control(t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S, u, rates)"]
     lines += ["for i in range(n):", f"    for k in range({m}):"]
     if order == 2:
         lines += [f"        dy[i * {m} + k] = p[i, k]"]

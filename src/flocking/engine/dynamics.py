@@ -8,6 +8,7 @@ import numpy as np
 
 from flocking.engine.codegen import RATES, compiled_kernels
 from flocking.engine.layout import Layout
+from flocking.engine.pieces import FREE, free_pieces, limits
 from flocking.engine.switching import LinkState, has_barrier
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
@@ -72,6 +73,16 @@ class Dynamics:
             module, layout = self._declared
             self._ledger = (module, layout.values(agents, self.n, t))
 
+    def divide(self, links: LinkState) -> None:
+        """Find where the pieces of the formulas go on beyond the borders of `LinkState.borders`."""
+        rows = [np.array([FREE])]
+        for k, borders in enumerate(links.borders()):
+            graphs = len(links.graphs)
+            name = f"shape{k}" if k < graphs else f"shape_obstacles{k - graphs}"
+            shape = getattr(self._kernels, name, None)
+            rows.append(np.tile(FREE, (len(borders), 1)) if shape is None else limits(borders, shape, self._slots))
+        self._spans = np.concatenate(rows)
+
     def relink(self, links: LinkState) -> None:
         """Take the links as they are now.
 
@@ -80,7 +91,10 @@ class Dynamics:
         InvalidInput
             When a functional of the graph does not exist for these links.
         """
-        self.pairs = links.pairs()
+        *pairs, pieces = links.pairs()
+        self.pairs = (*pairs, pieces, self._spans)
+        # The pieces are those of the acting law.
+        self._declared_pairs = (*pairs, *free_pieces(len(pieces))) if self._declared is not None else self.pairs
         self._functionals = links.functionals()
         self._linked = int(np.count_nonzero(links.links[0]))
 
@@ -117,7 +131,7 @@ class Dynamics:
         module, slots = self._ledger
         q, p, _ = self.split(y)
         rates = np.empty(LEDGER)
-        module.control(t, q, p, *self.pairs, *slots, self._functionals, np.empty_like(q), rates)
+        module.control(t, q, p, *self._declared_pairs, *slots, self._functionals, np.empty_like(q), rates)
         dy[tail + 1 : tail + LEDGER] = rates[1:]
         return dy
 
@@ -132,7 +146,7 @@ class Dynamics:
         self._locate(y)
         module, slots = self._ledger or (self._kernels, self._slots)
         q, p, _ = self.split(y)
-        pairs, bodies, kinetic = module.energies(t, q, p, *self.pairs, *slots, self._functionals)
+        pairs, bodies, kinetic = module.energies(t, q, p, *self._declared_pairs, *slots, self._functionals)
         unlinked = 0.5 * (self.n * (self.n - 1) - self._linked) * self.scenario.energy.unlinked
         return float(pairs + bodies + kinetic + unlinked), float(kinetic)
 

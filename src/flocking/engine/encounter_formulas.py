@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from flocking.engine.layout import MASS, Layout
+from flocking.engine.pieces import held, piece_lines
 from flocking.model.symbols import ObstacleSymbols
 
 if TYPE_CHECKING:
@@ -43,6 +44,13 @@ class EncounterFormulas:
         """All formulas in the order in which they must be computed."""
         forces = {f"force{k}": f for k, f in enumerate(self.force)}
         return [*self.geometry, {**forces, "dissipation": self.dissipation, "supply": self.supply}]
+
+    @property
+    def after_distance(self) -> dict[str, sympy.Expr]:
+        """The formulas that may depend on the distance by its name."""
+        stages = self.stages()
+        begin = next((k for k, stage in enumerate(stages) if "distance" in stage), len(stages))
+        return {name: value for stage in stages[begin + 1 :] for name, value in stage.items()}
 
 
 def encounter_formulas(
@@ -104,6 +112,22 @@ def _statements(stages: Sequence[dict[str, sympy.Expr]], arrays: bool, prefix: s
     ]  # fmt: skip
 
 
+def obstacle_slot(name: str, formulas: Sequence[EncounterFormulas], obstacle: str) -> str:
+    """Source of the value of a slot per obstacle; empty where ``name`` is none.
+
+    Parameters
+    ----------
+    formulas
+        Formulas of the groups of obstacles.
+    obstacle
+        Source of the number of the obstacle.
+    """
+    if not (formulas and re.fullmatch(r"O\d+", name)):
+        return ""
+    scalars, rows = formulas[0].counts
+    return f"P[{scalars} + {name[1:]} * ((P.shape[0] - {scalars}) // {rows}) + {obstacle}]"
+
+
 def encounter_loop(number: int, first: int, formulas: EncounterFormulas, m: int, tail: Sequence[str]) -> str:
     """Source of the loop over the active pairs (agent, obstacle) of one group, then the ``tail`` lines.
 
@@ -126,7 +150,11 @@ def encounter_loop(number: int, first: int, formulas: EncounterFormulas, m: int,
     body += [f"q{k} = q[i, {k}]" for k in range(m)] + [f"p{k} = p[i, {k}]" for k in range(m)]
     body += [f"{n} = A[{n[1:]}, i]" for n in _slots(stages, "A")]
     body += [f"{n} = P[{scalars} + {n[1:]} * columns + o]" for n in _slots(stages, "O")]
-    body += [*_statements(stages, False, f"o{number}_"), *tail]
+    for k, stage in enumerate(stages):
+        formulas_held, split = held(stage, "distance")
+        body += piece_lines("distance") if split else []
+        body += _statements([formulas_held], False, f"o{number}_{k}_")
+    body += tail
     return "\n".join([*lines, *(f"        {line}" for line in body)]) + "\n"
 
 

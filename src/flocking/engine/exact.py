@@ -78,6 +78,7 @@ class ExactSession:
         dynamics = self._dynamics
         dynamics.repack(state.t)
         self._links = links
+        dynamics.divide(links)
         dynamics.relink(links)
         self._tail = np.concatenate([self._tail[:LEDGER], dynamics.places(state.t)])
         y = dynamics.join(state, self._tail)
@@ -158,7 +159,7 @@ class ExactSession:
             where, crossings = self._links.next_crossings(whole, self.n, self.m)
             segment = whole.cut(where) if crossings else whole
             lost = self._lost_link(crossings)
-            if lost is None and not self._jumps_barrier(segment, crossings):
+            if lost is None and not self._jumps_barrier(segment):
                 break
             longest = (segment.t1 - segment.t0) / 4
             if longest <= 64 * np.finfo(float).eps * max(1.0, abs(before.t)):
@@ -172,12 +173,11 @@ class ExactSession:
             )  # fmt: skip
         return segment, crossings
 
-    def _jumps_barrier(self, segment: Segment, crossings: list[Crossing]) -> bool:
+    def _jumps_barrier(self, segment: Segment) -> bool:
         """Whether a step changes the energy by far more than its ledger explains."""
         if self.plant is not None:
             return False
-        risen = self._links.rise(crossings)
-        if self._ledger_gap(segment.t1, segment.coefficients[-1], risen) > LEDGER_GAP * self.scenario.tolerance:
+        if self._ledger_gap(segment.t1, segment.coefficients[-1]) > LEDGER_GAP * self.scenario.tolerance:
             return True
         if not self._dynamics.singular:
             return False
@@ -186,13 +186,13 @@ class ExactSession:
         if x > 1.0:
             return False
         inside = segment.cut(x)
-        return self._ledger_gap(inside.t1, inside.coefficients[-1], 0.0) > DIP_GAP
+        return self._ledger_gap(inside.t1, inside.coefficients[-1]) > DIP_GAP
 
-    def _ledger_gap(self, t: float, y: Array, risen: float) -> float:
+    def _ledger_gap(self, t: float, y: Array) -> float:
         """What the ledger misses between the start of the step and ``y``, relative to the energies."""
         _, dissipated, supplied = (y[self._dynamics.order * self.n * self.m :] - self._tail)[:LEDGER]
         energy, kinetic = self._dynamics.energy(t, y)
-        gap = abs(energy - risen - self.energy + dissipated - supplied)
+        gap = abs(energy - self.energy + dissipated - supplied)
         gap /= max(1.0, abs(self.energy), abs(supplied), self.kinetic, kinetic)
         return float(gap) if np.isfinite(gap) else np.inf
 
@@ -214,7 +214,6 @@ class ExactSession:
             self._record_fine(segment)
             self._tail = np.array(y[self._dynamics.order * self.n * self.m :])
             self.energy, self.kinetic = self._dynamics.energy(t, y)
-            self.jumped += self._links.rise(self._pending)
             self.time = t
             self._record_frames()
             self._record_trace()
@@ -249,12 +248,13 @@ class ExactSession:
                 "Use Hysteresis with a gap, or a potential that vanishes smoothly at the radius.",
                 time=t, agents=chattering,
             )  # fmt: skip
-        if any(self._links.watches[c.watch].kind in ("link", "obstacle") for c in crossings):
-            try:
-                self._dynamics.relink(self._links)
-            except InvalidInput as reason:
-                # The functional of a graph may cease to exist as its links change.
-                return SimulationError(str(reason), time=t)
+        try:
+            self._dynamics.relink(self._links)
+        except InvalidInput as reason:
+            # The functional of a graph may cease to exist as its links change.
+            return SimulationError(str(reason), time=t)
+        watches = [self._links.watches[c.watch] for c in crossings]
+        if any(watch.rise or not watch.inner for watch in watches):
             before = self.energy
             self.energy, self.kinetic = self._dynamics.energy(t, y)
             if not np.isfinite(self.energy) or any(self._meets_barrier(c) for c in crossings):
@@ -340,6 +340,7 @@ class ExactSession:
         session._dynamics.repack(snapshot.segment.t1)
         session._links.recall(snapshot.links)
         session._links.sliding = dict(snapshot.sliding)
+        session._dynamics.divide(session._links)
         session._dynamics.relink(session._links)
         session.kinetic = session._dynamics.energy(snapshot.segment.t0, snapshot.segment.coefficients[0])[1]
         tolerance = snapshot.tolerance

@@ -60,6 +60,11 @@ class Watch:
     rise: float = 0.0
     smooth: bool = False
 
+    @property
+    def inner(self) -> bool:
+        """Whether pieces of a formula meet there, inside the reach of the link or the obstacle."""
+        return self.kind in ("kink", "rim")
+
 
 @dataclass(frozen=True, eq=False)
 class Crossing:
@@ -124,14 +129,40 @@ class LinkState:
         offsets = q[None] - q[:, None]
         return np.asarray((offsets**2).sum(axis=-1) < watch.leave[:, None] ** 2)
 
-    def pairs(self) -> tuple[Array, Array, Array]:
-        """Ordered pairs of all graphs, one after the other: sensing agents, sensed agents, offsets.
+    def pairs(self) -> tuple[Array, Array, Array, Array]:
+        """Ordered pairs of all graphs, one after the other: sensing agents, sensed agents, offsets, pieces in force.
 
-        Pairs (agent, obstacle) within range follow, one group of obstacles after the other.
+        Pairs (agent, obstacle) within range follow, one group of obstacles after the other. Pieces are numbered from
+        1 on, through the `borders` of all graphs and groups.
         """
         found = [np.nonzero(links) for links in [*self.links, *self.active()]]
         offsets = np.cumsum([0, *(len(i) for i, _ in found)])
-        return np.concatenate([i for i, _ in found]), np.concatenate([j for _, j in found]), offsets
+        pieces = []
+        first = 1
+        for owner, (i, j) in enumerate(found):
+            inner = [number for number, watch in enumerate(self.watches) if watch.inner and watch.graph == owner]
+            piece = np.full(len(i), first, dtype=np.int32)
+            for number in inner:
+                piece += ~self.near[number][i, j]
+            pieces.append(piece)
+            first += len(inner) + 1
+        return (
+            np.concatenate([i for i, _ in found]),
+            np.concatenate([j for _, j in found]),
+            offsets,
+            np.concatenate(pieces),
+        )
+
+    def borders(self) -> list[list[float]]:
+        """Distances at which pieces of the formulas meet, for each graph and group of obstacles, ascending.
+
+        The last is where links break, or the range of the term.
+        """
+        owners = range(len(self.graphs) + len(self.encounters.groups))
+        inner = [[float(w.leave[0]) for w in self.watches if w.inner and w.graph == owner] for owner in owners]
+        outer = [float(np.max(np.asarray(graph.break_radius))) for graph in self.graphs]
+        outer += [level.distance for level in self.encounters.levels if level.kind == "obstacle"]
+        return [[*kinks, end] for kinks, end in zip(inner, outer, strict=True)]
 
     def active(self) -> list[Links]:
         """Which agents are within range of which obstacles, shape (N, K) for each group."""
@@ -149,17 +180,6 @@ class LinkState:
             if values is not None:
                 found[number] = values
         return found
-
-    def rise(self, crossings: Sequence[Crossing]) -> float:
-        """Energy that jumps into links at crossings of a kink where the pieces of a potential do not meet."""
-        total = 0.0
-        for crossing in crossings:
-            watch = self.watches[crossing.watch]
-            if watch.rise:
-                i, j = crossing.pairs.T
-                share = 0.5 if self.graphs[watch.graph].directed else 1.0
-                total += share * watch.rise * float(np.where(self.near[crossing.watch][i, j], 1.0, -1.0).sum())
-        return total
 
     def next_crossings(self, segment: Segment, n: int, m: int) -> tuple[float, list[Crossing]]:
         """Earliest crossing on a segment as a fraction of it, with all crossings of that instant; 2.0 when none."""

@@ -18,13 +18,16 @@ from types import ModuleType
 
 from flocking.errors import CacheError
 
+PRINTERS = ("codegen", "encounter_formulas", "expressions", "layout", "pieces")
+"""Modules of the engine whose code decides what is printed."""
+
 
 @cache
 def _generation() -> str:
     """Digest of the library's own formulas and printers: edited ones never reuse old generated code."""
     package = Path(__file__).resolve().parent.parent
     digest = hashlib.sha256()
-    printers = [package / "engine" / f"{name}.py" for name in ("codegen", "expressions", "layout")]
+    printers = [package / "engine" / f"{name}.py" for name in PRINTERS]
     for path in [*sorted((package / "formula").glob("*.py")), *sorted((package / "model").glob("*.py")), *printers]:
         digest.update(path.read_bytes())
     return digest.hexdigest()[:12]

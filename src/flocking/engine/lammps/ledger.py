@@ -10,6 +10,7 @@ from flocking.engine.codegen import RATES, compiled_kernels
 from flocking.engine.encounters import Encounters
 from flocking.engine.lammps.neighbours import near_pairs
 from flocking.engine.layout import Layout
+from flocking.engine.pieces import free_pieces
 from flocking.engine.run import Closest
 from flocking.errors import NotFinite
 from flocking.model.law import Scenario
@@ -93,7 +94,8 @@ class Ledger:
         senders, sensed = (np.concatenate([pair[k] for pair in pairs]).astype(np.int64) for k in (0, 1))
         P, A, W = self._slots
         functionals = np.zeros((len(self.scenario.law.graphs), n))
-        given = (state.t, np.ascontiguousarray(state.q), np.ascontiguousarray(state.p), senders, sensed, offsets)
+        motion = (state.t, np.ascontiguousarray(state.q), np.ascontiguousarray(state.p))
+        given = (*motion, senders, sensed, offsets, *free_pieces(len(senders)))
         u, powers = np.empty((n, state.dimension)), np.empty(len(RATES))
         try:
             kernels.control(*given, P, A, W, functionals, u, powers)

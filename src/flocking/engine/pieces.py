@@ -1,0 +1,131 @@
+"""Formulas made of pieces: a pair keeps the piece it is in until its crossing of the border has been located.
+
+A step that passes a border would else average over two formulas, and no estimate of its error holds. Conditions of a
+piecewise formula are therefore asked at the distance moved into the piece in force (``side``), while the piece itself
+goes on beyond its border at the true distance, as far as it does so continuously. A piece that has no continuation is
+held at its value near the border (``reach``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flocking.model.checks import Array
+
+if TYPE_CHECKING:
+    import sympy
+
+Shape = Callable[..., Sequence[float]]
+"""The formulas of one graph or group of obstacles: functions of distance, ``side``, ``reach`` and their parameters."""
+
+MARGIN = 1e-12
+"""Relative distance from a border at which conditions are asked."""
+
+STEP = 1e-4
+"""Relative step over a border, and a hundredth of it, with which continuations are probed."""
+
+FREE = (-np.inf, np.inf, -np.inf, np.inf)
+"""Limits of ``side`` and ``reach`` that leave every condition to the distance itself."""
+
+
+def held(formulas: Mapping[str, sympy.Expr], distance: str) -> tuple[dict[str, sympy.Expr], bool]:
+    """Formulas whose pieces are chosen by ``side`` instead of the distance; whether there is such a piece.
+
+    Parameters
+    ----------
+    formulas
+        Expressions by name.
+    distance
+        Name of the distance.
+    """
+    import sympy
+
+    def has_border(node: Any) -> bool:
+        return isinstance(node, sympy.Piecewise) and any(
+            str(s) == distance for _, condition in node.args for s in condition.free_symbols
+        )
+
+    def changed(node: Any) -> Any:
+        symbols = [s for s in node.free_symbols if str(s) == distance]
+        inside = {s: sympy.Symbol("reach", **s.assumptions0) for s in symbols}
+        asked = {s: sympy.Symbol("side", **s.assumptions0) for s in symbols}
+        # A piece within a piece was changed before, from the inside out; only its condition must not change again.
+        return sympy.Piecewise(*((v.xreplace(inside), c.xreplace(asked)) for v, c in node.args), evaluate=False)
+
+    found = {name: formula.replace(has_border, changed) for name, formula in formulas.items()}
+    return found, any(found[name] != formula for name, formula in formulas.items())
+
+
+def piece_lines(distance: str) -> list[str]:
+    """Source lines of a kernel's loop that set ``side`` and ``reach`` of pair ``e``."""
+    return [
+        "row = pieces[e]",
+        f"side = min(max({distance}, spans[row, 0]), spans[row, 1])",
+        f"reach = min(max({distance}, spans[row, 2]), spans[row, 3])",
+    ]
+
+
+def free_pieces(count: int) -> tuple[NDArray[np.int32], Array]:
+    """Rows and limits of ``count`` pairs whose pieces the distance itself decides."""
+    return np.zeros(count, dtype=np.int32), np.array([FREE])
+
+
+def limits(borders: Sequence[float], formulas: Shape, parameters: Sequence[Any] = ()) -> Array:
+    """Limits of ``side`` and ``reach`` in the pieces that end at some borders, shape (borders, 4).
+
+    Parameters
+    ----------
+    borders
+        Distances at which pieces meet, ascending; the last may be infinite.
+    formulas
+        The formulas.
+    parameters
+        Their parameters.
+    """
+
+    def shape(distance: float, side: float, reach: float) -> Array:
+        try:
+            with np.errstate(all="ignore"):
+                return np.array([float(x) for x in formulas(distance, side, reach, *parameters)])
+        except (ValueError, ArithmeticError, TypeError):
+            return np.array([np.nan])
+
+    edges = [-np.inf, *borders]
+    return np.array([_limits(low, high, shape) for low, high in pairwise(edges)])
+
+
+def _limits(
+    low: float, high: float, shape: Callable[[float, float, float], Array]
+) -> tuple[float, float, float, float]:
+    inner = low + MARGIN * max(abs(low), 1e-300) if np.isfinite(low) else -np.inf
+    outer = high - MARGIN * max(abs(high), 1e-300) if np.isfinite(high) else np.inf
+    if not inner < outer:
+        return FREE
+    middle = float(np.clip(0.5 * (inner + outer) if np.isfinite(inner + outer) else 0.0, inner, outer))
+    found = []
+    for edge, inwards in ((inner, 1.0), (outer, -1.0)):
+        if not np.isfinite(edge):
+            found.append((edge, edge))
+        elif _goes_on(edge, inwards, middle if np.isfinite(middle) else edge, shape):
+            found.append((edge, -inwards * np.inf))
+        else:
+            finite = np.isfinite(shape(edge, edge, edge)).all()
+            found.append((edge, edge) if finite else (-inwards * np.inf, -inwards * np.inf))
+    return found[0][0], found[1][0], found[0][1], found[1][1]
+
+
+def _goes_on(edge: float, inwards: float, side: float, shape: Callable[[float, float, float], Array]) -> bool:
+    """Whether the formulas of the piece around ``side`` are continuous beyond its edge."""
+    scale = max(abs(edge), 1e-3)
+    gaps = []
+    for step in (STEP, STEP / 100):
+        before, after = (shape(d, side, d) for d in (edge + inwards * step * scale, edge - inwards * step * scale))
+        gaps.append((np.abs(after - before), np.abs(before) + np.abs(after)))
+    (coarse, size), (fine, _) = gaps
+    with np.errstate(invalid="ignore"):
+        return bool(np.isfinite(coarse).all() and (fine <= 0.5 * coarse + 1e-9 * size).all())
