@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from flocking.engine.encounter_formulas import EncounterFormulas, encounter_formulas
 from flocking.engine.layout import DAMPING, MASS, Layout
+from flocking.formula.identities import nothing_or_itself
 from flocking.model.leaders import Leader
 from flocking.model.symbols import BodySymbols, PairSymbols
 from flocking.model.tracking import Compensate
@@ -122,57 +123,41 @@ def _pair_formulas(layout: Layout) -> list[PairFormulas]:
     import sympy
 
     r = sympy.Symbol("r", positive=True)
+    names = ("along", "drag", "storage", "dissipation")
     found = []
     for number, graph in enumerate(layout.law.graphs):
         weight = graph.weight(r, _parameters(layout, f"graph{number}"))
-        total = {name: sympy.Integer(0) for name in ("along", "drag", "storage", "dissipation")}
-        paired = not graph.directed
-        for term in layout.law.pair_terms:
-            if layout.law.graph_number(term) != number:
-                continue
+        terms = [t for t in layout.law.pair_terms if layout.law.graph_number(t) == number]
+        paired = not graph.directed and all("momentum" in t.symmetries for t in terms)
+        total: dict[str, sympy.Expr] = dict.fromkeys((*names, "supply", "flow"), sympy.Integer(0))
+        for term in terms:
             x = PairSymbols(
                 r, weight, _symbol("speed2"), _symbol("radial"), _symbol("functional"),
                 _parameters(layout, layout.term_owner(term)),
             )  # fmt: skip
-            for name in total:
-                total[name] += getattr(term, name)(x)
-            paired = paired and "momentum" in term.symmetries
-        supply, flow = _undeclared_power(total, r, paired), _undeclared_flow(total, r, paired)
-        found.append(PairFormulas(**total, supply=supply, flow=flow))
+            stated = {name: sympy.sympify(getattr(term, name)(x)) for name in names}
+            for name, value in {**stated, **_undeclared(stated, r, paired)}.items():
+                total[name] += value
+        found.append(PairFormulas(**total))
     return found
 
 
-def _undeclared_power(total: dict[str, sympy.Expr], r: sympy.Symbol, paired: bool) -> sympy.Expr:
-    """Power of the stated pair forces that stated storage and dissipation leave over; zero for a closed ledger.
+def _undeclared(stated: dict[str, sympy.Expr], r: sympy.Symbol, paired: bool) -> dict[str, sympy.Expr]:
+    """Power of one term's pair force that its storage and dissipation leave over; zero for a closed ledger.
 
     Counted as two per undirected link, like the others. Where forces come in opposite pairs it follows from
-    r alone; elsewhere the agent's own velocity relative to the frame enters (``push``, ``pull``).
+    r alone; elsewhere the agent's own velocity relative to the frame enters (``push``, ``pull``). ``flow`` is the
+    same for first-order agents, dq/dt = u: what the storage gains beyond -|u|^2, the rate of a gradient flow.
     """
     import sympy
 
-    rate = sympy.diff(total["storage"], r) * _symbol("radial")
+    rate = sympy.diff(stated["storage"], r) * _symbol("radial")
     if paired:
-        return _cancelled(rate - total["along"] * _symbol("radial")) + sympy.expand(
-            total["dissipation"] - total["drag"] * _symbol("speed2")
-        )
-    return 2 * (total["along"] * _symbol("push") + total["drag"] * _symbol("pull")) + rate + total["dissipation"]
-
-
-def _cancelled(difference: sympy.Expr) -> sympy.Expr:
-    """A difference that should be recognised where it is zero. Pieces are left alone: merging them takes minutes."""
-    import sympy
-
-    return difference if difference.has(sympy.Piecewise) else sympy.simplify(difference)
-
-
-def _undeclared_flow(total: dict[str, sympy.Expr], r: sympy.Symbol, paired: bool) -> sympy.Expr:
-    """Supply of first-order agents, dq/dt = u: what the storage gains beyond -|u|^2, the rate of a gradient flow."""
-    import sympy
-
-    rate = sympy.diff(total["storage"], r) * _symbol("radial")
-    if paired:
-        return _cancelled(rate - total["along"] * _symbol("radial"))
-    return 2 * total["along"] * _symbol("push") + rate
+        flow = rate - stated["along"] * _symbol("radial")
+        supply = flow + stated["dissipation"] - stated["drag"] * _symbol("speed2")
+        return {"supply": nothing_or_itself(supply), "flow": nothing_or_itself(flow)}
+    flow = 2 * stated["along"] * _symbol("push") + rate
+    return {"supply": flow + 2 * stated["drag"] * _symbol("pull") + stated["dissipation"], "flow": flow}
 
 
 def _leader_motion(
@@ -215,14 +200,18 @@ def _body_formulas(layout: Layout, dimension: int) -> BodyFormulas:
         (a * w for a, w in zip(frame_acceleration, relative, strict=True)), sympy.Integer(0)
     )
     supply -= damped if compensated else sympy.Integer(0)
+    gaps: list[sympy.Expr] = [sympy.Integer(0)] * dimension
     for term in layout.law.body_terms:
         place, velocity, acceleration = _leader_motion(layout, term.leader, dimension)
         x = BodySymbols(
             q, p, _symbol("t"), mass, damping, _vector("mean_q", dimension), mean_p, origin, frame,
             place, velocity, acceleration, _parameters(layout, layout.term_owner(term)),
         )  # fmt: skip
-        force = [a + b for a, b in zip(force, term.force(x), strict=True)]
-        storage += term.storage(x)
+        pushed, stored = list(term.force(x)), sympy.sympify(term.storage(x))
+        force = [a + b for a, b in zip(force, pushed, strict=True)]
+        storage += stored
+        # A term that descends its own storage leaves nothing for the ledger of first-order agents.
+        gaps = [g + nothing_or_itself(f + sympy.diff(stored, c)) for g, f, c in zip(gaps, pushed, q, strict=True)]
         dissipated, supplied = term.balance(x)
         dissipation += dissipated
         supply += supplied
@@ -231,11 +220,5 @@ def _body_formulas(layout: Layout, dimension: int) -> BodyFormulas:
         if not leader.closed_form:
             place, velocity, _ = _leader_motion(layout, leader, dimension)
             passing += sum((sympy.diff(storage, x) * v for x, v in zip(place, velocity, strict=True)), sympy.Integer(0))
-    flow = passing + sum(
-        (
-            sympy.expand(f + sympy.diff(storage, x)) * u
-            for f, x, u in zip(force, q, _vector("u", dimension), strict=True)
-        ),
-        sympy.Integer(0),
-    )
-    return BodyFormulas(tuple(force), storage, dissipation, sympy.expand(supply), tuple(frame), flow)
+    flow = passing + sum((g * u for g, u in zip(gaps, _vector("u", dimension), strict=True)), sympy.Integer(0))
+    return BodyFormulas(tuple(force), storage, dissipation, supply, tuple(frame), flow)

@@ -21,10 +21,14 @@ def _printer(arrays: bool) -> Any:
         # NumPy's functions and 64-bit registers know no larger integers.
         return str(int(expr)) if abs(expr) < 2**53 else repr(float(expr))
 
+    def print_rational(printer: Any, expr: Any) -> str:
+        return f"{expr.p}/{expr.q}" if max(abs(expr.p), expr.q) < 2**53 else repr(float(expr))
+
     class ScalarPrinter(PythonCodePrinter):  # type: ignore[misc]
         """Large integers become floats."""
 
         _print_Integer = print_integer  # noqa: N815
+        _print_Rational = print_rational  # noqa: N815
 
     if not arrays:
         return ScalarPrinter(settings)
@@ -33,6 +37,7 @@ def _printer(arrays: bool) -> Any:
         """Joins conditions with operators: NumPy's reduce cannot mix numbers with arrays."""
 
         _print_Integer = print_integer  # noqa: N815
+        _print_Rational = print_rational  # noqa: N815
 
         def _print_And(self, expr: Any) -> str:  # noqa: N802
             return "(" + " & ".join(f"({self._print(c)})" for c in expr.args) + ")"

@@ -73,6 +73,8 @@ def _build(node: Node, values: Mapping[str, sympy.Expr]) -> sympy.Expr:
             # Two pieces: the border between them is a kink, and their slope has no delta function.
             inside = _build(argument, values)
             return sympy.Piecewise((inside, inside >= 0), (-inside, True))
+        case ("call", "exp", tuple() as argument):
+            return sympy.exp(_exact(_build(argument, values)))
         case ("call", str() as name, tuple() as argument):
             return getattr(sympy, name)(_build(argument, values))
         case (str() as sign, tuple() as left, tuple() as right):
@@ -89,6 +91,18 @@ def _build(node: Node, values: Mapping[str, sympy.Expr]) -> sympy.Expr:
                 case "**":
                     return _tame(a) ** _tame(b)
     raise AssertionError(f"not a formula node: {node!r}")
+
+
+def _exact(exponent: sympy.Expr) -> sympy.Expr:
+    """An exponent with fractions for its floats.
+
+    SymPy makes exp(1000.0*t - 1e6) a float times exp(1000.0*t): zero times infinity in double precision. Fractions
+    stay where they are written.
+    """
+    import sympy
+
+    floats = [x for x in exponent.atoms(sympy.Float) if 1 / LARGEST_EXACT < abs(x) < LARGEST_EXACT]
+    return exponent.xreplace({x: sympy.Rational(repr(float(x))) for x in floats})
 
 
 def _tame(value: sympy.Expr) -> sympy.Expr:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flocking.errors import InvalidInput
+from flocking.formula.identities import nothing_or_itself
 from flocking.model.checks import Array
 
 if TYPE_CHECKING:
@@ -22,11 +23,12 @@ Complex = tuple["sympy.Expr", "sympy.Expr"]
 """Real and imaginary part."""
 
 
-def antiderivative(velocity: sympy.Expr, t: sympy.Symbol) -> sympy.Expr | None:
-    """An integral over ``t`` of sums of products of powers of t, exp, sin and cos with linear arguments.
+def displacement(velocity: sympy.Expr, t: sympy.Symbol, begin: sympy.Expr) -> sympy.Expr | None:
+    """Integral from ``begin`` to ``t`` of sums of products of polynomials, exp, sin and cos with linear arguments.
 
-    A general search for closed forms has no bound on its time; this one has. Symbols other than ``t`` must be
-    declared nonzero where the integral divides by them.
+    A general search for closed forms has no bound on its time; this one has. Arguments stay as they are written:
+    ``exp(-(t - 1000))`` taken apart would be infinity times zero. Symbols other than ``t`` must be declared nonzero
+    where the integral divides by them.
 
     Returns
     -------
@@ -40,12 +42,34 @@ def antiderivative(velocity: sympy.Expr, t: sympy.Symbol) -> sympy.Expr | None:
     if _addends(velocity) > MOST_ADDENDS:
         return None
     total: sympy.Expr = sympy.Integer(0)
-    for addend in sympy.Add.make_args(sympy.expand(velocity, power_exp=False)):
-        part = _of_product(addend, t)
-        if part is None:
-            return None
-        total += part
+    for addend in sympy.Add.make_args(velocity):
+        whole = _of_product(addend, t, begin)
+        finer = sympy.Add.make_args(_distributed(addend, t)) if whole is None else ()
+        parts = [whole] if whole is not None else [_of_product(x, t, begin) for x in finer]
+        for part in parts:
+            if part is None:
+                return None
+            total += part
     return total
+
+
+def _distributed(product: sympy.Expr, t: sympy.Symbol) -> sympy.Expr:
+    """A product of sums as a sum of products; functions, linear factors and what is constant stay whole."""
+    import sympy
+
+    whole: dict[sympy.Expr, sympy.Dummy] = {}
+
+    def masked(e: sympy.Expr) -> sympy.Expr:
+        if e.is_Atom:
+            return e
+        slope = _slope(e, t) if e.is_Add else None
+        if not e.has(t) or isinstance(e, sympy.Function) or (slope is not None and slope.is_nonzero):
+            return whole.setdefault(e, sympy.Dummy(real=True))
+        return e.func(*(masked(a) for a in e.args))
+
+    expanded = sympy.expand(masked(product))
+    back = {dummy: e for e, dummy in whole.items()}
+    return sympy.Add(*(a.xreplace(back) for a in sympy.Add.make_args(expanded)))
 
 
 def _addends(expression: sympy.Expr) -> float:
@@ -65,81 +89,128 @@ def _addends(expression: sympy.Expr) -> float:
     return max([1.0, *(_addends(a) for a in expression.args)])
 
 
-def _of_product(product: sympy.Expr, t: sympy.Symbol) -> sympy.Expr | None:
+def _slope(expression: sympy.Expr, t: sympy.Symbol) -> sympy.Expr | None:
+    """Slope of an expression linear in ``t``; None of any other."""
+    import sympy
+
+    slope = nothing_or_itself(sympy.diff(expression, t))
+    return None if slope.has(t) else slope
+
+
+def _of_product(product: sympy.Expr, t: sympy.Symbol, begin: sympy.Expr) -> sympy.Expr | None:
     import sympy
 
     if product.is_zero:
         return sympy.Integer(0)
     constant, rest = product.as_independent(t, as_Add=False)
-    power, rate = 0, sympy.Integer(0)
-    waves: list[tuple[sympy.Expr, sympy.Expr, sympy.Expr]] = [(sympy.Integer(1), sympy.Integer(0), sympy.Integer(0))]
+    lines: list[tuple[sympy.Expr, int]] = []
+    growth: sympy.Expr = sympy.Integer(0)
+    waves: list[tuple[sympy.Expr, sympy.Expr]] = [(sympy.Integer(1), sympy.Integer(0))]
     for factor in sympy.Mul.make_args(rest):
         base, exponent = factor.as_base_exp() if not isinstance(factor, sympy.exp) else (factor, sympy.Integer(1))
         if factor == 1:
             continue
         if not (exponent.is_Integer and 0 < exponent <= HIGHEST_POWER):
             return None
-        if base == t:
-            power += int(exponent)
-            continue
-        line = _line(base.args[0], t) if isinstance(base, sympy.exp | sympy.sin | sympy.cos) else None
-        if line is None:
+        periodic = isinstance(base, sympy.sin | sympy.cos)
+        inner = base.args[0] if periodic or isinstance(base, sympy.exp) else base
+        if _slope(inner, t) is None:
             return None
-        slope, offset = line
-        if isinstance(base, sympy.exp):
-            rate += slope * exponent
-            constant *= sympy.exp(offset * exponent)
+        if inner is base:
+            lines.append((base, int(exponent)))
             continue
-        if isinstance(base, sympy.sin):
-            offset -= sympy.pi / 2
+        if not periodic:
+            growth += inner * exponent
+            continue
+        angle = inner - sympy.pi / 2 if isinstance(base, sympy.sin) else inner
         for _ in range(int(exponent)):
-            waves = [(a / 2, w + s * slope, c + s * offset) for a, w, c in waves for s in (1, -1)]
+            waves = [(a / 2, c + s * angle) for a, c in waves for s in (1, -1)]
         if len(waves) > MOST_ADDENDS:
             return None
-    if power > HIGHEST_POWER:
+    if sum(power for _, power in lines) > HIGHEST_POWER:
         return None
     total: sympy.Expr = sympy.Integer(0)
-    for amplitude, frequency, phase in waves:
-        part = _of_wave(power, sympy.expand(rate), sympy.expand(frequency), phase, t)
+    for amplitude, angle in waves:
+        part = _of_wave(lines, growth, angle, t, begin)
         if part is None:
             return None
         total += amplitude * part
     return constant * total
 
 
-def _line(expression: sympy.Expr, t: sympy.Symbol) -> tuple[sympy.Expr, sympy.Expr] | None:
-    """Slope and offset of an expression linear in ``t``."""
-    import sympy
-
-    slope = sympy.diff(expression, t)
-    return None if slope.has(t) else (slope, sympy.expand(expression - slope * t))
-
-
 def _of_wave(
-    power: int, rate: sympy.Expr, frequency: sympy.Expr, phase: sympy.Expr, t: sympy.Symbol
+    lines: list[tuple[sympy.Expr, int]], growth: sympy.Expr, angle: sympy.Expr, t: sympy.Symbol, begin: sympy.Expr
 ) -> sympy.Expr | None:
-    """Integral of t^power exp(rate t) cos(frequency t + phase), by parts in the complex plane."""
+    """Integral of a polynomial times exp(growth) cos(angle), by parts in the complex plane."""
     import sympy
 
+    rate, frequency = _slope(growth, t), _slope(angle, t)
+    if rate is None or frequency is None:
+        return None
     if rate == 0 and frequency == 0:
-        return sympy.cos(phase) * t ** (power + 1) / (power + 1)
+        part = _of_polynomial(lines, t, begin)
+        return None if part is None else sympy.exp(growth) * sympy.cos(angle) * part
     if not (rate.is_nonzero or frequency.is_nonzero):
         return None
+    if not lines and (rate == 0 or frequency == 0):
+        return _of_exponential(growth, rate, t, begin) if frequency == 0 else _of_sine(angle, frequency, t, begin)
     size = rate**2 + frequency**2
     inverse: Complex = (rate / size, -frequency / size)
     factor = inverse
     real, imaginary = sympy.Integer(0), sympy.Integer(0)
-    weight = sympy.Integer(1)
-    for k in range(power + 1):
-        real += weight * t ** (power - k) * factor[0]
-        imaginary += weight * t ** (power - k) * factor[1]
-        weight *= -(power - k)
+    derivative: sympy.Expr = sympy.Mul(*(base**power for base, power in lines))
+    while derivative != 0:
+        real += derivative * factor[0]
+        imaginary += derivative * factor[1]
+        derivative = nothing_or_itself(-sympy.diff(derivative, t))
         factor = (
             factor[0] * inverse[0] - factor[1] * inverse[1],
             factor[0] * inverse[1] + factor[1] * inverse[0],
         )
-    angle = frequency * t + phase
-    return sympy.exp(rate * t) * (real * sympy.cos(angle) - imaginary * sympy.sin(angle))
+    whole = sympy.exp(growth) * (real * sympy.cos(angle) - imaginary * sympy.sin(angle))
+    return whole - whole.subs(t, begin)
+
+
+def _of_sine(angle: sympy.Expr, frequency: sympy.Expr, t: sympy.Symbol, begin: sympy.Expr) -> sympy.Expr:
+    """Integral of cos(angle), as a product: the difference of two sines loses all digits where they turn slowly."""
+    import sympy
+
+    middle = angle.subs(t, (t + begin) / 2)
+    return 2 * sympy.sin(frequency * (t - begin) / 2) * sympy.cos(middle) / frequency
+
+
+def _of_exponential(growth: sympy.Expr, rate: sympy.Expr, t: sympy.Symbol, begin: sympy.Expr) -> sympy.Expr:
+    """Integral of exp(growth): as a product while it grows little, as a difference where the product overflows."""
+    import sympy
+
+    half = rate * (t - begin) / 2
+    little = 2 * sympy.exp(growth.subs(t, (t + begin) / 2)) * sympy.sinh(half) / rate
+    much = (sympy.exp(growth) - sympy.exp(growth.subs(t, begin))) / rate
+    return sympy.Piecewise((little, half**2 < 1), (much, True))
+
+
+def _of_polynomial(lines: list[tuple[sympy.Expr, int]], t: sympy.Symbol, begin: sympy.Expr) -> sympy.Expr | None:
+    """Integral of a product of powers of linear factors, as a polynomial of one of them: that one stays whole."""
+    import sympy
+
+    if not lines:
+        return t - begin
+    (base, power), *others = sorted(lines, key=lambda line: line[0] == t)
+    slope = sympy.diff(base, t)
+    if not slope.is_nonzero:
+        return None
+    x = sympy.Dummy("x", real=True)
+    product: sympy.Expr = x**power
+    for other, exponent in others:
+        ratio = sympy.diff(other, t) / slope
+        product *= (ratio * x + other.subs(t, sympy.Integer(0)) - ratio * base.subs(t, sympy.Integer(0))) ** exponent
+    found: sympy.Expr = sympy.Integer(0)
+    for (degree,), coefficient in sympy.Poly(product, x).terms():
+        if degree == 0:
+            found += coefficient * (t - begin)
+        else:
+            found += coefficient * (base ** (degree + 1) - base.subs(t, begin) ** (degree + 1)) / ((degree + 1) * slope)
+    return found
 
 
 def travelled(velocity: Callable[[float], Array], start: float, end: float) -> Array:

@@ -53,7 +53,7 @@ class Leader(ABC):
         """Position x0(t): the integral of the velocity, or None where no closed form is known."""
         import sympy
 
-        from flocking.model.leader_positions import antiderivative
+        from flocking.model.leader_positions import displacement
 
         velocity = self.velocity(t, parameter)
         # Parameters that are zero were written as 0, so that an integral may divide by the others.
@@ -62,11 +62,10 @@ class Leader(ABC):
         back = {dummy: symbol for symbol, dummy in nonzero.items()}
         places = []
         for k, v in enumerate(velocity):
-            integral = antiderivative(v.xreplace(nonzero), t)
-            if integral is None:
+            moved = displacement(v.xreplace(nonzero), t, parameter("start_time"))
+            if moved is None:
                 return None
-            moved = integral.xreplace(back)
-            places.append(parameter(f"start_{k}") + moved - moved.subs(t, parameter("start_time")))
+            places.append(parameter(f"start_{k}") + moved.xreplace(back))
         return places
 
     @property

@@ -92,7 +92,7 @@ class Potential:
 
         from flocking.formula.symbolic import to_sympy
 
-        numbers: dict[str, sympy.Expr] = {k: sympy.nsimplify(v, rational=True) for k, v in self.parameters.items()}
+        numbers: dict[str, sympy.Expr] = {k: sympy.Rational(v) for k, v in self.parameters.items()}
         return to_sympy(self.formula, {**numbers, **(values or {}), "r": r})
 
     def symbolic(self) -> tuple[sympy.Symbol, sympy.Expr]:

@@ -185,21 +185,29 @@ class Track(BodyTerm):
         """Linear velocity feedback dissipates c2 |p - frame|^2; the rest of its power is supplied."""
         import sympy
 
+        zero = sympy.Integer(0)
         relative = [a - b for a, b in zip(x.p, x.frame_p, strict=True)]
-        force = list(self.force(x))
-        dissipated: sympy.Expr = sympy.Integer(0)
-        if not (self.shared or self.saturated):
-            c2 = self._gain(x, "velocity_gain")
-            dissipated = c2 * sum(v**2 for v in relative)
-            force = [f + c2 * v for f, v in zip(force, relative, strict=True)]
-        supplied = sum((sympy.expand(f) * v for f, v in zip(force, relative, strict=True)), sympy.Integer(0))
+        # What a subclass adds to the force is supplied as it stands.
+        supplied = sum(
+            ((f - own) * v for f, own, v in zip(self.force(x), Track.force(self, x), relative, strict=True)), zero
+        )
+        if self.shared or self.saturated:
+            return zero, supplied + sum((f * v for f, v in zip(Track.force(self, x), relative, strict=True)), zero)
+        c1, c2, g = (self._gain(x, n) for n in ("position_gain", "velocity_gain", "acceleration_gain"))
+        supplied += sum(
+            ((g * x.mass * a + c2 * (b - c)) * v
+             for a, b, c, v in zip(x.leader_a, x.leader_p, x.frame_p, relative, strict=True)),
+            zero,
+        )  # fmt: skip
         origin = self._origin(x)
-        if origin is not None:
-            # The stored energy changes with q - o, whose rate is p for a sink and p - frame for a moving origin.
-            rate = x.p if isinstance(self.leader, Sink) else relative
-            c1 = self._gain(x, "position_gain")
-            supplied += sum(c1 * (a - b) * v for a, b, v in zip(x.q, origin, rate, strict=True))
-        return dissipated, sympy.expand(supplied)
+        if origin is None:
+            supplied -= sum((c1 * (a - b) * v for a, b, v in zip(x.q, x.leader_q, relative, strict=True)), zero)
+        elif isinstance(self.leader, Sink):
+            # The stored energy changes with q - o, whose rate is p: the frame's motion along the force is left over.
+            supplied += sum((c1 * (a - b) * v for a, b, v in zip(x.q, origin, x.frame_p, strict=True)), zero)
+        else:
+            supplied += sum((c1 * (a - b) * v for a, b, v in zip(x.leader_q, origin, relative, strict=True)), zero)
+        return c2 * sum((v**2 for v in relative), zero), supplied
 
 
 def _saturate(error: Sequence[sympy.Expr]) -> list[sympy.Expr]:

@@ -1,0 +1,46 @@
+"""Recognises expressions that are zero, without rewriting those that are not."""
+
+from __future__ import annotations
+
+import random
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import sympy
+
+SAMPLES = 3
+DIGITS = 40
+ROUNDING = 1e-25
+
+
+def nothing_or_itself(expression: sympy.Expr) -> sympy.Expr:
+    """0 where an expression is proven to be zero, else the expression, term by term as it was stated.
+
+    Algebra may turn a formula into another one that is equal over the reals and overflows in double precision:
+    ``exp(-(t - 5)**2/w**2)`` expanded is a product of three exponentials, one of which is infinite at t = 18.
+    Algebra is therefore used to find zeros, and its other results are dropped.
+    """
+    import sympy
+
+    return sympy.Integer(0) if is_zero(expression) else expression
+
+
+def is_zero(expression: sympy.Expr) -> bool:
+    """Whether an expression is proven to be zero. Pieces are not merged, which takes minutes: they count as unproven.
+
+    Most expressions that are not zero are told by their values at a few points, before any algebra.
+    """
+    import sympy
+
+    if expression.is_number or expression.has(sympy.Piecewise):
+        return bool(expression == 0)
+    draw = random.Random(0)
+    names = sorted(expression.free_symbols, key=str)
+    addends = sympy.Add.make_args(expression)
+    for _ in range(SAMPLES):
+        point = {name: sympy.Rational(draw.randint(100, 999), 500) for name in names}
+        values = [a.xreplace(point).evalf(DIGITS) for a in addends]
+        total, scale = sum(values), sum(abs(v) for v in values)
+        if total.is_comparable and scale.is_comparable and abs(total) > ROUNDING * scale:
+            return False
+    return bool(sympy.expand(expression) == 0 or sympy.simplify(expression) == 0)
