@@ -35,6 +35,7 @@ def seen_from_first(panel, seen):
     assert len({dots.color, first.color, rest.color}) == 3
     assert (panel.horizontal, panel.vertical, panel.even) == PLAIN
     assert panel.of("velocities") == []
+    assert panel.title == ""
     drawn.window(panel, SIX, ((-10.5, -10.5), (12.5, 10.5)))
 
 
@@ -53,8 +54,9 @@ def fig_1(found):
     assert_allclose([angle.min(), angle.max()], [-math.pi / 3, math.pi / 3], rtol=1e-9)
     assert len(edge) > 50
     # The arrow is the heading of the first agent, along x.
-    assert [place for _, place in view.notes] == [(4.0, 0.0)]
-    assert shell.notes == ()
+    arrow = drawn.one(view.of("pointer"))
+    assert_allclose([arrow.points[0], arrow.way[0]], [[0.0, 0.0], [4.0, 0.0]], atol=1e-12)
+    assert shell.of("pointer") == []
 
 
 def quintic(s):
@@ -168,8 +170,9 @@ def fig_6(found):
     for name, place in places.items():
         assert_allclose(next(at for text, at in panel.notes if text == name), place, rtol=1e-12)
     # n_d is the direction of p_d, along x from the centre.
-    tips = [at for text, at in panel.notes if text in ("", "$n_d$")]
-    assert_allclose(tips, [X + [6.0, 0.0]] * 2, rtol=1e-12)
+    arrow = drawn.one(panel.of("pointer"))
+    assert_allclose([arrow.points[0], arrow.way[0]], [X + [1.0, 0.0], [5.0, 0.0]], rtol=1e-12, atol=1e-12)
+    assert_allclose(next(at for text, at in panel.notes if text == "$n_d$"), X + [6.0, 0.0], rtol=1e-12)
     assert (panel.horizontal, panel.vertical, panel.even) == PLAIN
     drawn.window(panel, [], ((82.0, 8.0), (112.0, 32.0)))
 

@@ -288,8 +288,9 @@ def defect(pair):
     assert_allclose([found.factor, found.normalized], defect_parts(state), rtol=1e-9)
 
 
-def quasi(pair):
-    state, found = pair
+def quasi(triple):
+    state, found, verdicts = triple
+    assert verdicts == (True, False, False)
     assert_allclose(found.factor, defect_parts(state)[0], rtol=1e-9)
     assert 0 < found.normalized < 1
     assert_allclose(found.gradient_square, 0.0, atol=1e-12)

@@ -24,7 +24,8 @@ class Mark:
     kind
         ``"line"``, ``"dots"``, ``"arrows"`` or ``"area"``. Each line of a collection is a mark of its own.
     name
-        Its group (gid), for example ``"agents"`` or ``"links"``; empty where it has none.
+        Its group (gid), for example ``"agents"`` or ``"links"``; ``"pointer"`` for an arrow from one place to another
+        that is an annotation; empty where it has none.
     label
         Its text in the legend; empty where it has none.
     points
@@ -131,6 +132,8 @@ def _panel(axes: Any, stretched: float) -> PanelContents:
 
 def _notes(axes: Any, stretched: float) -> Iterator[tuple[str, tuple[float, float] | None]]:
     for note in axes.texts:
+        if not note.get_text():
+            continue
         place = note.xy if getattr(note, "xycoords", None) == "data" else None
         yield note.get_text(), None if place is None else (float(place[0]) * stretched, float(place[1]))
 
@@ -140,6 +143,7 @@ def _marks(artist: Any, axes: Any, unit: Array) -> Iterator[Mark]:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Polygon
     from matplotlib.quiver import Quiver
+    from matplotlib.text import Annotation
 
     name, text = artist.get_gid() or "", artist.get_label()
     label = "" if text is None or str(text).startswith("_") else str(text)
@@ -163,6 +167,9 @@ def _marks(artist: Any, axes: Any, unit: Array) -> Iterator[Mark]:
     elif isinstance(artist, PathCollection):
         places = np.ma.getdata(artist.get_offsets())
         yield Mark("dots", name, label, np.asarray(places) * unit, none, _first(artist.get_facecolor()), "-")
+    elif isinstance(artist, Annotation) and artist.arrow_patch is not None and artist.anncoords == "data":
+        base, tip = np.array([artist.xyann]), np.array([artist.xy])
+        yield Mark("arrows", "pointer", label, base * unit, (tip - base) * unit, "", "-")
     elif isinstance(artist, Polygon):
         yield Mark("area", name, label, np.asarray(artist.get_xy()) * unit, none, _hex(artist.get_facecolor()), "-")
 

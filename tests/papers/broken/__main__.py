@@ -32,6 +32,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--paper", default="", help="key of a paper, or its beginning")
     parser.add_argument("--row", action="append", help="number of a row, or its beginning")
+    parser.add_argument("--home", help="part of the homes' names")
+    parser.add_argument("--once", action="store_true", help="one row for each home")
     parser.add_argument("--most", type=int, help="faults to try for each row")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--quiet", action="store_true", help="list rows with survivors only")
@@ -41,6 +43,9 @@ def main() -> int:
         for k, row in enumerate(ROWS)
         if row.paper.startswith(given.paper) and (not given.row or any(row.number.startswith(n) for n in given.row))
     ]
+    wanted = [k for k in wanted if not given.home or given.home in ROWS[k].home]
+    if given.once:
+        wanted = list({ROWS[k].home: k for k in wanted}.values())
     began, alive, tried = time.perf_counter(), 0, 0
     for outcome in outcomes(wanted, given.most, given.processes):
         alive += len(outcome.survivors)

@@ -31,6 +31,8 @@ SYMMETRIC = frozenset({
     "maximum", "minimum", "max", "min", "hypot", "allclose", "isclose", "dist", "gcd", "multiply", "add", "cast",
     "isinstance",
 })  # fmt: skip
+SAMPLES = frozenset({"linspace", "geomspace", "outline"})
+"""Functions that lay points along a curve: their number and order is no content."""
 OPPOSITE = {
     ast.Lt: ast.GtE, ast.GtE: ast.Lt, ast.Gt: ast.LtE, ast.LtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
     ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In,
@@ -184,7 +186,8 @@ def _statements(owner: Any, field: str, numeric: bool) -> Iterator[Edit]:
             value = statement.value
             if not isinstance(value, ast.Tuple | ast.List | ast.Constant):
                 off = ast.BinOp(value, ast.Mult(), ast.Constant(SMALL))
-                yield _edit("factor", statement, f"{SMALL} times {_text(value)}", (statement, "value", off))
+                if not _allows(value):
+                    yield _edit("factor", statement, f"{SMALL} times {_text(value)}", (statement, "value", off))
                 minus = ast.UnaryOp(ast.USub(), value)
                 yield _edit("sign", statement, f"minus {_text(value)}", (statement, "value", minus))
         if isinstance(statement, ast.FunctionDef):
@@ -256,8 +259,9 @@ def _at(parent: Any, node: ast.expr, index: bool) -> Iterator[Edit]:
         if flipped is not None and not index:
             yield _edit("sign", node, f"other sign in {_text(node)}", (node, "op", flipped))
         elif isinstance(node.op, ast.Mult | ast.Div):
-            off = ast.BinOp(node, ast.Mult(), ast.Constant(SMALL))
-            yield _edit("factor", node, f"{SMALL} times {_text(node)}", _replacing(parent, node, off))
+            if not _allows(node):
+                off = ast.BinOp(node, ast.Mult(), ast.Constant(SMALL))
+                yield _edit("factor", node, f"{SMALL} times {_text(node)}", _replacing(parent, node, off))
             other: ast.operator = ast.Div() if isinstance(node.op, ast.Mult) else ast.Mult()
             yield _edit("factor", node, f"{type(other).__name__} in {_text(node)}", (node, "op", other))
         elif isinstance(node.op, ast.BitAnd | ast.BitOr):
@@ -286,6 +290,13 @@ def _at(parent: Any, node: ast.expr, index: bool) -> Iterator[Edit]:
         yield from _call(node)
 
 
+def _allows(node: ast.expr) -> bool:
+    """Whether an expression is an allowance for rounding: a few per cent more or less mean nothing."""
+    parts = list(ast.walk(node))
+    small = any(isinstance(p, ast.Constant) and isinstance(p.value, float) and 0 < p.value <= ROUNDING for p in parts)
+    return small or any(isinstance(p, ast.Name | ast.Attribute) and ast.unparse(p).endswith("tolerance") for p in parts)
+
+
 def _elements(node: ast.Tuple | ast.List) -> Iterator[Edit]:
     if len(node.elts) >= 2 and all(isinstance(e, ast.Call | ast.Starred | ast.Name) for e in node.elts):
         if not any(isinstance(e, ast.Call) for e in node.elts):
@@ -300,7 +311,11 @@ def _call(node: ast.Call) -> Iterator[Edit]:
     if _is_checker(node):
         return
     plain = [a for a in node.args if not isinstance(a, ast.Starred)]
-    if len(plain) == len(node.args) >= 2 and name not in SYMMETRIC and ast.dump(plain[0]) != ast.dump(plain[1]):
+    if (
+        len(plain) == len(node.args) >= 2
+        and name not in SYMMETRIC | SAMPLES
+        and ast.dump(plain[0]) != ast.dump(plain[1])
+    ):
         swapped = [node.args[1], node.args[0], *node.args[2:]]
         if not all(isinstance(a, ast.Constant | ast.JoinedStr) for a in swapped[:2]):
             yield _edit("swap", node, f"arguments of {_text(node)} swapped", (node, "args", swapped))

@@ -20,7 +20,7 @@ from typing import Any
 from flocking.study.equations import Row
 from tests.papers.broken.equivalent import reason
 from tests.papers.broken.homes import Mutant, mutants_of, parts_of, traced
-from tests.papers.rows import examine, identity
+from tests.papers.rows import examine, identity, statement
 
 FEW, MANY = 6, 40
 """Least and largest number of faults tried for a row."""
@@ -196,6 +196,9 @@ def break_row(row: Row, *, most: int | None = None, few: int = FEW, test: Callab
     if state != "done":
         return Outcome(identity(row), home, 0, 0, (f"the sound home fails: {state} {result}",), (), 0.0)
     lines, seconds = result
+    if test is examine:
+        state, own = _in_child(lambda: _examined(row, home, None, statement), 120.0)
+        lines = lines if state == "done" and own[0] else set()
     mutants = mutants_of(parts, lines)
     if not mutants:
         note = "the row's test does not run its home" if not lines else "nothing to break in its home"

@@ -5,6 +5,8 @@ Every function takes the factor by which its decisive number is off; 1 is the pa
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from flocking.engine.reference import control, evaluate
@@ -18,7 +20,7 @@ from flocking.model.state import State
 from flocking.model.structural import structural_potential
 from flocking.model.terms import Gradient
 from flocking.papers.olfati_saber_2003 import system
-from flocking.study.structure import Defect, defect, structural_energy
+from flocking.study.structure import Defect, defect, is_quasi_realization, structural_energy
 
 EXAMPLE_AGENTS = 12
 WIDE = 10.0
@@ -212,9 +214,15 @@ def defect_of(scale: float) -> tuple[State, Defect]:
     return state, defect(system.hard_net(), potential(scale), state)
 
 
-def wheel_defect(scale: float) -> tuple[State, Defect]:
-    """The wheel and its defect, a off by ``scale``."""
-    return wheel(), defect(system.hard_net(), potential(scale), wheel())
+def wheel_defect(scale: float) -> tuple[State, Defect, tuple[bool, ...]]:
+    """The wheel, its defect, and what is a quasi-realization of (0.2 at most): its limit at rest, of which a is off by
+    ``scale``; one that goes on moving; one further off.
+    """
+    found = defect(system.hard_net(), potential(scale), wheel())
+    moving = [found, replace(found, potential=1.01 * found.potential)]
+    far = replace(found, potential=1.2 * found.potential)
+    verdicts = tuple(is_quasi_realization(d, most=1.1 * found.normalized) for d in ([found] * 3, moving, [far] * 3))
+    return wheel(), found, verdicts
 
 
 def invariance(scale: float) -> tuple[Array, Array]:

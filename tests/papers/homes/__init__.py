@@ -1,0 +1,11 @@
+"""Checks of the objects at the homes of rows, by dotted name: each whole, against formulas typed once more."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from tests.papers.homes import avoidance, laws, nets, structure
+
+HOMES: dict[str, Callable[[], None]] = {
+    **nets.HOMES, **structure.HOMES, **laws.HOMES, **avoidance.HOMES,
+}  # fmt: skip

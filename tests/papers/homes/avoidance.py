@@ -1,0 +1,143 @@
+"""Obstacles and how agents avoid them, whole (Olfati-Saber, section 11)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import sympy
+from numpy.testing import assert_allclose
+
+from flocking.engine.reference import control, evaluate
+from flocking.model.avoidance import Avoid
+from flocking.model.graphs import Proximity
+from flocking.model.law import Law
+from flocking.model.leaders import Velocity
+from flocking.model.obstacles import Ball, Wall
+from flocking.model.state import State
+
+CENTRE, RADIUS, DRIFT = np.array([1.0, -2.0]), 1.5, np.array([0.4, -0.3])
+Q = np.array([[3.0, -1.5], [1.2, 0.2], [-1.8, -3.0], [1.0, 1.2], [6.0, 6.0], [1.3, -1.7]])
+P = np.array([[0.5, 0.2], [-1.0, 0.4], [0.3, 0.9], [0.1, -1.2], [1.0, 1.0], [0.4, 0.7]])
+R0, C3, C4, OFFSET, K0 = 3.0, 7.0, 1.3, 0.8, 0.6
+
+
+def rho(z):
+    if z <= K0:
+        return 1.0
+    return (1 + math.cos(math.pi * (z - K0) / (1 - K0))) / 2 if z < 1 else 0.0
+
+
+def phi_gamma(z, a=1.0, b=5.0):
+    c = abs(a - b) / (2 * math.sqrt(a * b))
+    return (a + b) / 2 * (z + c) / math.sqrt(1 + (z + c) ** 2) + (a - b) / 2
+
+
+def seen(q, p, drift=(0.0, 0.0)):
+    """Distance, outward normal, nearest point and its velocity."""
+    away, drift = q - CENTRE, np.asarray(drift)
+    d = math.hypot(*away)
+    n = away / d
+    if d > RADIUS:
+        across = (p - drift) - n * float(n @ (p - drift))
+        return d - RADIUS, n, CENTRE + RADIUS * n, drift + RADIUS / d * across
+    return d - RADIUS, n, CENTRE + RADIUS * n, p - n * float(n @ (p - drift))
+
+
+def geometry():
+    for ball, drift in ((Ball(CENTRE, RADIUS), np.zeros(2)), (Ball(Velocity(DRIFT, start=CENTRE), RADIUS), DRIFT)):
+        found = ball.at(Q, P)
+        expected = [seen(q, p, drift) for q, p in zip(Q, P, strict=True)]
+        assert_allclose(found["distance"], [e[0] for e in expected], rtol=1e-10)
+        assert_allclose(found["normal"], [e[1] for e in expected], rtol=1e-10)
+        assert_allclose(found["projection"], [e[2] for e in expected], rtol=1e-10)
+        assert_allclose(found["boundary"], [e[3] for e in expected], rtol=1e-9, atol=1e-12)
+        assert_allclose(ball.distance(Q), found["distance"], rtol=1e-12)
+        assert_allclose(ball.project(Q), found["projection"], rtol=1e-12)
+        assert_allclose(ball.at(Q)["boundary"], [seen(q, np.zeros(2), drift)[3] for q in Q], atol=1e-10)
+    # At another time the body has moved.
+    late = Ball(Velocity(DRIFT, start=CENTRE), RADIUS)
+    still = Ball(CENTRE + 2.0 * DRIFT, RADIUS)
+    assert_allclose(late.distance(Q, 2.0), still.distance(Q), rtol=1e-10)
+    assert_allclose(late.project(Q, 2.0), still.project(Q), rtol=1e-10)
+    wall = Wall((0.0, -5.0), (0.0, 2.0))
+    assert_allclose(wall.distance(Q), Q[:, 1] + 5.0, rtol=1e-10)
+    assert_allclose(wall.project(Q), np.stack([Q[:, 0], np.full(6, -5.0)], axis=1), rtol=1e-10, atol=1e-12)
+    assert_allclose(wall.at(Q, P)["boundary"], P * [1.0, 0.0], atol=1e-12)
+    stages()
+
+
+def stages():
+    """The formulas themselves, stage by stage, in numbers."""
+    q, p = sympy.symbols("q0 q1", real=True), sympy.symbols("v0 v1", real=True)
+    t = sympy.Symbol("t", real=True)
+    ball = Ball(Velocity(DRIFT, start=CENTRE), RADIUS)
+    symbols = {name: sympy.Symbol(name, real=True) for name in ball.parameters}
+    for at, speed in zip(Q, P, strict=True):
+        known = {symbols[k]: v for k, v in ball.parameters.items()} | {t: 0.0}
+        known |= dict(zip(q, at, strict=True)) | dict(zip(p, speed, strict=True))
+        for stage in ball.geometry(q, p, t, symbols.__getitem__):
+            known |= {sympy.Symbol(name, real=True): e.subs(known) for name, e in stage.items()}
+        found = {str(k): v for k, v in known.items()}
+        s, n, hat, moved = seen(at, speed, DRIFT)
+        assert_allclose(float(found["distance"]), s, rtol=1e-9)
+        for k in range(2):
+            assert_allclose(float(found[f"normal{k}"]), n[k], rtol=1e-9)
+            assert_allclose(float(found[f"projection{k}"]), hat[k], rtol=1e-9)
+            assert_allclose(float(found[f"boundary{k}"]), moved[k], rtol=1e-9, atol=1e-12)
+
+
+def avoid(**changes):
+    given = {"range": R0, "repulsion_gain": C3, "damping_gain": C4, "offset": OFFSET, "onset": K0} | changes
+    return Avoid((Ball(CENTRE, RADIUS),), Velocity((3.0, 4.0)), **given)
+
+
+def avoided():
+    """(54) whole, with and without gamma-agents; inside the obstacle the velocity along the normal is damped."""
+    direction = np.array([0.6, 0.8])
+    for gamma in (True, False):
+        expected, spent = [], 0.0
+        for q, p in zip(Q, P, strict=True):
+            s, n, hat, moved = seen(q, p)
+            u = np.zeros(2)
+            if s <= R0:
+                z = s - R0
+                # phi_beta <= 0 along the way to the beta-agent.
+                u += C3 * rho(s / R0) * (z / math.sqrt(1 + z * z) - 1) * -n
+                u += C4 * (moved - p)
+                if gamma:
+                    x = CENTRE + OFFSET * direction
+                    d = math.dist(x, q)
+                    u += phi_gamma(d - 7.0) * (x - q) / d
+            expected.append(u)
+        law = Law(Proximity(0.1), (avoid(gamma_agents=gamma),))
+        assert_allclose(control(law, State(Q, P)), expected, rtol=1e-9, atol=1e-10)
+        found = evaluate(law, State(Q, P))
+        power = sum(float(u @ p) for u, p in zip(expected, P, strict=True))
+        assert_allclose(found.supply - found.dissipation, power, rtol=1e-9)
+        spent = found.dissipation
+        assert spent >= 0
+    assert [seen(q, p)[0] <= R0 for q, p in zip(Q, P, strict=True)].count(True) == 5
+    defaults()
+
+
+def defaults():
+    plain = Avoid((Ball(CENTRE, RADIUS),), Velocity((3.0, 4.0)), range=R0)
+    assert (plain.repulsion_gain, plain.damping_gain, plain.offset, plain.gamma_agents) == (100.0, 2.0, 1.0, True)
+    assert_allclose(plain.onset, 5 / 6)
+    assert_allclose(plain.repulsion.slope(np.array([1.0, R0])), [-2 / math.sqrt(5) - 1, -1.0], rtol=1e-10)
+    assert_allclose(
+        plain.attraction.slope(np.array([7.0, 9.0])), [phi_gamma(0.0), phi_gamma(2.0)], rtol=1e-10, atol=1e-12
+    )
+    assert plain.kinks()
+    terms = (avoid(), avoid(gamma_agents=False))
+    assert [t.leader is not None for t in terms] == [True, True]
+
+
+MODEL = "flocking.model"
+HOMES = {
+    f"{MODEL}.avoidance.Avoid": avoided,
+    f"{MODEL}.obstacles.Obstacle.distance": geometry,
+    f"{MODEL}.obstacles.Obstacle.project": geometry,
+    f"{MODEL}.obstacles.Obstacle.geometry": geometry,
+}
