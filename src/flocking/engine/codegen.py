@@ -30,7 +30,7 @@ def compiled_kernels(layout: Layout, dimension: int, order: int) -> ModuleType:
     ``energies(t, q, p, ...)`` gives pair storage, body storage and kinetic energy in the frame of the energy. Row
     ``pieces[e]`` of ``spans`` says which piece of a piecewise formula is in force for pair ``e``, see `limits`;
     ``shape0(r, side, reach, P, A, W)``... are those formulas of each graph in plain Python, ``shape_obstacles0``...
-    those of each group of obstacles.
+    those of each group of obstacles; ``shape0.reads`` numbers the slots of P, A and W that it reads.
 
     Parameters
     ----------
@@ -111,8 +111,8 @@ def _scalar_module(formulas: LawFormulas, order: int) -> str:
 def _shapes_source(formulas: LawFormulas) -> str:
     source = ""
     for number, pair in enumerate(formulas.pairs):
-        wanted, split = held({name: getattr(pair, name) for name in ("along", "drag", "storage")}, "r")
-        source += _shape_function(f"shape{number}", "r", wanted, formulas) if split else ""
+        wanted, _ = held({name: getattr(pair, name) for name in ("along", "drag", "storage")}, "r")
+        source += _shape_function(f"shape{number}", "r", wanted, formulas)
     for number, encounter in enumerate(formulas.encounters):
         wanted, split = held(encounter.after_distance, "distance")
         source += _shape_function(f"shape_obstacles{number}", "distance", wanted, formulas) if split else ""
@@ -129,7 +129,9 @@ def _shape_function(name: str, distance: str, wanted: dict[str, sympy.Expr], for
         lines += [f"{other} = {obstacle_slot(other, formulas.encounters, '0') or '1.0'}"]
     lines += [*statements(wanted, arrays=False, prefix="s_"), "return " + ", ".join(wanted) + ","]
     head = f"\n\ndef {name}({distance}, side, reach, P, A, W):\n"
-    return head + _unpack(names, 1) + _indented(lines, 1)
+    kinds = (names.scalars, names.per_agent, names.per_pair)
+    reads = tuple(tuple(int(n[1:]) for n in slots) for slots in kinds)
+    return head + _unpack(names, 1) + _indented(lines, 1) + f"\n\n{name}.reads = {reads!r}\n"
 
 
 def _unpack(names: Names, depth: int) -> str:

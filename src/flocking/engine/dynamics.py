@@ -7,8 +7,11 @@ from types import ModuleType
 import numpy as np
 
 from flocking.engine.codegen import RATES, compiled_kernels
+from flocking.engine.features import allowed_share, zones_of
+from flocking.engine.guards import reach
 from flocking.engine.layout import Layout
 from flocking.engine.pieces import FREE, free_pieces, limits
+from flocking.engine.segment import Segment
 from flocking.engine.switching import LinkState, has_barrier
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
@@ -74,7 +77,7 @@ class Dynamics:
             self._ledger = (module, layout.values(agents, self.n, t))
 
     def divide(self, links: LinkState) -> None:
-        """Find where the pieces of the formulas go on beyond the borders of `LinkState.borders`."""
+        """Find where the pieces of the formulas go on beyond `LinkState.borders`, and their narrow features."""
         rows = [np.array([FREE])]
         for k, borders in enumerate(links.borders()):
             graphs = len(links.graphs)
@@ -82,6 +85,19 @@ class Dynamics:
             shape = getattr(self._kernels, name, None)
             rows.append(np.tile(FREE, (len(borders), 1)) if shape is None else limits(borders, shape, self._slots))
         self._spans = np.concatenate(rows)
+        found = [
+            zones_of(self._kernels.__name__, getattr(self._kernels, f"shape{k}"), self._slots, borders)
+            for k, borders in enumerate(links.borders()[: len(links.graphs)])
+        ]
+        self.zones = np.concatenate(found)
+        self.zone_graphs = np.repeat(np.arange(len(found)), [len(rows) for rows in found])
+
+    def allowed_share(self, segment: Segment) -> float:
+        """Which fraction of a step no pair moves further within a narrow feature than it may."""
+        if not len(self.zones):
+            return 1.0
+        B = segment.coefficients[:, : self.n * self.m].reshape(-1, self.n, self.m)
+        return float(allowed_share(B, reach(B), *self.pairs[:3], self.zones, self.zone_graphs))
 
     def relink(self, links: LinkState) -> None:
         """Take the links as they are now.

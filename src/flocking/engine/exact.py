@@ -159,9 +159,10 @@ class ExactSession:
             where, crossings = self._links.next_crossings(whole, self.n, self.m)
             segment = whole.cut(where) if crossings else whole
             lost = self._lost_link(crossings)
-            if lost is None and not self._jumps_barrier(segment):
+            share = self._dynamics.allowed_share(segment)
+            if lost is None and share >= 1 and not self._jumps_barrier(segment):
                 break
-            longest = (segment.t1 - segment.t0) / 4
+            longest = (segment.t1 - segment.t0) * (share if share < 1 else 0.25)
             if longest <= 64 * np.finfo(float).eps * max(1.0, abs(before.t)):
                 break
             self._stepper.recall(before)
