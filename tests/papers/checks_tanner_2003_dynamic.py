@@ -8,6 +8,7 @@ import numpy as np
 
 from flocking.papers import paper
 from flocking.study.claims import Verdict
+from tests.papers import net_figures
 from tests.papers import transcribed as by_hand
 from tests.papers.checks_tanner_2003_fixed import minimum_at_one, verdicts
 from tests.papers.transcribed import near
@@ -249,12 +250,7 @@ CHECKS = {
     "(11)": incidence_forces,
     "sec. VII": start,
     "Fig. 1": control,
-    "Fig. 2": potential,
-    "Fig. 3": start,
-    "Fig. 4": picture(2.0),
-    "Fig. 5": picture(5.0),
-    "Fig. 6": picture(25.0),
-    "Fig. 7": picture(100.0),
+    **net_figures.CHECKS["tanner-2003-dynamic"],
 }
 
 assert set(CHECKS) == {row.number for row in paper("tanner-2003-dynamic").equations()}

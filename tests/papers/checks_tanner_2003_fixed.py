@@ -8,6 +8,7 @@ import numpy as np
 
 from flocking.papers import paper
 from flocking.study.claims import Verdict
+from tests.papers import net_figures
 from tests.papers import transcribed as by_hand
 from tests.papers.transcribed import near
 
@@ -168,13 +169,7 @@ CHECKS = {
     "Remark IV.5": remark,
     "sec. V": start,
     "Fig. 1": control,
-    "Fig. 2": minimum_at_one,
-    "Fig. 3": start,
-    "Fig. 4": picture(2.22842),
-    "Fig. 5": picture(5.21464),
-    "Fig. 6": picture(22.8931),
-    "Fig. 7": picture(55.0766),
-    "Fig. 8": picture(100.0),
+    **net_figures.CHECKS["tanner-2003-fixed"],
 }
 
 assert set(CHECKS) == {row.number for row in paper("tanner-2003-fixed").equations()}

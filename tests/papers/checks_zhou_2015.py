@@ -9,6 +9,7 @@ import numpy as np
 
 from flocking.papers import paper
 from flocking.study.claims import Verdict
+from tests.papers import net_figures
 from tests.papers import transcribed as by_hand
 from tests.papers.checks_tanner_2003_fixed import verdicts
 from tests.papers.transcribed import near
@@ -287,14 +288,7 @@ CHECKS = {
     "(32)": led_rate,
     "(33)": led_mean_control,
     "(34)": mean_after_one_second,
-    "Fig. 1": start,
-    "Fig. 2": picture(12.0, False),
-    "Fig. 3": picture(12.0, False),
-    **{f"Fig. {4 + k}": series(1 if k < 2 else 0, k % 2, False) for k in range(4)},
-    "Fig. 8": led_start,
-    "Fig. 9": picture(12.0, True),
-    "Fig. 10": picture(12.0, True),
-    **{f"Fig. {11 + k}": series(1 if k < 2 else 0, k % 2, True) for k in range(4)},
+    **net_figures.CHECKS["zhou-2015"],
 }
 
 assert set(CHECKS) == {row.number for row in paper("zhou-2015").equations()}

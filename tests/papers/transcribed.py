@@ -160,15 +160,19 @@ class Motion:
                     rhs, (t, end), y, "DOP853", rtol=1e-10, atol=1e-10, dense_output=True,
                     events=cross if event else None, max_step=0.02 if event and t < 5 else np.inf,
                 )  # fmt: skip
-            self.pieces.append((found.t[-1], found.sol))
+            self.pieces.append((found.t[-1], found.sol, links))
             t, y = found.t[-1], found.y[:, -1]
             if event:
                 links = next_links(y[: 2 * n].reshape(n, 2), links)
         self.n = n
 
     def at(self, t):
-        y = next(sol for end, sol in self.pieces if t <= end or end == self.pieces[-1][0])(t)
+        y = next(sol for end, sol, _ in self.pieces if t <= end or end == self.pieces[-1][0])(t)
         return y[: 2 * self.n].reshape(self.n, 2), y[2 * self.n :].reshape(self.n, 2)
+
+    def links_at(self, t):
+        """Link matrix at a time."""
+        return next(links for end, _, links in self.pieces if t <= end or end == self.pieces[-1][0])
 
 
 def gaps(q):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from flocking.engine.simulate import simulate
 from flocking.model.checks import Array
 from flocking.model.connectivity import Links
 from flocking.model.graphs import Proximity
-from flocking.model.law import Law
+from flocking.model.law import Law, Scenario
 from flocking.model.observables import headings
 from flocking.model.potentials import Potential
 from flocking.model.state import State
@@ -25,6 +25,9 @@ from flocking.study.equilibrium import Equilibrium
 from flocking.study.evidence import Evidence
 from flocking.study.potential_minimum import smallest_value
 from flocking.study.state_energy import agent_energies, total_energy
+
+if TYPE_CHECKING:
+    from flocking.show.declaration import Figure
 
 DISTANCES = np.array([0.5, 1.0, 1.5, 1.9, 1.999, 2.0, 2.01, 2.5, 4.0])
 """Distances on both sides of the radius."""
@@ -224,18 +227,24 @@ def start_of(scale: float) -> State:
     return system.scenario(seed=0, speed=system.LARGEST_SPEED * scale).start
 
 
-def picture_of(number: int) -> Callable[[float], Any]:
-    """Builder of the state a figure shows, the time the figure declares scaled.
+def known_figures() -> Mapping[int, Figure]:
+    """Figures of the paper; the pictures are loaded when they are asked for."""
+    from flocking.papers.tanner_2003_dynamic.pictures import figures
+
+    return figures()
+
+
+def simulated() -> Scenario:
+    """The simulation the figures show."""
+    return system.scenario(seed=0)
+
+
+def picture_of(number: int) -> Callable[[float], examples.Pictured]:
+    """Builder: a figure as it is drawn.
 
     Parameters
     ----------
     number
         Number of the figure.
     """
-
-    def build(scale: float) -> State:
-        from flocking.papers.tanner_2003_dynamic.pictures import times
-
-        return examples.state_at(system.scenario(seed=0), min(times()[number] * scale, system.DURATION * scale))
-
-    return build
+    return examples.pictured(known_figures, number, simulated)

@@ -95,8 +95,8 @@ def equations() -> tuple[Row, ...]:
         row("sec. VII", "example", "the simulated start", f"{HERE}.system.scenario", examples.start_of,
             reading="The graph follows from the radius; the start is redrawn until it is connected."),
         row("Fig. 1", "figure", "the two control forces of an agent", f"{MODEL}.law.Law", examples.control_of),
-        row("Fig. 2", "figure", "the nonsmooth potential", pictures, examples.potential_of),
-        row("Fig. 3", "figure", "initial configuration", pictures, examples.start_of),
+        row("Fig. 2", "figure", "the nonsmooth potential", pictures, examples.picture_of(2)),
+        row("Fig. 3", "figure", "initial configuration", pictures, examples.picture_of(3)),
         *(row(f"Fig. {number}", "figure", title, pictures, examples.picture_of(number),
               reading="The printed time is in the picture alone; this one shows the same stage.")
           for number, title in ((4, "forces make links"), (5, "a tight formation"), (6, "one direction"),

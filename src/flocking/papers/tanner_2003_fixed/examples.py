@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from flocking.engine.reference import evaluate
 from flocking.model.checks import Array
 from flocking.model.connectivity import is_connected
 from flocking.model.graphs import Fixed, Proximity
-from flocking.model.law import Law
+from flocking.model.law import Law, Scenario
 from flocking.model.observables import headings
 from flocking.model.potentials import Potential
 from flocking.model.state import State
@@ -21,6 +22,9 @@ from flocking.study.audit import Judgement
 from flocking.study.equilibrium import Equilibrium
 from flocking.study.potential_minimum import smallest_value
 from flocking.study.state_energy import agent_energies, total_energy
+
+if TYPE_CHECKING:
+    from flocking.show.declaration import Figure
 
 EDGES = ((0, 1), (1, 2), (2, 3), (3, 4), (0, 4), (1, 3))
 """A ring of five agents with a chord."""
@@ -201,18 +205,24 @@ def start_of(scale: float) -> State:
     return State(start.q, start.p)
 
 
-def picture_of(number: int) -> Any:
-    """Builder of the state a figure shows, the time the figure declares scaled.
+def known_figures() -> Mapping[int, Figure]:
+    """Figures of the paper; the pictures are loaded when they are asked for."""
+    from flocking.papers.tanner_2003_fixed.pictures import figures
+
+    return figures()
+
+
+def simulated() -> Scenario:
+    """The simulation the figures show."""
+    return system.scenario(seed=0)
+
+
+def picture_of(number: int) -> Callable[[float], examples.Pictured]:
+    """Builder: a figure as it is drawn.
 
     Parameters
     ----------
     number
         Number of the figure.
     """
-
-    def build(scale: float) -> State:
-        from flocking.papers.tanner_2003_fixed.pictures import times
-
-        return examples.state_at(system.scenario(seed=0), times()[number] * scale)
-
-    return build
+    return examples.pictured(known_figures, number, simulated)

@@ -65,9 +65,9 @@ def equations() -> tuple[Row, ...]:
             reading="The paper gives neither potential nor graph: 1/s^2 + log s^2 without cut-off, and G(10, 0.3)"
                     " redrawn until connected."),
         row("Fig. 1", "figure", "the two control forces of an agent", f"{MODEL}.law.Law", examples.forces_of_law),
-        row("Fig. 2", "figure", "an example of a potential", pictures, examples.minimum_of,
+        row("Fig. 2", "figure", "an example of a potential", pictures, examples.picture_of(2),
             reading="No formula is given; Part II's is drawn."),
-        row("Fig. 3", "figure", "initial configuration", pictures, examples.start_of),
+        row("Fig. 3", "figure", "initial configuration", pictures, examples.picture_of(3)),
         *(row(f"Fig. {number}", "figure", title, pictures, examples.picture_of(number))
           for number, title in ((4, "agents come close"), (5, "forces hold the group together"),
                                 (6, "velocities converge"), (7, "one direction"), (8, "steady state"))),

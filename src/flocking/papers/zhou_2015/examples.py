@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,6 +27,12 @@ from flocking.study.equilibrium import Equilibrium
 from flocking.study.evidence import Evidence
 from flocking.study.potential_minimum import smallest_value
 from flocking.study.state_energy import total_energy
+
+if TYPE_CHECKING:
+    from flocking.show.declaration import Figure
+
+
+FIRST_WITH_LEADER = 8
 
 
 def scaled_potential(stiffness: float) -> Potential:
@@ -281,38 +287,29 @@ def led_start_of(scale: float) -> tuple[State, Array, Array]:
     return system.scenario(seed=0, leader=True).start, *leader.at(1.0)[:2]
 
 
-def picture_of(number: int) -> Callable[[float], Any]:
-    """Builder of the state a figure of nets shows, the time it declares scaled.
+def known_figures() -> Mapping[int, Figure]:
+    """Figures of the paper; the pictures are loaded when they are asked for."""
+    from flocking.papers.zhou_2015.pictures import figures
+
+    return figures()
+
+
+def alone() -> Scenario:
+    """The simulation without a leader, as long as figures show it and a little longer."""
+    return system.scenario(seed=0, duration=13.0).with_(name="")
+
+
+def led() -> Scenario:
+    """The simulation with the leader, as long as figures show it and a little longer."""
+    return system.scenario(seed=0, duration=13.0, leader=True).with_(name="")
+
+
+def picture_of(number: int) -> Callable[[float], examples.Pictured]:
+    """Builder: a figure as it is drawn.
 
     Parameters
     ----------
     number
         Number of the figure.
     """
-
-    def build(scale: float) -> State:
-        from flocking.papers.zhou_2015.pictures import times
-
-        return examples.state_at(system.scenario(figure=number, seed=0), times()[number] * scale)
-
-    return build
-
-
-def series_of(number: int) -> Callable[[float], Any]:
-    """Builder of the curves a figure shows, shape (F, N), the consensus gain scaled.
-
-    Parameters
-    ----------
-    number
-        Number of the figure.
-    """
-
-    def build(scale: float) -> Array:
-        from flocking.papers.zhou_2015.pictures import SERIES
-
-        which, axis = SERIES[number]
-        scenario = system.scenario(figure=number, seed=0, gain=scale, duration=2.0)
-        run = simulate(scenario.with_(frames=(0.5, 1.0, 2.0), name=""), progress=False)
-        return np.asarray((run.p if which == "velocities" else run.q)[:, :, axis])
-
-    return build
+    return examples.pictured(known_figures, number, alone if number < FIRST_WITH_LEADER else led)

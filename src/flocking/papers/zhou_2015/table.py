@@ -130,9 +130,9 @@ def _with_leader() -> tuple[Row, ...]:
 def _figures() -> tuple[Row, ...]:
     home, words = f"{HERE}.pictures.figures", {1: "", 8: " with a leader"}
     found = [
-        row("Fig. 1", "figure", "initial states", home, examples.start_of,
+        row("Fig. 1", "figure", "initial states", home, examples.picture_of(1),
             reading="Velocity components uniform in [0, 4); redrawn until connected."),
-        row("Fig. 8", "figure", "initial states with a leader", home, examples.led_start_of),
+        row("Fig. 8", "figure", "initial states with a leader", home, examples.picture_of(8)),
     ]  # fmt: skip
     for first, led in words.items():
         for number, title in ((first + 1, "final states"), (first + 2, "paths and final states")):
@@ -140,7 +140,7 @@ def _figures() -> tuple[Row, ...]:
                              reading="The duration is not printed: runs last 100 s, drawn is 12 s."))  # fmt: skip
         for number, title in zip(range(first + 3, first + 7), ("velocities, x", "velocities, y", "positions, x",
                                                                "positions, y"), strict=True):  # fmt: skip
-            found.append(row(f"Fig. {number}", "figure", f"{title}{led}", home, examples.series_of(number)))
+            found.append(row(f"Fig. {number}", "figure", f"{title}{led}", home, examples.picture_of(number)))
     return tuple(sorted(found, key=lambda r: int(r.number.split()[1])))
 
 
