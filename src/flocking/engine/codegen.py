@@ -245,6 +245,12 @@ def _flow_source(formulas: LawFormulas) -> str:
     power = ["supplied += " + " + ".join(f"force{k} * u[i, {k}]" for k in range(m))]
     for number, encounter in enumerate(formulas.encounters):
         source += encounter_loop(number, len(formulas.pairs), encounter, m, power)
+    if any(name.startswith("mean_u") for name in free_names([formulas.body.flow]).others):
+        lines = (
+            ["whole = 0.0"] + [f"mean_u{k} = 0.0" for k in range(m)] + ["for i in range(n):", "    whole += A[0, i]"]
+        )
+        lines += [f"    mean_u{k} += A[0, i] * u[i, {k}]" for k in range(m)]
+        source += _indented([*lines, *(f"mean_u{k} /= whole" for k in range(m))], 1)
     source += _indented(["for i in range(n):"], 1)
     lines = [f"u{k} = u[i, {k}]" for k in range(m)] + _body_values({"supply": formulas.body.flow}, m)
     lines += ["work += " + " + ".join(f"u{k} * u{k}" for k in range(m)), "supplied += supply"]

@@ -49,7 +49,7 @@ class PairFormulas:
 class BodyFormulas:
     """Sum of all body terms, per agent.
 
-    ``flow`` is the supply of first-order agents, in terms of their velocity ``u0...``.
+    ``flow`` is the supply of first-order agents, in terms of their velocity ``u0...`` and its mean ``mean_u0...``.
 
     Parameters
     ----------
@@ -123,41 +123,46 @@ def _pair_formulas(layout: Layout) -> list[PairFormulas]:
     import sympy
 
     r = sympy.Symbol("r", positive=True)
-    names = ("along", "drag", "storage", "dissipation")
+    names = ("along", "drag", "storage", "dissipation", "supply")
     found = []
     for number, graph in enumerate(layout.law.graphs):
         weight = graph.weight(r, _parameters(layout, f"graph{number}"))
         terms = [t for t in layout.law.pair_terms if layout.law.graph_number(t) == number]
         paired = not graph.directed and all("momentum" in t.symmetries for t in terms)
-        total: dict[str, sympy.Expr] = dict.fromkeys((*names, "supply", "flow"), sympy.Integer(0))
+        total: dict[str, sympy.Expr] = dict.fromkeys((*names, "flow"), sympy.Integer(0))
         for term in terms:
             x = PairSymbols(
                 r, weight, _symbol("speed2"), _symbol("radial"), _symbol("functional"),
                 _parameters(layout, layout.term_owner(term)),
             )  # fmt: skip
             stated = {name: sympy.sympify(getattr(term, name)(x)) for name in names}
-            for name, value in {**stated, **_undeclared(stated, r, paired)}.items():
+            if not paired:
+                stated["supply"] += _unpaired_power(stated["along"], stated["drag"])
+            for name, value in {**stated, "flow": _flow(stated, r, paired)}.items():
                 total[name] += value
         found.append(PairFormulas(**total))
     return found
 
 
-def _undeclared(stated: dict[str, sympy.Expr], r: sympy.Symbol, paired: bool) -> dict[str, sympy.Expr]:
-    """Power of one term's pair force that its storage and dissipation leave over; zero for a closed ledger.
+def _unpaired_power(along: sympy.Expr, drag: sympy.Expr) -> sympy.Expr:
+    """Power of pair forces beyond that of opposite pairs, which the terms state: it is supplied.
 
-    Counted as two per undirected link, like the others. Where forces come in opposite pairs it follows from
-    r alone; elsewhere the agent's own velocity relative to the frame enters (``push``, ``pull``). ``flow`` is the
-    same for first-order agents, dq/dt = u: what the storage gains beyond -|u|^2, the rate of a gradient flow.
+    Counted as two per undirected link, like the others. The agent's own velocity relative to the frame enters
+    (``push``, ``pull``). Summed over both orders of a pair with equal coefficients it vanishes.
     """
+    return along * (2 * _symbol("push") + _symbol("radial")) + drag * (2 * _symbol("pull") + _symbol("speed2"))
+
+
+def _flow(stated: dict[str, sympy.Expr], r: sympy.Symbol, paired: bool) -> sympy.Expr:
+    """Supply of first-order agents, dq/dt = u: what the storage gains beyond -|u|^2, the rate of a gradient flow."""
     import sympy
 
     rate = sympy.diff(stated["storage"], r) * _symbol("radial")
+    # Forces of first-order agents see no velocities, whereas ``radial`` and ``push`` are here those of the motion.
+    along = stated["along"].subs({_symbol("radial"): 0, _symbol("speed2"): 0})
     if paired:
-        flow = rate - stated["along"] * _symbol("radial")
-        supply = flow + stated["dissipation"] - stated["drag"] * _symbol("speed2")
-        return {"supply": nothing_or_itself(supply), "flow": nothing_or_itself(flow)}
-    flow = 2 * stated["along"] * _symbol("push") + rate
-    return {"supply": flow + 2 * stated["drag"] * _symbol("pull") + stated["dissipation"], "flow": flow}
+        return nothing_or_itself(rate - along * _symbol("radial"))
+    return 2 * along * _symbol("push") + rate
 
 
 def _leader_motion(
@@ -220,5 +225,8 @@ def _body_formulas(layout: Layout, dimension: int) -> BodyFormulas:
         if not leader.closed_form:
             place, velocity, _ = _leader_motion(layout, leader, dimension)
             passing += sum((sympy.diff(storage, x) * v for x, v in zip(place, velocity, strict=True)), sympy.Integer(0))
+    # The centre of mass of first-order agents moves with the mean of their controls.
+    for axis, rate in zip(_vector("mean_q", dimension), _vector("mean_u", dimension), strict=True):
+        passing += sympy.diff(storage, axis) * rate
     flow = passing + sum((g * u for g, u in zip(gaps, _vector("u", dimension), strict=True)), sympy.Integer(0))
     return BodyFormulas(tuple(force), storage, dissipation, supply, tuple(frame), flow)

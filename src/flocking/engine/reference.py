@@ -147,7 +147,8 @@ def evaluate(law: Law, state: State, *, agents: Agents | None = None, energy: En
     u += np.stack([body[f"force{k}"] for k in range(m)], axis=1)
     storage += float(body["storage"].sum())
     if agents.order == 1:
-        supply = float(np.sum(module.body_flow(P, given | {f"u{k}": u[:, k] for k in range(m)})["supply"] * np.ones(n)))
+        moving = {f"u{k}": u[:, k] for k in range(m)} | {f"mean_u{k}": v for k, v in enumerate(A[0] @ u / A[0].sum())}
+        supply = float(np.sum(module.body_flow(P, given | moving)["supply"] * np.ones(n)))
         for number, (i, j) in enumerate(pairs):
             seen = _pair_values(state.q, u, (i, j), (A, W), np.zeros(m))
             flow = getattr(module, f"pair_flow{number}")(P, seen)["supply"]

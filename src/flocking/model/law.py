@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from flocking.errors import InvalidInput
+from flocking.model.balances import check_body_term, check_pair_term
 from flocking.model.checks import array, integer, number
 from flocking.model.energy import Energy
 from flocking.model.graphs import Graph
@@ -32,7 +34,7 @@ class Law:
     Raises
     ------
     InvalidInput
-        When the graph or a term is none.
+        When the graph or a term is none, or the energies a pair term states are not those of its forces.
 
     Examples
     --------
@@ -58,6 +60,8 @@ class Law:
         if not terms:
             raise InvalidInput("Law", "terms", "must hold at least one term", terms)
         object.__setattr__(self, "terms", terms)
+        for pair_term in self.pair_terms:
+            check_pair_term(pair_term, pair_term.over or self.graph)
 
     @property
     def pair_terms(self) -> tuple[PairTerm, ...]:
@@ -127,7 +131,8 @@ class Law:
         Raises
         ------
         InvalidInput
-            When a part was made for another number of agents or dimensions.
+            When a part was made for another number of agents or dimensions, or the energies a body term states
+            are not those of its force.
         """
         for graph in self.graphs:
             graph.check_count(n)
@@ -140,6 +145,15 @@ class Law:
                     type(leader).__name__, "dimension", f"must be that of the agents, {dimension}", leader.dimension,
                     "Give one component per axis.",
                 )  # fmt: skip
+        if dimension not in self._balanced:
+            for body_term in self.body_terms:
+                check_body_term(body_term, dimension)
+            self._balanced.add(dimension)
+
+    @cached_property
+    def _balanced(self) -> set[int]:
+        """Numbers of dimensions for which the body terms were checked."""
+        return set()
 
 
 MOST_FRAMES = 10_000_000

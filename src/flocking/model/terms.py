@@ -74,7 +74,13 @@ class PairTerm(Term):
     """A term that sums over neighbours: u_i += along * n_ij + drag * (p_j - p_i).
 
     A subclass states `along` or `drag` or both as SymPy expressions of the symbols it is handed, and,
-    where they exist, the energy it stores and the power it dissipates, each per ordered pair.
+    where they exist, the energy it stores and the powers it dissipates and is supplied with, each per ordered pair.
+    What it states must be that of its forces, in every state:
+
+        - along radial - drag speed2 + (rate of storage) + dissipation - supply = 0.
+
+    A law checks this when it is built. The power by which forces that do not come in opposite pairs exceed this
+    belongs to the supply too; the engines add it.
     """
 
     over: Graph | None = None
@@ -102,6 +108,17 @@ class PairTerm(Term):
         """Power dissipated by an undirected link (each ordered pair counts half of it)."""
         import sympy
 
+        return sympy.Integer(0)
+
+    def supply(self, x: PairSymbols) -> sympy.Expr:
+        """Power supplied to an undirected link (each ordered pair counts half of it).
+
+        By default all power of a term that states neither storage nor dissipation, and none of one that does.
+        """
+        import sympy
+
+        if self.storage(x) == 0 and self.dissipation(x) == 0:
+            return -self.along(x) * x.radial - self.drag(x) * x.speed2
         return sympy.Integer(0)
 
     def kinks(self) -> tuple[float, ...]:
@@ -175,6 +192,14 @@ class Gradient(PairTerm):
     def storage(self, x: PairSymbols) -> sympy.Expr:
         """A psi."""
         return x.weight * self._psi(x)
+
+    def supply(self, x: PairSymbols) -> sympy.Expr:
+        """What moves the weight under ``weighting="force"``; else nothing."""
+        import sympy
+
+        if self.weighting == "force":
+            return sympy.diff(x.weight, x.r) * self._psi(x) * x.radial
+        return sympy.Integer(0)
 
     def kinks(self) -> tuple[float, ...]:
         """Kinks of the potential."""
@@ -260,6 +285,12 @@ class Consensus(PairTerm):
     def dissipation(self, x: PairSymbols) -> sympy.Expr:
         """w_ij |p_j - p_i|^2: with equal weights both ways, the sum over links is p^T L p (Tanner (9), Zhou (14))."""
         return self.drag(x) * x.speed2
+
+    def supply(self, x: PairSymbols) -> sympy.Expr:
+        """None: all power is dissipated."""
+        import sympy
+
+        return sympy.Integer(0)
 
 
 __all__ = ["SYMMETRIES", "Consensus", "Gradient", "HashedWeights", "MatrixWeights", "PairTerm", "Term", "Value"]

@@ -16,7 +16,7 @@ from flocking.engine.reference import control
 from flocking.engine.run import Run
 from flocking.engine.simulate import simulate
 from flocking.errors import InvalidInput
-from flocking.model.avoidance import Avoid
+from flocking.model.avoidance import Avoid, ObstacleTerm
 from flocking.model.checks import Array
 from flocking.model.graphs import Fixed, Graph, Hysteresis, Proximity
 from flocking.model.law import Law, Scenario
@@ -78,6 +78,10 @@ class Swapped(Avoid):
     def encounter(self, x: ObstacleSymbols) -> Sequence[sympy.Expr]:
         """(54) with -phat in the place of phat."""
         return super().encounter(replace(x, boundary=[-w for w in x.boundary]))
+
+    def encounter_balance(self, x: ObstacleSymbols) -> tuple[sympy.Expr, sympy.Expr]:
+        """All power is supplied: which part damps is not the point of a mutant."""
+        return ObstacleTerm.encounter_balance(self, x)
 
 
 def _with_terms(scenario: Scenario, change: Callable[[Term], Term], what: str) -> Scenario:

@@ -20,7 +20,7 @@ Number = Any
 @cache
 def wide_context() -> Any:
     """The ``mpmath`` context whose numbers have `DIGITS` digits."""
-    import mpmath  # type: ignore[import-untyped]
+    import mpmath
 
     context = mpmath.mp.clone()
     context.dps = DIGITS
