@@ -73,8 +73,12 @@ bench: $(READY)
 bench-mpi: $(MPI_READY)
 	$(BIN)/python benchmarks/mpi.py
 
-# The slow tests: many seeds, long runs, the package built and installed anew.
+# The slow tests: many seeds, long runs, the package built and installed anew. Random runs are compared with a Taylor
+# integration in C: Debian's gcc, installed where it is missing.
 validate: $(READY)
+	@command -v cc >/dev/null || command -v gcc >/dev/null || \
+		{ apt-get update -qq && apt-get install -y -qq gcc libc6-dev; } || \
+		{ echo "make validate needs a C compiler: install gcc and run this again."; exit 1; }
 	$(BIN)/python -m pytest -m slow $(PYTEST_ARGS)
 
 # These pages need no network to be read; the packages that make them are fetched once.
