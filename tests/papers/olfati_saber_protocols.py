@@ -149,6 +149,17 @@ def together(triple):
     assert kept
 
 
+def distance_rates(triple):
+    state, found, none = triple
+    expected = []
+    for i in range(len(state.q)):
+        for j in range(i):
+            d, v = state.q[j] - state.q[i], state.p[j] - state.p[i]
+            expected.append(abs(float(d @ v)) / math.hypot(*d))
+    assert_allclose(found, max(expected), rtol=1e-10)
+    assert_allclose(none, 0.0, atol=1e-12)
+
+
 def nothing(triple):
     total, forces, p = triple
     assert_allclose(total, 0.0, atol=1e-12)
@@ -414,7 +425,7 @@ CHECKS = {
     "Proposition 2 i)": zero,
     "Proposition 2 ii)": together,
     "Proposition 2 iii)": together,
-    "A.1": together,
+    "A.1": distance_rates,
     "Proposition 3": nothing,
     "Definition 2": judged("H_s-continuous", "energy-falls"),
     "(30)": smooth_energy,

@@ -23,6 +23,8 @@ LOOKS = frozenset({
     "rotation", "pad", "labelpad", "cmap", "marker", "columns", "bbox",
 })  # fmt: skip
 """Keywords that decide how a drawing looks, not what it shows."""
+WORDS = frozenset({"reason", "note", "err_msg"})
+"""Keywords that hold a sentence for the reader."""
 TEXTS = frozenset({"label", "variable", "title", "xlabel", "ylabel"})
 CHECKERS = re.compile(r"^(checked_\w+|check_\w+|number|integer|array|listed|vector|Measure\.text)$")
 SYMBOLIC = frozenset({"strict", "positive", "real", "nonnegative", "all", "check", "casting"})
@@ -237,7 +239,7 @@ def _inside(parent: Any, node: ast.expr, index: bool = False) -> Iterator[Edit]:
         parts = value if isinstance(value, list) else [value]
         for part in parts:
             if isinstance(part, ast.keyword):
-                if part.arg in LOOKS or part.arg in SYMBOLIC or _is_checker(node):
+                if part.arg in LOOKS | SYMBOLIC | WORDS or _is_checker(node):
                     continue
                 yield from _inside(part, part.value)
             elif isinstance(part, ast.comprehension):
@@ -279,6 +281,8 @@ def _at(parent: Any, node: ast.expr, index: bool) -> Iterator[Edit]:
         op: ast.boolop = ast.Or() if isinstance(node.op, ast.And) else ast.And()
         yield _edit("comparison", node, f"{type(op).__name__} in {_text(node)}", (node, "op", op))
     elif isinstance(node, ast.IfExp):
+        if any(isinstance(x, ast.Constant) and isinstance(x.value, str) for x in (node.body, node.orelse)):
+            return
         yield _edit("comparison", node, f"other branch of {_text(node)}", (node, "body", node.orelse),
                     (node, "orelse", node.body))  # fmt: skip
     elif isinstance(node, ast.Tuple) and index and len(node.elts) == 2:
@@ -320,7 +324,7 @@ def _call(node: ast.Call) -> Iterator[Edit]:
         if not all(isinstance(a, ast.Constant | ast.JoinedStr) for a in swapped[:2]):
             yield _edit("swap", node, f"arguments of {_text(node)} swapped", (node, "args", swapped))
     for keyword in node.keywords:
-        if keyword.arg is not None and keyword.arg not in LOOKS | SYMBOLIC | {"axes", "dtype"}:
+        if keyword.arg is not None and keyword.arg not in LOOKS | SYMBOLIC | WORDS | {"axes", "dtype"}:
             rest = [k for k in node.keywords if k is not keyword]
             yield _edit("dropped", keyword.value, f"without {keyword.arg} = {_text(keyword.value)}",
                         (node, "keywords", rest))  # fmt: skip

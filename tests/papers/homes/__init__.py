@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from tests.papers.homes import avoidance, laws, nets, structure
+from tests.papers.homes import avoidance, claims, laws, nets, papers, shapes, structure
 
 HOMES: dict[str, Callable[[], None]] = {
     **nets.HOMES, **structure.HOMES, **laws.HOMES, **avoidance.HOMES,
+    **papers.HOMES, **claims.HOMES, **shapes.HOMES,
 }  # fmt: skip

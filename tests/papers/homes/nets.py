@@ -308,7 +308,7 @@ def shapes():
             expected = sum(k < limit - 1e-12 for limit in known)
             assert len(conformations.conformations(n, k)) == conformations.count(n, k) == expected
     assert [conformations.count(n, 3.0) for n in (1, 2)] == [1, 2]
-    assert [conformations.upper_bound(n) for n in range(1, 7)] == [1, 2, 8, 64, 1024, 32768]
+    assert [conformations.upper_bound(n) for n in range(1, 9)] == [2 ** sum(range(n)) for n in range(1, 9)]
 
 
 def refused_beyond_four():

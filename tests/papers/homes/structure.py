@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.testing import assert_allclose
 
-from flocking.model.bumps import BUMPS
+from flocking.model.bumps import BUMPS, Bump
 from flocking.model.graphs import Proximity
 from flocking.model.smooth_graphs import PerAgentRadii, Smooth
 from flocking.model.state import State
@@ -183,6 +183,7 @@ def quasi_realizations():
     assert structure.is_quasi_realization(at(0.1, 0.1009))
     assert not structure.is_quasi_realization(at(0.1, 0.1011)), "it drifts"
     assert not structure.is_quasi_realization(at(0.1, 0.1, 0.21)), "too far at one time"
+    assert not structure.is_quasi_realization(at(0.205)), "just too far"
     assert not structure.is_quasi_realization(at(0.3)), "far from a realization"
     assert structure.is_quasi_realization(at(0.3), most=0.31)
     assert structure.is_quasi_realization(at(0.1, 0.15), drift=0.06)
@@ -236,6 +237,15 @@ def bumps():
 
 
 def slopes():
+    # Steepest between two points of any even grid: s = 1/sqrt(3).
+    lopsided = Bump("lopsided", "where(z < k0, 1, where(z < 1, (1 - ((z - k0)/(1 - k0))**2)**2, 0))")
+    for k0 in (0.1, 0.5):
+        assert_allclose(lopsided.steepest(k0), 8 / (3 * math.sqrt(3)) / (1 - k0), rtol=1e-12)
+    # Steepest at the end, and where it begins.
+    for formula in ("where(z < k0, 1, where(z < 1, 1 - ((z - k0)/(1 - k0))**2, 0))", "1 - (z - k0)/(1 - k0)*(2 - z)/2"):
+        bump = Bump("at an end", formula)
+        z = np.linspace(0.5, 1.0 - 1e-9, 100001)
+        assert_allclose(bump.steepest(0.5), np.abs(bump.slope(z, 0.5)).max(), rtol=1e-6)
     for k0 in (0.0, 0.4, 5 / 6):
         steepest = {"cosine": math.pi / 2, "quintic": 15 / 8, "infinite": 2.0}
         for name, value in steepest.items():

@@ -13,7 +13,6 @@ from flocking.model.energy import Energy
 from flocking.model.law import Law
 from flocking.model.leaders import Leader, Sink, Velocity
 from flocking.model.state import State
-from flocking.model.structural import structural_potential
 from flocking.model.terms import Consensus, Gradient, Term
 from flocking.model.tracking import Track
 from flocking.papers.olfati_saber_2003 import system
@@ -36,7 +35,10 @@ def common_length(scale: float) -> Array:
     """Distances at which links in three directions neither pull nor push under (34), d_alpha off by ``scale``."""
     from scipy.optimize import brentq
 
-    law = Law(system.hard_net(), (Gradient(structural_potential(system.DISTANCE * scale)),))
+    gradient, damping = system.alpha_terms()
+    assert isinstance(gradient, Gradient)
+    other = gradient.potential.with_parameters(d=system.DISTANCE * scale)
+    law = Law(system.hard_net(), (Gradient(other), damping))
 
     def pull(length: float, way: Array) -> float:
         return float(control(law, State(np.array([0.0 * way, length * way])))[0] @ way)

@@ -13,12 +13,15 @@ from flocking.engine.run import Run
 from flocking.engine.simulate import simulate
 from flocking.model.checks import Array
 from flocking.model.law import Law, Scenario
-from flocking.model.state import Agents
+from flocking.model.observables import mean_position, mean_velocity
+from flocking.model.state import Agents, State
 from flocking.model.terms import Consensus
 from flocking.papers import examples
 from flocking.papers.olfati_saber_2003 import system
+from flocking.papers.olfati_saber_2003.examples_energy import example_state
 from flocking.papers.olfati_saber_2003.theorems import claims
 from flocking.study.audit import Judgement, Report, audit, judge
+from flocking.study.evidence import Evidence
 
 if TYPE_CHECKING:
     from flocking.show.declaration import Figure
@@ -130,4 +133,22 @@ def mean_motion(scale: float) -> tuple[Scenario, Array, Array, Array]:
     scenario = system.sink_scenario(3, agents=10).with_(t_end=4.0, frames=9, name="")
     plant = system.sink_scenario(3, agents=10, c2=system.SINK_DAMPING * scale).law
     run = simulate(scenario, plant=plant, progress=False)
-    return scenario, run.t, run.q.mean(axis=1), run.p.mean(axis=1)
+    states = [run.state(k) for k in range(len(run.t))]
+    return (
+        scenario, run.t, np.array([mean_position(s) for s in states]), np.array([mean_velocity(s) for s in states])
+    )  # fmt: skip
+
+
+def distance_rates(scale: float) -> tuple[State, float, float]:
+    """The example state, the largest rate of change of a distance in it, and that of agents at one velocity, that of
+    the first off by ``scale``.
+    """
+
+    def largest(state: State) -> float:
+        law = Law(system.hard_net(), system.alpha_terms())
+        return Evidence(simulate(Scenario(law, state, t_end=0.0, frames=1), progress=False)).distance_rate
+
+    state = example_state()
+    p = np.tile([3.0, 2.0], (state.n, 1))
+    p[0] *= scale
+    return state, largest(state), largest(State(state.q, p))

@@ -48,7 +48,7 @@ def energy_rows() -> tuple[Row, ...]:
             "proposition",
             "proof of Proposition 2: rate of a distance",
             "flocking.study.evidence.Evidence.distance_rate",
-            energies.moving_together,
+            runs.distance_rates,
             reading=TWICE,
             fault=Fault.MISPRINT,
             demonstration=wrong.distance_rate,

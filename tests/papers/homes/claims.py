@@ -1,0 +1,84 @@
+"""Lists of claims of the papers, whole: which are made of which scenario, and on what they rest."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+from types import SimpleNamespace
+
+import numpy as np
+from numpy.testing import assert_allclose
+
+from flocking.papers import paper
+from flocking.study.claims import Origin
+
+KEPT = "energy energy-falls velocities-agree linked-apart all-apart stationary minimal local-minimum speed-bound"
+LINKED = "energy energy-falls energy-bound energy-per-link new-links connected links-kept linked-apart all-apart"
+LINKED += " unlinked-apart distances-settle switching-stops speed-bound distance-bound coincide one-length"
+CENTRED = "energy J-continuous apart J-falls stationary minimal"
+KEYS = {
+    "olfati-saber-2003": "energy quasi-flock no-entry velocities headings split rejoin squeeze",
+    "olfati-saber-2003-sink": "energy energy-falls connected switching-stops centred rigid planar triangular"
+    " low-defect realization flocking",
+    "olfati-saber-2003-free": "energy momentum energy-falls jumps velocities-agree distances-settle decreasing",
+    "olfati-saber-2003-smooth": "energy momentum H_s-continuous energy-falls velocities-agree distances-settle",
+    "tanner-2003-fixed": f"{KEPT} distance-bound momentum",
+    "tanner-2003-fixed-complete": f"{KEPT} distance-bound momentum",
+    "tanner-2003-dynamic": "energy energy-continuous energy-falls connected transversal velocities-agree"
+    " distances-settle all-apart apart-by stationary minimal local-minimum switching-stops links-kept speed-bound"
+    " distance-bound momentum",
+    "zhou-2015": f"{LINKED} momentum velocities-agree stationary",
+    "zhou-2015-leader": f"{LINKED} velocities-agree velocities-follow mean-velocity leader-offset leader-met"
+    " stationary",
+    "shi-2009": f"{CENTRED} tracks",
+    "shi-2009-all-informed": f"{CENTRED} tracks",
+    "shi-2009-disconnected": "energy J-continuous apart J-falls tracks",
+    "shi-2009-uniform": f"{CENTRED} tracks centre",
+    "shi-2009-velocity-only": f"{CENTRED} agree no-tracking steady-error centre",
+    "shi-2009-position": "energy J-continuous apart J-falls agree no-tracking steady-error centre",
+    "shi-2009-partial": "energy J-continuous apart no-flocking no-tracking",
+    "shi-2009-partial-disconnected": "energy J-continuous apart no-flocking no-tracking",
+}
+"""Keys of the claims about each scenario."""
+NOT_STATED = {
+    "tanner-2003-fixed": {"all-apart": Origin.OWN, "momentum": Origin.OWN},
+    "tanner-2003-fixed-complete": {"momentum": Origin.OWN},
+    "tanner-2003-dynamic": {"connected": Origin.ASSUMPTION, "links-kept": Origin.OWN, "momentum": Origin.OWN},
+    "zhou-2015-leader": {"leader-offset": Origin.OWN},
+}
+"""What the papers assume, and questions they do not answer."""
+
+
+def listed(key: str) -> None:
+    found = paper(key)
+    assert set(found.scenarios()) == {name for name in KEYS if name.startswith(key)}
+    for name in found.scenarios():
+        claims = {c.key: c for c in found.claims(name)}
+        assert " ".join(sorted(claims)) == " ".join(sorted(KEYS[name].split()))
+        # The books can be balanced whatever the motion; all else rests on the computed one.
+        assert [c.key for c in claims.values() if not c.dynamic] == ["energy"]
+        for claim in claims.values():
+            assert claim.statement.endswith(".")
+            assert not claim.source.endswith(".") or claim.source[-2].isdigit()
+            assert claim.key != claim.source
+        unstated = {c.key: c.origin for c in claims.values() if c.origin is not Origin.PAPER}
+        assert unstated == NOT_STATED.get(name, {})
+        assert all(" " not in claim.key for claim in claims.values())
+
+
+def tanner(key: str) -> None:
+    """The bound sqrt(2 c) that follows from W or Q: printed as sqrt(c)."""
+    listed(key)
+    bound = {c.key: c for c in paper(key).claims(key)}["speed-bound"]
+    seen = SimpleNamespace(run=SimpleNamespace(trace={"energy": np.array([3.0])}), speeds=np.array([[1.0]]))
+    assert_allclose(bound.conclusion(seen).margin, math.sqrt(6.0) - 1.0, rtol=1e-12)  # type: ignore[arg-type]
+
+
+HOMES: dict[str, Callable[[], None]] = {
+    "flocking.papers.olfati_saber_2003.theorems.claims": partial(listed, "olfati-saber-2003"),
+    "flocking.papers.shi_2009.theorems.claims": partial(listed, "shi-2009"),
+    "flocking.papers.zhou_2015.theorems.claims": partial(listed, "zhou-2015"),
+    "flocking.papers.tanner_2003_fixed.theorems.claims": partial(tanner, "tanner-2003-fixed"),
+    "flocking.papers.tanner_2003_dynamic.theorems.claims": partial(tanner, "tanner-2003-dynamic"),
+}
