@@ -204,7 +204,7 @@ def test_a_claim_about_the_end_has_not_failed_before_it():
     scenario = zhou_2015.scenario(seed=0)
     experiment = Experiment(scenario)
     early = words(watched(experiment, np.linspace(0.1, 1.0, 10)))
-    assert early["coincide"].word == "not so far"
+    assert early["coincide"].word == "not yet"
     assert early["coincide"].color == "orange"
     assert early["energy"].word == "holds"
     late = words(watched(experiment, np.linspace(1.5, scenario.t_end, 60)))

@@ -53,6 +53,8 @@ def test_an_audit_claims_nothing_that_was_not_recorded():
     run = fk.simulate(made, engine="lammps", step=0.002, progress=False)
     found = {r.claim.key: r for r in fk.audit(run).results}
     assert str(found["momentum"].verdict) == "holds"
-    for key in ("links-kept", "switching-stops", "linked-apart", "all-apart"):
+    for key in ("linked-apart", "all-apart"):
         assert str(found[key].verdict) == "not applicable", key
+    for key in ("links-kept", "switching-stops"):
+        assert str(found[key].verdict) in ("not resolved", "fails"), key
         assert found[key].note

@@ -29,7 +29,7 @@ def test_forces_and_energies_of_a_smooth_net_are_those_of_its_law(bump: str) -> 
 
 def verdicts(graph, weighting: str = "energy", over=None, **agents):
     law = fk.Law(graph, [fk.Gradient(PSI, weighting=weighting, over=over)])
-    scenario = fk.Scenario(law, fk.State(Q), t_end=0.01, frames=2, agents=fk.Agents(**agents))
+    scenario = fk.Scenario(law, fk.State(Q), t_end=0.01, frames=31, agents=fk.Agents(**agents))
     report = fk.audit(fk.simulate(scenario, progress=False))
     return report["forces-vanish"].verdict, report["potential-minimal"].verdict
 
@@ -38,10 +38,10 @@ def test_equilibria_are_not_asked_where_no_potential_stands_behind_the_forces() 
     apart = (Verdict.NOT_APPLICABLE, Verdict.NOT_APPLICABLE)
     assert verdicts(fk.Smooth(2.0, 0.3), "force") == apart
     assert verdicts(fk.Proximity(2.0), over=fk.Fixed.complete(9)) == apart
-    assert verdicts(fk.Smooth(2.0, 0.3))[0] == Verdict.FAILS
+    assert verdicts(fk.Smooth(2.0, 0.3))[0] == Verdict.NOT_YET
 
 
 def test_one_way_links_have_forces_but_no_total_potential() -> None:
     forces, minimum = verdicts(fk.FieldOfView(2.0, 2.0), headings=np.zeros(9))
-    assert forces == Verdict.FAILS
+    assert forces == Verdict.NOT_YET
     assert minimum == Verdict.NOT_APPLICABLE

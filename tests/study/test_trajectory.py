@@ -24,7 +24,7 @@ def test_a_true_trajectory_closes_its_ledger(sampled):
     report = fk.audit(run_from_samples(declared, run.t, run.q, run.p))
     assert report["ledger"].verdict == Verdict.HOLDS
     assert report["momentum"].verdict == Verdict.HOLDS
-    assert report["switching-stops"].verdict == Verdict.NOT_APPLICABLE
+    assert report["switching-stops"].verdict == Verdict.NOT_RESOLVED
     assert "out of reach" in report["switching-stops"].note
 
 

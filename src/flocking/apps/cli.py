@@ -199,6 +199,10 @@ def reproduce(
         print(f"{total - odd} of {total} claims came out as expected in {found.seconds:.0f} s{where}.")
         if found.untested:
             print(f"{found.untested} are untested: fewer than five seeds met their hypothesis. Try more --seeds.")
+        if found.waiting:
+            print(
+                f"{found.waiting} are not yet decided: for some seed the motion has not settled by the end of the run."
+            )
         if out is not None:
             print(f"Open {out / 'report.html'}")
     return FINE if found.as_expected else DIFFERENT

@@ -46,6 +46,11 @@ class Reproduction:
         """Number of claims whose hypothesis too few seeds met."""
         return sum(j.verdict == Verdict.UNTESTED for found in self.judgements.values() for j in found)
 
+    @property
+    def waiting(self) -> int:
+        """Number of claims that are left open by a run whose motion has not settled."""
+        return sum(j.verdict == Verdict.NOT_YET for found in self.judgements.values() for j in found)
+
     def as_list(self) -> list[dict[str, Any]]:
         """Rows of ``claims.json``."""
         return claim_rows(self.judgements)

@@ -128,6 +128,9 @@ def _outcome(judged: list[Judgement]) -> str:
         if untested
         else ""
     )
+    waiting = sum(j.verdict == Verdict.NOT_YET for j in judged)
+    if waiting:
+        few += f" {waiting} are not yet decided: for some seed the motion has not settled by the end of the run."
     claims = "1 claim" if odd == 1 else f"{odd} claims"
     return f"{claims} came out other than fixed before the runs, framed below.{few}"
 

@@ -79,12 +79,13 @@ def _claim(name: str, j: Judgement) -> str:
     expected = "" if j.as_expected else f' <span class="dim">expected: {escape(str(j.claim.expected))}</span>'
     reason = f'<p class="dim">{escape(j.claim.reason)}</p>' if j.claim.reason else ""
     measured = f"; {escape(j.worst.note)}" if j.worst.note else ""
+    waiting = f", not yet {j.waiting}" if j.waiting else ""
     return (
         f'<article class="claim {kind}{odd}" id="{escape(place_of(name, j))}">'
         f'<p><span class="verdict {kind}">{escape(verdict)}</span>{expected} {escape(j.claim.statement)} '
         f'<span class="dim">{escape(j.claim.source)}</span></p>{reason}'
-        f'<p class="small">held {j.held}, met {j.met}, tried {j.tried}; worst margin {escape(short(j.worst.margin))}'
-        f"{measured}</p></article>"
+        f'<p class="small">held {j.held}{waiting}, met {j.met}, tried {j.tried}; '
+        f"worst margin {escape(short(j.worst.margin))}{measured}</p></article>"
     )
 
 

@@ -19,9 +19,9 @@ from flocking.errors import InvalidInput, SimulationError
 from flocking.model.checks import integer
 from flocking.papers import KEYS, paper
 from flocking.study.audit import Judgement, Report
-from flocking.study.audit import audit as audit_claims
 from flocking.study.claims import Result, Verdict
 from flocking.study.equations import Fault
+from flocking.study.settled_run import settled_runs
 
 MOST_SEEDS = 10_000
 """Largest number of seeds: more is a slip of the hand."""
@@ -30,7 +30,9 @@ Verdicts = list[tuple[str, str, float, float, str]]
 
 
 def examine_seed(name: str, key: str, seed: int, keep: bool) -> tuple[Verdicts, Run | None]:
-    """Run one scenario for one seed and audit it; the run itself comes back only when asked for.
+    """Run one scenario for one seed, longer than it asks where claims need it, and audit it.
+
+    The run to the scenario's own end comes back, and only when asked for.
 
     Parameters
     ----------
@@ -39,16 +41,15 @@ def examine_seed(name: str, key: str, seed: int, keep: bool) -> tuple[Verdicts, 
     keep
         Whether the run is handed back.
     """
-    from flocking.engine.simulate import simulate
-
     module = paper(key)
     scenario = module.scenarios()[name](seed)
+    run: Run | None = None
     try:
-        run = simulate(scenario, progress=False, fine=keep)
+        for longest, judged in settled_runs(scenario, module.claims(name), fine=keep):
+            run, report = run or longest, judged
     except SimulationError as error:
         lost = [(c.key, str(Verdict.NOT_RESOLVED), float("nan"), float("nan"), str(error)) for c in module.claims(name)]
         return lost, None
-    report = audit_claims(run, module.claims(name))
     found = [(r.claim.key, str(r.verdict), r.margin, r.error, r.note) for r in report.results]
     return found, run if keep else None
 

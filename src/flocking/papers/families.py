@@ -59,22 +59,21 @@ def _certified_zhou(e: Evidence) -> float:
 
 def _certified_by_start(e: Evidence) -> float:
     """Distance at which one pair alone would hold the energy of the start and of the links made since."""
-    trace = e.run.trace
+    trace = e.trace
     return _distance_holding(e, float(trace["energy"][0] + trace["jumped"].max()))
 
 
 def _distance_holding(e: Evidence, most: float) -> float:
     """Smallest distance a linked pair can have when it stores no more than ``most``."""
     import numpy as np
-    from scipy.optimize import brentq
 
-    from flocking.study.potential_minimum import smallest_value
+    from flocking.study.potential_minimum import distance_of, smallest_value
 
-    psi = e.equilibrium.potentials[0]
+    psi = e.potential
     best, lowest = smallest_value(psi, float(np.max(np.asarray(e.law.graph.break_radius))))
     if most <= lowest:
         return float(best)
-    return float(np.exp(brentq(lambda s: float(psi(np.exp(s))) - most, -40.0, float(np.log(best)))))
+    return distance_of(psi, most, -40.0, float(np.log(best)))
 
 
 def _energy_bound(e: Evidence) -> float:

@@ -38,7 +38,7 @@ class Report:
 
     @property
     def as_expected(self) -> bool:
-        """Whether no claim that could be decided came out other than expected."""
+        """Whether no claim that could be decided came out other than expected. One that is ``not yet`` was not."""
         decided = (Verdict.HOLDS, Verdict.FAILS, Verdict.NOT_RESOLVED)
         return all(r.verdict == r.claim.expected for r in self.results if r.verdict in decided)
 
@@ -120,8 +120,16 @@ class Judgement:
         return sum(r.verdict == Verdict.HOLDS for r in self.results)
 
     @property
+    def waiting(self) -> int:
+        """Seeds whose run is too short: they neither show the claim nor refute it."""
+        return sum(r.verdict == Verdict.NOT_YET for r in self.results)
+
+    @property
     def verdict(self) -> Verdict:
-        """Holds for all seeds that meet the hypothesis, fails for one; untested when they are fewer than five."""
+        """Holds for all seeds that meet the hypothesis, fails for one; untested when they are fewer than five.
+
+        A seed whose run has not settled leaves a claim that no other refutes at ``not yet``.
+        """
         if self.results and all(r.verdict == Verdict.NOT_APPLICABLE for r in self.results):
             return Verdict.NOT_APPLICABLE
         if self.met < FEWEST_SEEDS:
@@ -130,7 +138,7 @@ class Judgement:
             return Verdict.FAILS
         if any(r.verdict == Verdict.NOT_RESOLVED for r in self.results):
             return Verdict.NOT_RESOLVED
-        return Verdict.HOLDS
+        return Verdict.NOT_YET if self.waiting else Verdict.HOLDS
 
     @property
     def worst(self) -> Result:
@@ -164,7 +172,7 @@ class Judgement:
             "error": finite(worst.error),
             "note": worst.note,
             "reason": self.claim.reason,
-            "seeds": {"tried": self.tried, "met": self.met, "held": self.held},
+            "seeds": {"tried": self.tried, "met": self.met, "held": self.held, "not_yet": self.waiting},
         }
 
 

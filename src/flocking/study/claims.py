@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
-from flocking.study.evidence import Evidence
+import numpy as np
+
+from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
+
+UNCOMPUTED = "could not be computed"
+"""How the note begins of a claim that stumbled over the numbers of a run without saying what it missed."""
 
 
 class Verdict(StrEnum):
@@ -19,6 +24,7 @@ class Verdict(StrEnum):
     HYPOTHESIS_NOT_MET = "hypothesis not met"
     NOT_APPLICABLE = "not applicable"
     NOT_RESOLVED = "not resolved"
+    NOT_YET = "not yet"
     UNTESTED = "untested"
 
 
@@ -42,11 +48,21 @@ class Measure:
         Numerical error that bounds the margin: a margin smaller than it decides nothing.
     note
         The measured value in words.
+    unsettled
+        Of a statement about a limit, why this run is too short to show or refute it; empty when it is not.
+    everywhere
+        Whether the statement speaks of every moment of the run, so that samples, which say nothing of the time between
+        them, can refute it and not show it. False for what one moment decides.
+    somewhere
+        Whether it speaks of something that happens at some moment, so that samples can show it and not refute it.
     """
 
     margin: float
     error: float = 0.0
     note: str = ""
+    unsettled: str = ""
+    everywhere: bool = True
+    somewhere: bool = False
 
     @property
     def holds(self) -> bool | None:
@@ -54,6 +70,11 @@ class Measure:
         if math.isnan(self.margin) or abs(self.margin) < self.error:
             return None
         return self.margin > 0
+
+    @property
+    def opposite(self) -> Measure:
+        """The measure of the contrary statement."""
+        return replace(self, margin=-self.margin, everywhere=self.somewhere, somewhere=self.everywhere)
 
 
 def below(value: float, bound: float, note: str, error: float = 0.0) -> Measure:
@@ -68,7 +89,7 @@ def above(value: float, bound: float, note: str, error: float = 0.0) -> Measure:
 
 def granted(_: Evidence) -> Measure:
     """The empty hypothesis."""
-    return Measure(math.inf, 0.0, "no hypothesis")
+    return Measure(math.inf, 0.0, "no hypothesis", everywhere=False)
 
 
 def _everywhere(_: Evidence) -> str:
@@ -116,27 +137,58 @@ class Claim:
     origin: Origin = Origin.PAPER
 
     def examine(self, evidence: Evidence) -> Result:
-        """Hold the claim against the evidence of one run."""
-        from flocking.study.evidence import NotMeasurable
+        """Hold the claim against the evidence of one run.
 
+        Whatever numbers the run holds, there is a verdict: what cannot be computed from them is not resolved.
+        """
         try:
-            return self._examined(evidence)
+            with np.errstate(all="ignore"):
+                return self._examined(evidence)
         except NotMeasurable as reason:
             return Result(self, Verdict.NOT_APPLICABLE, note=str(reason))
+        except NotResolvable as reason:
+            return Result(self, Verdict.NOT_RESOLVED, note=str(reason))
+        except (ArithmeticError, LookupError, ValueError) as fault:
+            return Result(self, Verdict.NOT_RESOLVED, note=f"{UNCOMPUTED}: {type(fault).__name__}: {fault}")
 
     def _examined(self, evidence: Evidence) -> Result:
         if reason := self.obstacle(evidence):
             return Result(self, Verdict.NOT_APPLICABLE, note=reason)
         hypothesis = self.hypothesis(evidence)
-        if hypothesis.holds is not True:
-            verdict = Verdict.NOT_RESOLVED if hypothesis.holds is None else Verdict.HYPOTHESIS_NOT_MET
-            return Result(self, verdict, hypothesis.margin, hypothesis.error, hypothesis.note)
+        if (open_to := self._unseen(evidence, hypothesis)) or hypothesis.holds is not True:
+            unknown = open_to or hypothesis.holds is None
+            verdict = Verdict.NOT_RESOLVED if unknown else Verdict.HYPOTHESIS_NOT_MET
+            return Result(self, verdict, hypothesis.margin, hypothesis.error, _joined(hypothesis.note, open_to))
+        explained = not self.dynamic or evidence.ledger_closes
         measured = self.conclusion(evidence)
-        if self.dynamic and not evidence.ledger_closes:
+        if not explained:
             return Result(self, Verdict.NOT_RESOLVED, measured.margin, math.inf, evidence.ledger_note)
-        holds = measured.holds
-        verdict = Verdict.NOT_RESOLVED if holds is None else Verdict.HOLDS if holds else Verdict.FAILS
-        return Result(self, verdict, measured.margin, measured.error, measured.note)
+        verdict, doubt = self._verdict(evidence, measured, hypothesis.unsettled or measured.unsettled)
+        return Result(self, verdict, measured.margin, measured.error, _joined(measured.note, doubt))
+
+    def _verdict(self, e: Evidence, measured: Measure, unsettled: str) -> tuple[Verdict, str]:
+        """The verdict that a measured conclusion allows, and why it is not surer."""
+        if unsettled:
+            return Verdict.NOT_YET, unsettled
+        if measured.holds is None:
+            return Verdict.NOT_RESOLVED, ""
+        if doubt := self._unseen(e, measured):
+            return Verdict.NOT_RESOLVED, doubt
+        if not measured.holds:
+            return Verdict.FAILS, ""
+        if self.dynamic and e.ended_early:
+            return Verdict.NOT_YET, "the run ended early"
+        return Verdict.HOLDS, ""
+
+    def _unseen(self, e: Evidence, measured: Measure) -> str:
+        """Why samples do not decide what was measured at them; empty where they do. A ledger is integrated."""
+        beyond = measured.everywhere if measured.holds else measured.somewhere
+        decides = not e.sampled or not self.dynamic or not beyond
+        return "" if decides else f"so at {len(e.run.t)} samples, nothing is known between"
+
+
+def _joined(note: str, doubt: str) -> str:
+    return f"{note}; {doubt}" if note and doubt else note or doubt
 
 
 @dataclass(frozen=True)

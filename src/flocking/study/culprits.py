@@ -10,7 +10,7 @@ import numpy as np
 from flocking.model.connectivity import Links, components
 from flocking.study import general_claims as general
 from flocking.study.claims import Measure, Result, Verdict
-from flocking.study.evidence import Evidence
+from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,13 @@ def culprit(result: Result, evidence: Evidence) -> Culprit | None:
     broken = {Verdict.FAILS: result.claim.conclusion, Verdict.HYPOTHESIS_NOT_MET: result.claim.hypothesis}
     measure = broken.get(result.verdict)
     found = None if measure is None else _FINDERS.get(measure)
-    return None if found is None else found(evidence)
+    if found is None:
+        return None
+    try:
+        return found(evidence)
+    except (NotMeasurable, NotResolvable, ArithmeticError, LookupError, ValueError):
+        # What refutes a claim need not be told to the pair and the moment.
+        return None
 
 
 def _pair(time: float, i: int, j: int) -> Culprit:
@@ -57,17 +63,13 @@ def _apart(links: Links, time: float) -> Culprit:
 
 
 def _first_split(e: Evidence) -> Culprit:
-    links = next((links for t, links in e.link_history if t == e.first_disconnected), e.link_history[-1][1])
-    return _apart(links, float(e.first_disconnected))
+    links = next((links for t, links in e.link_looks if t == e.seen_disconnected), e.link_looks[-1][1])
+    return _apart(links, float(e.seen_disconnected))
 
 
 def _split_at_start(e: Evidence) -> Culprit:
-    time, links = e.link_history[0]
+    time, links = e.link_looks[0]
     return _apart(links, time)
-
-
-def _split_at_end(e: Evidence) -> Culprit:
-    return _apart(e.link_history[-1][1], float(e.run.t[-1]))
 
 
 def _first_break(e: Evidence) -> Culprit:

@@ -5,9 +5,38 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.model.potentials import Potential
+from flocking.study.evidence import NotResolvable
 
 FARTHEST = 1e4
 """Where the search ends for a graph without a break radius."""
+
+
+def distance_of(potential: Potential, value: float, lowest: float, highest: float) -> float:
+    """Distance in a range at which a potential has a value.
+
+    Parameters
+    ----------
+    potential
+        The potential, above the value at one end of the range and below it at the other.
+    value
+        The value.
+    lowest, highest
+        Logarithms of the ends of the range.
+
+    Raises
+    ------
+    NotResolvable
+        When it is above or below the value at both ends.
+    """
+    from scipy.optimize import brentq
+
+    def excess(s: float) -> float:
+        return float(potential(np.exp(s))) - value
+
+    with np.errstate(all="ignore"):
+        if not excess(lowest) * excess(highest) <= 0:
+            raise NotResolvable(f"no distance in reach at which the potential is {value:.4g}")
+        return float(np.exp(brentq(excess, lowest, highest)))
 
 
 def smallest_value(potential: Potential, radius: float = FARTHEST) -> tuple[float, float]:

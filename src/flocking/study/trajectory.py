@@ -171,7 +171,8 @@ def _jumps(scenario: Scenario, links: list[Any]) -> Array:
     gained, lost = (_stored_at(law, float(r)) - scenario.energy.unlinked for r in (first, last))
     new = np.array([0, *(int((b & ~a).sum()) for a, b in itertools.pairwise(links))])
     gone = np.array([0, *(int((a & ~b).sum()) for a, b in itertools.pairwise(links))])
-    steps = 0.5 * (np.where(new > 0, new * gained, 0.0) - np.where(gone > 0, gone * lost, 0.0))
+    with np.errstate(invalid="ignore"):  # no link at a radius where the potential is infinite
+        steps = 0.5 * (np.where(new > 0, new * gained, 0.0) - np.where(gone > 0, gone * lost, 0.0))
     return np.asarray(np.cumsum(steps))
 
 

@@ -25,14 +25,6 @@ LEDGER = ("dissipated", "supplied", "jumped", "residual")
 
 NAMES = ("energy", "velocity spread", "connectivity", "flocks", "closest pair", "defect")
 
-NOT_YET = "not so far"
-
-_PENDING = frozenset(
-    {general.velocities_agree, general.distances_settle, general.switching_stops, general.forces_vanish,
-     general.potential_is_minimal, general.agents_at_their_minimum}
-)  # fmt: skip
-"""Conclusions about the end of a run: while it goes on they have not failed, they have not come true yet."""
-
 _LASTING = frozenset(
     {general.ledger_residual, general.momentum_drift, general.energy_rise, general.energy_continuous,
      general.linked_apart, general.all_apart, general.stays_connected, general.no_link_lost,
@@ -92,7 +84,7 @@ class Lamp:
     claim
         The claim.
     word
-        Its verdict, or ``"not so far"``.
+        Its verdict; ``"not yet"`` also of what a paper says of the end of its scenario, before that end.
     note
         What was measured.
     culprit
@@ -109,7 +101,7 @@ class Lamp:
         """Green, red, orange while open, grey where it does not apply."""
         if self.word == str(self.claim.expected) == "fails":
             return "teal"  # the paper is known to be wrong there
-        return {"holds": "green", "fails": "red", "hypothesis not met": "violet", NOT_YET: "orange"}.get(
+        return {"holds": "green", "fails": "red", "hypothesis not met": "violet", "not yet": "orange"}.get(
             self.word, "gray"
         )
 
@@ -154,5 +146,4 @@ def _word(claim: Claim, verdict: Verdict, run: Run) -> str:
     """The verdict, or that it is too early for one: a paper speaks of the end of its scenario."""
     if verdict is not Verdict.FAILS or claim.conclusion in _LASTING:
         return str(verdict)
-    early = claim.conclusion in _PENDING or run.t[-1] < run.scenario.t_end
-    return NOT_YET if early else str(verdict)
+    return str(Verdict.NOT_YET if run.t[-1] < run.scenario.t_end else verdict)

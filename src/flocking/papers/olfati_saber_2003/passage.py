@@ -78,10 +78,10 @@ def flock_counts(e: Evidence) -> tuple[int, int, int]:
     """Flocks when the first obstacle becomes active, the most until the last one is left, and at the end."""
     from flocking.study.nets import flocks
 
-    switches = e.run.switches
+    switches = e.all_switches
     times = switches["time"][switches["kind"] == "obstacle"]
     if len(times) == 0:
-        now = flocks(e.link_history[-1][1])
+        now = flocks(e.end_links)
         return now, now, now
     before, most = flocks(e.link_history[0][1]), 0
     for time, links in e.link_history:
@@ -91,7 +91,7 @@ def flock_counts(e: Evidence) -> tuple[int, int, int]:
         if time <= times[0]:
             before = count
         most = max(most, count if time >= times[0] else 0)
-    return before, max(most, before), flocks(e.link_history[-1][1])
+    return before, max(most, before), flocks(e.end_links)
 
 
 def gap_width() -> float:

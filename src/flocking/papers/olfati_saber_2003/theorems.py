@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from flocking.model.checks import Array
+from flocking.model.potentials import Potential
 from flocking.model.structural import structural_potential
+from flocking.model.terms import Gradient
 from flocking.papers.olfati_saber_2003 import passage, system
 from flocking.papers.olfati_saber_2003.system import FREE, KEY, SINK, SMOOTH
 from flocking.study import general_claims as general
 from flocking.study.claims import Claim, Measure, Verdict, above, below
-from flocking.study.evidence import Evidence
+from flocking.study.evidence import Evidence, NotMeasurable
+from flocking.study.settling import limit_of, limit_of_series, of_configuration
 
 LEAST_DENSITY = 0.9
 """A net counts as a quasi-flock from here on; the paper reports about 0.97."""
@@ -30,6 +34,19 @@ REALIZED = 1e-3
 """A net realizes (d_alpha, r) when no link's length is off by more than this fraction."""
 
 
+def potential_of(e: Evidence) -> Potential:
+    """The potential of the law's links."""
+    found = next((t.potential for t in e.law.pair_terms if isinstance(t, Gradient)), None)
+    if found is None:
+        raise NotMeasurable("the law has no potential over its graph")
+    return found
+
+
+def happens(measured: Measure) -> Measure:
+    """The measure of something that happens at some moment of the run."""
+    return replace(measured, everywhere=False, somewhere=True)
+
+
 # -- obstacles ------------------------------------------------------------------------------------------
 
 
@@ -37,21 +54,22 @@ def dense_at_end(e: Evidence) -> Measure:
     """Density (7) at the end."""
     from flocking.study.nets import density
 
-    found = density(e.link_history[-1][1])
-    return above(found, LEAST_DENSITY, f"density {found:.2f}")
+    return limit_of(
+        e, 1 - LEAST_DENSITY, lambda frame: 1 - density(e.links_at(frame)), lambda rest: f"density {1 - rest:.2f}"
+    )
 
 
 def never_inside(e: Evidence) -> Measure:
     """Smallest distance of any agent from any obstacle."""
-    least, error = passage.clearance(e.run)
+    least, error = passage.clearance(e.checked)
     return above(least, 0.0, f"closest {least:.3g} to an obstacle", error)
 
 
 def velocities_near_desired(e: Evidence) -> Measure:
     """Largest |p_i - p_d| at the end, against |p_d|."""
     wanted = np.asarray(system.DESIRED_VELOCITY)
-    off = float(np.linalg.norm(e.run.p[-1] - wanted, axis=1).max() / np.linalg.norm(wanted))
-    return below(off, SAME, f"velocities within {off:.1e} of |p_d|")
+    off = np.linalg.norm(e.p - wanted, axis=2).max(axis=1) / np.linalg.norm(wanted)
+    return replace(below(float(off[-1]), SAME, f"velocities within {off[-1]:.1e} of |p_d|"), everywhere=False)
 
 
 def headings_agree(e: Evidence) -> Measure:
@@ -59,26 +77,26 @@ def headings_agree(e: Evidence) -> Measure:
     from flocking.model.observables import headings
 
     wanted = float(np.arctan2(system.DESIRED_VELOCITY[1], system.DESIRED_VELOCITY[0]))
-    off = float(np.abs(np.angle(np.exp(1j * (headings(e.run.state(-1)) - wanted)))).max())
-    return below(off, SAME, f"headings within {off:.1e} rad")
+    off = float(np.abs(np.angle(np.exp(1j * (headings(e.state(-1)) - wanted)))).max())
+    return replace(below(off, SAME, f"headings within {off:.1e} rad"), everywhere=False)
 
 
 def splits(e: Evidence) -> Measure:
     """Most flocks while obstacles are active, against the number when the first becomes active."""
     before, most, _ = passage.flock_counts(e)
-    return above(most - before, 0.5, f"{before} flocks before the obstacles, {most} among them")
+    return happens(above(most - before, 0.5, f"{before} flocks before the obstacles, {most} among them"))
 
 
 def rejoins(e: Evidence) -> Measure:
     """Flocks at the end, against the most while obstacles were active."""
     _, most, after = passage.flock_counts(e)
-    return above(most - after, 0.5, f"{most} flocks among the obstacles, {after} at the end")
+    return happens(above(most - after, 0.5, f"{most} flocks among the obstacles, {after} at the end"))
 
 
 def squeezes(e: Evidence) -> Measure:
     """Agents that pass between the last two obstacles."""
-    through = passage.through_gap(e.run)
-    return above(through, 2.5, f"{through} agents pass the gap of {passage.gap_width():g}")
+    through = passage.through_gap(e.checked)
+    return happens(above(through, 2.5, f"{through} agents pass the gap of {passage.gap_width():g}"))
 
 
 def _obstacle_claims() -> tuple[Claim, ...]:
@@ -107,8 +125,7 @@ def _obstacle_claims() -> tuple[Claim, ...]:
 
 def starts_apart(e: Evidence) -> Measure:
     """The net is disconnected at first, as the paper assumes."""
-    found = general.starts_connected(e)
-    return Measure(-found.margin, 0.0, found.note)
+    return general.starts_connected(e).opposite
 
 
 def connected_since(e: Evidence) -> float:
@@ -126,29 +143,32 @@ def connected_since(e: Evidence) -> float:
 def becomes_connected(e: Evidence) -> Measure:
     """When the net becomes connected for good."""
     since = connected_since(e)
-    return below(since, CONNECTED_BY, f"connected from t = {since:.3g} on")
+    found = below(since, CONNECTED_BY, f"connected from t = {since:.3g} on")
+    return replace(found, unsettled="" if e.t[-1] > CONNECTED_BY else f"the run ends before t = {CONNECTED_BY:g}")
 
 
 def centred(e: Evidence) -> Measure:
     """Distance of the centre of mass from the sink at the end, against the side of the start box."""
-    off = float(np.linalg.norm(e.run.q[-1].mean(axis=0)))
-    return below(off / system.SINK_BOX, general.SETTLED, f"centre of mass {off:.1e} from the sink")
+    off = np.linalg.norm(e.q.mean(axis=1), axis=1)
+    return limit_of_series(
+        e.t, off, general.SETTLED * system.SINK_BOX, lambda d: f"centre of mass {d:.1e} from the sink"
+    )
 
 
 def rigid(e: Evidence) -> Measure:
     """Motions that keep all lengths and are no motion of the whole framework."""
     from flocking.study.rigidity import degrees_of_freedom
 
-    free = degrees_of_freedom(e.run.q[-1], e.link_history[-1][1])
-    return below(free, 0.5, f"{free} degrees of freedom")
+    free = degrees_of_freedom(e.q[-1], e.end_links)
+    return of_configuration(e, below(free, 0.5, f"{free} degrees of freedom"))
 
 
 def planar(e: Evidence) -> Measure:
     """Pairs of links that cross."""
     from flocking.study.rigidity import crossing_links
 
-    crossings = crossing_links(e.run.q[-1], e.link_history[-1][1])
-    return below(crossings, 0.5, f"{crossings} crossings")
+    crossings = crossing_links(e.q[-1], e.end_links)
+    return of_configuration(e, below(crossings, 0.5, f"{crossings} crossings"))
 
 
 def triangular(e: Evidence) -> Measure:
@@ -156,43 +176,43 @@ def triangular(e: Evidence) -> Measure:
     from flocking.study.rigidity import triangle_share
 
     if planar(e).margin < 0:
-        return Measure(-1.0, 0.0, "links cross: there are no faces")
-    share = triangle_share(e.run.q[-1], e.link_history[-1][1])
-    return above(share, DOMINANT, f"{share:.3f} of the faces are triangles")
+        return of_configuration(e, Measure(-1.0, 0.0, "links cross: there are no faces"))
+    share = triangle_share(e.q[-1], e.end_links)
+    return of_configuration(e, above(share, DOMINANT, f"{share:.3f} of the faces are triangles"))
 
 
 def little_defect(e: Evidence) -> Measure:
     """Normalized defect factor (47) at the end, for w = 0.01."""
-    from flocking.model.terms import Gradient
     from flocking.study.structure import defect
 
-    psi = next(t.potential for t in e.law.pair_terms if isinstance(t, Gradient))
-    found = defect(e.law.graph, psi, e.run.state(-1), weight=DEFECT_WEIGHT).normalized
-    return below(found, LOW_DEFECT, f"mu_n = {found:.3f} for w = {DEFECT_WEIGHT:g}")
+    psi = potential_of(e)
+    found = defect(e.law.graph, psi, e.state(-1), weight=DEFECT_WEIGHT).normalized
+    return of_configuration(e, below(found, LOW_DEFECT, f"mu_n = {found:.3f} for w = {DEFECT_WEIGHT:g}"))
 
 
 def realizes(e: Evidence) -> Measure:
     """Largest deviation of a link's length from d_alpha at the end."""
     from flocking.study.structure import deviation
 
-    off = deviation(e.run.q[-1], e.link_history[-1][1], system.DISTANCE) / system.DISTANCE
-    return below(off, REALIZED, f"lengths within {off:.1e} of d_alpha")
+    off = deviation(e.q[-1], e.end_links, system.DISTANCE) / system.DISTANCE
+    return of_configuration(e, below(off, REALIZED, f"lengths within {off:.1e} of d_alpha"))
 
 
 def structural_energy_vanishes(e: Evidence) -> Measure:
     """H_s at the end against its largest value at a frame (Definition 2 ii)."""
     values = structural_energies(e)
-    ratio = float(values[-1] / values.max())
-    return below(ratio, REALIZED, f"H_s ends at {values[-1]:.3g}, {ratio:.1e} of its maximum")
+    most = float(values.max()) or 1.0
+    return limit_of_series(
+        e.t, values / most, REALIZED, lambda ratio: f"H_s ends at {ratio * most:.3g}, {ratio:.1e} of its maximum"
+    )
 
 
 def structural_energies(e: Evidence) -> Array:
     """H_s at the frames, shape (F,)."""
-    from flocking.model.terms import Gradient
     from flocking.study.structure import structural_energy
 
-    psi = next(t.potential for t in e.law.pair_terms if isinstance(t, Gradient))
-    return np.array([structural_energy(e.law.graph, psi, e.run.state(k)).total for k in range(len(e.run.t))])
+    psi = potential_of(e)
+    return np.array([structural_energy(e.law.graph, psi, e.state(k)).total for k in range(len(e.t))])
 
 
 def _sink_claims() -> tuple[Claim, ...]:
@@ -252,7 +272,7 @@ def settles_as_flock(e: Evidence) -> Measure:
 def jumps_by_h0(e: Evidence) -> Measure:
     """Each jump of H_s against h_0 times links created less links lost."""
     h0 = link_energy()
-    jumps = np.diff(e.run.trace["jumped"])
+    jumps = np.diff(e.trace["jumped"])
     jumps = jumps[jumps != 0]
     expected = h0 * (e.links_created - e.links_lost)
     off = float(max(abs(np.abs(jumps) / h0 - 1).max(initial=0.0), abs(jumps.sum() - expected) / h0))
@@ -266,12 +286,12 @@ def link_energy() -> float:
 
 def some_switch(e: Evidence) -> Measure:
     """At least two switches."""
-    return above(len(e.link_switches), 1.5, f"{len(e.link_switches)} switches")
+    return happens(above(len(e.link_switches), 1.5, f"{len(e.link_switches)} switches"))
 
 
 def energy_falls_from_switch_to_switch(e: Evidence) -> Measure:
     """Largest rise of H_s from one switching time to the next (Remark 5)."""
-    trace = e.run.trace
+    trace = e.trace
     after = [float(trace["energy"][0])]
     for time in np.unique(e.link_switches["time"]):
         # The last row of the ledger at that time: after the jump.

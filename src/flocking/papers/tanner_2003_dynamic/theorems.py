@@ -22,22 +22,20 @@ def distances_bounded(e: Evidence) -> Measure:
 
 def kept_apart(e: Evidence) -> Measure:
     """Closest pair ever against the distance at which one pair alone would hold the whole initial Q."""
-    found, least = e.run.closest, forbidden_distance(e)
+    found, least = e.closest, forbidden_distance(e)
     note = f"closest {found.distance:.4g} at t = {found.time:.3g}; Q(0) allows no pair below {least:.2g}"
     return above(found.distance, least, note)
 
 
 def forbidden_distance(e: Evidence) -> float:
     """Distance whose potential is the initial Q, less what the other pairs hold at least."""
-    from scipy.optimize import brentq
+    from flocking.study.potential_minimum import distance_of, smallest_value
 
-    from flocking.study.potential_minimum import smallest_value
-
-    psi = e.equilibrium.potentials[0]
+    psi = e.potential
     best, lowest = smallest_value(psi, float(np.max(np.asarray(e.law.graph.break_radius))))
     pairs = e.run.n * (e.run.n - 1) // 2
-    most = float(e.run.trace["energy"][0]) - (pairs - 1) * lowest
-    return float(np.exp(brentq(lambda s: float(psi(np.exp(s))) - most, -40.0, float(np.log(best)))))
+    most = float(e.trace["energy"][0]) - (pairs - 1) * lowest
+    return distance_of(psi, most, -40.0, float(np.log(best)))
 
 
 def claims(scenario: str = KEY) -> Sequence[Claim]:

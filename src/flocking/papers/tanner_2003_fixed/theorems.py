@@ -4,27 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from flocking.model.potentials import Potential
 from flocking.papers.tanner_2003_fixed.system import COMPLETE, KEY
 from flocking.study import general_claims as general
 from flocking.study.claims import Claim, Measure, Origin, Verdict, below
 from flocking.study.evidence import Evidence
+from flocking.study.potential_minimum import distance_of
 
 THEOREM = "Theorem IV.4"
 
 
 def longest_path(potential: Potential, links: int, c: float) -> float:
     """Length of a path of ``links`` links none of which stores more than ``c``: links times V^-1(c), larger branch."""
-    from scipy.optimize import brentq
-
-    return links * float(np.exp(brentq(lambda s: float(potential(np.exp(s))) - c, 0.0, 50.0 + c)))
+    return links * distance_of(potential, c, 0.0, 50.0 + c)
 
 
 def distances_bounded(e: Evidence) -> Measure:
     """Largest distance against (N-1) V^-1(c), the larger branch of the inverse, along a path of links."""
-    bound = longest_path(e.equilibrium.potentials[0], e.run.n - 1, float(e.run.trace["energy"][0]))
+    bound = longest_path(e.potential, e.run.n - 1, float(e.trace["energy"][0]))
     return below(float(e.diameter.max()), bound, f"largest distance {e.diameter.max():.3g}, bound {bound:.3g}")
 
 
@@ -69,12 +66,9 @@ def claims(scenario: str = KEY) -> Sequence[Claim]:
 
 def unlinked_keep_distance(e: Evidence) -> Measure:
     """Closest unlinked pair against the distance the energy forbids to linked ones."""
-    from scipy.optimize import brentq
-
-    psi = e.equilibrium.potentials[0]
-    c = float(e.run.trace["energy"][0])
-    forbidden = float(np.exp(brentq(lambda s: float(psi(np.exp(s))) - c, -40.0, 0.0)))
-    found = e.run.closest_unlinked
+    c = float(e.trace["energy"][0])
+    forbidden = distance_of(e.potential, c, -40.0, 0.0)
+    found = e.closest_unlinked
     i, j = found.pair
     note = f"unlinked agents {i}, {j} at {found.distance:.2g}; linked ones never below {forbidden:.2g}"
     return Measure(found.distance - forbidden, 0.0, note)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from flocking.study.evidence.approach import ApproachEvidence
-from flocking.study.evidence.basis import MOST_DENSE, NotMeasurable
+from flocking.study.evidence.basis import MOST_DENSE, NotMeasurable, NotResolvable
 from flocking.study.evidence.ledger import LEDGER_FACTOR, SLACK, LedgerEvidence
-from flocking.study.evidence.links import LinkEvidence
 
 
-class Evidence(LedgerEvidence, LinkEvidence, ApproachEvidence):
+class Evidence(LedgerEvidence, ApproachEvidence):
     """Measured quantities of a run, each computed when first asked for.
 
     Parameters
@@ -18,4 +17,4 @@ class Evidence(LedgerEvidence, LinkEvidence, ApproachEvidence):
     """
 
 
-__all__ = ["LEDGER_FACTOR", "MOST_DENSE", "SLACK", "Evidence", "NotMeasurable"]
+__all__ = ["LEDGER_FACTOR", "MOST_DENSE", "SLACK", "Evidence", "NotMeasurable", "NotResolvable"]

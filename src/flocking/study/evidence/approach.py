@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from flocking.engine.run import Closest
-from flocking.study.evidence.basis import NotMeasurable
+from flocking.study.evidence.basis import NotMeasurable, NotResolvable
+from flocking.study.evidence.links import LinkEvidence
 from flocking.study.evidence.motion import MotionEvidence
 
 
-class ApproachEvidence(MotionEvidence):
+class ApproachEvidence(LinkEvidence, MotionEvidence):
     """Closest approaches, between frames too where the engine looked there."""
 
     @property
@@ -26,9 +29,24 @@ class ApproachEvidence(MotionEvidence):
     @property
     def closest_linked(self) -> Closest:
         """Closest approach ever of two linked agents; infinitely far where there was never a link."""
-        found = self.run.closest_linked
+        found = self._sound(self.run.closest_linked)
         if not np.isfinite(found.distance) and self.run.links.any():
             raise NotMeasurable(f"the engine {self.run.provenance['engine']} did not look at linked agents' distances")
+        return found
+
+    @property
+    def closest_unlinked(self) -> Closest:
+        """Closest approach ever of two agents that are not linked; infinitely far where all were linked.
+
+        Raises
+        ------
+        NotResolvable
+            When the engine does not look at them.
+        """
+        found = self._sound(self.run.closest_unlinked)
+        if not np.isfinite(found.distance) and self.run.n > 1 and not self._looks_at_all_pairs:
+            engine = self.run.provenance.get("engine")
+            raise NotResolvable(f"out of reach: the engine {engine} looks at linked agents' distances alone")
         return found
 
     @property
@@ -38,9 +56,48 @@ class ApproachEvidence(MotionEvidence):
         Where an engine looks at linked pairs alone, all others are out of reach of each other, unless the graph
         is fixed.
         """
-        if "farthest" not in self.run.provenance:
-            return self.run.closest
+        if self._looks_at_all_pairs:
+            return min(self._sound(self.run.closest_unlinked), self.closest_linked, key=lambda c: c.distance)
         if not self.law.graph.moves:
             raise NotMeasurable(f"the engine {self.run.provenance['engine']} looks at linked agents' distances alone")
         reach = float(np.min(np.asarray(self.law.graph.appear_radius)))
         return min(self.closest_linked, Closest(reach), key=lambda c: c.distance)
+
+    @property
+    def _looks_at_all_pairs(self) -> bool:
+        return "farthest" not in self.run.provenance
+
+    def _sound(self, found: Closest) -> Closest:
+        inside = all(-1 <= agent < self.run.n for agent in found.pair)
+        if np.isnan(found.distance) or found.distance < 0 or not inside:
+            raise NotResolvable("the recorded closest approach is not one")
+        return found
+
+    @cached_property
+    def coincidences(self) -> list[tuple[float, tuple[int, int]]]:
+        """Times and pairs of agents that are given at one and the same point: at the start, or at a sample.
+
+        Later frames of a computed motion carry the error of the computation. A part of a run that goes on may begin
+        later than its scenario.
+        """
+        if self.goes_on:
+            return []
+        if not self.sampled:
+            start = self.run.scenario.start
+            return [(start.t, pair) for pair in _coincident(start.q)]
+        return [(float(t), pair) for t, q in zip(self.t, self.q, strict=True) for pair in _coincident(q)]
+
+    def linked_together(self, time: float, pair: tuple[int, int]) -> bool:
+        """Whether a pair of `coincidences` is linked: agents at one point are nearer than any radius."""
+        graph = self.law.graph
+        if graph.moves and not graph.sees_headings:
+            return bool(np.min(np.asarray(graph.appear_radius)) > 0)
+        links = self.frame_links[int(np.argmin(np.abs(self.t - time)))]
+        return bool(links[pair] or links[pair[::-1]])
+
+
+def _coincident(q: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> list[tuple[int, int]]:
+    """One pair of each group of neighbours in rank whose positions, shape (N, m), are equal."""
+    ranks = np.lexsort(q.T)
+    same = (q[ranks[1:]] == q[ranks[:-1]]).all(axis=1)
+    return [(int(min(a, b)), int(max(a, b))) for a, b in zip(ranks[:-1][same], ranks[1:][same], strict=True)]

@@ -1,23 +1,37 @@
-"""What every kind of evidence starts from: the run, and how much of it was recorded."""
+"""What every kind of evidence starts from: the run, what was recorded of it, and whether its numbers can be used."""
 
 from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from flocking.engine.run import Run
 from flocking.model.checks import Array
 from flocking.model.law import Law
+from flocking.model.state import State
 
 MOST_DENSE = 4000
 """Largest group whose pairs are all looked at at once."""
+
+LARGEST = 1e100
+"""Larger positions, velocities and energies are not computed with: their products overflow."""
 
 
 class NotMeasurable(Exception):  # noqa: N818  a verdict, not a fault
     """A quantity that this run does not let one compute; a claim that needs it is not applicable."""
 
 
+class NotResolvable(Exception):  # noqa: N818  a verdict, not a fault
+    """A quantity that exists and that this run leaves open; a claim that needs it is not resolved."""
+
+
 class RunEvidence:
     """A run and how it was made.
+
+    Claims read times, positions, velocities and the ledger here and not from the run, so that numbers that cannot be
+    computed with leave them unresolved.
 
     Parameters
     ----------
@@ -39,9 +53,19 @@ class RunEvidence:
         return self.run.provenance.get("engine") == "samples"
 
     @property
+    def goes_on(self) -> bool:
+        """Whether the run is a part of one that goes on, judged as far as it goes."""
+        return self.run.status == "running"
+
+    @property
+    def ended_early(self) -> bool:
+        """Whether the run ended before its scenario did: what it has not refuted might have failed later."""
+        return not self.run.finished and not self.goes_on
+
+    @property
     def switches_known(self) -> bool:
         """Whether every switch of a link is recorded; else only the frames say who was linked."""
-        return not self.sampled and self.run.provenance.get("switches") != "not recorded"
+        return not self.law.graph.moves or (not self.sampled and self.run.provenance.get("switches") != "not recorded")
 
     @property
     def masses(self) -> Array:
@@ -53,11 +77,72 @@ class RunEvidence:
         """Whether the engine took fixed steps: its ledger closes to the order of its scheme, not to a tolerance."""
         return "scheme" in self.run.provenance
 
-    def _need_frames(self) -> None:
-        if not len(self.run.t):
-            raise NotMeasurable("the run keeps no frames")
+    @cached_property
+    def t(self) -> Array:
+        """Times of the frames, ascending, shape (F,).
 
-    def _need_all_pairs(self) -> None:
-        self._need_frames()
+        Raises
+        ------
+        NotMeasurable
+            When the run keeps no frames.
+        NotResolvable
+            When times are not finite or do not ascend.
+        """
+        t = self.run.t
+        if not len(t):
+            raise NotMeasurable("the run keeps no frames")
+        if not np.isfinite(t).all() or (np.diff(t) <= 0).any():
+            raise NotResolvable("the times of the frames do not ascend")
+        return t
+
+    @cached_property
+    def q(self) -> Array:
+        """Positions at the frames, shape (F, N, m); raises as `t` does, and where they cannot be computed with."""
+        return self._usable("positions", self.run.q)
+
+    @cached_property
+    def p(self) -> Array:
+        """Velocities at the frames, shape (F, N, m); raises as `q` does."""
+        return self._usable("velocities", self.run.p)
+
+    @property
+    def checked(self) -> Run:
+        """The run, when its frames can be computed with; raises as `q` does where they cannot."""
+        self.q, self.p  # noqa: B018
+        return self.run
+
+    def state(self, frame: int) -> State:
+        """State at a frame, with its links."""
+        return self.checked.state(frame)
+
+    @cached_property
+    def trace(self) -> np.ndarray[Any, Any]:
+        """The ledger, fields `flocking.engine.run.TRACE_FIELDS`.
+
+        Raises
+        ------
+        NotMeasurable
+            When the run has none.
+        NotResolvable
+            When it holds values that cannot be computed with.
+        """
+        trace = self.run.trace
+        if not len(trace):
+            raise NotMeasurable("the run has no ledger to vouch for its motion")
+        for name in trace.dtype.names or ():
+            if not (np.abs(trace[name]) <= LARGEST).all():
+                raise NotResolvable(f"the ledger holds values of {name} that are not finite or too large")
+        return trace
+
+    def _usable(self, what: str, values: Array) -> Array:
+        if values.shape != (len(self.t), self.run.n, self.run.q.shape[2]):
+            raise NotResolvable(f"the {what} do not fit the other arrays of the run")
+        wrong = np.flatnonzero(~(np.abs(values) <= LARGEST).all(axis=(1, 2)))
+        if len(wrong):
+            raise NotResolvable(f"{what} at t = {self.t[wrong[0]]:.4g} are not finite or too large")
+        return values
+
+    def need_few(self) -> None:
+        """Refuse groups whose pairs are too many to be looked at."""
         if self.run.n > MOST_DENSE:
             raise NotMeasurable(f"{self.run.n} agents have too many pairs")

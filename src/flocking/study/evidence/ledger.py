@@ -7,8 +7,9 @@ from functools import cached_property
 import numpy as np
 
 from flocking.engine.step_checks import RESIDUAL
+from flocking.model.checks import Array
 from flocking.model.graphs import pair_distances
-from flocking.study.evidence.basis import NotMeasurable, RunEvidence
+from flocking.study.evidence.links import LinkEvidence
 
 LEDGER_FACTOR = 100.0
 """The ledger must close to this many tolerances times the total energy moved."""
@@ -17,14 +18,19 @@ SLACK = 1e-6
 """Share of a radius within which a pair may be linked or not."""
 
 
-class LedgerEvidence(RunEvidence):
+class LedgerEvidence(LinkEvidence):
     """Whether the declared law explains the energy of the motion."""
+
+    @property
+    def residuals(self) -> Array:
+        """What the ledger leaves unexplained at each of its rows; raises as `trace` does."""
+        return self.run.residual if len(self.trace) else np.zeros(0)
 
     @cached_property
     def step_residual(self) -> float:
         """Largest part of a single step's energy that the ledger does not explain, with rounding."""
-        size = float(np.abs(self.run.trace["energy"]).max(initial=0.0))
-        return float(np.abs(np.diff(self.run.residual)).max(initial=0.0)) + 1e-12 * size
+        size = float(np.abs(self.trace["energy"]).max(initial=0.0))
+        return float(np.abs(np.diff(self.residuals)).max(initial=0.0)) + 1e-12 * size
 
     @cached_property
     def ledger_bound(self) -> float:
@@ -33,23 +39,43 @@ class LedgerEvidence(RunEvidence):
         Between samples of a motion from elsewhere the powers are interpolated, and their error takes its place. A
         fixed step is held to what its engine holds it to, a share of the energy moved.
         """
-        if self.fixed_step and len(self.run.trace):
-            kinetic = self.run.trace["kinetic"]
-            moved = self.run.turnover + float(np.abs(np.diff(self.run.trace["jumped"])).sum())
-            return RESIDUAL * (moved + float(kinetic[0] + kinetic[-1])) + 1e-14
+        if self.fixed_step:
+            return RESIDUAL * self.energy_moved + 1e-14
         if self.sampled:
-            size = float(np.abs(self.run.trace["energy"]).max(initial=0.0))
+            size = float(np.abs(self.trace["energy"]).max(initial=0.0))
             return 3 * float(self.run.provenance["ledger_error"]) + 1e-9 * size
         tolerance = float(self.run.provenance.get("tolerance", self.run.scenario.tolerance))
-        size = float(np.abs(self.run.trace["energy"]).max(initial=0.0))
+        size = float(np.abs(self.trace["energy"]).max(initial=0.0))
         return LEDGER_FACTOR * tolerance * self.run.turnover + 1e-12 * size + 1e-14
+
+    @cached_property
+    def energy_moved(self) -> float:
+        """Energy worked, dissipated, supplied and jumped over the run, with the kinetic energy at both ends."""
+        kinetic, size = self.trace["kinetic"], self.run.turnover
+        return size + float(np.abs(np.diff(self.trace["jumped"])).sum() + kinetic[0] + kinetic[-1])
+
+    @cached_property
+    def ledger_doubt(self) -> str:
+        """Why a ledger of samples can neither close nor stay open; empty when it can.
+
+        Too few samples leave open how much was dissipated between them. A link of which samples do not tell whether it
+        is there leaves open what it stores; a ledger that closes shows that it was guessed right.
+        """
+        if not self.sampled:
+            return ""
+        if not self.ledger_bound <= RESIDUAL * self.energy_moved:
+            return (
+                f"samples too far apart for a ledger: {self.ledger_bound:.1e} may be missing of the "
+                f"{self.energy_moved:.1e} moved"
+            )
+        if self.residual > self.ledger_bound and self.unsure_links.any():
+            return f"{self._ledger_sizes}, but samples do not tell of each link whether it is there"
+        return ""
 
     @cached_property
     def residual(self) -> float:
         """Largest absolute residual of the energy ledger over the run."""
-        if not len(self.run.trace):
-            raise NotMeasurable("the run has no ledger to vouch for its motion")
-        return float(np.abs(self.run.residual).max(initial=0.0))
+        return float(np.abs(self.residuals).max(initial=0.0))
 
     @cached_property
     def foreign_link(self) -> str:
@@ -58,7 +84,7 @@ class LedgerEvidence(RunEvidence):
         The ledger of an engine adds over the links that were at work, whoever made them. Earlier frames may belong
         to a law that was replaced on the way.
         """
-        graph, state = self.law.graph, self.run.state(-1) if len(self.run.t) else None
+        graph, state = self.law.graph, self.state(-1) if len(self.run.t) else None
         if state is None or state.links is None or graph.sees_headings or not self.switches_known:
             return ""
         distance = pair_distances(state.q)
@@ -76,10 +102,14 @@ class LedgerEvidence(RunEvidence):
     @property
     def ledger_closes(self) -> bool:
         """Whether the declared law explains the energy of the computed motion."""
-        return self.residual <= self.ledger_bound and not self.foreign_link
+        return self.residual <= self.ledger_bound and not self.foreign_link and not self.ledger_doubt
 
     @property
     def ledger_note(self) -> str:
-        """The residual and its bound in words."""
+        """The residual and its bound in words, or what else keeps the ledger from closing."""
+        return self.foreign_link or self.ledger_doubt or self._ledger_sizes
+
+    @property
+    def _ledger_sizes(self) -> str:
         share = f" ({100 * RESIDUAL:g} % of the energy moved, for a fixed step)" if self.fixed_step else ""
         return f"ledger residual {self.residual:.2e}, allowed {self.ledger_bound:.2e}{share}"

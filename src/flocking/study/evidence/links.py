@@ -6,26 +6,94 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flocking.model.connectivity import Links, components, is_connected
-from flocking.study.evidence.basis import NotMeasurable, RunEvidence
+from flocking.model.graphs import pair_distances
+from flocking.study.evidence.basis import NotMeasurable, NotResolvable, RunEvidence
+
+FASTER = 1.25
+"""How much faster than at two samples a pair's distance is taken to change between them at most."""
 
 
 class LinkEvidence(RunEvidence):
-    """Links and their switches."""
+    """Links and their switches.
+
+    Only an engine that locates switches tells which links there were between frames. Everything here that needs to
+    know raises `NotResolvable` for other runs; what the frames show by themselves has a name that says so.
+    """
+
+    @cached_property
+    def frame_links(self) -> NDArray[np.bool_]:
+        """Link matrices at the frames, shape (F, N, N)."""
+        n, links = self.run.n, self.run.links
+        if links.shape != (len(self.t), n, n):
+            raise NotMeasurable(f"frames of {n} agents hold no link matrices")
+        return np.asarray(links, dtype=bool)
+
+    @cached_property
+    def unsure_links(self) -> NDArray[np.bool_]:
+        """Pairs that may or may not be linked at the frames, shape (F, N, N).
+
+        The links of samples are those that the graph's rule makes of the sampled positions alone. Where links appear
+        and break at different distances, a pair that may have crossed one of them between two samples leaves the rest
+        unsure until it is inside or outside of both.
+        """
+        links, graph = self.frame_links, self.law.graph
+        unsure = np.zeros_like(links)
+        enters, leaves = (np.asarray(r)[..., None] for r in (graph.appear_radius, graph.break_radius))
+        if not self.sampled or not graph.moves or (enters >= leaves).all():
+            return unsure
+        before, rate_before = self._distances(0)
+        if self.t[0] != self.run.scenario.start.t:
+            unsure[0] = (before >= enters) & (before < leaves)
+        for k in range(1, len(self.t)):
+            now, rate = self._distances(k)
+            way = FASTER * (self.t[k] - self.t[k - 1]) * np.maximum(rate_before, rate)
+            nearest, farthest = (before + now - way) / 2, (before + now + way) / 2
+            crossed = np.where(links[k - 1], farthest >= leaves, nearest < enters) | unsure[k - 1]
+            unsure[k] = crossed & (now >= enters) & (now < leaves)
+            np.fill_diagonal(unsure[k], False)
+            before, rate_before = now, rate
+        return unsure
+
+    def _distances(self, frame: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Distances of all pairs at a frame and the sizes of their rates of change, shape (N, N) each."""
+        q, p = self.q[frame], self.p[frame]
+        r = pair_distances(q)
+        d, v = q[None] - q[:, None], p[None] - p[:, None]
+        return r, np.abs((d * v).sum(axis=2)) / np.where((r > 0) & np.isfinite(r), r, 1.0)
+
+    @cached_property
+    def end_links(self) -> Links:
+        """Link matrix at the end, shape (N, N).
+
+        Raises
+        ------
+        NotResolvable
+            When samples do not tell.
+        """
+        return self.link_history[-1][1] if self.switches_known else self.links_at(-1)
+
+    def links_at(self, frame: int) -> Links:
+        """Link matrix at a frame, shape (N, N).
+
+        Raises
+        ------
+        NotResolvable
+            When samples do not tell.
+        """
+        links = self.frame_links
+        if self.unsure_links[frame].any():
+            i, j = (int(k) for k in np.argwhere(self.unsure_links[frame])[0])
+            raise NotResolvable(f"samples do not tell whether agents {i} and {j} are linked at t = {self.t[frame]:.4g}")
+        return np.asarray(links[frame])
 
     @cached_property
     def link_history(self) -> list[tuple[float, Links]]:
-        """Link matrix of the law's graph from each time it changed on, the first at the start.
-
-        At the frames where switches are not recorded.
-        """
-        if self.run.links.shape[1:] != (self.run.n, self.run.n):
-            raise NotMeasurable(f"frames of {self.run.n} agents hold no link matrices")
-        links = np.array(self.run.links[0])
-        if not self.switches_known:
-            return [(float(t), np.asarray(x)) for t, x in zip(self.run.t, self.run.links, strict=True)]
-        history = [(float(self.run.t[0]), links.copy())]
+        """Link matrix of the law's graph from each time it changed on, the first at the start."""
+        links = np.array(self.frame_links[0])
+        history = [(float(self.t[0]), links.copy())]
         directed = self.law.graph.directed
         for row in self.link_switches:
             i, j = int(row["i"]), int(row["j"])
@@ -40,24 +108,73 @@ class LinkEvidence(RunEvidence):
         return history
 
     @cached_property
-    def link_switches(self) -> np.ndarray[Any, Any]:
-        """Switches of links of the law's own graph."""
+    def link_looks(self) -> list[tuple[float, Links]]:
+        """What is known of the links over time: `link_history`, or the frames where switches are not recorded.
+
+        Pairs that may be linked count as linked here: a graph that is not connected with them is not connected.
+        """
+        if self.switches_known:
+            return self.link_history
+        return list(zip(self.t.tolist(), self.frame_links | self.unsure_links, strict=True))
+
+    @cached_property
+    def all_switches(self) -> np.ndarray[Any, Any]:
+        """Switches of every graph and obstacle, in time order.
+
+        Raises
+        ------
+        NotResolvable
+            When the run records none, or records switches that cannot be.
+        """
+        if self.sampled:
+            raise NotResolvable("out of reach: samples do not show the switches")
+        if self.run.provenance.get("switches") == "not recorded":
+            engine = self.run.provenance.get("engine")
+            raise NotResolvable(f"out of reach: the engine {engine} records no switches; engine='exact' locates them")
         s = self.run.switches
-        return np.asarray(s[(s["graph"] == 0) & ((s["kind"] == "appear") | (s["kind"] == "break"))])
+        if not np.isfinite(s["time"]).all() or (np.diff(s["time"]) < 0).any():
+            raise NotResolvable("the times of the switches do not ascend")
+        return s
+
+    @cached_property
+    def link_switches(self) -> np.ndarray[Any, Any]:
+        """Switches of links of the law's own graph; raises as `all_switches` does. A fixed graph has none."""
+        if not self.law.graph.moves:
+            return self.run.switches[:0]
+        s = self.all_switches
+        found = np.asarray(s[(s["graph"] == 0) & ((s["kind"] == "appear") | (s["kind"] == "break"))])
+        for name in ("i", "j"):
+            if ((found[name] < 0) | (found[name] >= self.run.n)).any():
+                raise NotResolvable("a recorded switch names an agent that is not there")
+        return found
+
+    @cached_property
+    def seen_disconnected(self) -> float:
+        """First time at which the graph is seen not to be connected; infinite when it never is."""
+        if (seen := self._observed_flocks) is not None:
+            return next((float(row["time"]) for row in seen if row["flocks"] > 1), np.inf)
+        return next((t for t, links in self.link_looks if not is_connected(links)), np.inf)
 
     @cached_property
     def first_disconnected(self) -> float:
-        """First time at which the graph is not connected; infinite when it always is."""
-        if (seen := self._observed_flocks) is not None:
-            return next((float(row["time"]) for row in seen if row["flocks"] > 1), np.inf)
-        return next((t for t, links in self.link_history if not is_connected(links)), np.inf)
+        """First time at which the graph is not connected; infinite when it always is.
+
+        Raises
+        ------
+        NotResolvable
+            When it is connected whenever it was looked at, and that was not always.
+        """
+        if self.seen_disconnected == np.inf and not self.switches_known:
+            where = "" if self.sampled else "; engine='exact' locates every switch"
+            raise NotResolvable(f"connected at each of {self.looks} frames, nothing is known between{where}")
+        return self.seen_disconnected
 
     @cached_property
     def flocks_at_end(self) -> int:
         """Number of flocks at the end."""
         if (seen := self._observed_flocks) is not None:
             return int(seen["flocks"][-1])
-        return int(components(self.link_history[-1][1]).max()) + 1
+        return int(components(self.end_links).max()) + 1
 
     @property
     def _observed_flocks(self) -> np.ndarray[Any, Any] | None:
@@ -71,25 +188,43 @@ class LinkEvidence(RunEvidence):
         """Whether the graph is connected at the start."""
         if (seen := self._observed_flocks) is not None:
             return bool(seen["flocks"][0] == 1)
-        return bool(is_connected(self.link_history[0][1]))
+        return bool(is_connected(self.links_at(0)))
 
     @property
     def looks(self) -> int:
         """How many times the links were looked at."""
-        return len(self.link_history if self._observed_flocks is None else self._observed_flocks)
+        return len(self.link_looks if self._observed_flocks is None else self._observed_flocks)
 
     @property
     def links_created(self) -> int:
-        """Number of links that appeared."""
+        """Number of links that appeared; raises as `link_switches` does."""
         return int((self.link_switches["kind"] == "appear").sum())
 
     @property
     def links_lost(self) -> int:
-        """Number of links that broke."""
+        """Number of links that broke; raises as `link_switches` does."""
         return int((self.link_switches["kind"] == "break").sum())
+
+    @property
+    def seen_created(self) -> int:
+        """Number of links that are seen to have appeared: no more than did."""
+        return self.links_created if self.switches_known else self._seen(True)
+
+    @property
+    def seen_lost(self) -> int:
+        """Number of links that are seen to have broken: no more than did."""
+        return self.links_lost if self.switches_known else self._seen(False)
+
+    def _seen(self, appear: bool) -> int:
+        """How often a pair is surely not so at one frame and surely so at the next; 0 where frames hold no links."""
+        if self.run.links.shape != (len(self.run.t), self.run.n, self.run.n):
+            return 0
+        sure, then = ~self.unsure_links, self.frame_links if appear else ~self.frame_links
+        pairs = ~then[:-1] & then[1:] & sure[:-1] & sure[1:]
+        return int(pairs.sum()) // (1 if self.law.graph.directed else 2)
 
     @cached_property
     def last_switch(self) -> float:
         """Time of the last link switch; the start when there was none."""
         switches = self.link_switches
-        return float(switches["time"][-1]) if len(switches) else float(self.run.t[0])
+        return float(switches["time"][-1]) if len(switches) else float(self.t[0])

@@ -7,8 +7,9 @@ from functools import cached_property
 import numpy as np
 
 from flocking.model.checks import Array
+from flocking.model.potentials import Potential
 from flocking.study.equilibrium import Equilibrium
-from flocking.study.evidence.basis import RunEvidence
+from flocking.study.evidence.basis import NotMeasurable, NotResolvable, RunEvidence
 
 
 class MotionEvidence(RunEvidence):
@@ -17,30 +18,37 @@ class MotionEvidence(RunEvidence):
     @cached_property
     def mean_velocity(self) -> Array:
         """Velocity of the centre of mass at the frames, shape (F, m)."""
-        self._need_frames()
-        return np.asarray(np.einsum("i,fik->fk", self.masses, self.run.p) / self.masses.sum())
+        return np.asarray(np.einsum("i,fik->fk", self.masses, self.p) / self.masses.sum())
+
+    @cached_property
+    def spread_times(self) -> Array:
+        """Times of `velocity_spread`, shape (F,)."""
+        return np.asarray(self.run.observables["time"]) if self._observed_spread else self.t  # type: ignore[index]
 
     @cached_property
     def velocity_spread(self) -> Array:
         """Largest |p_i - mean| at each frame, shape (F,); what was observed where the run keeps no frames."""
-        seen = self.run.observables
-        if not len(self.run.t) and seen is not None and len(seen) and not np.ptp(self.masses):
-            return np.asarray(seen["spread"])
-        offsets = self.run.p - self.mean_velocity[:, None, :]
+        if self._observed_spread:
+            return np.asarray(self.run.observables["spread"])  # type: ignore[index]
+        offsets = self.p - self.mean_velocity[:, None, :]
         return np.asarray(np.linalg.norm(offsets, axis=2).max(axis=1))
+
+    @property
+    def _observed_spread(self) -> bool:
+        seen = self.run.observables
+        return not len(self.run.t) and seen is not None and len(seen) > 0 and not np.ptp(self.masses)
 
     @cached_property
     def speeds(self) -> Array:
         """Largest speed at each frame, shape (F,)."""
-        self._need_frames()
-        return np.asarray(np.linalg.norm(self.run.p, axis=2).max(axis=1))
+        return np.asarray(np.linalg.norm(self.p, axis=2).max(axis=1))
 
     @cached_property
     def diameter(self) -> Array:
         """Largest distance of two agents at each frame, shape (F,)."""
-        self._need_all_pairs()
+        self.need_few()
         found = []
-        for q in self.run.q:
+        for q in self.q:
             offsets = q[None] - q[:, None]
             found.append(float(np.sqrt((offsets**2).sum(axis=2).max())))
         return np.array(found)
@@ -48,8 +56,12 @@ class MotionEvidence(RunEvidence):
     @cached_property
     def distance_rate(self) -> float:
         """Largest rate of change of a pair distance at the last frame."""
-        self._need_all_pairs()
-        q, p = self.run.q[-1], self.run.p[-1]
+        return self.distance_rate_at(-1)
+
+    def distance_rate_at(self, frame: int) -> float:
+        """Largest rate of change of a pair distance at a frame."""
+        self.need_few()
+        q, p = self.q[frame], self.p[frame]
         i, j = np.triu_indices(self.run.n, 1)
         if len(i) == 0:
             return 0.0
@@ -60,5 +72,35 @@ class MotionEvidence(RunEvidence):
     @cached_property
     def equilibrium(self) -> Equilibrium:
         """Forces and stiffness of the potentials at the last frame."""
-        self._need_all_pairs()
-        return Equilibrium(self.law, self.run.state(-1))
+        return self.equilibrium_at(-1)
+
+    def equilibrium_at(self, frame: int) -> Equilibrium:
+        """Forces and stiffness of the potentials at a frame."""
+        self.need_few()
+        return Equilibrium(self.law, self.state(frame))
+
+    @cached_property
+    def potential(self) -> Potential:
+        """The potential of a link: the first that acts over the law's own graph.
+
+        Raises
+        ------
+        NotMeasurable
+            When there is none.
+        """
+        if not self.equilibrium.potentials:
+            raise NotMeasurable("the law has no potential over its graph")
+        return self.equilibrium.potentials[0]
+
+    @cached_property
+    def stiffness(self) -> Array:
+        """Eigenvalues of the total potential's Hessian at the last frame, ascending.
+
+        Raises
+        ------
+        NotResolvable
+            When it is not finite, as for two agents at one point under a singular potential.
+        """
+        if not np.isfinite(self.equilibrium.hessian).all():
+            raise NotResolvable("the stiffness of the potential is not finite at the end")
+        return self.equilibrium.stiffness

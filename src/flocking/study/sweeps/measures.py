@@ -30,7 +30,7 @@ def _settling(t: Any, sizes: Any) -> float:
 
 def convergence_time(e: Evidence) -> float:
     """First frame from which on the velocity spread is a hundredth of its largest; nan when never."""
-    return _settling(e.run.t, e.velocity_spread)
+    return _settling(e.spread_times, e.velocity_spread)
 
 
 def following_time(e: Evidence) -> float:
@@ -38,8 +38,8 @@ def following_time(e: Evidence) -> float:
     track = next((term for term in e.law.body_terms if isinstance(term, Track)), None)
     if track is None:
         raise InvalidInput("sweep", "measures", "has 'following_time', which needs a law with a leader", e.law)
-    goal = np.array([track.leader.at(float(t))[1] for t in e.run.t])
-    return _settling(e.run.t, np.linalg.norm(e.run.p - goal[:, None, :], axis=2).max(axis=1))
+    goal = np.array([track.leader.at(float(t))[1] for t in e.t])
+    return _settling(e.t, np.linalg.norm(e.p - goal[:, None, :], axis=2).max(axis=1))
 
 
 def _or_nan(value: float) -> float:
@@ -48,9 +48,9 @@ def _or_nan(value: float) -> float:
 
 def _connected(e: Evidence) -> Measured:
     """Frames can show that the graph fell apart; that it never did takes the switches between them."""
-    if math.isfinite(e.first_disconnected):
+    if math.isfinite(e.seen_disconnected):
         return False
-    return True if e.switches_known or not e.law.graph.moves else math.nan
+    return True if e.switches_known else math.nan
 
 
 def _closest(e: Evidence) -> float:
@@ -61,20 +61,20 @@ def _closest(e: Evidence) -> float:
 
 
 def _from_switches(e: Evidence, value: Callable[[Evidence], Measured]) -> Measured:
-    return value(e) if e.switches_known or not e.law.graph.moves else math.nan
+    return value(e) if e.switches_known else math.nan
 
 
 MEASURES: dict[str, tuple[str, Measuring]] = {
     "flocks": ("flocks at the end", lambda e: e.flocks_at_end),
     "density": ("share of the agents in the largest flock at the end",
-                lambda e: observables.density(e.link_history[-1][1])),
+                lambda e: observables.density(e.end_links)),
     "connected": ("whether the graph is connected throughout", _connected),
     "connected_at_end": ("whether the graph is connected at the end", lambda e: e.flocks_at_end == 1),
-    "disconnected_at": ("time at which the graph first falls apart", lambda e: _or_nan(e.first_disconnected)),
+    "disconnected_at": ("time at which the graph first falls apart", lambda e: _or_nan(e.seen_disconnected)),
     "velocity_spread": ("largest difference from the mean velocity at the end", lambda e: float(e.velocity_spread[-1])),
     "speed_spread": ("largest speed minus the smallest at the end",
-                     lambda e: observables.speed_spread(e.run.state(-1))),
-    "order": ("length of the mean unit velocity at the end", lambda e: observables.order(e.run.state(-1))),
+                     lambda e: observables.speed_spread(e.state(-1))),
+    "order": ("length of the mean unit velocity at the end", lambda e: observables.order(e.state(-1))),
     "speed": ("largest speed at the end", lambda e: float(e.speeds[-1])),
     "diameter": ("largest distance of two agents at the end", lambda e: float(e.diameter[-1])),
     "closest": ("closest pair of the whole run", _closest),
@@ -83,10 +83,10 @@ MEASURES: dict[str, tuple[str, Measuring]] = {
     "converged": ("whether the velocities agree at the end", lambda e: not math.isnan(convergence_time(e))),
     "following_time": ("time from which the velocities are the leader's", following_time),
     "following": ("whether the velocities are the leader's at the end", lambda e: not math.isnan(following_time(e))),
-    "energy_start": ("energy at the start", lambda e: float(e.run.trace["energy"][0])),
-    "energy": ("energy at the end", lambda e: float(e.run.trace["energy"][-1])),
-    "energy_most": ("largest energy of the run", lambda e: float(e.run.trace["energy"].max())),
-    "dissipated": ("energy dissipated", lambda e: float(e.run.trace["dissipated"][-1])),
+    "energy_start": ("energy at the start", lambda e: float(e.trace["energy"][0])),
+    "energy": ("energy at the end", lambda e: float(e.trace["energy"][-1])),
+    "energy_most": ("largest energy of the run", lambda e: float(e.trace["energy"].max())),
+    "dissipated": ("energy dissipated", lambda e: float(e.trace["dissipated"][-1])),
     "links_created": ("links that appeared", lambda e: _from_switches(e, lambda e: e.links_created)),
     "links_lost": ("links that broke", lambda e: _from_switches(e, lambda e: e.links_lost)),
     "last_switch": ("time of the last link switch", lambda e: _from_switches(e, lambda e: e.last_switch)),

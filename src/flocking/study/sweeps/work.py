@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -50,12 +51,15 @@ def run_task(work: Work, task: Task) -> Row:
     doing = "make"
     try:
         run = _simulated(work, task)
-        from flocking.study.evidence import Evidence
+        from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
 
         evidence = Evidence(run)
         for name, measure in work.measures.items():
             doing = name
-            row["values"][name] = plain_measure(name, measure(evidence))
+            try:
+                row["values"][name] = plain_measure(name, measure(evidence))
+            except (NotMeasurable, NotResolvable):
+                row["values"][name] = math.nan
         doing = "audit"
         if work.audit is not None:
             row["verdicts"] = {r.claim.key: str(r.verdict) for r in work.audit(run).results}
