@@ -173,7 +173,7 @@ def test_lamps_agree_with_the_audit_of_the_same_run():
     said = {r.claim.key: str(r.verdict) for r in report.results}
     for key in ("energy", "energy-falls", "connected", "links-kept", "linked-apart", "momentum", "all-apart"):
         assert lit[key] == said[key] == "holds"
-    assert lit["coincide"] == "fails"
+    assert lit["coincide"] == "not yet"  # the flock still draws together
 
 
 def test_a_lamp_names_the_agents_that_left_and_an_intervention_begins_anew():

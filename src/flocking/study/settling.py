@@ -4,9 +4,10 @@ Claims about limits are measured on a finite run. The criterion is one for all o
 bound holds throughout the last tenth of the run. It is missed when the bound does not hold at any time of that tenth
 and what is missing has settled, in one of two ways. Either it no longer changes: its means over the last tenth and
 over the tenth before differ by no more than `CHANGE` of it. Or it goes up and down and does not fall: its means over
-the five tenths of the last half differ by no more than `STEADY` of it, and the last is not the least of them. Both are
-also held to the same fractions of all that it changed over the run, so that a run that is short for its motion, in
-which nothing could change much, does not count as settled. In all other cases the verdict is ``not yet``.
+the five tenths of the last half differ by no more than `STEADY` of it, and the last is not the least of them. These
+changes are also held against all that it changed over the run (`OF_ALL`, and `STEADY` again), so that a run that is
+short for its motion, in which nothing could change much, does not count as settled. In all other cases the verdict is
+``not yet``.
 """
 
 from __future__ import annotations
@@ -25,8 +26,10 @@ LAST = 0.1
 """Share of a run over which a limit must hold, and the share before it which it is compared with."""
 
 CHANGE = 1e-3
-"""What is missing to a limit may change by this fraction of itself from one share to the next, and by this fraction
-of its change over the run."""
+"""What is missing to a limit may change by this fraction of itself from one tenth of the run to the next."""
+
+OF_ALL = 1e-2
+"""And by this fraction of all that it changed over the run."""
 
 ROUNDING = 1e-12
 """Relative changes this small are rounding."""
@@ -158,8 +161,9 @@ def _unsettled(missing: list[Array], first: Array) -> str:
         return ""
     now, whole = float(means[0]), float(np.ptp(every))
     change, spread = abs(float(means[1]) - now), float(np.ptp(means))
-    size = min(now, whole)
-    if change <= max(ROUNDING * now, CHANGE * size) or (spread <= STEADY * size and now > means.min()):
+    if change <= max(ROUNDING * now, min(CHANGE * now, OF_ALL * whole)):
+        return ""
+    if spread <= STEADY * min(now, whole) and now > means.min():
         return ""
     return (
         f"what is missing still changes in a tenth of the run, by {change / now:.1e} of itself and "
@@ -171,7 +175,7 @@ def configuration_unsettled(e: Evidence) -> str:
     """Why the distances between linked agents have not settled; empty when they have.
 
     They have when, in the last tenth of the run, no link came or went and no link's length differed from that at the
-    end by more than `CHANGE` of the longest, and of the most that one of them changed over the run.
+    end by more than `CHANGE` of the longest, nor by more than `OF_ALL` of the most that one of them changed.
     """
     links = e.end_links | e.end_links.T
     found = late_frames(e.t, most=MOST)
@@ -187,7 +191,7 @@ def configuration_unsettled(e: Evidence) -> str:
     lengths = np.array([np.linalg.norm(e.q[k, i] - e.q[k, j], axis=1) for k in frames])
     changes, longest = np.abs(lengths - lengths[-1]).max(axis=1), float(lengths[-1].max())
     change = float(changes[-len(late) :].max())
-    if change <= max(ROUNDING * longest, CHANGE * min(longest, float(changes.max()))):
+    if change <= max(ROUNDING * longest, min(CHANGE * longest, OF_ALL * float(changes.max()))):
         return ""
     return (
         f"lengths of links still changed in the last tenth of the run, by {change:.1e} of {changes.max():.1e} since "
