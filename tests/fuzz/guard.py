@@ -26,7 +26,7 @@ ROOM = 2 * 2**30
 
 DEFAULT = {
     "files": 120, "formulas": 80, "constructors": 150, "calls": 50, "commands": 60, "stored runs": 40,
-    "sweep files": 60, "stored sweeps": 60,
+    "sweep files": 60, "stored sweeps": 60, "sampled audits": 15, "damaged audits": 25,
 }  # fmt: skip
 """Cases of each kind in the default tests."""
 SLOW_FACTOR = 20

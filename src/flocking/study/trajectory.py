@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flocking.engine.reference import evaluate
 from flocking.engine.run import SWITCH_FIELDS, TRACE_FIELDS, Closest, Run
@@ -97,7 +98,7 @@ def run_from_samples(scenario: Scenario, t: Array, q: Array, p: Array) -> Run:
 
     Links follow the law's graph from sample to sample; energies are evaluated at the samples, and the powers
     of the ledger are integrated between them, with the error that Simpson's and the trapezoidal rule's
-    difference shows.
+    difference shows, and half the jump of the power where links switch.
 
     Parameters
     ----------
@@ -111,14 +112,21 @@ def run_from_samples(scenario: Scenario, t: Array, q: Array, p: Array) -> Run:
     Raises
     ------
     InvalidInput
-        When shapes disagree, times do not ascend, or there are fewer than three samples.
+        When shapes disagree, a value is not finite, times do not ascend, or there are fewer than three samples.
     """
+    t, q, p = (array("trajectory", name, x, ndim=k) for name, x, k in (("t", t, 1), ("q", q, 3), ("p", p, 3)))
     if q.shape != p.shape or len(t) != len(q):
         raise InvalidInput(
             "trajectory", "q", "must have the shape of p and one entry per time", f"{q.shape}, {p.shape}, {len(t)}"
         )
     if len(t) < 3 or (np.diff(t) <= 0).any():
         raise InvalidInput("trajectory", "t", "must be at least three ascending times", np.asarray(t)[:5].tolist())
+    # What is so large that it overflows leaves the ledger without a value.
+    with np.errstate(all="ignore"):
+        return _run_of(scenario, t, q, p)
+
+
+def _run_of(scenario: Scenario, t: Array, q: Array, p: Array) -> Run:
     law, graph = scenario.law, scenario.law.graph
     links = [graph.initial(q[0])]
     for place in q[1:]:
@@ -131,9 +139,10 @@ def run_from_samples(scenario: Scenario, t: Array, q: Array, p: Array) -> Run:
     strangers = np.array([0.5 * (n * (n - 1) - int(x.sum())) for x in links]) * scenario.energy.unlinked
     energy = np.array([e.storage + e.kinetic for e in found]) + strangers
     work = np.array([float((e.u * v).sum()) for e, v in zip(found, p, strict=True)])
-    integrals, errors = zip(
+    switched = np.array([bool((a != b).any()) for a, b in itertools.pairwise(links)])
+    integrals, errors, switching = zip(
         *(
-            _integrate(t, x)
+            _integrate(t, x, switched)
             for x in (work, np.array([e.dissipation for e in found]), np.array([e.supply for e in found]))
         ),
         strict=True,
@@ -146,19 +155,33 @@ def run_from_samples(scenario: Scenario, t: Array, q: Array, p: Array) -> Run:
     declared = scenario.with_(
         start=State(q[0], p[0], float(t[0])), t_end=float(t[-1]), frames=tuple(float(s) for s in t)
     )
-    about: dict[str, Any] = {"engine": "samples", "ledger_error": float(errors[1] + errors[2]), "gap": _gap(t, p)}
+    about: dict[str, Any] = {
+        "engine": "samples",
+        "ledger_error": float(errors[1] + errors[2]),
+        "switch_error": float(switching[1] + switching[2]),
+        "gap": _gap(t, p),
+    }
     linked, free = _closest(t, q, links)
     none = np.zeros(0, dtype=SWITCH_FIELDS)
     return Run(declared, t, q, p, np.array(links), none, trace, linked, free, "finished", about)
 
 
-def _integrate(t: Array, power: Array) -> tuple[Array, float]:
-    """Running integral of sampled power, and an estimate of its error."""
+def _integrate(t: Array, power: Array, switched: NDArray[np.bool_]) -> tuple[Array, float, float]:
+    """Running integral of sampled power, an estimate of its error, and what switches add to that at most.
+
+    Where links switched between two samples the power jumped, no one knows when.
+
+    Parameters
+    ----------
+    switched
+        Whether they did, between each sample and the next, shape (F - 1,).
+    """
     from scipy.integrate import cumulative_simpson
 
     coarse = np.concatenate([[0.0], np.cumsum(np.diff(t) * (power[1:] + power[:-1]) / 2)])
     fine = np.concatenate([[0.0], np.asarray(cumulative_simpson(power, x=t))])
-    return fine, float(np.abs(np.diff(fine - coarse)).sum())
+    jumps = np.abs(np.diff(power) * np.diff(t) / 2)[switched]
+    return fine, float(np.abs(np.diff(fine - coarse))[~switched].sum()), float(jumps.sum())
 
 
 def _jumps(scenario: Scenario, links: list[Any]) -> Array:
@@ -171,8 +194,7 @@ def _jumps(scenario: Scenario, links: list[Any]) -> Array:
     gained, lost = (_stored_at(law, float(r)) - scenario.energy.unlinked for r in (first, last))
     new = np.array([0, *(int((b & ~a).sum()) for a, b in itertools.pairwise(links))])
     gone = np.array([0, *(int((a & ~b).sum()) for a, b in itertools.pairwise(links))])
-    with np.errstate(invalid="ignore"):  # no link at a radius where the potential is infinite
-        steps = 0.5 * (np.where(new > 0, new * gained, 0.0) - np.where(gone > 0, gone * lost, 0.0))
+    steps = 0.5 * (np.where(new > 0, new * gained, 0.0) - np.where(gone > 0, gone * lost, 0.0))
     return np.asarray(np.cumsum(steps))
 
 

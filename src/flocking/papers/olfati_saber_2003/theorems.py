@@ -15,7 +15,7 @@ from flocking.papers.olfati_saber_2003 import passage, system
 from flocking.papers.olfati_saber_2003.system import FREE, KEY, SINK, SMOOTH
 from flocking.study import general_claims as general
 from flocking.study.claims import Claim, Measure, Verdict, above, below
-from flocking.study.evidence import Evidence, NotMeasurable
+from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
 from flocking.study.settling import limit_of, limit_of_series, of_configuration
 
 LEAST_DENSITY = 0.9
@@ -61,6 +61,8 @@ def dense_at_end(e: Evidence) -> Measure:
 
 def never_inside(e: Evidence) -> Measure:
     """Smallest distance of any agent from any obstacle."""
+    if len(e.t) < 3:
+        raise NotResolvable("fewer than three frames do not show the paths between them")
     least, error = passage.clearance(e.checked)
     return above(least, 0.0, f"closest {least:.3g} to an obstacle", error)
 

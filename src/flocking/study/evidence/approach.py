@@ -19,9 +19,9 @@ class ApproachEvidence(LinkEvidence, MotionEvidence):
     def approach_error(self) -> float:
         """How much closer than recorded two agents may have come."""
         if self.sampled:
-            return float(self.run.provenance["gap"])
+            return self.told("gap")
         if "farthest" in self.run.provenance:
-            return float(self.run.provenance["farthest"])
+            return self.told("farthest")
         if "closest" in self.run.provenance:
             raise NotMeasurable(f"agents' distances were looked at only {self.run.provenance['closest']}")
         return 10 * self.run.scenario.tolerance * max(1.0, float(self.diameter[0]))
@@ -31,7 +31,9 @@ class ApproachEvidence(LinkEvidence, MotionEvidence):
         """Closest approach ever of two linked agents; infinitely far where there was never a link."""
         found = self._sound(self.run.closest_linked)
         if not np.isfinite(found.distance) and self.run.links.any():
-            raise NotMeasurable(f"the engine {self.run.provenance['engine']} did not look at linked agents' distances")
+            raise NotMeasurable(
+                f"the engine {self.run.provenance.get('engine')} did not look at linked agents' distances"
+            )
         return found
 
     @property
@@ -59,7 +61,9 @@ class ApproachEvidence(LinkEvidence, MotionEvidence):
         if self._looks_at_all_pairs:
             return min(self._sound(self.run.closest_unlinked), self.closest_linked, key=lambda c: c.distance)
         if not self.law.graph.moves:
-            raise NotMeasurable(f"the engine {self.run.provenance['engine']} looks at linked agents' distances alone")
+            raise NotMeasurable(
+                f"the engine {self.run.provenance.get('engine')} looks at linked agents' distances alone"
+            )
         reach = float(np.min(np.asarray(self.law.graph.appear_radius)))
         return min(self.closest_linked, Closest(reach), key=lambda c: c.distance)
 

@@ -52,6 +52,19 @@ class RunEvidence:
         """Whether the run is made of samples from elsewhere: nothing is known between them."""
         return self.run.provenance.get("engine") == "samples"
 
+    def told(self, name: str) -> float:
+        """A number of the run's provenance.
+
+        Raises
+        ------
+        NotResolvable
+            When it is not there, or no number.
+        """
+        value = self.run.provenance.get(name)
+        if not isinstance(value, int | float) or not np.isfinite(value):
+            raise NotResolvable(f"the run's provenance does not tell its {name}")
+        return float(value)
+
     @property
     def goes_on(self) -> bool:
         """Whether the run is a part of one that goes on, judged as far as it goes."""
@@ -113,7 +126,10 @@ class RunEvidence:
 
     def state(self, frame: int) -> State:
         """State at a frame, with its links."""
-        return self.checked.state(frame)
+        links = self.checked.links
+        if links.shape[1:] == (self.run.n, self.run.n) and links[frame].diagonal().any():
+            raise NotResolvable(f"the links at t = {self.t[frame]:.4g} link an agent to itself")
+        return self.run.state(frame)
 
     @cached_property
     def trace(self) -> np.ndarray[Any, Any]:

@@ -14,6 +14,9 @@ from flocking.study.evidence.links import LinkEvidence
 LEDGER_FACTOR = 100.0
 """The ledger must close to this many tolerances times the total energy moved."""
 
+DOUBT = 3.0
+"""How much larger than estimated the error of a ledger of samples may be."""
+
 SLACK = 1e-6
 """Share of a radius within which a pair may be linked or not."""
 
@@ -43,8 +46,8 @@ class LedgerEvidence(LinkEvidence):
             return RESIDUAL * self.energy_moved + 1e-14
         if self.sampled:
             size = float(np.abs(self.trace["energy"]).max(initial=0.0))
-            return 3 * float(self.run.provenance["ledger_error"]) + 1e-9 * size
-        tolerance = float(self.run.provenance.get("tolerance", self.run.scenario.tolerance))
+            return 3 * self.told("ledger_error") + self.told("switch_error") + 1e-9 * size
+        tolerance = self.told("tolerance") if "tolerance" in self.run.provenance else self.run.scenario.tolerance
         size = float(np.abs(self.trace["energy"]).max(initial=0.0))
         return LEDGER_FACTOR * tolerance * self.run.turnover + 1e-12 * size + 1e-14
 
@@ -70,6 +73,8 @@ class LedgerEvidence(LinkEvidence):
             )
         if self.residual > self.ledger_bound and self.unsure_links.any():
             return f"{self._ledger_sizes}, but samples do not tell of each link whether it is there"
+        if self.ledger_bound < self.residual <= DOUBT * self.ledger_bound:
+            return f"{self._ledger_sizes}, and that is only an estimate of what samples this far apart may miss"
         return ""
 
     @cached_property
