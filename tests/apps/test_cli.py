@@ -238,15 +238,19 @@ def test_reproduce_with_too_few_seeds_is_not_as_expected(capsys: pytest.CaptureF
     assert code == 1
     found = json.loads(out)
     assert found["as_expected"] is False
-    assert {row["verdict"] for row in found["claims"]} <= {"untested", "not applicable"}
+    refuted = [row for row in found["claims"] if row["basis"] == "counter-example"]
+    assert refuted
+    assert {row["verdict"] for row in refuted} == {"fails"}
+    rest = {row["verdict"] for row in found["claims"] if row not in refuted}
+    assert rest <= {"untested", "not applicable"}
 
 
 def test_reproduce_says_why_claims_are_untested_and_what_to_open(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     from flocking.papers import paper
-    from flocking.study.audit import Judgement
     from flocking.study.claims import Result, Verdict
+    from flocking.study.judgement import Judgement
 
     claim = paper("zhou-2015").claims("zhou-2015")[0]
     few = Judgement(claim, (Result(claim, Verdict.HOLDS, 1.0, 0.0),) * 4)
@@ -268,10 +272,11 @@ def test_reproduce_passes_its_arguments_and_exits_with_0_when_all_is_as_expected
         return Reproduction({}, seconds=1.0)
 
     monkeypatch.setattr(reproduction, "reproduce", stand_in)
-    code, out, _ = call(capsys, "reproduce", "--seeds", "7", "--out", tmp_path, "--workers", "1")
+    code, out, _ = call(capsys, "reproduce", "--seeds", "7", "--first-seed", "3", "--out", tmp_path, "--workers", "1")
     assert code == 0
     assert "0 of 0 claims" in out
-    assert (seen["seeds"], seen["out"], seen["workers"], tuple(seen["keys"])) == (7, tmp_path, 1, tuple(KEYS))
+    assert (seen["seeds"], seen["first_seed"], seen["out"], seen["workers"]) == (7, 3, tmp_path, 1)
+    assert tuple(seen["keys"]) == tuple(KEYS)
 
 
 def test_a_closed_pipe_is_no_error() -> None:

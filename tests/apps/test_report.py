@@ -160,8 +160,8 @@ def test_what_is_not_as_expected_is_framed_and_what_fails_is_listed_first(folder
     from dataclasses import replace
 
     from flocking.apps.report import write_report
-    from flocking.study.audit import Judgement
     from flocking.study.claims import Verdict
+    from flocking.study.judgement import Judgement
 
     out, found = folder
     name, judged = next(iter(found.judgements.items()))
@@ -173,7 +173,7 @@ def test_what_is_not_as_expected_is_framed_and_what_fails_is_listed_first(folder
     assert "1 claim came out other than" in text
     right, _ = read(out / "report.html")
     assert 'odd" id=' not in right
-    assert "Every claim came out as fixed" in right
+    assert "Every claim came out as its proof or its counter-example demands" in right
     top = right.split("<h2")[0]
     failing = [j.claim.statement for j in judged if j.verdict == Verdict.FAILS]
     assert failing
@@ -185,10 +185,52 @@ def test_too_few_seeds_are_named_as_the_reason(folder, tmp_path):
     from dataclasses import replace
 
     from flocking.apps.report import write_report
-    from flocking.study.audit import Judgement
+    from flocking.study.judgement import Judgement
 
     _, found = folder
     few = {name: [Judgement(j.claim, j.results[:1]) for j in judged] for name, judged in found.judgements.items()}
     modules = {"tanner-2003-fixed": paper("tanner-2003-fixed")}
     text, _ = read(write_report(replace(found, judgements=few, figures=[]), modules, tmp_path))
     assert "a verdict needs five seeds" in text
+
+
+def test_a_counter_example_decides_and_further_seeds_are_drawn(folder):
+    _, found = folder
+    by_key = {j.claim.key: j for j in found.judgements["tanner-2003-fixed"]}
+    minimal = by_key["minimal"]
+    assert minimal.verdict == "fails"
+    assert minimal.counterexample.verdict == "fails"
+    # Most seeds are no counter-example: a universal sentence is not confirmed by them.
+    assert minimal.held >= 3
+    assert by_key["local-minimum"].verdict == "observed"
+
+
+def test_further_seeds_are_drawn_until_five_meet_a_hypothesis(monkeypatch):
+    from flocking.apps import reproduction
+    from flocking.study.claims import Verdict
+
+    def met_by_every_third(task):
+        claims = paper(task.key).claims(task.name)
+        verdict = Verdict.HOLDS if task.seed % 3 == 0 else Verdict.HYPOTHESIS_NOT_MET
+        return [(c.key, str(verdict), 1.0, 0.0, "") for c in claims if task.claim in ("", c.key)], None
+
+    monkeypatch.setattr(reproduction, "examine", met_by_every_third)
+    found = reproduce(["tanner-2003-dynamic"], seeds=5, first_seed=1, workers=1, progress=False)
+    (judged,) = found.judgements.values()
+    # Of 1 to 15 the multiples of three are five.
+    assert {j.tried for j in judged} == {15}
+    assert {j.met for j in judged} == {5}
+
+
+def test_where_no_seed_meets_a_hypothesis_the_draw_ends(monkeypatch):
+    from flocking.apps import reproduction
+
+    def never_met(task):
+        claims = paper(task.key).claims(task.name)
+        return [(c.key, "hypothesis not met", -1.0, 0.0, "") for c in claims if task.claim in ("", c.key)], None
+
+    monkeypatch.setattr(reproduction, "examine", never_met)
+    found = reproduce(["tanner-2003-dynamic"], seeds=5, workers=1, progress=False)
+    (judged,) = found.judgements.values()
+    assert {j.tried for j in judged} == {5 * reproduction.FURTHER}
+    assert found.untested

@@ -12,7 +12,8 @@ import flocking as fk
 from flocking.engine.run import SWITCH_FIELDS, TRACE_FIELDS
 from flocking.papers import olfati_saber_2003 as paper
 from flocking.papers.olfati_saber_2003 import density, examples_runs, passage, system
-from flocking.study.audit import audit, judge
+from flocking.study.audit import audit
+from flocking.study.judgement import judge
 
 
 @pytest.fixture(autouse=True)

@@ -7,8 +7,8 @@ import pytest
 
 import flocking as fk
 from flocking.papers import paper
-from flocking.study.audit import Judgement
 from flocking.study.claims import Claim, Measure, Result, Verdict
+from flocking.study.judgement import Judgement
 from flocking.study.settled_run import settled_run, settled_runs
 from flocking.study.settling import limit_of_series
 
@@ -107,7 +107,13 @@ def test_an_open_seed_neither_holds_nor_refutes() -> None:
     assert judged(waits=10).verdict == Verdict.NOT_YET
     assert judged(holds=8, waits=1, fails=1).verdict == Verdict.FAILS
     assert judged(holds=10).verdict == Verdict.HOLDS
-    assert judged(holds=9, waits=1).as_dict("p", "s")["seeds"] == {"tried": 10, "met": 10, "held": 9, "not_yet": 1}
+    assert judged(holds=9, waits=1).as_dict("p", "s")["seeds"] == {
+        "tried": 10,
+        "met": 10,
+        "decided": 9,
+        "held": 9,
+        "not_yet": 1,
+    }
 
 
 def assert_same_bits(run: fk.Run, other: fk.Run) -> None:

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import binom, binomtest, t
 
 import flocking as fk
-from flocking.study.sweeps.intervals import LEAST_VALUES, MEAN, SHARE, least_values, mean_interval, share_interval
+from flocking.study.intervals import LEAST_VALUES, MEAN, SHARE, least_values, mean_interval, share_interval
 
 DISTRIBUTIONS = {
     "normal": (lambda rng, shape: rng.normal(3.0, 2.0, shape), 3.0),
@@ -126,7 +126,7 @@ def test_one_value_fewer_covers_too_seldom():
 
 
 def _ends_at_any_count(values, level):
-    from flocking.study.sweeps.intervals import _wider
+    from flocking.study.intervals import _wider
 
     found = _wider(values, level)
     return found.low, found.high

@@ -143,6 +143,7 @@ def list_scenarios(*, as_json: Json = False) -> int:
 def reproduce(
     *papers: str,
     seeds: int = 10,
+    first_seed: int = 0,
     out: Path | None = None,
     workers: int | None = None,
     as_json: Json = False,
@@ -154,7 +155,10 @@ def reproduce(
     papers
         Keys of papers; all when absent.
     seeds
-        Number of seeds per scenario. A verdict needs five that meet the claim's hypothesis.
+        Number of seeds per scenario. A verdict needs five that meet the claim's hypothesis: from five on, further ones
+        are drawn until there are.
+    first_seed
+        The first seed; the others follow one by one.
     out
         Folder for report.html, claims.json, errata.json, figures and films; nothing is written when absent.
     workers
@@ -162,11 +166,17 @@ def reproduce(
     as_json
         Print JSON.
     """
+    from flocking.apps.findings import rate_of
     from flocking.apps.reproduction import reproduce as reproduce_papers
     from flocking.apps.tables import print_table, short
 
     found = reproduce_papers(
-        _keys(papers), seeds=seeds, out=out, workers=workers, progress=not as_json and sys.stderr.isatty()
+        _keys(papers),
+        seeds=seeds,
+        first_seed=first_seed,
+        out=out,
+        workers=workers,
+        progress=not as_json and sys.stderr.isatty(),
     )
     if as_json:
         _print_json(
@@ -185,20 +195,23 @@ def reproduce(
                     "" if j.as_expected else "!",
                     j.claim.key,
                     str(j.verdict),
-                    "" if j.as_expected else str(j.claim.expected),
+                    "" if j.as_expected else j.claim.expectation,
                     f"{j.held}/{j.met}/{j.tried}",
+                    rate_of(j),
                     short(j.worst.margin),
                 )
                 for j in judgements
             ]
-            print_table(("", "claim", "verdict", "expected", "held/met/seeds", "worst margin"), rows, title=name)
+            print_table(
+                ("", "claim", "verdict", "expected", "held/met/seeds", "rate, 95 %", "worst margin"), rows, title=name
+            )
             print()
         total = sum(len(judgements) for judgements in found.judgements.values())
         odd = sum(not j.as_expected for judgements in found.judgements.values() for j in judgements)
         where = f", {len(found.figures)} figure files in {out}" if out else ""
         print(f"{total - odd} of {total} claims came out as expected in {found.seconds:.0f} s{where}.")
         if found.untested:
-            print(f"{found.untested} are untested: fewer than five seeds met their hypothesis. Try more --seeds.")
+            print(f"{found.untested} are untested: fewer than five seeds met their hypothesis. Try at least five.")
         if found.waiting:
             print(
                 f"{found.waiting} are not yet decided: for some seed the motion has not settled by the end of the run."

@@ -8,8 +8,8 @@ from typing import Any
 
 from flocking.engine.run import Run
 from flocking.papers import paper_of
-from flocking.study.audit import Judgement
 from flocking.study.claims import Verdict
+from flocking.study.judgement import Judgement
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,9 @@ class Reproduction:
     seconds
         Wall time.
     runs
-        The run of seed 0 of each scenario.
+        The run of the first seed of each scenario.
+    first_seed
+        The first seed; the others followed one by one.
     """
 
     judgements: dict[str, list[Judgement]]
@@ -35,10 +37,11 @@ class Reproduction:
     figures: list[Path] = field(default_factory=list)
     seconds: float = 0.0
     runs: dict[str, Run] = field(default_factory=dict)
+    first_seed: int = 0
 
     @property
     def as_expected(self) -> bool:
-        """Whether every claim came out as fixed before the runs."""
+        """Whether every claim came out as its proof or counter-example demands."""
         return all(j.as_expected for found in self.judgements.values() for j in found)
 
     @property
@@ -54,6 +57,22 @@ class Reproduction:
     def as_list(self) -> list[dict[str, Any]]:
         """Rows of ``claims.json``."""
         return claim_rows(self.judgements)
+
+
+def rate_of(judgement: Judgement) -> str:
+    """How often an observation was so, with its interval in per cent; a note where a counter-example decides.
+
+    Parameters
+    ----------
+    judgement
+        What was found for a claim.
+    """
+    if judgement.counterexample is not None:
+        return "counter-example"
+    if judgement.verdict != Verdict.OBSERVED:
+        return ""
+    share, low, high = judgement.rate
+    return f"{100 * share:.0f} % ({100 * low:.0f} to {100 * high:.0f})"
 
 
 def claim_rows(judgements: dict[str, list[Judgement]]) -> list[dict[str, Any]]:

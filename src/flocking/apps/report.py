@@ -18,9 +18,9 @@ from flocking.apps.report_tables import head_row, table
 from flocking.engine.run import Run
 from flocking.model.potentials import Potential
 from flocking.model.terms import Gradient
-from flocking.study.audit import Judgement
 from flocking.study.claims import Origin, Verdict
 from flocking.study.equations import Fault
+from flocking.study.judgement import Judgement
 
 CLAIMS = "claims"
 """Folder of a paper that holds the pictures drawn for its claims."""
@@ -29,6 +29,7 @@ COUNTED = (
     "claims",
     "hold",
     "fail",
+    "observed",
     "undecided",
     "as expected",
     "false statements",
@@ -98,7 +99,8 @@ def _summary(found: Reproduction, modules: dict[str, ModuleType]) -> str:
         (str(len(judged)), "claims judged"),
         (str(counts[Verdict.HOLDS]), "hold"),
         (str(counts[Verdict.FAILS]), "fail"),
-        (str(len(judged) - counts[Verdict.HOLDS] - counts[Verdict.FAILS]), "undecided"),
+        (str(counts[Verdict.OBSERVED]), "observed, with a rate"),
+        (str(len(judged) - sum(counts[v] for v in (Verdict.HOLDS, Verdict.FAILS, Verdict.OBSERVED))), "undecided"),
         (str(own), "of these our own questions or assumptions"),
         (str(faults[Fault.FALSE]), "false statements"),
         (str(faults[Fault.MISPRINT]), "misprints"),
@@ -120,25 +122,22 @@ def _summary(found: Reproduction, modules: dict[str, ModuleType]) -> str:
 def _outcome(judged: list[Judgement]) -> str:
     odd = sum(not j.as_expected for j in judged)
     if not odd:
-        return "Every claim came out as fixed before the runs."
+        return "Every claim came out as its proof or its counter-example demands; observations have rates."
     untested = sum(j.verdict == Verdict.UNTESTED for j in judged)
-    few = (
-        f" {untested} are untested: a verdict needs five seeds that meet the hypothesis, the reproduction tries ten "
-        "unless told otherwise."
-        if untested
-        else ""
-    )
+    few = f" {untested} are untested: a verdict needs five seeds that meet the hypothesis." if untested else ""
     waiting = sum(j.verdict == Verdict.NOT_YET for j in judged)
     if waiting:
         few += f" {waiting} are not yet decided: for some seed the motion has not settled by the end of the run."
     claims = "1 claim" if odd == 1 else f"{odd} claims"
-    return f"{claims} came out other than fixed before the runs, framed below.{few}"
+    return f"{claims} came out other than its proof or counter-example demands, framed below.{few}"
 
 
 def _paper_row(key: str, module: ModuleType, found: Reproduction) -> str:
     judged = [j for name in module.scenarios() for j in found.judgements[name]]
-    holds, fails = (sum(j.verdict == v for j in judged) for v in (Verdict.HOLDS, Verdict.FAILS))
-    counted = (len(judged), holds, fails, len(judged) - holds - fails, sum(j.as_expected for j in judged))
+    shown = (Verdict.HOLDS, Verdict.FAILS, Verdict.OBSERVED)
+    holds, fails, seen = (sum(j.verdict == v for j in judged) for v in shown)
+    undecided = len(judged) - holds - fails - seen
+    counted = (len(judged), holds, fails, seen, undecided, sum(j.as_expected for j in judged))
     faults = Counter(row["verdict"] for row in found.errata.get(key, []))
     cells = (*counted, faults[Fault.FALSE], faults[Fault.MISPRINT], faults[Fault.READING])
     counts = "".join(f'<td class="count" data-name="{name}">{n}</td>' for name, n in zip(COUNTED, cells, strict=True))
@@ -234,7 +233,8 @@ def _provenance(found: Reproduction) -> str:
     head = head_row("scenario", "agents", "until", "tolerance", "steps", "switches", "parameters")
     return (
         f'<h2 id="provenance">Where the numbers come from</h2>\n<dl>{shown}</dl>\n'
-        "<p>Seeds are 0, 1, 2 and so on; the row shows seed 0. The same call gives the same numbers.</p>\n"
+        f"<p>Seeds are {found.first_seed}, {found.first_seed + 1} and so on; the row shows the first. "
+        "The same call gives the same numbers.</p>\n"
         f'<div class="scroll"><table><thead>{head}</thead><tbody>{rows}</tbody></table></div>\n'
     )
 

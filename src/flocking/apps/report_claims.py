@@ -8,8 +8,10 @@ from html import escape
 from pathlib import Path
 
 from flocking.apps.claim_pictures import CAPTIONS, picture_of
+from flocking.apps.findings import rate_of
 from flocking.apps.tables import short
-from flocking.study.audit import Judgement
+from flocking.study.claims import Origin, Verdict
+from flocking.study.judgement import Judgement
 
 
 def claims_beside_pictures(
@@ -69,23 +71,30 @@ def _picture(name: str, picture: str, pictures: Path, figures: Mapping[str, tupl
         file, caption = figures[number]
         return card(embedded(file, "image/svg+xml"), f"Fig. {number}. {caption}")
     file = pictures / f"{name}-{picture}.svg"
-    return card(embedded(file, "image/svg+xml"), f"{CAPTIONS[picture]} Seed 0.") if file.exists() else "<div></div>"
+    return card(embedded(file, "image/svg+xml"), f"{CAPTIONS[picture]} First seed.") if file.exists() else "<div></div>"
 
 
 def _claim(name: str, j: Judgement) -> str:
     verdict = str(j.verdict)
     kind = verdict if verdict in ("holds", "fails") else "other"
+    rate = (
+        f"; held in {rate_of(j)} of the decided seeds, with the 95 % interval" if j.verdict == Verdict.OBSERVED else ""
+    )
+    origin = "" if j.claim.origin is Origin.PAPER else f"{j.claim.origin}; "
+    basis = j.claim.ground or str(j.claim.basis)
+    decisive = "counter-example:" if j.counterexample is not None else "worst margin"
     odd = "" if j.as_expected else " odd"
-    expected = "" if j.as_expected else f' <span class="dim">expected: {escape(str(j.claim.expected))}</span>'
+    expected = "" if j.as_expected else f' <span class="dim">expected: {escape(j.claim.expectation)}</span>'
     reason = f'<p class="dim">{escape(j.claim.reason)}</p>' if j.claim.reason else ""
     measured = f"; {escape(j.worst.note)}" if j.worst.note else ""
     waiting = f", not yet {j.waiting}" if j.waiting else ""
     return (
         f'<article class="claim {kind}{odd}" id="{escape(place_of(name, j))}">'
         f'<p><span class="verdict {kind}">{escape(verdict)}</span>{expected} {escape(j.claim.statement)} '
-        f'<span class="dim">{escape(j.claim.source)}</span></p>{reason}'
-        f'<p class="small">held {j.held}{waiting}, met {j.met}, tried {j.tried}; '
-        f"worst margin {escape(short(j.worst.margin))}{measured}</p></article>"
+        f'<span class="dim">{escape(origin)}{escape(j.claim.source)}</span></p>{reason}'
+        f'<p class="dim small">Rests on: {escape(basis)}</p>'
+        f'<p class="small">held {j.held}{waiting}, met {j.met}, tried {j.tried}{escape(rate)}; {decisive} '
+        f"{escape(short(j.worst.margin))}{measured}</p></article>"
     )
 
 

@@ -6,6 +6,7 @@ import json
 import os
 import sys
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -18,58 +19,95 @@ from flocking.engine.run import Run
 from flocking.errors import InvalidInput, SimulationError
 from flocking.model.checks import integer
 from flocking.papers import KEYS, paper
-from flocking.study.audit import Judgement, Report
-from flocking.study.claims import Result, Verdict
+from flocking.study.claims import Claim, Result, Verdict
 from flocking.study.equations import Fault
+from flocking.study.judgement import FEWEST_SEEDS, Judgement
 from flocking.study.settled_run import settled_runs
 
 MOST_SEEDS = 10_000
 """Largest number of seeds: more is a slip of the hand."""
 
+FURTHER = 10
+"""So many times the seeds asked for are drawn at most, until five meet every hypothesis."""
+
+COUNTEREXAMPLE = -1
+"""Stands for the seed of a counter-example, which brings its own."""
+
 Verdicts = list[tuple[str, str, float, float, str]]
 
 
-def examine_seed(name: str, key: str, seed: int, keep: bool) -> tuple[Verdicts, Run | None]:
-    """Run one scenario for one seed, longer than it asks where claims need it, and audit it.
+@dataclass(frozen=True)
+class Task:
+    """One run to examine.
+
+    Parameters
+    ----------
+    name
+        Name of the scenario.
+    key
+        Key of the paper.
+    seed
+        Its seed, or `COUNTEREXAMPLE`.
+    claim
+        Key of the claim that a counter-example refutes; empty for a seed, whose run all claims are held against.
+    keep
+        Whether the run is handed back.
+    """
+
+    name: str
+    key: str
+    seed: int
+    claim: str = ""
+    keep: bool = False
+
+
+def examine(task: Task) -> tuple[Verdicts, Run | None]:
+    """Run a scenario, longer than it asks where claims need it, and audit it.
 
     The run to the scenario's own end comes back, and only when asked for.
 
     Parameters
     ----------
-    key
-        Key of the paper.
-    keep
-        Whether the run is handed back.
+    task
+        What to run.
     """
-    module = paper(key)
-    scenario = module.scenarios()[name](seed)
+    module = paper(task.key)
+    claims = [c for c in module.claims(task.name) if task.claim in ("", c.key)]
+    made = claims[0].counterexample if task.claim else None
+    scenario = made() if made is not None else module.scenarios()[task.name](task.seed)
     run: Run | None = None
     try:
-        for longest, judged in settled_runs(scenario, module.claims(name), fine=keep):
+        for longest, judged in settled_runs(scenario, claims, fine=task.keep):
             run, report = run or longest, judged
     except SimulationError as error:
-        lost = [(c.key, str(Verdict.NOT_RESOLVED), float("nan"), float("nan"), str(error)) for c in module.claims(name)]
+        lost = [(c.key, str(Verdict.NOT_RESOLVED), float("nan"), float("nan"), str(error)) for c in claims]
         return lost, None
     found = [(r.claim.key, str(r.verdict), r.margin, r.error, r.note) for r in report.results]
-    return found, run if keep else None
+    return found, run if task.keep else None
 
 
 def reproduce(
     keys: Sequence[str] = KEYS,
     *,
     seeds: int = 10,
+    first_seed: int = 0,
     out: Path | None = None,
     workers: int | None = None,
     progress: bool = True,
 ) -> Reproduction:
     """Run the scenarios of some papers, judge their claims, and draw their figures.
 
+    Where fewer than five seeds meet the hypothesis of a claim, further seeds are drawn; runs whose limits cannot be
+    judged yet go on, up to ten times as long. Claims that a counter-example refutes are held against it, too.
+
     Parameters
     ----------
     keys
         Keys of the papers.
     seeds
-        Number of seeds per scenario, 0, 1, 2..., at most `MOST_SEEDS`.
+        Number of seeds per scenario, at most `MOST_SEEDS`.
+    first_seed
+        The first of them; the others follow one by one.
     out
         Folder for ``report.html``, ``claims.json``, ``errata.json``, figures and films; nothing is written when absent.
     workers
@@ -90,40 +128,108 @@ def reproduce(
     modules = {key: paper(key) for key in keys}
     if integer("reproduce", "seeds", seeds, least=1) > MOST_SEEDS:
         raise InvalidInput("reproduce", "seeds", f"must be at most {MOST_SEEDS}", seeds)
+    integer("reproduce", "first_seed", first_seed, least=0)
     if workers is not None:
         integer("reproduce", "workers", workers, least=1)
     if out is not None:
         _make_folders(out, keys)
-    # By seed, so that two workers seldom compile the same kernel; the first run of each scenario is kept for drawing.
-    tasks = [(n, k, s) for s in range(seeds) for k, module in modules.items() for n in module.scenarios()]
-    count = (workers or min(os.cpu_count() or 1, 8)) if len(tasks) >= 8 else 1
+    count = (workers or min(os.cpu_count() or 1, 8)) if seeds * len(modules) >= 8 else 1
     drawings = 0 if out is None else sum(len(m.figures()) + 1 + len(m.scenarios()) for m in modules.values())
-    runs: dict[str, Run] = {}
-    verdicts: dict[tuple[str, int], Verdicts] = {}
     figures: list[Path] = []
+    found = _Found({}, {})
+    first = range(first_seed, first_seed + seeds)
+    tasks = _seed_tasks(modules, first) + _counterexample_tasks(modules)
     with Parallel(n_jobs=count, return_as="generator") as parallel, _bar(progress, len(tasks) + drawings) as step:
-        jobs = (delayed(examine_seed)(name, key, seed, seed == 0) for name, key, seed in tasks)
-        for (name, _, seed), (found, run) in zip(tasks, parallel(jobs), strict=True):
-            verdicts[name, seed] = found
-            if run is not None:
-                runs[name] = run
-            step()
+        found.examine(parallel, tasks, step)
+        begun = first.stop
+        while wanted := _short_of_seeds(modules, found, begun - first_seed, seeds):
+            further = [Task(name, key, s) for s in range(begun, begun + seeds) for key, name in wanted]
+            step.more(len(further))
+            found.examine(parallel, further, step)
+            begun += seeds
         if out is not None:
-            for drawn in parallel(delayed(draw)(*job) for job in _drawings(modules, runs, out)):
+            for drawn in parallel(delayed(draw)(*job) for job in _drawings(modules, found.runs, out)):
                 figures += drawn
                 step()
-    judgements = {
-        name: _judgements(module, name, [verdicts[name, s] for s in range(seeds)])
-        for key, module in modules.items()
-        for name in module.scenarios()
-    }
+    judgements = {name: found.judgements(m, name) for m in modules.values() for name in m.scenarios()}
     errata = {key: errata_rows(module) for key, module in modules.items()}
-    found_all = Reproduction(judgements, errata, figures, time.monotonic() - begin, runs)
+    found_all = Reproduction(judgements, errata, figures, time.monotonic() - begin, found.runs, first_seed)
     if out is not None:
         (out / "claims.json").write_text(_json(claim_rows(judgements)), encoding="utf-8")
         (out / "errata.json").write_text(_json(errata), encoding="utf-8")
         write_report(found_all, modules, out)
     return found_all
+
+
+def _seed_tasks(modules: dict[str, ModuleType], seeds: range) -> list[Task]:
+    # By seed, so that two workers seldom compile the same kernel; the first run of each scenario is kept for drawing.
+    names = [(name, key) for key, module in modules.items() for name in module.scenarios()]
+    return [Task(name, key, seed, keep=seed == seeds.start) for seed in seeds for name, key in names]
+
+
+def _counterexample_tasks(modules: dict[str, ModuleType]) -> list[Task]:
+    return [
+        Task(name, key, COUNTEREXAMPLE, claim.key)
+        for key, module in modules.items()
+        for name in module.scenarios()
+        for claim in module.claims(name)
+        if claim.counterexample is not None
+    ]
+
+
+@dataclass
+class _Found:
+    """What was found so far.
+
+    Parameters
+    ----------
+    verdicts
+        By scenario, and by seed or the claim of a counter-example.
+    runs
+        The first run of each scenario.
+    """
+
+    verdicts: dict[str, dict[int | str, Verdicts]]
+    runs: dict[str, Run]
+
+    def examine(self, parallel: Any, tasks: Sequence[Task], step: _Steps) -> None:
+        """Examine some runs and keep what comes of them."""
+        from joblib import delayed
+
+        for task, (verdicts, run) in zip(tasks, parallel(delayed(examine)(t) for t in tasks), strict=True):
+            self.verdicts.setdefault(task.name, {})[task.claim or task.seed] = verdicts
+            if run is not None:
+                self.runs[task.name] = run
+            step()
+
+    def judgements(self, module: ModuleType, name: str) -> list[Judgement]:
+        """What the runs of a scenario come to, claim by claim."""
+        found = self.verdicts[name]
+        seeds = sorted(k for k in found if isinstance(k, int))
+        judged = []
+        for number, claim in enumerate(module.claims(name)):
+            results = tuple(_result(claim, found[seed][number]) for seed in seeds)
+            refuted = _result(claim, found[claim.key][0]) if claim.key in found else None
+            judged.append(Judgement(claim, results, refuted))
+        return judged
+
+
+def _result(claim: Claim, row: tuple[str, str, float, float, str]) -> Result:
+    _, verdict, margin, error, note = row
+    return Result(claim, Verdict(verdict), margin, error, note)
+
+
+def _short_of_seeds(modules: dict[str, ModuleType], found: _Found, tried: int, seeds: int) -> list[tuple[str, str]]:
+    """Scenarios with a claim whose hypothesis too few of the seeds tried so far meet: key of the paper, and name."""
+    if seeds < FEWEST_SEEDS or tried >= FURTHER * seeds:
+        return []
+    return [
+        (key, name)
+        for key, module in modules.items()
+        for name in module.scenarios()
+        if len([k for k in found.verdicts[name] if isinstance(k, int)]) == tried
+        and any(j.met < FEWEST_SEEDS for j in found.judgements(module, name) if j.verdict == Verdict.UNTESTED)
+    ]
 
 
 def _make_folders(out: Path, keys: Sequence[str]) -> None:
@@ -134,15 +240,6 @@ def _make_folders(out: Path, keys: Sequence[str]) -> None:
     except OSError as error:
         rule = f"must be a folder that can be written ({error.strerror})"
         raise InvalidInput("reproduce", "out", rule, str(out), "Choose another one.") from None
-
-
-def _judgements(module: ModuleType, name: str, per_seed: list[Verdicts]) -> list[Judgement]:
-    found = []
-    for number, claim in enumerate(module.claims(name)):
-        rows = [verdicts[number] for verdicts in per_seed]
-        results = tuple(Result(claim, Verdict(v), margin, error, note) for _, v, margin, error, note in rows)
-        found.append(Judgement(claim, results))
-    return found
 
 
 def errata_rows(module: ModuleType) -> list[dict[str, Any]]:
@@ -212,6 +309,11 @@ class _Steps:
         if self._bar is not None:
             self._bar.advance(self._task)
 
+    def more(self, count: int) -> None:
+        """Expect so many more."""
+        if self._bar is not None:
+            self._bar.update(self._task, total=self._bar.tasks[0].total + count)
+
 
 class _bar:  # noqa: N801
     def __init__(self, wanted: bool, total: int) -> None:
@@ -235,4 +337,4 @@ class _bar:  # noqa: N801
             self._bar.stop()
 
 
-__all__ = ["Report", "Reproduction", "draw", "errata_rows", "examine_seed", "reproduce"]
+__all__ = ["Reproduction", "draw", "errata_rows", "examine", "reproduce"]

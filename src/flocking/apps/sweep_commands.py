@@ -55,7 +55,7 @@ def sweep(
     """
     from flocking.model.checks import integer
     from flocking.papers.studies.running import run_file
-    from flocking.study.sweeps.intervals import check_level
+    from flocking.study.intervals import check_level
 
     check_level(level)
     if most_runs is not None:

@@ -159,10 +159,23 @@ class Run:
         return self.status == "finished"
 
     def until(self, end: float) -> Run:
-        """The same run with its frames and fine samples up to time ``end`` only."""
+        """The same run with its frames, fine samples, switches and ledger up to time ``end`` only.
+
+        Its closest approaches stay those of the whole run.
+        """
+        if not len(self.t) or self.t[-1] <= end:
+            return self
         count = int(np.searchsorted(self.t, end, side="right"))
-        fine = self.fine.until(end) if self.fine is not None else None
-        return replace(self, t=self.t[:count], q=self.q[:count], p=self.p[:count], links=self.links[:count], fine=fine)
+        return replace(
+            self,
+            t=self.t[:count],
+            q=self.q[:count],
+            p=self.p[:count],
+            links=self.links[:count],
+            switches=self.switches[self.switches["time"] <= end],
+            trace=self.trace[self.trace["time"] <= end],
+            fine=self.fine.until(end) if self.fine is not None else None,
+        )
 
     def state(self, frame: int) -> State:
         """State at a stored frame, with its links."""

@@ -15,8 +15,9 @@ from flocking.errors import InvalidInput
 from flocking.model.checks import Array, integer
 from flocking.model.law import Law, Scenario
 from flocking.model.state import Agents, State
-from flocking.study.audit import Judgement, audit, judge
+from flocking.study.audit import audit
 from flocking.study.claims import Claim
+from flocking.study.judgement import Judgement, judge
 
 if TYPE_CHECKING:
     from flocking.show.contents import PanelContents

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.model.law import Scenario
 from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
 
 UNCOMPUTED = "could not be computed"
@@ -26,6 +27,7 @@ class Verdict(StrEnum):
     NOT_RESOLVED = "not resolved"
     NOT_YET = "not yet"
     UNTESTED = "untested"
+    OBSERVED = "observed"
 
 
 class Origin(StrEnum):
@@ -34,6 +36,15 @@ class Origin(StrEnum):
     PAPER = "stated by the paper"
     ASSUMPTION = "assumed by the paper"
     OWN = "own question"
+
+
+class Basis(StrEnum):
+    """What the expected verdict of a claim rests on; never on runs of the simulations it is judged by."""
+
+    ASKED = "asked of any law"
+    PROOF = "proof"
+    COUNTEREXAMPLE = "counter-example"
+    OBSERVATION = "observation"
 
 
 @dataclass(frozen=True)
@@ -123,6 +134,18 @@ class Claim:
     origin
         Whether the paper states it, assumes it, or it is a question of our own that the paper does not answer: what
         fails of the last two speaks against no paper.
+    basis
+        What the expected verdict rests on. Nothing is expected of an observation: over many seeds it has a rate. The
+        claims of the papers never rest on being asked.
+    ground
+        The proof or the theorem in a few words, for a basis of `Basis.PROOF`.
+    counterexample
+        Makes a scenario that refutes the claim, for a basis of `Basis.COUNTEREXAMPLE`: one is enough.
+
+    Raises
+    ------
+    ValueError
+        When basis, expected verdict, ground and counter-example do not go together.
     """
 
     key: str
@@ -135,6 +158,21 @@ class Claim:
     reason: str = ""
     dynamic: bool = True
     origin: Origin = Origin.PAPER
+    basis: Basis = Basis.ASKED
+    ground: str = ""
+    counterexample: Callable[[], Scenario] | None = None
+
+    def __post_init__(self) -> None:
+        if (self.basis is Basis.PROOF) != bool(self.ground):
+            raise ValueError(f"{self.key}: a proof is named, and only a proof")
+        refuted = self.basis is Basis.COUNTEREXAMPLE
+        if refuted != (self.counterexample is not None) or (refuted and self.expected is not Verdict.FAILS):
+            raise ValueError(f"{self.key}: a claim that a counter-example refutes is expected to fail, and names it")
+
+    @property
+    def expectation(self) -> str:
+        """The expected verdict in words; of an observation none is expected."""
+        return "observation" if self.basis is Basis.OBSERVATION else str(self.expected)
 
     def examine(self, evidence: Evidence) -> Result:
         """Hold the claim against the evidence of one run.
@@ -213,6 +251,16 @@ class Result:
     error: float = math.nan
     note: str = ""
 
+    @property
+    def as_expected(self) -> bool:
+        """Whether the verdict does not contradict what is expected of every run.
+
+        One run that does not refute a claim says nothing against a counter-example elsewhere, and nothing is expected
+        of an observation.
+        """
+        binding = self.claim.basis in (Basis.ASKED, Basis.PROOF)
+        return not binding or self.verdict == self.claim.expected
+
     def as_dict(self) -> dict[str, Any]:
         """Plain data for JSON; numbers that are not finite become None."""
         return {
@@ -220,7 +268,7 @@ class Result:
             "source": self.claim.source,
             "origin": str(self.claim.origin),
             "statement": self.claim.statement,
-            "expected": str(self.claim.expected),
+            "expected": self.claim.expectation,
             "verdict": str(self.verdict),
             "margin": finite(self.margin),
             "error": finite(self.error),

@@ -20,8 +20,9 @@ from flocking.papers import examples
 from flocking.papers.olfati_saber_2003 import system
 from flocking.papers.olfati_saber_2003.examples_energy import example_state
 from flocking.papers.olfati_saber_2003.theorems import claims
-from flocking.study.audit import Judgement, Report, audit, judge
+from flocking.study.audit import Report, audit
 from flocking.study.evidence import Evidence
+from flocking.study.judgement import Judgement, judge
 
 if TYPE_CHECKING:
     from flocking.show.declaration import Figure

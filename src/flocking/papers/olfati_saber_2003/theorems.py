@@ -11,10 +11,12 @@ from flocking.model.checks import Array
 from flocking.model.potentials import Potential
 from flocking.model.structural import structural_potential
 from flocking.model.terms import Gradient
+from flocking.papers.grounds import grounded
 from flocking.papers.olfati_saber_2003 import passage, system
+from flocking.papers.olfati_saber_2003.grounds import grounds
 from flocking.papers.olfati_saber_2003.system import FREE, KEY, SINK, SMOOTH
 from flocking.study import general_claims as general
-from flocking.study.claims import Claim, Measure, Verdict, above, below
+from flocking.study.claims import Claim, Measure, Origin, Verdict, above, below
 from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
 from flocking.study.settling import limit_of, limit_of_series, of_configuration
 
@@ -247,6 +249,7 @@ def _sink_claims() -> tuple[Claim, ...]:
             "(20)",
             "The limit realizes the structural net.",
             realizes,
+            origin=Origin.OWN,
             expected=Verdict.FAILS,
             reason="The sink presses on the net: the limit is a quasi-realization, as section 11 says.",
         ),
@@ -255,6 +258,7 @@ def _sink_claims() -> tuple[Claim, ...]:
             "Definition 2",
             "H_s tends to 0.",
             structural_energy_vanishes,
+            origin=Origin.OWN,
             expected=Verdict.FAILS,
             reason="V > 0 in a quasi-realization: Definition 2 does not cover the paper's own simulation.",
         ),
@@ -377,6 +381,10 @@ def claims(scenario: str = KEY) -> Sequence[Claim]:
     scenario
         Name of the scenario.
     """
+    return grounded(_stated(scenario), grounds(scenario))
+
+
+def _stated(scenario: str) -> Sequence[Claim]:
     found: dict[str, Callable[[], tuple[Claim, ...]]] = {
         KEY: _obstacle_claims,
         SINK: _sink_claims,

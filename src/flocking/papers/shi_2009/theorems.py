@@ -8,7 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from flocking.model.checks import Array
+from flocking.papers.grounds import grounded
 from flocking.papers.shi_2009.closed_forms import centre_motion, steady_velocity_error
+from flocking.papers.shi_2009.grounds import grounds
 from flocking.papers.shi_2009.system import KEY, SETTINGS, VELOCITY_GAIN
 from flocking.study import general_claims as general
 from flocking.study.claims import Claim, Measure, Verdict, below
@@ -108,6 +110,10 @@ def claims(scenario: str = KEY) -> Sequence[Claim]:
     scenario
         Name of the scenario; a row of Table 1.
     """
+    return grounded(_stated(scenario), grounds(scenario))
+
+
+def _stated(scenario: str) -> Sequence[Claim]:
     setting = SETTINGS[scenario]
     connected = kept_connected if setting.connected else fell_apart
     found = [

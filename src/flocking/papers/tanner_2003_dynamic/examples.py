@@ -20,9 +20,9 @@ from flocking.model.terms import Consensus, Gradient
 from flocking.papers import examples
 from flocking.papers.tanner_2003_dynamic import system, theorems
 from flocking.study import nonsmooth
-from flocking.study.audit import Judgement
 from flocking.study.equilibrium import Equilibrium
 from flocking.study.evidence import Evidence
+from flocking.study.judgement import Judgement
 from flocking.study.potential_minimum import smallest_value
 from flocking.study.state_energy import agent_energies, total_energy
 

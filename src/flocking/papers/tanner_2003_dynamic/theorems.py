@@ -6,6 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from flocking.papers.grounds import grounded
+from flocking.papers.tanner_2003_dynamic.grounds import grounds
 from flocking.papers.tanner_2003_dynamic.system import KEY
 from flocking.study import general_claims as general
 from flocking.study.claims import Claim, Measure, Origin, Verdict, above, below
@@ -46,6 +48,10 @@ def claims(scenario: str = KEY) -> Sequence[Claim]:
     scenario
         ``"tanner-2003-dynamic"``.
     """
+    return grounded(_stated(scenario), grounds())
+
+
+def _stated(_: str) -> Sequence[Claim]:
     connected = general.stays_connected
     fails = Verdict.FAILS
     return (

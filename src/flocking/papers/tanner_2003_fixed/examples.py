@@ -18,8 +18,8 @@ from flocking.model.state import State
 from flocking.model.terms import Consensus, Gradient
 from flocking.papers import examples
 from flocking.papers.tanner_2003_fixed import system, theorems
-from flocking.study.audit import Judgement
 from flocking.study.equilibrium import Equilibrium
+from flocking.study.judgement import Judgement
 from flocking.study.potential_minimum import smallest_value
 from flocking.study.state_energy import agent_energies, total_energy
 

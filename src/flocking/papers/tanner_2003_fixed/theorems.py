@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from flocking.model.potentials import Potential
+from flocking.papers.grounds import grounded
+from flocking.papers.tanner_2003_fixed.grounds import grounds
 from flocking.papers.tanner_2003_fixed.system import COMPLETE, KEY
 from flocking.study import general_claims as general
 from flocking.study.claims import Claim, Measure, Origin, Verdict, below
@@ -33,11 +35,15 @@ def claims(scenario: str = KEY) -> Sequence[Claim]:
     scenario
         ``"tanner-2003-fixed"``, or ``"tanner-2003-fixed-complete"`` for the complete graph of Remark IV.5.
     """
+    return grounded(_stated(scenario), grounds(scenario == COMPLETE))
+
+
+def _stated(scenario: str) -> Sequence[Claim]:
     complete = scenario == COMPLETE
     connected = general.starts_connected
     fails, holds = Verdict.FAILS, Verdict.HOLDS
     too_rigid = "Stationary only: in the plane ten agents cannot all be 1 apart."
-    flexible = "Holds because the drawn graphs are sparse; with all agents linked it fails."
+    sometimes = "Stationary only: most of the drawn graphs are sparse enough for it, some are too rigid."
     unseen = "Unlinked agents do not see each other; some end at the same point."
     return (
         Claim("energy", "(9)", "dW/dt = -v^T (L x I) v: the dissipation is the Laplacian form.",
@@ -53,7 +59,7 @@ def claims(scenario: str = KEY) -> Sequence[Claim]:
         Claim("stationary", THEOREM, "The limit is stationary: the forces of every agent balance.",
               general.forces_vanish, connected),
         Claim("minimal", THEOREM, "The limit minimises every agent's potential V_i.", general.agents_at_their_minimum,
-              connected, expected=fails if complete else holds, reason=too_rigid if complete else flexible),
+              connected, expected=fails, reason=too_rigid if complete else sometimes),
         Claim("local-minimum", THEOREM, "The limit is a local minimum of the total potential.",
               general.potential_is_minimal, connected),
         Claim("speed-bound", "after (6)", "No speed exceeds sqrt(2 c), c the initial W.", general.speeds_bounded(2.0)),

@@ -22,9 +22,9 @@ from flocking.model.terms import Consensus, Gradient, PairTerm
 from flocking.model.tracking import Track
 from flocking.papers import examples
 from flocking.papers.zhou_2015 import system, theorems
-from flocking.study.audit import Judgement
 from flocking.study.equilibrium import Equilibrium
 from flocking.study.evidence import Evidence
+from flocking.study.judgement import Judgement
 from flocking.study.potential_minimum import smallest_value
 from flocking.study.state_energy import total_energy
 

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from flocking.model.tracking import Track
+from flocking.papers.grounds import grounded
+from flocking.papers.zhou_2015.grounds import grounds
 from flocking.papers.zhou_2015.system import KEY, LEADER
 from flocking.study import general_claims as general
 from flocking.study.claims import Claim, Measure, Origin, Verdict, above, below
@@ -153,6 +155,10 @@ def claims(scenario: str = KEY) -> Sequence[Claim]:
     scenario
         ``"zhou-2015"``, or ``"zhou-2015-leader"`` with the virtual leader.
     """
+    return grounded(_stated(scenario), grounds(scenario == LEADER))
+
+
+def _stated(scenario: str) -> Sequence[Claim]:
     led = scenario == LEADER
     theorem = "Theorem 2" if led else "Theorem 1"
     name, rate = ("U", "(29)") if led else ("Q", "(14)")

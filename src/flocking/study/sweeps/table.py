@@ -15,7 +15,7 @@ import numpy as np
 
 from flocking.errors import InvalidInput, StorageError
 from flocking.model.checks import Array
-from flocking.study.sweeps.intervals import check_level, mean_interval, share_interval
+from flocking.study.intervals import check_level, mean_interval, share_interval
 from flocking.study.sweeps.plan import Plan, label
 from flocking.study.sweeps.work import Row
 
