@@ -74,7 +74,9 @@ def _claims(draw: Draw, motion: Motion, error: float) -> dict[str, bool | None]:
     span = motion.time
     quiet = (span - own[-1].time) / span if own else 1.0
     supplied = draw.problem.follow is not None
-    passive = motion.rise <= SURE * error * (1.0 + abs(motion.energies[0]))
+    # Central forces without a stated energy have one all the same, their integral: drags alone change it.
+    central = any(x.force for part in draw.problem.parts for x in part.pieces)
+    passive = central or motion.rise <= SURE * error * (1.0 + abs(motion.energies[0]))
     balanced, softest = _equilibrium(draw, motion)
     return {
         "ledger": True,

@@ -3,36 +3,9 @@
    Compiled once with 80-bit and once (with -DQUAD) with 128-bit floating point numbers. See motion.py for the layout
    of what comes in and goes out. Method: A. Jorba, M. Zou, Experimental Mathematics 14 (2005) 99-117. */
 
-#include <math.h>
-#include <string.h>
+#include "series.h"
+#include "roots.h"
 
-#ifdef QUAD
-typedef _Float128 real;
-extern _Float128 sqrtf128(_Float128), expf128(_Float128), logf128(_Float128), sinf128(_Float128), cosf128(_Float128),
-    powf128(_Float128, _Float128), fabsf128(_Float128);
-#define SQRT sqrtf128
-#define EXP expf128
-#define LOG logf128
-#define SIN sinf128
-#define COS cosf128
-#define POW powf128
-#define ABS fabsf128
-#define PI 3.14159265358979323846264338327950288419716939937510582F128
-#define FINE 1e-34F128
-#else
-typedef long double real;
-#define SQRT sqrtl
-#define EXP expl
-#define LOG logl
-#define SIN sinl
-#define COS cosl
-#define POW powl
-#define ABS fabsl
-#define PI 3.14159265358979323846264338327950288L
-#define FINE 1e-20L
-#endif
-
-#define ORDER 64           /* highest order */
 #define AGENTS 6
 #define PAIRS 15
 #define AXES 3
@@ -40,8 +13,6 @@ typedef long double real;
 #define TERMS 4
 #define PIECES 6
 #define NODES 160
-
-typedef struct { int operation, first, second, pad; double value; } Row;
 
 typedef struct {
     int graph, pieces;                 /* number of its graph; how many formulas, from the smallest distance on */
@@ -85,68 +56,6 @@ static real leader_node[NODES][ORDER + 1], leader_q[AXES][ORDER + 2];
 static char leader_fixed[NODES];
 static int links[GRAPHS][PAIRS], piece[TERMS][PAIRS], pairs, first_of[PAIRS], second_of[PAIRS];
 static char at_radius[GRAPHS][PAIRS], at_border[TERMS][PAIRS][PIECES];
-
-static real convolved(const real *a, const real *b, int k) {
-    real sum = 0;
-    for (int x = 0; x <= k; x++) sum += a[x] * b[k - x];
-    return sum;
-}
-
-/* Coefficient k of every row of a tape, from the lower ones. */
-static void work_off(const Row *tape, int count, real (*c)[ORDER + 1], char *fixed, int k, const real *in_r,
-                     const real *in_s, const real *in_t) {
-    for (int x = 0; x < count; x++) {
-        const Row *row = &tape[x];
-        const real *a = row->first >= 0 ? c[row->first] : 0, *b = row->second >= 0 ? c[row->second] : 0;
-        char still_a = a ? fixed[row->first] : 1, still_b = b && row->operation < 11 ? fixed[row->second] : 1;
-        if (k == 0) fixed[x] = row->operation == 2 ? 0 : still_a && still_b;
-        else if (fixed[x]) { c[x][k] = 0; continue; }
-        real sum = 0;
-        switch (row->operation) {
-        case 0: c[x][k] = row->value; break;
-        case 1: c[x][k] = PI; break;
-        case 2: c[x][k] = (row->value == 0 ? in_r : row->value == 1 ? in_s : in_t)[k]; break;
-        case 3: c[x][k] = a[k] + b[k]; break;
-        case 4: c[x][k] = a[k] - b[k]; break;
-        case 5: c[x][k] = still_a ? a[0] * b[k] : still_b ? a[k] * b[0] : convolved(a, b, k); break;
-        case 6:
-            if (still_b) { c[x][k] = a[k] / b[0]; break; }
-            for (int y = 0; y < k; y++) sum += c[x][y] * b[k - y];
-            c[x][k] = (a[k] - sum) / b[0];
-            break;
-        case 7:
-            if (k == 0) { c[x][0] = SQRT(a[0]); break; }
-            for (int y = 1; y < k; y++) sum += c[x][y] * c[x][k - y];
-            c[x][k] = (a[k] - sum) / (2 * c[x][0]);
-            break;
-        case 8:
-            if (k == 0) { c[x][0] = EXP(a[0]); break; }
-            for (int y = 1; y <= k; y++) sum += y * a[y] * c[x][k - y];
-            c[x][k] = sum / k;
-            break;
-        case 9:
-            if (k == 0) { c[x][0] = LOG(a[0]); break; }
-            for (int y = 1; y < k; y++) sum += y * c[x][y] * a[k - y];
-            c[x][k] = (a[k] - sum / k) / a[0];
-            break;
-        case 10:
-            if (k == 0) { c[x][0] = POW(a[0], (real)row->value); break; }
-            for (int y = 0; y < k; y++) sum += ((real)row->value * (k - y) - y) * a[k - y] * c[x][y];
-            c[x][k] = sum / (k * a[0]);
-            break;
-        case 11:
-            if (k == 0) { c[x][0] = SIN(a[0]); break; }
-            for (int y = 1; y <= k; y++) sum += y * a[y] * b[k - y];
-            c[x][k] = sum / k;
-            break;
-        case 12:
-            if (k == 0) { c[x][0] = COS(a[0]); break; }
-            for (int y = 1; y <= k; y++) sum += y * a[y] * b[k - y];
-            c[x][k] = -sum / k;
-            break;
-        }
-    }
-}
 
 /* Coefficients of the motion about now, up to the order. */
 static void expand(real now) {
@@ -217,121 +126,6 @@ static void expand(real now) {
                 p[i][x][k + 1] = u[i][x][k] / ((real)P.mass[i] * (k + 1));
             }
     }
-}
-
-static real at(const real *c, int K, real x) {
-    real sum = c[K];
-    for (int k = K - 1; k >= 0; k--) sum = sum * x + c[k];
-    return sum;
-}
-
-static real slope_at(const real *c, int K, real x) {
-    real sum = K * c[K];
-    for (int k = K - 1; k >= 1; k--) sum = sum * x + k * c[k];
-    return sum;
-}
-
-/* Where f, of the sign `side` at low and not at high, becomes zero: bisection, and Newton where it stays inside. */
-static real narrowed(const real *c, int K, real low, real high, int side) {
-    for (int k = 0; k < 400; k++) {
-        real x = (low + high) / 2;
-        if (!(x > low && x < high)) break;
-        for (int y = 0; y < 2; y++) {
-            real f = at(c, K, x);
-            if (side * f > 0) low = x; else high = x;
-            real g = slope_at(c, K, x);
-            if (g == 0) break;
-            real next = x - f / g;
-            if (!(next > low && next < high)) break;
-            x = next;
-        }
-        if (high - low <= FINE) break;
-        /* Newton's side of the bracket is sharp already: close in on it from the other side. */
-        real f = at(c, K, x), g = slope_at(c, K, x), reach = 4 * FINE * (1 + ABS(x));
-        if (g != 0 && x > low && x < high) {
-            real next = x - f / g;
-            if (next - reach > low && side * at(c, K, next - reach) > 0) low = next - reach;
-            if (next + reach < high && side * at(c, K, next + reach) <= 0) high = next + reach;
-        }
-    }
-    return high;
-}
-
-static void moved(const real *c, int K, real *out, real by, real width) {
-    real w = 1;
-    for (int k = 0; k <= K; k++) out[k] = c[k];
-    for (int a = 0; a < K; a++)
-        for (int k = K - 1; k >= a; k--) out[k] += by * out[k + 1];
-    for (int k = 0; k <= K; k++) { out[k] *= w; w *= width; }
-}
-
-typedef struct { real where, value; int found; } Turn;
-
-static int patience; /* halvings left: a polynomial that is rounding alone would be halved for ever */
-
-/* First x in [0, 1] at which side f is no longer positive; 2 when there is none. A turn on the way is noted. */
-static real first_crossing(const real *c, int K, int side, int depth, Turn *turn) {
-    real rest = 0, bend = 0, third = 0, end = 0, end_slope = 0;
-    for (int k = 0; k <= K; k++) {
-        end += c[k];
-        end_slope += k * c[k];
-        if (k >= 1) rest += ABS(c[k]);
-        if (k >= 2) bend += k * ABS(c[k]);
-        if (k >= 3) third += (real)k * (k - 1) * ABS(c[k]);
-    }
-    if (side * c[0] <= 0) return 0;
-    if (side * c[0] > rest && !(turn && side * c[0] < 3 * rest)) return 2;
-    int monotone = ABS(c[1]) > bend;
-    int curved = 2 * ABS(c[2]) > third;
-    if (!monotone && curved && (c[1] > 0) == (end_slope > 0)) monotone = 1;
-    if (monotone) return side * end > 0 ? 2 : narrowed(c, K, 0, 1, side);
-    if (curved) {
-        real slopes[ORDER + 1];
-        for (int k = 0; k < K; k++) slopes[k] = (k + 1) * c[k + 1];
-        real x = narrowed(slopes, K - 1, 0, 1, c[1] > 0 ? 1 : -1), f = at(c, K, x);
-        if (turn && (!turn->found || ABS(f) < ABS(turn->value))) { turn->found = 1; turn->where = x; turn->value = f; }
-        if (side * f <= 0) return narrowed(c, K, 0, x, side);
-        return side * end > 0 ? 2 : narrowed(c, K, x, 1, side);
-    }
-    if (depth > 60 || patience-- < 0) return side * end > 0 ? 2 : 1;
-    real half[ORDER + 1];
-    Turn inner = {0, 0, 0};
-    for (int part = 0; part < 2; part++) {
-        moved(c, K, half, part * (real)0.5, (real)0.5);
-        inner.found = 0;
-        real x = first_crossing(half, K, side, depth + 1, turn ? &inner : 0);
-        if (turn && inner.found && (!turn->found || ABS(inner.value) < ABS(turn->value))) {
-            *turn = inner;
-            turn->where = (part + inner.where) / 2;
-        }
-        if (x <= 1) return (part + x) / 2;
-    }
-    return 2;
-}
-
-/* Smallest value of the polynomial on [0, high]; where in *x. */
-static void smallest(const real *c, int K, real low, real high, int depth, real *best, real *x) {
-    real part[ORDER + 1], rest = 0, bend = 0, third = 0;
-    moved(c, K, part, low, high - low);
-    const real ends[2] = {at(c, K, low), at(c, K, high)};
-    for (int k = 0; k < 2; k++) if (ends[k] < *best) { *best = ends[k]; *x = k ? high : low; }
-    for (int k = 1; k <= K; k++) {
-        rest += ABS(part[k]);
-        if (k >= 2) bend += k * ABS(part[k]);
-        if (k >= 3) third += (real)k * (k - 1) * ABS(part[k]);
-    }
-    if (part[0] - rest >= *best - 8 * FINE * ABS(*best) || ABS(part[1]) > bend) return;
-    if (2 * ABS(part[2]) > third || depth > 40 || patience-- < 0) {
-        if (part[2] <= 0 || part[1] >= 0) return;
-        real slopes[ORDER + 1] = {0};
-        for (int k = 0; k < K; k++) slopes[k] = (k + 1) * part[k + 1];
-        if (at(slopes, K - 1, 1) <= 0) return;
-        real y = narrowed(slopes, K - 1, 0, 1, -1), f = at(part, K, y);
-        if (f < *best) { *best = f; *x = low + y * (high - low); }
-        return;
-    }
-    smallest(c, K, low, (low + high) / 2, depth + 1, best, x);
-    smallest(c, K, (low + high) / 2, high, depth + 1, best, x);
 }
 
 static real step_length(real left) {
