@@ -64,6 +64,20 @@ def test_a_straight_flight_meets_the_radius_when_it_must(judge: Judge) -> None:
     assert motion.closest_linked.distance == pytest.approx(nearest, rel=4e-16)
 
 
+def test_with_hysteresis_a_link_breaks_farther_out_than_it_appears(judge: Judge) -> None:
+    flight = PairPart((Piece(drag="c"),), {"c": 0.0})
+    problem = pair_problem((flight,), distance=8.0, speed=-2.0, across=0.5, end=8.0, graphs=(Links(1.945, 2.5),))
+    motion = judge.motion(problem)
+    # (8 - 2 t)^2 + (t/2)^2 = r^2; the first, 1.945, is just above the closest approach, 1.9403
+    wide = np.longdouble
+    first, last = (
+        float((16 + s * np.sqrt(256 - wide(4.25) * (64 - wide(r) ** 2))) / wide(4.25))
+        for s, r in ((-1, 1.945), (1, 2.5))
+    )
+    assert [x.kind for x in motion.switches] == ["appear", "break"]
+    np.testing.assert_allclose([x.time for x in motion.switches], [first, last], rtol=1e-15)
+
+
 @pytest.mark.parametrize("digits", [18, 30])
 def test_a_spring_crosses_its_radius_in_closed_form(judges, digits: int) -> None:
     k, d, speed, radius = 1.0, 2.0, np.sqrt(2), 3 - 1e-6

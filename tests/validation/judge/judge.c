@@ -250,7 +250,8 @@ static void cross(Outcome *out, const Surface *x, real now, real h) {
             }
     } else
         piece[x->owner][e] += x->inside ? 1 : -1;
-    *x->mark = 1;
+    /* With hysteresis the pair now is watched for another radius. */
+    if (x->kind == 1 || (real)(links[x->owner][e] ? P.leave : P.enter)[x->owner] == x->radius) *x->mark = 1;
     if (out->events < EVENTS) {
         real slope = slope_at(s[e], P.order, h), bend = 0;
         for (int k = P.order; k >= 2; k--) bend = bend * h + (real)k * (k - 1) * s[e][k];
