@@ -7,6 +7,7 @@ from numpy.testing import assert_allclose
 
 from flocking.model.tracking import Track
 from flocking.papers.shi_2009.system import SETTINGS
+from tests.papers import shi_figures
 
 A = B = 0.05
 R = 4.0
@@ -313,27 +314,6 @@ def numbers(found):
     assert 0 < found["heaviest"] <= 1
 
 
-def figure_numbers(name):
-    setting = SETTINGS[name]
-
-    def check(found):
-        assert_allclose(found["informed"], 5 if setting.velocity == "some" else 10, rtol=1e-12)
-        assert_allclose(found["know a0"], {"all": 10, "some": 5, "none": 0}[setting.acceleration], rtol=1e-12)
-        assert_allclose(found["position gain"], 1.0 if setting.law == 15 else 0.0, rtol=1e-12)
-        assert_allclose(found["duration"], 100, rtol=1e-12)
-
-    return check
-
-
-def figure_1(values):
-    assert_allclose(values, [V(r, 1, 1, 2) for r in (0.5, 1.0, 1.5, 1.9, 2.5)], rtol=1e-12)
-
-
-def figure_2(values):
-    t = np.array([0.0, 1.0, 2.0, 5.0, 50.0])
-    assert_allclose(values, np.stack([np.sin(t), np.cos(t)], 1), rtol=1e-12, atol=1e-15)
-
-
 CHECKS = {
     "(1)": newton,
     "(2)": law_row,
@@ -379,10 +359,5 @@ CHECKS = {
     "Remark 6": audit_as_expected,
     "sec. 4": numbers,
     **{f"Table 1 Fig. {s.figure}": audit_as_expected for s in SETTINGS.values() if s.figure},
-    "Fig. 1": figure_1,
-    "Fig. 2": figure_2,
-    "Fig. 3": numbers,
-    **{f"Fig. {s.figure}": figure_numbers(n) for n, s in SETTINGS.items() if s.figure},
-    "Fig. 9": figure_numbers("shi-2009-velocity-only"),
-    "Fig. 12": figure_numbers("shi-2009-partial"),
+    **shi_figures.CHECKS,
 }

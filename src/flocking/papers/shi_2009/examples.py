@@ -5,10 +5,10 @@ Every function takes the factor by which its decisive number is off; 1 is the pa
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import lru_cache
-from typing import Any
+from functools import cache, lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,9 +24,13 @@ from flocking.model.potentials import Potential
 from flocking.model.state import Agents, State
 from flocking.model.terms import Consensus, Gradient, Term
 from flocking.model.tracking import Track
+from flocking.papers import examples
 from flocking.papers.shi_2009 import system
 from flocking.papers.shi_2009.theorems import claims
 from flocking.study.audit import Report, audit
+
+if TYPE_CHECKING:
+    from flocking.show.declaration import Figure
 
 KEY = system.KEY
 
@@ -250,29 +254,31 @@ def numbers(scale: float) -> dict[str, float]:
     }
 
 
-def figure_numbers(name: str) -> Callable[[float], dict[str, float]]:
-    """Builder: which gains a figure's scenario has, off by ``scale``."""
+def known_figures() -> Mapping[int, Figure]:
+    """Figures of the paper; the pictures are loaded when they are asked for."""
+    from flocking.papers.shi_2009.pictures import figures
 
-    def build(scale: float) -> dict[str, float]:
-        scenario = system.scenario(seed=0, name=name)
-        track = next(t for t in scenario.law.terms if isinstance(t, Track))
-        n = scenario.start.n
-        return {
-            "informed": scale * float(np.count_nonzero(np.broadcast_to(track.velocity_gain, n))),
-            "know a0": scale * float(np.sum(np.broadcast_to(track.acceleration_gain, n))),
-            "position gain": scale * float(np.max(track.position_gain)),
-            "duration": scenario.t_end * scale,
-        }
-
-    return build
+    return figures()
 
 
-def figure_1(scale: float) -> Array:
-    """Curve of Fig. 1 at five distances, b off by ``scale``."""
-    return potential(scale)(np.array([0.5, 1.0, 1.5, 1.9, 2.5]))
+FIGURE_SECONDS = 3.0
+"""How much of a simulation the rows of its figures look at."""
 
 
-def figure_2(scale: float) -> Array:
-    """Desired velocity at five times, off by ``scale``."""
-    leader = system.scenario(seed=0).law.leaders[0]
-    return scale * np.array([leader.at(t)[1] for t in (0.0, 1.0, 2.0, 5.0, 50.0)])
+@cache
+def beginning(name: str) -> Callable[[], Scenario]:
+    """The first seconds of a setting."""
+    return lambda: system.scenario(seed=0, name=name).with_(t_end=FIGURE_SECONDS, frames=61, name="")
+
+
+def picture(number: int, name: str = "") -> Callable[[float], examples.Pictured]:
+    """Builder: a figure as it is drawn.
+
+    Parameters
+    ----------
+    number
+        Its number.
+    name
+        The setting it shows; absent for figures of no run.
+    """
+    return examples.pictured(known_figures, number, beginning(name) if name else None)

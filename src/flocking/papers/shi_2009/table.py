@@ -79,7 +79,7 @@ def equations() -> Sequence[Row]:
             "(5)",
             "equation",
             "closed loop as a differential inclusion",
-            "flocking.engine.exact.ExactSession",
+            f"{PAPER}.system.scenario",
             examples.closed_loop,
         ),
         row(
@@ -271,16 +271,16 @@ def equations() -> Sequence[Row]:
             reading="Masses from [0.05, 1]; five of ten informed; besides the paper's start a compact one of radius 3.",
         ),
         *table,
-        row("Fig. 1", "figure", "the potential for a = b = 1, R = 2", figures, examples.figure_1),
-        row("Fig. 2", "figure", "desired velocity", figures, examples.figure_2),
-        row("Fig. 3", "figure", "initial state", figures, examples.numbers),
+        row("Fig. 1", "figure", "the potential for a = b = 1, R = 2", figures, examples.picture(1)),
+        row("Fig. 2", "figure", "desired velocity", figures, examples.picture(2, KEY)),
+        row("Fig. 3", "figure", "initial state", figures, examples.picture(3, KEY)),
         *(
             row(
                 f"Fig. {k}",
                 "figure",
                 f"errors and final state, law ({SETTINGS[n].law})",
                 figures,
-                examples.figure_numbers(n),
+                examples.picture(int(k), n),
             )
             for n, s in SETTINGS.items()
             if (k := s.figure) in {"4", "5", "6", "7", "8"}
@@ -290,10 +290,10 @@ def equations() -> Sequence[Row]:
             "figure",
             "velocity errors about the centre of mass",
             figures,
-            examples.figure_numbers(f"{KEY}-velocity-only"),
+            examples.picture(9, f"{KEY}-velocity-only"),
         ),
         *(
-            row(f"Fig. {k}", "figure", "errors when some know a0", figures, examples.figure_numbers(n))
+            row(f"Fig. {k}", "figure", "errors when some know a0", figures, examples.picture(int(k), n))
             for n, s in SETTINGS.items()
             if (k := s.figure) in {"10", "11"}
         ),
@@ -302,7 +302,7 @@ def equations() -> Sequence[Row]:
             "figure",
             "velocity errors about the centre of mass",
             figures,
-            examples.figure_numbers(f"{KEY}-partial"),
+            examples.picture(12, f"{KEY}-partial"),
         ),
     )
 
