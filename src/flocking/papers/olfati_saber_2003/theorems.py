@@ -169,20 +169,26 @@ def rigid(e: Evidence) -> Measure:
 
 def planar(e: Evidence) -> Measure:
     """Pairs of links that cross."""
+    return limit_of(e, 0.5, lambda frame: _crossings(e, frame), lambda count: f"{count:.0f} crossings")
+
+
+def _crossings(e: Evidence, frame: int) -> int:
     from flocking.study.rigidity import crossing_links
 
-    crossings = crossing_links(e.q[-1], e.end_links)
-    return of_configuration(e, below(crossings, 0.5, f"{crossings} crossings"))
+    return crossing_links(e.q[frame], e.links_at(frame))
 
 
 def triangular(e: Evidence) -> Measure:
-    """Share of triangles among the bounded faces."""
+    """Share of triangles among the bounded faces; where links cross, there are none."""
     from flocking.study.rigidity import triangle_share
 
-    if planar(e).margin < 0:
-        return of_configuration(e, Measure(-1.0, 0.0, "links cross: there are no faces"))
-    share = triangle_share(e.q[-1], e.end_links)
-    return of_configuration(e, above(share, DOMINANT, f"{share:.3f} of the faces are triangles"))
+    def others(frame: int) -> float:
+        return 1.0 if _crossings(e, frame) else 1 - triangle_share(e.q[frame], e.links_at(frame))
+
+    def told(rest: float) -> str:
+        return "links cross: there are no faces" if rest == 1 else f"{1 - rest:.3f} of the faces are triangles"
+
+    return limit_of(e, 1 - DOMINANT, others, told)
 
 
 def little_defect(e: Evidence) -> Measure:
@@ -190,16 +196,21 @@ def little_defect(e: Evidence) -> Measure:
     from flocking.study.structure import defect
 
     psi = potential_of(e)
-    found = defect(e.law.graph, psi, e.state(-1), weight=DEFECT_WEIGHT).normalized
-    return of_configuration(e, below(found, LOW_DEFECT, f"mu_n = {found:.3f} for w = {DEFECT_WEIGHT:g}"))
+
+    def normalized(frame: int) -> float:
+        return defect(e.law.graph, psi, e.state(frame), weight=DEFECT_WEIGHT).normalized
+
+    return limit_of(e, LOW_DEFECT, normalized, lambda found: f"mu_n = {found:.3f} for w = {DEFECT_WEIGHT:g}")
 
 
 def realizes(e: Evidence) -> Measure:
     """Largest deviation of a link's length from d_alpha at the end."""
     from flocking.study.structure import deviation
 
-    off = deviation(e.q[-1], e.end_links, system.DISTANCE) / system.DISTANCE
-    return of_configuration(e, below(off, REALIZED, f"lengths within {off:.1e} of d_alpha"))
+    def off(frame: int) -> float:
+        return deviation(e.q[frame], e.links_at(frame), system.DISTANCE) / system.DISTANCE
+
+    return limit_of(e, REALIZED, off, lambda most: f"lengths within {most:.1e} of d_alpha")
 
 
 def structural_energy_vanishes(e: Evidence) -> Measure:
