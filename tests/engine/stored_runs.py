@@ -11,6 +11,7 @@ import pytest
 import flocking as fk
 from flocking.engine import durable, saving
 from flocking.engine.run import Run
+from flocking.engine.run_errors import accuracy_data
 
 
 @functools.cache
@@ -38,6 +39,10 @@ def assert_same(one: Run, two: Run) -> None:
         assert x.tobytes() == y.tobytes(), name
     for name in ("closest_linked", "closest_unlinked", "status", "provenance"):
         assert getattr(one, name) == getattr(two, name), name
+    assert (one.accuracy is None) == (two.accuracy is None)
+    if one.accuracy is not None and two.accuracy is not None:
+        assert accuracy_data(one.accuracy) == accuracy_data(two.accuracy)
+        assert one.accuracy.frames.tobytes() == two.accuracy.frames.tobytes()
 
 
 def fill_the_disk_after_three_commits(monkeypatch: pytest.MonkeyPatch) -> None:

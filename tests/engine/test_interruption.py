@@ -14,15 +14,15 @@ from tests.engine.test_sessions import crowd
 
 
 def test_a_real_signal_in_the_middle_of_a_step_ends_the_run_at_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    original, calls = Dynamics.slope, [0]
+    original, calls = Dynamics.stages, [0]
 
-    def slope(self, t, y):
+    def stages(self, *given):
         calls[0] += 1
-        if calls[0] == 400:
+        if calls[0] == 90:
             signal.raise_signal(signal.SIGINT)
-        return original(self, t, y)
+        return original(self, *given)
 
-    monkeypatch.setattr(Dynamics, "slope", slope)
+    monkeypatch.setattr(Dynamics, "stages", stages)
     run = fk.simulate(crowd(), progress=False)
     monkeypatch.undo()
     assert run.status.startswith("interrupted at t = ")

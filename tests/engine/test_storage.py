@@ -64,15 +64,20 @@ def test_xarray_shows_labelled_dimensions_units_and_provenance(written: Path) ->
 
 def test_frames_appended_in_pieces_equal_those_written_at_once(tmp_path: Path) -> None:
     run = finished()
-    with RunWriter.create(tmp_path / "run", run.scenario) as writer:
+    with RunWriter.create(tmp_path / "run", run.scenario, with_errors=True) as writer:
         for k in range(0, len(run.t), 4):
             now = slice(k, k + 4)
-            writer.append(run.t[now], run.q[now], run.p[now], run.links[now])
+            writer.append(run.t[now], run.q[now], run.p[now], run.links[now], run.accuracy.frames[now])
             part = {0: run.switches[:3], 4: run.switches[3:]}.get(k, run.switches[:0])
             writer.append_records(part, run.trace[k * 3 : (k + 4) * 3 if k + 4 < len(run.t) else None])
             if k % 8 == 0:
                 writer.commit()
-        writer.commit(run.status, closest=(run.closest_linked, run.closest_unlinked), provenance=run.provenance)
+        writer.commit(
+            run.status,
+            closest=(run.closest_linked, run.closest_unlinked),
+            accuracy=run.accuracy,
+            provenance=run.provenance,
+        )
     assert_same(read_run(tmp_path / "run"), run)
 
 
@@ -81,27 +86,32 @@ def test_an_append_that_failed_can_be_repeated(tmp_path: Path, monkeypatch: pyte
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     run = finished()
-    with RunWriter.create(tmp_path / "run", run.scenario) as writer:
+    with RunWriter.create(tmp_path / "run", run.scenario, with_errors=True) as writer:
         for fails in (True, False):
             with monkeypatch.context() as patch:
                 if fails:
                     patch.setattr(durable.os, "fsync", full)
                 for append, records in (
-                    (writer.append, (run.t, run.q, run.p, run.links)),
+                    (writer.append, (run.t, run.q, run.p, run.links, run.accuracy.frames)),
                     (writer.append_records, (run.switches, run.trace)),
                 ):
                     with pytest.raises(StorageError, match="no room left") if fails else nullcontext():
                         append(*records)
-        writer.commit(run.status, closest=(run.closest_linked, run.closest_unlinked), provenance=run.provenance)
+        writer.commit(
+            run.status,
+            closest=(run.closest_linked, run.closest_unlinked),
+            accuracy=run.accuracy,
+            provenance=run.provenance,
+        )
     assert_same(read_run(tmp_path / "run"), run)
 
 
 def test_what_was_not_committed_is_not_there(tmp_path: Path) -> None:
     run = finished()
-    with RunWriter.create(tmp_path / "run", run.scenario) as writer:
-        writer.append(run.t[:3], run.q[:3], run.p[:3], run.links[:3])
+    with RunWriter.create(tmp_path / "run", run.scenario, with_errors=True) as writer:
+        writer.append(run.t[:3], run.q[:3], run.p[:3], run.links[:3], run.accuracy.frames[:3])
         writer.commit()
-        writer.append(run.t[3:], run.q[3:] + 1, run.p[3:], run.links[3:])
+        writer.append(run.t[3:], run.q[3:] + 1, run.p[3:], run.links[3:], run.accuracy.frames[3:])
         writer.append_records(run.switches, run.trace)
         writer.mark("unfinished")
     stored = read_run(tmp_path / "run")
@@ -112,9 +122,14 @@ def test_what_was_not_committed_is_not_there(tmp_path: Path) -> None:
         writer.commit()
     assert xarray.open_zarr(tmp_path / "run").sizes["time"] == 3, "a commit of nothing new brings nothing back"
     with RunWriter.reopen(tmp_path / "run") as writer:
-        writer.append(run.t[3:], run.q[3:], run.p[3:], run.links[3:])
+        writer.append(run.t[3:], run.q[3:], run.p[3:], run.links[3:], run.accuracy.frames[3:])
         writer.append_records(run.switches, run.trace)
-        writer.commit(run.status, closest=(run.closest_linked, run.closest_unlinked), provenance=run.provenance)
+        writer.commit(
+            run.status,
+            closest=(run.closest_linked, run.closest_unlinked),
+            accuracy=run.accuracy,
+            provenance=run.provenance,
+        )
     assert_same(read_run(tmp_path / "run"), run)
 
 

@@ -109,7 +109,7 @@ def test_a_checkpoint_holds_all_of_a_snapshot(tmp_path: Path) -> None:
     one, two = session.snapshot(), restored.snapshot()
     assert {f.name for f in dataclasses.fields(one)} == {
         "scenario", "time", "stepper", "segment", "pending", "links", "recorder", "energy", "jumped", "steps",
-        "tolerance", "sliding", "plant",
+        "tolerance", "sliding", "plant", "error",
     }  # fmt: skip
     assert (one.time, one.energy, one.jumped, one.steps) == (two.time, two.energy, two.jumped, two.steps)
     assert one.sliding == two.sliding

@@ -167,7 +167,7 @@ def test_lamps_agree_with_the_audit_of_the_same_run():
     scenario = zhou()
     experiment = Experiment(scenario)
     history = watched(experiment, np.linspace(0.01, 20.0, 150))
-    run = history.run((experiment.session.recorder.closest_linked, experiment.session.recorder.closest_unlinked))
+    run = history.run(experiment.session.recorder.closest_pairs)
     lit = {x.claim.key: x.word for x in lamps(run, claims_of(scenario.name))}
     report = fk.audit(fk.simulate(scenario.with_(frames=np.linspace(0.0, 20.0, 150).tolist()), progress=False))
     said = {r.claim.key: str(r.verdict) for r in report.results}

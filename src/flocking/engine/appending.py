@@ -18,6 +18,8 @@ class NewRecords:
         Rows of `SWITCH_FIELDS` and of `TRACE_FIELDS`.
     observed
         Rows of `OBSERVED_FIELDS`, or None where nothing is observed.
+    errors
+        Errors of positions and of velocities at the frames, shape (F, 2), or None where none are known.
     """
 
     t: Any
@@ -27,3 +29,4 @@ class NewRecords:
     switches: Any
     trace: Any
     observed: Any
+    errors: Any = None

@@ -12,11 +12,13 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from flocking.engine.columns import GROWING
+from flocking.engine.companion import NODES, Difference
 from flocking.engine.exact import ExactSession
 from flocking.engine.recorder import Recorder
 from flocking.engine.run import Run
 from flocking.engine.segment import Segment
 from flocking.engine.snapshot import Snapshot
+from flocking.engine.solution_error import ErrorMemory
 from flocking.engine.stepper import StepperMemory
 from flocking.engine.switching import Crossing
 from flocking.errors import StorageError
@@ -102,6 +104,7 @@ def _pack_exact(session: ExactSession) -> tuple[dict[str, Any], Arrays]:
         "stepper": [snapshot.stepper.t, snapshot.stepper.step], "segment": [snapshot.segment.t0, snapshot.segment.t1],
         "pending": [c.watch for c in snapshot.pending], "graphs": len(links), "watches": len(near),
         "sliding": [[*map(int, pair), *values] for pair, values in snapshot.sliding.items()],
+        "doubts": [list(row) for row in snapshot.recorder.doubts],
     }  # fmt: skip
     arrays: Arrays = {
         "y": snapshot.stepper.y,
@@ -110,6 +113,10 @@ def _pack_exact(session: ExactSession) -> tuple[dict[str, Any], Arrays]:
     }
     if snapshot.tolerance is not None:
         arrays["tolerance"] = snapshot.tolerance
+    if snapshot.error is not None:
+        difference = snapshot.error.difference
+        numbers["error"] = [difference.rate, difference.lost, snapshot.error.doubts]
+        arrays["difference"] = difference.nodes
     arrays |= {f"pending{k}": c.pairs for k, c in enumerate(snapshot.pending)}
     arrays |= {f"links{k}": x for k, x in enumerate(links)} | {f"near{k}": x for k, x in enumerate(near)}
     return numbers, arrays
@@ -117,28 +124,44 @@ def _pack_exact(session: ExactSession) -> tuple[dict[str, Any], Arrays]:
 
 def _restore_exact(numbers: dict[str, Any], arrays: dict[str, Any], records: Run, plant: Law | None) -> ExactSession:
     (t, step), (t0, t1) = numbers["stepper"], numbers["segment"]
+    rate, lost, doubts = numbers.get("error", (0.0, t0, [[], []]))
+    # What a checkpoint without an estimate of the error went through is not known.
+    nodes = arrays.get("difference", np.zeros((NODES, len(arrays["y"]))))
     snapshot = Snapshot(
         records.scenario, numbers["time"], StepperMemory(t, arrays["y"], arrays["slope"], step),
         Segment(t0, t1, arrays["coefficients"]),
         [Crossing(watch, arrays[f"pending{k}"]) for k, watch in enumerate(numbers["pending"])],
         ([arrays[f"links{k}"] for k in range(numbers["graphs"])],
          [arrays[f"near{k}"] for k in range(numbers["watches"])]),
-        recorder_of(records), numbers["energy"], numbers["jumped"], numbers["steps"],
+        recorder_of(records, [tuple(row) for row in numbers.get("doubts", [])]),
+        numbers["energy"], numbers["jumped"], numbers["steps"],
         arrays.get("tolerance"),
         {(w, i, j): (time, speed, count) for w, i, j, time, speed, count in numbers["sliding"]}, plant,
+        ErrorMemory(Difference(nodes, rate, lost), doubts),
     )  # fmt: skip
     return ExactSession.resume(snapshot)
 
 
-def recorder_of(run: Run) -> Recorder:
-    """A recorder that holds the records of a run and goes on with them."""
+def recorder_of(run: Run, doubts: list[tuple[Any, ...]]) -> Recorder:
+    """A recorder that holds the records of a run and goes on with them.
+
+    Parameters
+    ----------
+    doubts
+        Switches in doubt until then, rows of `flocking.engine.run.DOUBT_FIELDS`.
+    """
     scenario: Scenario = run.scenario
-    recorder = Recorder(scenario.frame_times, scenario.start.n, scenario.start.dimension)
+    recorder = Recorder(scenario)
     recorder.t = [float(t) for t in run.t]
     recorder.q, recorder.p, recorder.links = list(run.q), list(run.p), list(run.links)
     recorder.switches = run.switches.tolist()
     recorder.trace = run.trace.tolist()
-    recorder.closest_linked, recorder.closest_unlinked = run.closest_linked, run.closest_unlinked
+    recorder.extremes.closest = (run.closest_linked, run.closest_unlinked)
+    recorder.doubts = doubts
+    recorder.errors = [(np.inf, np.inf)] * len(recorder.t)
+    if run.accuracy is not None:
+        recorder.errors = [(q, p) for q, p in run.accuracy.frames.tolist()]
+        recorder.extremes.largest = dict(run.accuracy.largest)
     return recorder
 
 

@@ -27,7 +27,8 @@ def compiled_kernels(layout: Layout, dimension: int, order: int) -> ModuleType:
 
     Functions of the module: ``rhs(t, y, n, senders, sensed, offsets, pieces, spans, P, A, W, S)`` gives dy/dt of
     the exact engine's state vector; ``control(t, q, p, ..., u, rates)`` fills the forces and the `RATES`;
-    ``energies(t, q, p, ...)`` gives pair storage, body storage and kinetic energy in the frame of the energy. Row
+    ``energies(t, q, p, ...)`` gives pair storage, body storage and kinetic energy in the frame of the energy;
+    ``stages(...)`` computes stages of a Runge-Kutta step, see `flocking.engine.dynamics.Dynamics.stages`. Row
     ``pieces[e]`` of ``spans`` says which piece of a piecewise formula is in force for pair ``e``, see `limits`;
     ``shape0(r, side, reach, P, A, W)``... are those formulas of each graph in plain Python, ``shape_obstacles0``...
     those of each group of obstacles; ``shape0.reads`` numbers the slots of P, A and W that it reads.
@@ -102,10 +103,31 @@ ARGUMENTS = "t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S"
 """
 
 
+_STAGES = """
+
+@numba.njit(cache=True, error_model="numpy", nogil=True)
+def stages(first, last, kept, t, y, h, K, nodes, weights, n, *law):
+    found = np.empty_like(y)
+    z = np.empty_like(y)
+    for s in range(first, max(last, kept + 1)):
+        z[:] = y
+        for k in range(s):
+            if weights[s, k] != 0.0:
+                factor = h * weights[s, k]
+                for c in range(y.shape[0]):
+                    z[c] += factor * K[k, c]
+        if s == kept:
+            found[:] = z
+        if s < last:
+            K[s] = rhs(t + nodes[s] * h, z, n, *law)
+    return found
+"""
+
+
 def _scalar_module(formulas: LawFormulas, order: int) -> str:
     m = formulas.dimension
     source = _HEADER + _control_source(formulas, order) + _energies_source(formulas, order) + _rhs_source(m, order)
-    return source + _shapes_source(formulas)
+    return source + _STAGES + _shapes_source(formulas)
 
 
 def _shapes_source(formulas: LawFormulas) -> str:

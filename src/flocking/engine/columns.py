@@ -34,9 +34,13 @@ AXES = ("x", "y", "z")
 
 SWITCHES = {
     "switch_time": "f8", "switch_agent": "i8", "switch_neighbour": "i8", "switch_kind": "u1", "switch_graph": "i8",
-    "switch_speed": "f8", "switch_tangential": "?",
+    "switch_speed": "f8", "switch_tangential": "?", "switch_time_error": "f8", "switch_speed_error": "f8",
 }  # fmt: skip
 """Columns of the table of switches, in the order of `SWITCH_FIELDS`."""
+
+FRAME_ERROR = "frame_error"
+ERRORS = ("position", "velocity")
+"""Columns of the errors of frames."""
 
 ARRAYS: dict[str, tuple[tuple[str, ...], str, dict[str, Any]]] = {
     "time": (("time",), "f8", {"units": "unit of time", "long_name": "time of the frame"}),
@@ -48,17 +52,19 @@ ARRAYS: dict[str, tuple[tuple[str, ...], str, dict[str, Any]]] = {
         ("time", "agent", "neighbour"), "?", {"long_name": "whether the agent senses the neighbour", "units": "1"},
     ),
     "checksum": (("time", "part"), "u4", {"long_name": "CRC-32 of positions with time, of velocities, of links"}),
+    FRAME_ERROR: (("time", "error"), "f8", {"long_name": "estimated errors of positions and velocities"}),
     LEDGER: (("step", "quantity"), "f8", {
         "long_name": "energy ledger at every step", "units": "unit of energy, but of time for the time",
     }),
     OBSERVED: (("observation", "measure"), "f8", {"long_name": "what was observed at the frame times"}),
-    **{name: (("switch",), kind, {"long_name": f"{name.split('_')[1]} of the switch"})
+    **{name: (("switch",), kind, {"long_name": f"{name.partition('_')[2].replace('_', ' ')} of the switch"})
        for name, kind in SWITCHES.items()},
     "agent": (("agent",), "i8", {"long_name": "number of the agent"}),
     "neighbour": (("neighbour",), "i8", {"long_name": "number of the neighbour"}),
     "axis": (("axis",), "str", {"long_name": "axis in space"}),
     "quantity": (("quantity",), "str", {"long_name": "column of the ledger"}),
     "measure": (("measure",), "str", {"long_name": "what is observed"}),
+    "error": (("error",), "str", {"long_name": "what the error is of"}),
 }  # fmt: skip
 """Dimensions, type and attributes of every array. Positions and velocities of a run in single precision are f4."""
 ARRAYS["switch_kind"][2].update({"flag_values": list(range(len(KINDS))), "flag_meanings": " ".join(KINDS)})
@@ -78,6 +84,8 @@ class Dimensions:
         ``"float64"`` or ``"float32"``, of positions and velocities.
     observed
         Whether there are observations.
+    with_errors
+        Whether errors of frames are known.
     """
 
     n: int
@@ -85,18 +93,21 @@ class Dimensions:
     with_links: bool
     precision: str = "float64"
     observed: bool = False
+    with_errors: bool = False
 
     def names(self) -> tuple[str, ...]:
         """Names of the arrays there are."""
-        left_out = (() if self.with_links else ("links", "neighbour")) + (
-            () if self.observed else (OBSERVED, "measure")
+        left_out = (
+            (() if self.with_links else ("links", "neighbour"))
+            + (() if self.observed else (OBSERVED, "measure"))
+            + (() if self.with_errors else (FRAME_ERROR, "error"))
         )
         return tuple(name for name in ARRAYS if name not in left_out)
 
     def _labels(self, name: str) -> Any:
         if name == "axis":
             return list(AXES[: self.m]) if self.m <= len(AXES) else [f"x{k + 1}" for k in range(self.m)]
-        columns = {"quantity": QUANTITIES, "measure": MEASURES}
+        columns = {"quantity": QUANTITIES, "measure": MEASURES, "error": ERRORS}
         return list(columns[name]) if name in columns else np.arange(self.n)
 
     def create(self, store: Any, name: str) -> None:
@@ -108,7 +119,7 @@ class Dimensions:
             kind = self.precision
         grows = dimensions[0] in GROWING
         sizes = {"agent": self.n, "neighbour": self.n, "axis": self.m, "quantity": len(QUANTITIES),
-                 "measure": len(MEASURES), "part": 3 if self.with_links else 2}  # fmt: skip
+                 "measure": len(MEASURES), "error": len(ERRORS), "part": 3 if self.with_links else 2}  # fmt: skip
         shape = tuple(sizes.get(d, 0) for d in dimensions)
         row = int(np.prod(shape[1:])) * (1 if kind == "str" else np.dtype(kind).itemsize)
         first = max(1, min(LONGEST_CHUNK, CHUNK_BYTES // max(row, 1))) if grows else max(shape[0], 1)
@@ -164,10 +175,13 @@ def switch_table(columns: dict[str, Any]) -> np.ndarray[Any, Any]:
     Parameters
     ----------
     columns
-        Stored arrays by name, shape (K,) each.
+        Stored arrays by name, shape (K,) each; runs of format 1 have no errors, which then are unknown.
     """
     table = np.empty(len(columns["switch_time"]), dtype=SWITCH_FIELDS)
     for column, field in zip(SWITCHES, SWITCH_FIELDS.names or (), strict=True):
+        if column not in columns:
+            table[field] = np.nan
+            continue
         values = columns[column]
         table[field] = np.array(KINDS)[values] if field == "kind" else values
     return table

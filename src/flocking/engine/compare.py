@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from flocking.engine.run import Run
+from flocking.engine.run_errors import accuracy_data
 from flocking.errors import InvalidInput
 from flocking.model.checks import number
 
@@ -88,6 +89,8 @@ def _differences(one: Run, two: Run, tolerance: float) -> Iterator[Difference | 
         yield _row_difference(one.observables, two.observables, "observation", tolerance)
     elif one.observables is not two.observables:
         yield Difference("whether observations are kept", one.observables is not None, two.observables is not None)
+    if tolerance == 0 and _errors(one) != _errors(two):
+        yield Difference("estimated errors", _errors(one)[0], _errors(two)[0])
     if len(one.t) != len(two.t):
         longer = one if len(one.t) > len(two.t) else two
         at = min(len(one.t), len(two.t))
@@ -98,6 +101,11 @@ def _differences(one: Run, two: Run, tolerance: float) -> Iterator[Difference | 
         both_none = name != "status" and not np.isfinite([x.distance, y.distance]).any()
         if not (same or both_none):
             yield Difference(name.replace("_", " "), x, y)
+
+
+def _errors(run: Run) -> tuple[Any, bytes]:
+    found = run.accuracy
+    return (None, b"") if found is None else (accuracy_data(found), found.frames.tobytes())
 
 
 def _apart(x: Any, y: Any, tolerance: float) -> np.ndarray[Any, Any]:

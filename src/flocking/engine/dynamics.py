@@ -151,6 +151,32 @@ class Dynamics:
         dy[tail + 1 : tail + LEDGER] = rates[1:]
         return dy
 
+    def stages(
+        self, first: int, last: int, kept: int, t: float, y: Array, h: float, K: Array, nodes: Array, weights: Array
+    ) -> Array:
+        """Slopes at stages ``first`` to ``last - 1`` of a Runge-Kutta step, and the state at the stage ``kept``.
+
+        Parameters
+        ----------
+        t, y, h
+            Where the step begins, and its length.
+        K
+            Slopes at the stages, one in each row; those before ``first`` are known.
+        nodes, weights
+            The method: its nodes c, shape (stages,), and its matrix a, shape (stages, stages).
+        """
+        if not self._places and self._ledger is None:
+            given = (first, last, kept, t, y, h, K, nodes, weights, self.n, *self.pairs, *self._slots)
+            return np.asarray(self._kernels.stages(*given, self._functionals))
+        found = y
+        for s in range(first, max(last, kept + 1)):
+            z = y + h * (weights[s, :s] @ K[:s])
+            if s == kept:
+                found = z
+            if s < last:
+                K[s] = self.slope(t + float(nodes[s]) * h, z)
+        return found
+
     def energy(self, t: float, y: Array) -> tuple[float, float]:
         """Energy and kinetic energy of a state vector under the declared law.
 

@@ -12,9 +12,10 @@ from flocking.engine.dynamics import LEDGER, Dynamics
 from flocking.engine.guards import deepest_dip, reach
 from flocking.engine.provenance import provenance
 from flocking.engine.recorder import Recorder
-from flocking.engine.run import Run
+from flocking.engine.run import Accuracy, Run
 from flocking.engine.segment import Segment
 from flocking.engine.snapshot import Snapshot as Snapshot
+from flocking.engine.solution_error import SolutionError
 from flocking.engine.stepper import Stepper, StepperMemory
 from flocking.engine.switching import Crossing, LinkState
 from flocking.errors import Chattering, InvalidInput, LinkLost, NotFinite, SimulationError
@@ -58,7 +59,7 @@ class ExactSession:
         self.plant = plant
         start = scenario.start
         self.time = start.t
-        self.recorder = Recorder(scenario.frame_times, start.n, start.dimension)
+        self.recorder = Recorder(scenario)
         self.steps = 0
         self.jumped = 0.0
         self._tail = np.zeros(LEDGER)
@@ -91,8 +92,9 @@ class ExactSession:
         memory = StepperMemory(state.t, y, dynamics.slope(state.t, y), 0.0)
         if not np.isfinite(memory.slope).all():
             raise NotFinite("The control at the start is infinite or NaN.", time=state.t)
-        self._stepper = Stepper(dynamics.slope, dynamics.tolerances(state, self.energy), memory)
+        self._stepper = Stepper(dynamics.slope, dynamics.stages, dynamics.tolerances(state, self.energy), memory)
         self._segment = Segment.resting(state.t, y)
+        self._error = SolutionError(dynamics, self.recorder, len(y))
         self._pending: list[Crossing] = []
 
     @property
@@ -142,12 +144,15 @@ class ExactSession:
         return self._jump
 
     def _take_step(self) -> None:
-        before = self._stepper.memory
+        before, known = self._stepper.memory, self._error.difference
         try:
-            self._segment, self._pending = self._found_step(before)
+            segment, pending = self._found_step(before)
+            self._error.follow(segment)
         except BaseException:
             self._stepper.recall(before)
+            self._error.difference = known
             raise
+        self._segment, self._pending = segment, pending
         self.steps += 1
 
     def _found_step(self, before: StepperMemory) -> tuple[Segment, list[Crossing]]:
@@ -158,7 +163,7 @@ class ExactSession:
             whole = self._stepper.step(bound, longest)
             where, crossings = self._links.next_crossings(whole, self.n, self.m)
             segment = whole.cut(where) if crossings else whole
-            lost = self._lost_link(crossings)
+            lost = self._links.lost_link(crossings, self._dynamics.barriers)
             share = self._dynamics.allowed_share(segment)
             if lost is None and share >= 1 and not self._jumps_barrier(segment):
                 break
@@ -197,21 +202,12 @@ class ExactSession:
         gap /= max(1.0, abs(self.energy), abs(supplied), self.kinetic, kinetic)
         return float(gap) if np.isfinite(gap) else np.inf
 
-    def _lost_link(self, crossings: list[Crossing]) -> tuple[int, ...] | None:
-        for crossing in crossings:
-            watch = self._links.watches[crossing.watch]
-            if watch.kind == "link" and self._dynamics.barriers[watch.graph]:
-                for i, j in crossing.pairs:
-                    if self._links.links[watch.graph][i, j]:
-                        return (int(i), int(j))
-        return None
-
     def _leave_segment(self) -> None:
         """Put the current segment on record and switch what crosses at its end."""
         segment = self._segment
         t, y = segment.t1, segment.coefficients[-1]
         if t > segment.t0:
-            self.recorder.approach(segment, self._links.links[0])
+            self._error.leave(segment, self._links)
             self._record_fine(segment)
             self._tail = np.array(y[self._dynamics.order * self.n * self.m :])
             self.energy, self.kinetic = self._dynamics.energy(t, y)
@@ -258,7 +254,7 @@ class ExactSession:
         if any(watch.rise or not watch.inner for watch in watches):
             before = self.energy
             self.energy, self.kinetic = self._dynamics.energy(t, y)
-            if not np.isfinite(self.energy) or any(self._meets_barrier(c) for c in crossings):
+            if not np.isfinite(self.energy) or any(self._links.meets_barrier(c, self._dynamics.barriers) for c in crossings):
                 i, j = crossings[0].pairs[0]
                 error = NotFinite(
                     "A link appeared where its potential is infinite. Use Hysteresis with a gap.",
@@ -267,14 +263,8 @@ class ExactSession:
             self.jumped += self.energy - before
             self._record_trace()
         self._stepper.restart(t, np.array(y))
+        self._error.switched(self._stepper.memory.slope)
         return error
-
-    def _meets_barrier(self, crossing: Crossing) -> bool:
-        """Whether its links appear where their potential is infinite."""
-        watch = self._links.watches[crossing.watch]
-        return (
-            watch.kind == "link" and self._dynamics.barriers[watch.graph] and bool((watch.enter >= watch.leave).any())
-        )
 
     def _write_switch(self, crossing: Crossing, t: float, q: Array, p: Array) -> tuple[int, ...]:
         """Record the switches of a crossing; the pair that chatters, if one does."""
@@ -284,8 +274,9 @@ class ExactSession:
         for k, (i, j) in enumerate(crossing.pairs):
             if watch.kind in ("obstacle", "rim"):
                 record = self._links.encounters.record(watch.graph - len(self._links.graphs), t, q, p, (i, j))
+                errors = self._error.crossing(crossing, k, record[5], self._segment, self._links)
                 if watch.kind == "obstacle":
-                    self.recorder.switches.append(record)
+                    self.recorder.switches.append((*record, *errors))
                 if self._links.slides(crossing, k, t, record[5]):
                     chattering = (int(i),)
                 continue
@@ -293,15 +284,19 @@ class ExactSession:
             speed = float(d @ v / np.linalg.norm(d)) if d.any() else 0.0
             slow = abs(speed) < TANGENTIAL * max(float(np.linalg.norm(v)), 1e-12)
             kind = "kink" if watch.kind == "kink" else "break" if near[i, j] else "appear"
-            self.recorder.switches.append((t, int(i), int(j), kind, watch.graph, speed, slow))
+            errors = self._error.crossing(crossing, k, speed, self._segment, self._links)
+            self.recorder.switches.append((t, int(i), int(j), kind, watch.graph, speed, slow, *errors))
             if self._links.slides(crossing, k, t, speed):
                 chattering = (int(i), int(j))
         return chattering
 
     def _record_frames(self) -> None:
-        for t in self.recorder.due(self.time):
+        due = self.recorder.due(self.time)
+        if due:
+            error = self._error.over(self._segment)
+        for t in due:
             q, p, _ = self._dynamics.split(self._segment.at(t))
-            self.recorder.frame(t, q, p, self._links.links[0])
+            self.recorder.frame(t, q, p, self._links.links[0], (error.position, error.velocity))
 
     def _record_fine(self, segment: Segment) -> None:
         for t in self.recorder.fine_times(segment):
@@ -320,7 +315,7 @@ class ExactSession:
         return Snapshot(
             self.scenario, self.time, self._stepper.memory, self._segment, list(self._pending),
             self._links.memory(), recorder, self.energy, self.jumped, self.steps,
-            self._stepper.tolerance, dict(self._links.sliding), self.plant,
+            self._stepper.tolerance, dict(self._links.sliding), self.plant, self._error.memory,
         )  # fmt: skip
 
     @classmethod
@@ -347,7 +342,9 @@ class ExactSession:
         tolerance = snapshot.tolerance
         if tolerance is None:
             tolerance = session._dynamics.tolerances(scenario.start, session.energy)
-        session._stepper = Stepper(session._dynamics.slope, tolerance, snapshot.stepper)
+        size = snapshot.segment.coefficients.shape[1]
+        session._error = SolutionError(session._dynamics, session.recorder, size, snapshot.error)
+        session._stepper = Stepper(session._dynamics.slope, session._dynamics.stages, tolerance, snapshot.stepper)
         return session
 
     def replace(self, *, law: Law | None = None, state: State | None = None) -> None:
@@ -377,6 +374,8 @@ class ExactSession:
             for matrix, kept_links in zip(links.links, self._links.links, strict=True):
                 matrix[:] = kept_links
         segment = self._segment.until(self.time)
+        error = self._error
+        error.follow(segment, again=True)
         y = segment.coefficients[-1]
         before, _ = self._dynamics.energy(self.time, y)
         kept = dict(vars(self))
@@ -388,10 +387,13 @@ class ExactSession:
             self._begin(new, links)
         except Exception:
             vars(self).update(kept)
+            error.follow(self._segment, again=True)
             raise
         if segment.t1 > segment.t0:
-            self.recorder.approach(segment, kept["_links"].links[0])
+            error.leave(segment, kept["_links"])
             self._record_fine(segment)
+        error.abandon(self.time, kept["_links"])
+        self._error.take_over(error, exact=state is not None)
         self.jumped += self.energy - before
         self._record_trace()
 
@@ -400,6 +402,13 @@ class ExactSession:
         """Where the records come from: versions, engine, tolerance and counts."""
         return provenance(self.engine, self.scenario) | {"steps": self.steps, "tolerance": self.scenario.tolerance}
 
+    @property
+    def accuracy(self) -> Accuracy:
+        """What is known of the errors of what was computed so far."""
+        return self.recorder.accuracy(self._error.open_rows(self.time, self._links), self._error.known_until)
+
     def run(self, status: str = "finished") -> Run:
         """What was computed so far."""
-        return Run(self.scenario, status=status, provenance=self.about, **self.recorder.tables())
+        return Run(
+            self.scenario, status=status, provenance=self.about, accuracy=self.accuracy, **self.recorder.tables()
+        )

@@ -10,8 +10,8 @@ from typing import Any
 from flocking.engine.durable import put, settle
 from flocking.errors import StorageError
 
-FORMAT = 1
-"""Version of the layout on disk; a reader refuses newer ones."""
+FORMAT = 2
+"""Version of the layout on disk; a reader refuses newer ones. Runs of format 1 know nothing of their errors."""
 
 RECORD = "zarr.json"
 SCENARIO = "scenario.json"

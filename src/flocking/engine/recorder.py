@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 
 from flocking.engine.appending import NewRecords
-from flocking.engine.guards import closest, reach
-from flocking.engine.run import SWITCH_FIELDS, TRACE_FIELDS, Closest, FineSamples
+from flocking.engine.extremes import Extremes
+from flocking.engine.run import DOUBT_FIELDS, SWITCH_FIELDS, TRACE_FIELDS, Accuracy, Closest, FineSamples
 from flocking.engine.segment import Segment
 from flocking.model.checks import Array
 from flocking.model.connectivity import Links
+from flocking.model.law import Scenario
+from flocking.model.leaders import Velocity
 
 FINE_SAMPLES = 8
 """Samples in a step, a polynomial of degree 7."""
@@ -22,54 +24,43 @@ class Recorder:
 
     Parameters
     ----------
-    frame_times
-        Times at which frames are stored, ascending.
-    n, m
-        Numbers of agents and dimensions.
+    scenario
+        What is simulated.
     """
 
-    def __init__(self, frame_times: Array, n: int, m: int) -> None:
-        self.frame_times = frame_times
-        self.n, self.m = n, m
+    def __init__(self, scenario: Scenario) -> None:
+        self.frame_times = scenario.frame_times
+        self.n, self.m = scenario.start.n, scenario.start.dimension
         self.t: list[float] = []
         self.q: list[Array] = []
         self.p: list[Array] = []
         self.links: list[Links] = []
         self.switches: list[tuple[Any, ...]] = []
         self.trace: list[tuple[float, ...]] = []
-        self.closest_linked = Closest()
-        self.closest_unlinked = Closest()
+        self.errors: list[tuple[float, float]] = []
+        self.doubts: list[tuple[Any, ...]] = []
+        agents = scenario.agents
+        masses = np.array(np.broadcast_to(np.asarray(agents.masses, dtype=np.float64), self.n))
+        leaders = {id(x): x for x in scenario.law.leaders}.values()
+        goals = [leader.value for leader in leaders if isinstance(leader, Velocity)]
+        goal = np.asarray(goals[0]) if len(goals) == len(leaders) == 1 else None
+        self.extremes = Extremes(masses, self.m, agents.order, goal)
         self.fine: list[tuple[float, Array, Array]] | None = None
 
-    def frame(self, t: float, q: Array, p: Array, links: Links) -> None:
-        """Store a frame."""
+    def frame(self, t: float, q: Array, p: Array, links: Links, errors: tuple[float, float]) -> None:
+        """Store a frame, with the errors of any position and any velocity in it."""
         # The time comes last: a frame counts once it has one, so an interrupt in between loses nothing else.
         count = len(self.t)
         self.q[count:] = [q.copy()]
         self.p[count:] = [p.copy()]
         self.links[count:] = [links.copy()]
+        self.errors[count:] = [errors]
         self.t.append(t)
 
     def due(self, until: float) -> list[float]:
         """Frame times not yet stored, up to ``until``."""
         todo = self.frame_times[len(self.t) :]
         return [float(t) for t in todo[todo <= until]]
-
-    def approach(self, segment: Segment, linked: Links) -> None:
-        """Update the closest pairs with a segment on which the links were ``linked``."""
-        if self.n < 2:
-            return
-        B = segment.coefficients[:, : self.n * self.m].reshape(-1, self.n, self.m)
-        best = (self.closest_linked.distance, self.closest_unlinked.distance)
-        rows = closest(B, reach(B), linked, *(d if np.isfinite(d) else 1e150 for d in best))
-        found = []
-        for row, old in zip(rows, (self.closest_linked, self.closest_unlinked), strict=True):
-            if row[1] <= 1.0:
-                when = segment.t0 + row[1] * (segment.t1 - segment.t0)
-                found.append(Closest(float(np.sqrt(row[0])), float(when), (int(row[2]), int(row[3]))))
-            else:
-                found.append(old)
-        self.closest_linked, self.closest_unlinked = found
 
     frame_bytes = 0.0
     waiting = 0.0
@@ -83,12 +74,12 @@ class Recorder:
     @property
     def closest_pairs(self) -> tuple[Closest, Closest]:
         """Closest linked and unlinked pair until now."""
-        return self.closest_linked, self.closest_unlinked
+        return self.extremes.closest
 
     @property
     def layout(self) -> dict[str, Any]:
         """How the records are stored on disk, as options of `RunWriter.create`."""
-        return {"with_links": True}
+        return {"with_links": True, "with_errors": True}
 
     def since(self, counts: dict[str, int], *, whole: bool) -> NewRecords:
         """What came after the first ``counts`` records of each kind; ``whole`` or not, no row is still open."""
@@ -96,7 +87,7 @@ class Recorder:
         t, q, p, links = (np.array(x[new]) for x in (self.t, self.q, self.p, self.links))
         return NewRecords(
             t, q, p, links, np.array(self.switches[counts["switch"] :], dtype=SWITCH_FIELDS),
-            np.array(self.trace[counts["step"] :], dtype=TRACE_FIELDS), None,
+            np.array(self.trace[counts["step"] :], dtype=TRACE_FIELDS), None, np.array(self.errors[new]),
         )  # fmt: skip
 
     def forget(self, counts: dict[str, int]) -> None:
@@ -137,7 +128,23 @@ class Recorder:
             "links": np.array(self.links[:count]) if count else np.zeros((0, self.n, self.n), dtype=bool),
             "switches": np.array(self.switches, dtype=SWITCH_FIELDS),
             "trace": np.array(self.trace, dtype=TRACE_FIELDS),
-            "closest_linked": self.closest_linked,
-            "closest_unlinked": self.closest_unlinked,
+            "closest_linked": self.extremes.closest[0],
+            "closest_unlinked": self.extremes.closest[1],
             "fine": self._fine_samples(),
         }
+
+    def accuracy(self, open_doubts: list[tuple[Any, ...]], known_until: float) -> Accuracy:
+        """What is known of the errors.
+
+        Parameters
+        ----------
+        open_doubts
+            Rows of `DOUBT_FIELDS` that are not settled yet.
+        known_until
+            Since when nothing is known.
+        """
+        count = len(self.t)
+        return Accuracy(
+            np.array(self.errors[:count]).reshape(count, 2), np.array([*self.doubts, *open_doubts], dtype=DOUBT_FIELDS),
+            dict(self.extremes.largest), known_until,
+        )  # fmt: skip

@@ -14,12 +14,26 @@ from flocking.model.law import Scenario
 from flocking.model.state import State
 
 SWITCH_FIELDS = np.dtype(
-    [("time", "f8"), ("i", "i8"), ("j", "i8"), ("kind", "U10"), ("graph", "i8"), ("speed", "f8"), ("tangential", "?")]
-)
+    [
+        ("time", "f8"), ("i", "i8"), ("j", "i8"), ("kind", "U10"), ("graph", "i8"), ("speed", "f8"),
+        ("tangential", "?"), ("time_error", "f8"), ("speed_error", "f8"),
+    ]
+)  # fmt: skip
 """Fields of a recorded switch: ``kind`` is ``appear``, ``break`` or ``kink`` of a pair of agents, or ``obstacle``,
 where agent ``i`` comes within range of obstacle ``j`` or leaves it and ``graph`` is the group of obstacles; ``speed``
 is the rate of change of the distance as it crosses, negative when closing; ``tangential`` marks a crossing at which it
-vanishes."""
+vanishes; the errors of its time and of its speed are NaN where they are not known."""
+
+DOUBT_FIELDS = np.dtype(
+    [
+        ("begin", "f8"), ("end", "f8"), ("time", "f8"), ("i", "i8"), ("j", "i8"), ("kind", "U10"), ("graph", "i8"),
+        ("what", "U10"), ("margin", "f8"), ("error", "f8"),
+    ]
+)  # fmt: skip
+"""Fields of a switch that the integration error leaves open. ``kind`` is ``near miss``: a pair came within ``error`` of
+the distance at which it would have switched, ``margin`` short of it at ``time``, some time between ``begin`` and
+``end``; or ``switch``: it switched at ``time`` but went no further than ``error`` beyond. ``what`` is the kind of the
+switch as in `SWITCH_FIELDS`."""
 
 TRACE_FIELDS = np.dtype(
     [
@@ -57,21 +71,69 @@ class Closest:
         When.
     pair
         Who.
+    error
+        How far off the distance may be, from the error of the integration; NaN where it is not known.
     """
 
     distance: float = np.inf
     time: float = np.nan
     pair: tuple[int, int] = (-1, -1)
+    error: float = np.nan
 
     def __eq__(self, other: object) -> bool:
-        """Equal in all three; where there was no such pair, two times that are no numbers count as equal."""
+        """Equal in all; two values that are no numbers, as where there was no such pair, count as equal."""
         if not isinstance(other, Closest):
             return NotImplemented
-        same_time = self.time == other.time or (self.time != self.time and other.time != other.time)
-        return self.distance == other.distance and self.pair == other.pair and same_time
+        values = ((self.distance, other.distance), (self.time, other.time), (self.error, other.error))
+        return self.pair == other.pair and all(a == b or (a != a and b != b) for a, b in values)
 
     def __hash__(self) -> int:
         return hash((self.distance, self.pair))
+
+
+@dataclass(frozen=True)
+class Largest:
+    """Largest value of a quantity over a whole run, certified on the engine's own solution.
+
+    Parameters
+    ----------
+    value
+        How large it was.
+    time
+        When.
+    agents
+        Whose it was: one agent, or two.
+    error
+        How far off the value may be, from the error of the integration.
+    """
+
+    value: float = -np.inf
+    time: float = np.nan
+    agents: tuple[int, ...] = ()
+    error: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Accuracy:
+    """What is known of the errors of a run.
+
+    Parameters
+    ----------
+    frames
+        Estimated error of any position and of any velocity at each frame, shape (F, 2).
+    doubts
+        Switches that the error leaves open, fields `DOUBT_FIELDS`.
+    largest
+        Largest values over the whole run: ``speed``, ``spread`` (distance of a velocity from the mean one),
+        ``diameter`` (distance of two agents) and, with a leader of constant velocity, ``relative speed``.
+    known_until
+        When the error became so large, or a switch in doubt decided so much, that nothing that comes later is known.
+    """
+
+    frames: Array
+    doubts: NDArray[Any]
+    largest: dict[str, Largest]
+    known_until: float = np.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +187,8 @@ class Run:
         asked to.
     fine
         The solution between frames, where ``fine=True`` asked the exact engine for it; it is not stored on disk.
+    accuracy
+        What is known of its errors; None where nothing is.
     """
 
     scenario: Scenario
@@ -140,6 +204,19 @@ class Run:
     provenance: dict[str, Any] = field(default_factory=dict)
     observables: NDArray[Any] | None = None
     fine: FineSamples | None = None
+    accuracy: Accuracy | None = None
+
+    @property
+    def certain(self) -> NDArray[np.bool_]:
+        """Which of the switches are beyond doubt: the pair went further than the error, shape (K,)."""
+        known = np.isfinite(self.switches["time_error"])
+        if self.accuracy is None:
+            return np.zeros(len(self.switches), dtype=bool)
+        doubts = self.accuracy.doubts[self.accuracy.doubts["kind"] == "switch"]
+        names = ("time", "i", "j", "graph")
+        doubtful = {tuple(row[name] for name in names) for row in doubts}
+        certain = [tuple(row[name] for name in names) not in doubtful for row in self.switches]
+        return np.asarray(known & np.array(certain, dtype=bool))
 
     @property
     def n(self) -> int:

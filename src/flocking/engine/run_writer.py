@@ -14,6 +14,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from flocking.engine.columns import (
+    FRAME_ERROR,
     GROWING,
     LEDGER,
     OBSERVED,
@@ -25,7 +26,8 @@ from flocking.engine.columns import (
 )
 from flocking.engine.durable import durable_store, only_writer, put, settle, sweep, told
 from flocking.engine.record import FORMAT, RECORD, SCENARIO, UNFINISHED, read_provenance, read_record, write_record
-from flocking.engine.run import Closest
+from flocking.engine.run import Accuracy, Closest
+from flocking.engine.run_errors import accuracy_data, json_number
 from flocking.errors import StorageError
 from flocking.model.law import Law, Scenario
 from flocking.model.serial import ForeignPart, to_data
@@ -61,6 +63,7 @@ class RunWriter:
         with_links: bool = True,
         precision: str = "float64",
         observed: bool = False,
+        with_errors: bool = False,
         session: dict[str, Any] | None = None,
     ) -> RunWriter:
         """Start a run in a new or empty folder; its first commit, without frames, is made at once.
@@ -79,6 +82,8 @@ class RunWriter:
             ``"float64"`` or ``"float32"``, of the frames.
         observed
             Whether there will be observations.
+        with_errors
+            Whether errors of the frames will be known.
         session
             Engine and options, so that a run killed before its first commit can be started anew.
 
@@ -89,7 +94,7 @@ class RunWriter:
         """
         folder = Path(folder).resolve()
         check_free(folder)
-        size = Dimensions(scenario.start.n, scenario.start.dimension, with_links, precision, observed)
+        size = Dimensions(scenario.start.n, scenario.start.dimension, with_links, precision, observed, with_errors)
         fresh = folder.with_name(f".{folder.name}.{os.getpid()}.partial")
         with told(folder, "create the run"):
             try:
@@ -149,8 +154,8 @@ class RunWriter:
             put(self.folder / name / RECORD, json.dumps(metadata).encode(), lasting=False)
         return {name: zarr.open_array(self._store, path=name, mode="r+") for name in committed}
 
-    def append(self, t: Any, q: Any, p: Any, links: Any = None) -> None:
-        """Append frames: times (F,), positions and velocities (F, N, m), links (F, N, N).
+    def append(self, t: Any, q: Any, p: Any, links: Any = None, errors: Any = None) -> None:
+        """Append frames: times (F,), positions and velocities (F, N, m), links (F, N, N), errors (F, 2).
 
         Raises
         ------
@@ -163,7 +168,12 @@ class RunWriter:
             parts["links"] = np.asarray(links, dtype=bool)
         if len(parts["time"]):
             parts["checksum"] = frame_checksums(parts)
+            if FRAME_ERROR in self._arrays:
+                unknown = np.full((len(parts["time"]), 2), np.nan)
+                parts[FRAME_ERROR] = unknown if errors is None else np.asarray(errors, dtype="f8")
             self._extend("time", parts)
+            if FRAME_ERROR in parts:
+                self._sum({FRAME_ERROR: parts[FRAME_ERROR]})
 
     def append_records(
         self, switches: np.ndarray[Any, Any], trace: np.ndarray[Any, Any], observed: np.ndarray[Any, Any] | None = None
@@ -183,7 +193,8 @@ class RunWriter:
             When the disk is full or gone; what was committed stays.
         """
         if len(switches):
-            columns = switch_columns(switches)
+            # A run of format 1 has no columns for errors.
+            columns = {name: x for name, x in switch_columns(switches).items() if name in self._arrays}
             self._extend("switch", columns)
             self._sum(columns)
         if len(trace):
@@ -214,6 +225,7 @@ class RunWriter:
         status: str = UNFINISHED,
         *,
         closest: tuple[Closest, Closest] = (Closest(), Closest()),
+        accuracy: Accuracy | None = None,
         provenance: dict[str, Any] | None = None,
         checkpoint: bytes | Callable[[BinaryIO], None] | None = None,
     ) -> None:
@@ -225,6 +237,8 @@ class RunWriter:
             How the run stands.
         closest
             Closest linked and unlinked pair so far.
+        accuracy
+            What is known of the errors so far.
         provenance
             Where the run comes from.
         checkpoint
@@ -240,6 +254,7 @@ class RunWriter:
         record = {
             **self.record, "status": status, "counts": dict(self._counts), "checksums": dict(self._sums),
             "closest": [_closest_data(c) for c in closest], "commits": number, "checkpoint": None,
+            "accuracy": None if accuracy is None else accuracy_data(accuracy),
         }  # fmt: skip
         with told(self.folder, "commit to the run"):
             if checkpoint is not None:
@@ -293,4 +308,8 @@ def _scenario_text(scenario: Scenario, plant: Law | None) -> tuple[bytes, str | 
 
 
 def _closest_data(found: Closest) -> list[Any] | None:
-    return [found.distance, found.time, list(found.pair)] if np.isfinite(found.distance) else None
+    return (
+        [found.distance, found.time, list(found.pair), json_number(found.error)]
+        if np.isfinite(found.distance)
+        else None
+    )

@@ -122,7 +122,7 @@ class Saving:
     def _write(self, *, whole: bool) -> None:
         new = self._session.recorder.since(self._writer.counts, whole=whole)
         if len(new.t):
-            self._writer.append(new.t, new.q, new.p, new.links)
+            self._writer.append(new.t, new.q, new.p, new.links, new.errors)
         self._writer.append_records(new.switches, new.trace, new.observed)
 
     def _commit(self, status: str, *, resumable: bool) -> None:
@@ -130,6 +130,7 @@ class Saving:
         self._writer.commit(
             status,
             closest=session.recorder.closest_pairs,
+            accuracy=getattr(session, "accuracy", None),
             provenance=session.about,
             checkpoint=(lambda file: write_checkpoint(session, file)) if resumable else None,
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import comb
 
@@ -41,6 +42,16 @@ def _dense_to_bernstein() -> Array:
 
 
 _TO_BERNSTEIN = _dense_to_bernstein()
+
+
+def weights_at(places: Sequence[float]) -> Array:
+    """Weights of the Bernstein coefficients in the values at some places in [0, 1], shape (places, 8)."""
+    return np.array([[comb(DEGREE, k) * x**k * (1 - x) ** (DEGREE - k) for k in range(DEGREE + 1)] for x in places])
+
+
+def powers_at(places: Sequence[float]) -> Array:
+    """Weights of DOP853's powers in what is added to the start at some places in [0, 1], shape (places, 7)."""
+    return np.asarray(weights_at(places) @ _TO_BERNSTEIN)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +96,15 @@ class Segment:
             return np.array(self.coefficients[-1])
         x = (t - self.t0) / (self.t1 - self.t0) if self.t1 > self.t0 else 0.0
         return np.asarray(_part(self.coefficients, x)[-1])
+
+    def with_slope(self, t: float) -> tuple[Array, Array]:
+        """State vector and its derivative at time ``t`` of a segment that has a length."""
+        span = self.t1 - self.t0
+        x = (t - self.t0) / span
+        left = _part(self.coefficients, x)
+        if x > 0.0:
+            return left[-1], DEGREE / (x * span) * (left[-1] - left[-2])
+        return left[-1], DEGREE / span * (self.coefficients[1] - self.coefficients[0])
 
     def cut(self, x: float) -> Segment:
         """The first fraction ``x`` of the segment. Its end is at ``x`` exactly; only its time is rounded."""

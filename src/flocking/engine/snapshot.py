@@ -7,6 +7,7 @@ from typing import Any
 
 from flocking.engine.recorder import Recorder
 from flocking.engine.segment import Segment
+from flocking.engine.solution_error import ErrorMemory
 from flocking.engine.stepper import StepperMemory
 from flocking.engine.switching import Crossing
 from flocking.model.checks import Array
@@ -36,6 +37,8 @@ class Snapshot:
     sliding
         Of each pair that crosses again and again, by guard and pair: time and speed of the last crossing, and how many
         there were.
+    error
+        Where the estimate of the error is.
     """
 
     scenario: Scenario
@@ -51,3 +54,4 @@ class Snapshot:
     tolerance: Array | None = None
     sliding: dict[tuple[int, int, int], tuple[float, float, int]] = field(default_factory=dict)
     plant: Law | None = None
+    error: ErrorMemory | None = None

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.engine.method import Stages, solver_type
 from flocking.engine.segment import Segment
 from flocking.errors import NotFinite, StepTooSmall
 from flocking.model.checks import Array
@@ -39,14 +40,19 @@ class Stepper:
     ----------
     slope
         Right-hand side, a function of (t, y).
+    stages
+        Computes several stages of a step at once.
     tolerance
         Absolute error tolerance per component of the state vector.
     memory
         Where to go on.
     """
 
-    def __init__(self, slope: Callable[[float, Array], Array], tolerance: Array, memory: StepperMemory) -> None:
+    def __init__(
+        self, slope: Callable[[float, Array], Array], stages: Stages, tolerance: Array, memory: StepperMemory
+    ) -> None:
         self._slope = slope
+        self._stages = stages
         self.tolerance = tolerance
         self._solver: Any = None
         self.memory = memory
@@ -67,18 +73,15 @@ class Stepper:
 
     def _prepared(self, bound: float, longest: float) -> Any:
         """SciPy's solver, put where the memory is; all it keeps between steps is in there."""
-        from scipy.integrate import DOP853
-
         before = self.memory
         if self._solver is None or before.step == 0.0:
             room = bound - before.t
             first = min(before.step, room) if before.step > 0 else None
-            solver_type: Any = DOP853
-            self._solver = solver_type(
+            self._solver = solver_type()(
                 self._slope, before.t, before.y, bound,
                 max_step=longest, rtol=RELATIVE, atol=self.tolerance, first_step=first,
             )  # fmt: skip
-            self._solver.fun = self._slope  # without the layers that check what it returns, at each of 12 stages
+            self._solver.stages = self._stages
         solver = self._solver
         solver.t, solver.y, solver.f = before.t, before.y, before.slope
         solver.t_bound, solver.max_step, solver.status = bound, longest, "running"
@@ -109,8 +112,8 @@ class Stepper:
         if not np.isfinite(solver.y).all():
             raise NotFinite("The state became infinite or NaN.", time=before.t)
         with np.errstate(all="ignore"):
-            dense = solver.dense_output()
-        segment = Segment.from_dense_output(before.t, float(solver.t), before.y, solver.y, dense.F)
+            powers = solver.polynomial()
+        segment = Segment.from_dense_output(before.t, float(solver.t), before.y, solver.y, powers)
         proposed = float(solver.h_abs)
         if solver.t == bound:
             # The last step before a bound is cut short; it says nothing about the next one.

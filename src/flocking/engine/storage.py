@@ -16,6 +16,7 @@ import numpy as np
 
 from flocking.engine.columns import (
     ARRAYS,
+    FRAME_ERROR,
     FRAME_PARTS,
     LEDGER,
     OBSERVED,
@@ -28,6 +29,7 @@ from flocking.engine.columns import (
 from flocking.engine.durable import read_soundly, told
 from flocking.engine.record import SCENARIO, read_record
 from flocking.engine.run import Closest, Run
+from flocking.engine.run_errors import accuracy_of
 from flocking.engine.run_writer import RunWriter
 from flocking.errors import FlockingError, InvalidInput, StorageError
 from flocking.model.checks import integer
@@ -45,10 +47,17 @@ def write_run(run: Run, folder: str | Path) -> Path:
     """
     links, observed = run.links.shape[1:] == (run.n, run.n), run.observables is not None
     precision = "float32" if run.q.dtype == np.float32 else "float64"
-    with RunWriter.create(folder, run.scenario, with_links=links, precision=precision, observed=observed) as writer:
-        writer.append(run.t, run.q, run.p, run.links)
+    how: dict[str, Any] = {
+        "with_links": links,
+        "precision": precision,
+        "observed": observed,
+        "with_errors": run.accuracy is not None,
+    }
+    with RunWriter.create(folder, run.scenario, **how) as writer:
+        writer.append(run.t, run.q, run.p, run.links, None if run.accuracy is None else run.accuracy.frames)
         writer.append_records(run.switches, run.trace, run.observables)
-        writer.commit(run.status, closest=(run.closest_linked, run.closest_unlinked), provenance=run.provenance)
+        closest = (run.closest_linked, run.closest_unlinked)
+        writer.commit(run.status, closest=closest, accuracy=run.accuracy, provenance=run.provenance)
     return Path(folder)
 
 
@@ -104,13 +113,17 @@ def _read_run(folder: Path, scenario: Scenario | None, frames: int | None, last:
     names = [name for name in (*FRAME_PARTS, "checksum") if name in arrays]
     parts = {name: _read(folder, arrays[name], name, count, first) for name in names}
     _check_frames(folder, parts, first)
-    rows = dict.fromkeys(SWITCHES, record["counts"]["switch"]) | {LEDGER: record["counts"]["step"]}
+    rows = {name: record["counts"]["switch"] for name in SWITCHES if name in arrays}
+    rows[LEDGER] = record["counts"]["step"]
     if OBSERVED in arrays:
         rows[OBSERVED] = record["counts"]["observation"]
+    if FRAME_ERROR in arrays:
+        rows[FRAME_ERROR] = record["counts"]["time"]
     tables = {name: _read(folder, arrays[name], name, length) for name, length in rows.items()}
     for name, values in tables.items():
         if len(values) and zlib.crc32(values.tobytes()) != record["checksums"].get(name):
             raise StorageError(f"{folder}: the table {name!r} does not match its checksum; the file was damaged.")
+    errors = tables.get(FRAME_ERROR)
     provenance = dict(group.attrs["provenance"])
     linked, unlinked = (_closest_of(c) for c in record["closest"])
     return Run(
@@ -118,6 +131,7 @@ def _read_run(folder: Path, scenario: Scenario | None, frames: int | None, last:
         parts["links"] if record["links"] else np.zeros((count - first, 0, 0), dtype=bool),
         switch_table(tables), ledger_table(tables[LEDGER]), linked, unlinked, record["status"], provenance,
         observed_table(tables[OBSERVED]) if OBSERVED in tables else None,
+        accuracy=accuracy_of(record.get("accuracy"), errors if errors is None else errors[first:count]),
     )  # fmt: skip
 
 
@@ -207,4 +221,6 @@ def _check_frames(folder: Path, parts: dict[str, Any], first: int) -> None:
 
 
 def _closest_of(data: list[Any] | None) -> Closest:
-    return Closest() if data is None else Closest(float(data[0]), float(data[1]), (data[2][0], data[2][1]))
+    if data is None:
+        return Closest()
+    return Closest(float(data[0]), float(data[1]), (data[2][0], data[2][1]), *(float(x) for x in data[3:]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -80,6 +80,12 @@ class Crossing:
 
     watch: int
     pairs: NDArray[np.integer[Any]]
+
+
+def slack_of(watch: Watch, size: float) -> float:
+    """How far a pair must pass the distance of a watch to have crossed it, where coordinates have this ``size``."""
+    graze = GRAZE if watch.smooth else 1e-13
+    return graze * float(watch.leave.max()) + 16 * np.finfo(float).eps * size
 
 
 class LinkState:
@@ -181,18 +187,32 @@ class LinkState:
                 found[number] = values
         return found
 
+    def watched(self) -> Iterator[tuple[int, Watch, Links, tuple[Array, Array] | None]]:
+        """Watches of pairs of agents: number, watch, which pairs are looked at, headings and cosines of views."""
+        for number, watch in enumerate(self.watches[: self._first_level]):
+            active = self.links[watch.graph] if watch.kind == "kink" else self._allowed[watch.graph]
+            yield number, watch, active, self._views[watch.graph]
+
+    def would(self, number: int, i: int, j: int) -> str:
+        """Kind of the switch that a pair would make next, as in `SWITCH_FIELDS`.
+
+        Parameters
+        ----------
+        number
+            Number of the watch.
+        """
+        if self.watches[number].kind == "kink":
+            return "kink"
+        return "break" if self.near[number][i, j] else "appear"
+
     def next_crossings(self, segment: Segment, n: int, m: int) -> tuple[float, list[Crossing]]:
         """Earliest crossing on a segment as a fraction of it, with all crossings of that instant; 2.0 when none."""
         B = segment.coefficients[:, : n * m].reshape(-1, n, m)
         far = reach(B)
-        size = float(np.abs(B).max(initial=0.0))
         found: list[tuple[int, Array, NDArray[np.integer[Any]]]] = []
-        for number, watch in enumerate(self.watches[: self._first_level]):
-            active = self.links[watch.graph] if watch.kind == "kink" else self._allowed[watch.graph]
-            directed = self.graphs[watch.graph].directed
-            graze = GRAZE if watch.smooth else 1e-13
-            slack = graze * float(np.max(watch.leave)) + 16 * np.finfo(float).eps * size
-            view = self._views[watch.graph]
+        size = float(np.abs(B).max(initial=0.0))
+        for number, watch, active, view in self.watched():
+            directed, slack = self.graphs[watch.graph].directed, slack_of(watch, size)
             if view is not None and watch.kind == "link":
                 when, who = view_crossings(B, far, self.near[number], *view, watch.leave, slack)
                 if len(when):
@@ -246,6 +266,33 @@ class LinkState:
         count = count + 1 if still else 0
         self.sliding[crossing.watch, i, j] = (time, abs(speed), count)
         return count >= MOST_SLIDES
+
+    def lost_link(self, crossings: Sequence[Crossing], barriers: Sequence[bool]) -> tuple[int, ...] | None:
+        """The first pair that would break a link whose potential is infinite there; None when there is none.
+
+        Parameters
+        ----------
+        barriers
+            Of each graph, whether a potential is infinite where its links break, see `has_barrier`.
+        """
+        for crossing in crossings:
+            watch = self.watches[crossing.watch]
+            if watch.kind == "link" and barriers[watch.graph]:
+                for i, j in crossing.pairs:
+                    if self.links[watch.graph][i, j]:
+                        return (int(i), int(j))
+        return None
+
+    def meets_barrier(self, crossing: Crossing, barriers: Sequence[bool]) -> bool:
+        """Whether the links of a crossing appear where their potential is infinite.
+
+        Parameters
+        ----------
+        barriers
+            As for `lost_link`.
+        """
+        watch = self.watches[crossing.watch]
+        return watch.kind == "link" and barriers[watch.graph] and bool((watch.enter >= watch.leave).any())
 
     def memory(self) -> tuple[list[Links], list[Links]]:
         """Copies of all matrices."""

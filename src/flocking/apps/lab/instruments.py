@@ -150,7 +150,7 @@ class Instruments:
 
         experiment = self._clock.experiments[0]
         records = experiment.session.recorder if experiment.engine == "exact" else None
-        closest = (records.closest_linked, records.closest_unlinked) if records else (Closest(), Closest())
+        closest = records.closest_pairs if records else (Closest(), Closest())
         with self._lock:
             return self.history.run(closest)
 

@@ -1,0 +1,212 @@
+"""Which pairs come within the error of the distance at which they would switch: certified on a segment."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+
+from flocking.engine.guards import NEVER, first_above, smallest_value, squared_distance
+from flocking.model.checks import Array
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def pair_error(nodes: Array, floor: float, i: int, j: int) -> float:
+    """Error of the distance of two agents: the largest difference of their errors at the nodes, shape (k, N, m)."""
+    most = 0.0
+    for k in range(nodes.shape[0]):
+        square = 0.0
+        for c in range(nodes.shape[2]):
+            square += (nodes[k, j, c] - nodes[k, i, c]) ** 2
+        most = max(most, square)
+    return float(np.sqrt(most) + floor)
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def within_error(
+    B: Array, far: Array, near: Any, active: Any, enter: Array, leave: Array, directed: bool,
+    nodes: Array, most: float, floor: float,
+) -> Array:  # fmt: skip
+    """Pairs that come within the error of the distance at which they would switch.
+
+    Parameters
+    ----------
+    B
+        Bernstein coefficients of the positions, shape (8, N, m).
+    far
+        Result of `flocking.engine.guards.reach`.
+    near, active, enter, leave, directed
+        As for `flocking.engine.guards.crossings`.
+    nodes
+        Errors of the positions at some times, shape (k, N, m).
+    most
+        Bound on the error of any distance.
+    floor
+        Error of a distance that is there in any case.
+
+    Returns
+    -------
+    Array
+        Rows: the pair, where on the segment it comes closest to switching, how close, its error, and 1 where it
+        is within the error at the end; shape (k, 6).
+    """
+    n = B.shape[1]
+    found = np.empty((16, 6))
+    count = 0
+    square = np.empty(15)
+    for i in range(n):
+        for j in range(0 if directed else i + 1, n):
+            if i == j or not active[i, j]:
+                continue
+            inside = near[i, j]
+            level = leave[i] if inside else enter[i]
+            if level == np.inf or (level <= 0.0 and not inside):
+                continue
+            d2 = 0.0
+            for k in range(B.shape[2]):
+                d2 += (B[0, j, k] - B[0, i, k]) ** 2
+            stray = far[i] + far[j] + most
+            if inside:
+                if level > stray and d2 < (level - stray) ** 2:
+                    continue
+            elif d2 > (level + stray) ** 2:
+                continue
+            error = pair_error(nodes, floor, i, j)
+            squared_distance(B, i, j, square)
+            if inside:
+                border = max(level - error, 0.0)
+                value, x = smallest_value(-square, -border * border)
+                end = square[14] > border * border
+                gap = level - np.sqrt(max(-value, 0.0))
+            else:
+                border = level + error
+                value, x = smallest_value(square, border * border)
+                end = square[14] < border * border
+                gap = np.sqrt(max(value, 0.0)) - level
+            if x <= 1.0:
+                if count == found.shape[0]:
+                    found = np.concatenate((found, np.empty((count, 6))))
+                found[count] = (float(i), float(j), x, gap, error, 1.0 if end else 0.0)
+                count += 1
+    return found[:count]
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def first_beyond(B: Array, i: int, j: int, distance: float, outward: bool) -> float:
+    """First position in [0, 1] at which two agents are further apart than a distance, or closer; or `NEVER`.
+
+    Parameters
+    ----------
+    B
+        Bernstein coefficients of the positions, shape (8, N, m).
+    """
+    square = np.empty(15)
+    squared_distance(B, i, j, square)
+    level = max(distance, 0.0) ** 2
+    return float(first_above(square - level if outward else level - square))
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def closest_after(B: Array, i: int, j: int, level: float, inside: bool, x: float) -> tuple[float, float]:
+    """How close a pair comes to a distance from position ``x`` on, and where.
+
+    Parameters
+    ----------
+    B
+        Bernstein coefficients of the positions, shape (8, N, m).
+    inside
+        Whether the pair is closer than the distance, so that it would have to go further.
+    """
+    square = np.empty(15)
+    squared_distance(B, i, j, square)
+    # Coefficients of the part from x on (de Casteljau).
+    rest = square.copy()
+    for size in range(14, 0, -1):
+        for k in range(size):
+            square[k] += x * (square[k + 1] - square[k])
+        rest[size - 1] = square[size - 1]
+    value, where = smallest_value(-rest if inside else rest, np.inf)
+    gap = level - np.sqrt(max(-value, 0.0)) if inside else np.sqrt(max(value, 0.0)) - level
+    return gap, x + where * (1.0 - x)
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _farthest(B: Array, i: int, j: int, square: Array, best: float) -> tuple[float, float]:
+    """Largest squared distance of two points on the segment, where it is more than ``best``, and where; or `NEVER`."""
+    hull = 0.0
+    for a in range(B.shape[0]):
+        d2 = 0.0
+        for k in range(B.shape[2]):
+            d2 += (B[a, j, k] - B[a, i, k]) ** 2
+        hull = max(hull, d2)
+    # The curve lies in the hull of its coefficients.
+    if hull <= best:
+        return best, NEVER
+    squared_distance(B, i, j, square)
+    if square.max() <= best:
+        return best, NEVER
+    value, x = smallest_value(-square, -best)
+    return -value, x
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def diameter(B: Array, least: float) -> tuple[float, float, int, int]:
+    """Largest distance of two points on the segment where it is more than ``least``: value, where, which.
+
+    Parameters
+    ----------
+    B
+        Bernstein coefficients of the points, shape (8, N, m).
+    """
+    best, where, one, two = max(least, -1.0) * abs(least), NEVER, -1, -1
+    square = np.empty(15)
+    for i in range(B.shape[1]):
+        for j in range(i + 1, B.shape[1]):
+            value, x = _farthest(B, i, j, square, best)
+            if x <= 1.0:
+                best, where, one, two = value, x, i, j
+    return np.sqrt(max(best, 0.0)), where, one, two
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def fastest(
+    P: Array, shares: Array, goal: Array, speed: float, spread: float, relative: float
+) -> list[tuple[float, float, int]]:
+    """Largest speed, distance of a velocity from the mean one, and speed relative to a goal, on the segment.
+
+    Parameters
+    ----------
+    P
+        Bernstein coefficients of the velocities, shape (8, N, m).
+    shares
+        Weights of the mean, shape (N,).
+    goal
+        Constant velocity, shape (m,).
+    speed, spread, relative
+        What each of the three is looked for above.
+
+    Returns
+    -------
+    list of tuple
+        Of each: value, where in [0, 1] or `NEVER`, and whose.
+    """
+    n, m = P.shape[1], P.shape[2]
+    whole = np.zeros((P.shape[0], n + 3, m))
+    whole[:, :n] = P
+    for a in range(P.shape[0]):
+        for k in range(m):
+            for i in range(n):
+                whole[a, n + 1, k] += shares[i] * P[a, i, k]
+            whole[a, n + 2, k] = goal[k]
+    square = np.empty(15)
+    rows = []
+    for row, least in enumerate((speed, spread, relative)):
+        best, where, who = max(least, -1.0) * abs(least), NEVER, -1
+        if least < np.inf:
+            for i in range(n):
+                value, x = _farthest(whole, n + row, i, square, best)
+                if x <= 1.0:
+                    best, where, who = value, x, i
+        rows.append((np.sqrt(max(best, 0.0)), where, who))
+    return rows

@@ -1,0 +1,109 @@
+"""Largest speeds and distances over a whole run, and closest pairs, with the errors of the integration."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from flocking.engine.band_guards import diameter, fastest
+from flocking.engine.companion import StateError
+from flocking.engine.guards import NEVER, closest, reach
+from flocking.engine.run import Closest, Largest
+from flocking.engine.segment import Segment
+from flocking.model.checks import Array
+from flocking.model.connectivity import Links
+
+SPEEDS = ("speed", "spread", "relative speed")
+NOTHING = Largest()
+
+
+class Extremes:
+    """Keeps the largest values and the closest pairs of a solution, step by step.
+
+    Parameters
+    ----------
+    masses
+        Mass of each agent, for the mean velocity, shape (N,).
+    dimension
+        Number of axes m.
+    order
+        Order of the agents: only those of order 2 have velocities.
+    goal
+        Constant velocity of the leader, shape (m,), where there is such a one.
+    """
+
+    def __init__(self, masses: Array, dimension: int, order: int, goal: Array | None) -> None:
+        self.n, self.m, self._order = len(masses), dimension, order
+        self._shares = masses / masses.sum()
+        self._goal = np.zeros(dimension) if goal is None else goal
+        self._names = SPEEDS if goal is not None else SPEEDS[:2]
+        self.largest: dict[str, Largest] = {}
+        self.closest = (Closest(), Closest())
+
+    def follow(self, segment: Segment, linked: Links, error: StateError) -> None:
+        """Take in a step.
+
+        Parameters
+        ----------
+        segment
+            The step.
+        linked
+            Links during the step.
+        error
+            Errors on it.
+        """
+        n, m = self.n, self.m
+        B = segment.coefficients[:, : n * m].reshape(-1, n, m)
+        if n > 1:
+            value, x, i, j = diameter(B, self._least("diameter", error.pairs))
+            if x <= 1.0 or error.lost:
+                self._take("diameter", segment, value, x, (int(i), int(j)), error.pairs)
+            self._approach(segment, B, linked, error.pairs)
+        if self._order == 2:
+            P = segment.coefficients[:, n * m : 2 * n * m].reshape(-1, n, m)
+            off = error.velocity
+            speed, spread = self._least("speed", off), self._least("spread", 2 * off)
+            relative = self._least("relative speed", off) if len(self._names) == 3 else np.inf
+            rows = fastest(P, self._shares, self._goal, speed, spread, relative)
+            for name, (value, x, i) in zip(self._names, rows, strict=False):
+                if x <= 1.0 or error.lost:
+                    self._take(name, segment, value, x, (int(i),), 2 * off if name == "spread" else off)
+
+    def _least(self, name: str, error: float) -> float:
+        """Above which value a step has something to say of a quantity."""
+        known = self.largest.get(name, NOTHING)
+        return known.value if error == np.inf else min(known.value, known.value + known.error - error)
+
+    def _take(self, name: str, segment: Segment, value: float, x: float, agents: tuple[int, ...], error: float) -> None:
+        known = self.largest.get(name, NOTHING)
+        if x > 1.0:
+            self.largest[name] = replace(known, error=error)
+            return
+        ceiling = max(known.value + known.error, value + error)
+        if value > known.value:
+            known = Largest(value, segment.t0 + x * (segment.t1 - segment.t0), agents)
+        self.largest[name] = replace(known, error=ceiling - known.value)
+
+    def _approach(self, segment: Segment, B: Array, linked: Links, error: float) -> None:
+        margin = 0.0 if error == np.inf else error
+        at_most = [min(max(c.distance, c.distance - _known(c) + margin), 1e150) for c in self.closest]
+        rows = closest(B, reach(B), linked, *at_most).tolist()
+        if rows[0][1] >= NEVER and rows[1][1] >= NEVER and error < np.inf:
+            return
+        found = []
+        for row, old in zip(rows, self.closest, strict=True):
+            if row[1] >= NEVER:
+                found.append(replace(old, error=error) if error == np.inf and old.pair[0] >= 0 else old)
+                continue
+            distance = float(np.sqrt(row[0]))
+            floor = min(old.distance - _known(old), distance - error)
+            if distance < old.distance:
+                when = segment.t0 + row[1] * (segment.t1 - segment.t0)
+                old = Closest(distance, when, (int(row[2]), int(row[3])))
+            found.append(replace(old, error=old.distance - floor))
+        self.closest = (found[0], found[1])
+
+
+def _known(found: Closest) -> float:
+    return found.error if found.error == found.error else 0.0
