@@ -254,7 +254,9 @@ class ExactSession:
         if any(watch.rise or not watch.inner for watch in watches):
             before = self.energy
             self.energy, self.kinetic = self._dynamics.energy(t, y)
-            if not np.isfinite(self.energy) or any(self._links.meets_barrier(c, self._dynamics.barriers) for c in crossings):
+            if not np.isfinite(self.energy) or any(
+                self._links.meets_barrier(c, self._dynamics.barriers) for c in crossings
+            ):
                 i, j = crossings[0].pairs[0]
                 error = NotFinite(
                     "A link appeared where its potential is infinite. Use Hysteresis with a gap.",
