@@ -44,7 +44,7 @@ def motion(name):
     h = (h * some if setting.velocity == "some" else h) if setting.law == 4 else np.ones(10)
     g = {"all": np.ones(10), "some": some, "none": np.zeros(10)}[setting.acceleration]
     r0 = 1.0 if setting.law == 15 else 0.0
-    q, p = start(setting.connected)
+    q, p = start()
 
     def rate(t, y):
         x, v = y[:20].reshape(10, 2), y[20:].reshape(10, 2)
@@ -64,15 +64,9 @@ def motion(name):
 
 
 @cache
-def start(connected=True):
-    if connected:
-        return by_hand.ball_start(0, radius=3.0, speed=1.0, range_of_sight=R)
-    attempt = 0
-    while True:
-        q, p = by_hand.ball_start(1_000_000 * attempt, radius=10.0, speed=4.0)
-        if not by_hand.connected(by_hand.close_pairs(q, R)):
-            return q, p
-        attempt += 1
+def start():
+    """Fig. 3, shared by all simulations: the paper's own draw, redrawn until connected."""
+    return by_hand.ball_start(0, radius=10.0, speed=4.0, range_of_sight=R)
 
 
 def fig_1(found):

@@ -27,7 +27,7 @@ class Reproduction:
     seconds
         Wall time.
     runs
-        The run of the first seed of each scenario.
+        Of each scenario the run that is drawn: the first that meets the hypothesis of every claim, or the first.
     first_seed
         The first seed; the others followed one by one.
     """

@@ -184,9 +184,10 @@ def _paper(key: str, module: ModuleType, found: Reproduction, out: Path) -> str:
     told: set[str] = set()
     for name in module.scenarios():
         judgements = found.judgements[name]
-        figures = {n: (drawn[n], caption) for n, caption in figures_of(module, name).items() if n in drawn}
+        seed = f" Seed {found.runs[name].scenario.seed}." if name in found.runs else ""
+        figures = {n: (drawn[n], caption + seed) for n, caption in figures_of(module, name).items() if n in drawn}
         told |= cited(judgements, figures)
-        beside = claims_beside_pictures(name, judgements, out / key / CLAIMS, figures)
+        beside = claims_beside_pictures(name, judgements, out / key / CLAIMS, figures, seed)
         parts.append(f'<h3>{escape(name)}</h3>\n<div class="groups">\n{beside}</div>\n')
     filmed = next(iter(module.scenarios())) in found.runs
     rest = {n: path for n, path in drawn.items() if n not in told}
@@ -233,7 +234,7 @@ def _provenance(found: Reproduction) -> str:
     head = head_row("scenario", "agents", "until", "tolerance", "steps", "switches", "parameters")
     return (
         f'<h2 id="provenance">Where the numbers come from</h2>\n<dl>{shown}</dl>\n'
-        f"<p>Seeds are {found.first_seed}, {found.first_seed + 1} and so on; the row shows the first. "
+        f"<p>Seeds are {found.first_seed}, {found.first_seed + 1} and so on; the row shows the one that is drawn. "
         "The same call gives the same numbers.</p>\n"
         f'<div class="scroll"><table><thead>{head}</thead><tbody>{rows}</tbody></table></div>\n'
     )

@@ -15,7 +15,11 @@ from flocking.study.judgement import Judgement
 
 
 def claims_beside_pictures(
-    name: str, judgements: Iterable[Judgement], pictures: Path, figures: Mapping[str, tuple[Path, str]]
+    name: str,
+    judgements: Iterable[Judgement],
+    pictures: Path,
+    figures: Mapping[str, tuple[Path, str]],
+    seed: str = "",
 ) -> str:
     """Groups of claims of a scenario, each group beside the picture that shows it.
 
@@ -29,13 +33,15 @@ def claims_beside_pictures(
         Folder of the pictures that were drawn for the claims.
     figures
         The paper's figures drawn from this scenario: file and caption, by number.
+    seed
+        Sentence for the captions of the others: whose run they show.
     """
     groups: dict[str, list[Judgement]] = {}
     for judgement in judgements:
         groups.setdefault(picture_of(judgement.claim, figures), []).append(judgement)
     parts = []
     for picture, group in groups.items():
-        shown = _picture(name, picture, pictures, figures)
+        shown = _picture(name, picture, pictures, figures, seed)
         parts.append(f'<div class="beside">{shown}<div>{"".join(_claim(name, j) for j in group)}</div></div>\n')
     return "".join(parts)
 
@@ -65,13 +71,13 @@ def place_of(name: str, judgement: Judgement) -> str:
     return f"{name}-claim-{judgement.claim.key}"
 
 
-def _picture(name: str, picture: str, pictures: Path, figures: Mapping[str, tuple[Path, str]]) -> str:
+def _picture(name: str, picture: str, pictures: Path, figures: Mapping[str, tuple[Path, str]], seed: str) -> str:
     if picture.startswith("figure-"):
         number = picture.removeprefix("figure-")
         file, caption = figures[number]
         return card(embedded(file, "image/svg+xml"), f"Fig. {number}. {caption}")
     file = pictures / f"{name}-{picture}.svg"
-    return card(embedded(file, "image/svg+xml"), f"{CAPTIONS[picture]} First seed.") if file.exists() else "<div></div>"
+    return card(embedded(file, "image/svg+xml"), f"{CAPTIONS[picture]}{seed}") if file.exists() else "<div></div>"
 
 
 def _claim(name: str, j: Judgement) -> str:

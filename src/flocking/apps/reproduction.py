@@ -147,6 +147,9 @@ def reproduce(
             step.more(len(further))
             found.examine(parallel, further, step)
             begun += seeds
+        again = _runs_to_draw(modules, found)
+        step.more(len(again))
+        found.examine(parallel, again, step)
         if out is not None:
             for drawn in parallel(delayed(draw)(*job) for job in _drawings(modules, found.runs, out)):
                 figures += drawn
@@ -165,6 +168,20 @@ def _seed_tasks(modules: dict[str, ModuleType], seeds: range) -> list[Task]:
     # By seed, so that two workers seldom compile the same kernel; the first run of each scenario is kept for drawing.
     names = [(name, key) for key, module in modules.items() for name in module.scenarios()]
     return [Task(name, key, seed, keep=seed == seeds.start) for seed in seeds for name, key in names]
+
+
+def _runs_to_draw(modules: dict[str, ModuleType], found: _Found) -> list[Task]:
+    """For scenarios whose first run misses a hypothesis: the first seed that meets all, so that it is drawn."""
+    wanted = []
+    for key, module in modules.items():
+        for name in module.scenarios():
+            by_seed = {k: v for k, v in found.verdicts[name].items() if isinstance(k, int)}
+            meeting = [
+                s for s, rows in sorted(by_seed.items()) if all(r[1] != Verdict.HYPOTHESIS_NOT_MET for r in rows)
+            ]
+            if meeting and meeting[0] != min(by_seed):
+                wanted.append(Task(name, key, meeting[0], keep=True))
+    return wanted
 
 
 def _counterexample_tasks(modules: dict[str, ModuleType]) -> list[Task]:
@@ -186,7 +203,7 @@ class _Found:
     verdicts
         By scenario, and by seed or the claim of a counter-example.
     runs
-        The first run of each scenario.
+        Of each scenario the run that is drawn: the first that meets every hypothesis, or the first.
     """
 
     verdicts: dict[str, dict[int | str, Verdicts]]

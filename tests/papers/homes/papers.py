@@ -210,7 +210,11 @@ def shi_scenario():
             assert (found.t_end, found.name, found.seed, len(found.frame_times)) == (100.0, name, seed, 401)
     for figure, name in ((4, "shi-2009"), (9, "shi-2009-velocity-only"), (12, "shi-2009-partial"), (3, "shi-2009")):
         assert shi.scenario(figure=figure).name == name
-    wide = shi.scenario(seed=1, compact=False).start
+    compact = shi.scenario(seed=1, compact=True).start
+    q, p = by_hand.ball_start(1, radius=3.0, speed=1.0, range_of_sight=4.0)
+    assert_allclose(compact.q, q, rtol=1e-12)
+    assert_allclose(compact.p, p, rtol=1e-12)
+    wide = shi.scenario(seed=1).start
     q, p = by_hand.ball_start(1, radius=10.0, speed=4.0, range_of_sight=4.0)
     assert_allclose(wide.q, q, rtol=1e-12)
     assert_allclose(wide.p, p, rtol=1e-12)

@@ -57,7 +57,8 @@ def figures() -> dict[int, Figure]:
             Figure(
                 s.figure,
                 f"Velocity errors, centre of mass, and final state: law ({s.law}), velocity known to {s.velocity}, "
-                f"acceleration to {s.acceleration}.",
+                f"acceleration to {s.acceleration}; the paper's own start, "
+                f"{'connected at all times' if s.connected else 'not always connected'}.",
                 _panels,
                 scenario=name,
             )

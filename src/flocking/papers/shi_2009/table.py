@@ -268,7 +268,7 @@ def equations() -> Sequence[Row]:
             "numbers of the simulations",
             f"{PAPER}.scenario",
             examples.numbers,
-            reading="Masses from [0.05, 1]; five of ten informed; besides the paper's start a compact one of radius 3.",
+            reading="Masses from [0.05, 1]; five of ten informed; a compact start of radius 3 besides the paper's.",
         ),
         *table,
         row("Fig. 1", "figure", "the potential for a = b = 1, R = 2", figures, examples.picture(1)),
