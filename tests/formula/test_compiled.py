@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import os
 import stat
+import sys
 
 import pytest
 
@@ -15,13 +16,17 @@ def test_a_module_is_made_once_and_found_by_structure(tmp_path, monkeypatch):
     monkeypatch.setenv("FLOCKING_CACHE", str(tmp_path))
     calls = []
 
-    def source():
+    def formulas():
         calls.append(1)
-        return "value = 7\n"
+        return 7
 
-    structure = ("test", os.fspath(tmp_path))
-    assert compiled.generated_module(structure, source).value == 7
-    assert compiled.generated_module(structure, source).value == 7
+    def module():
+        return compiled.generated_module("test", os.fspath(tmp_path), (), formulas, lambda value: f"value = {value}\n")
+
+    assert module().value == 7
+    assert module().value == 7
+    compiled._modules.clear()
+    assert module().value == 7
     assert len(calls) == 1
     assert len(list(tmp_path.glob("flocking_generated_*.py"))) == 1
 
@@ -29,7 +34,20 @@ def test_a_module_is_made_once_and_found_by_structure(tmp_path, monkeypatch):
 def test_a_damaged_module_is_named(tmp_path, monkeypatch):
     monkeypatch.setenv("FLOCKING_CACHE", str(tmp_path))
     with pytest.raises(CacheError, match="Delete it"):
-        compiled.generated_module(("damaged", str(tmp_path)), lambda: "1 +")
+        compiled.generated_module("damaged", str(tmp_path), (), lambda: "1 +", str)
+
+
+def test_a_file_that_was_changed_is_written_anew(tmp_path, monkeypatch):
+    monkeypatch.setenv("FLOCKING_CACHE", str(tmp_path))
+
+    def module():
+        return compiled.generated_module("changed", str(tmp_path), (), lambda: "value = 7\n", str)
+
+    name = module().__name__
+    (tmp_path / f"{name}.py").write_text("value = 8\n")
+    compiled._modules.clear()
+    del sys.modules[name]
+    assert module().value == 7
 
 
 def test_a_folder_that_cannot_be_made_is_explained(tmp_path, monkeypatch):

@@ -21,7 +21,8 @@ from flocking.model.obstacles import Ball
 
 def uniform_balls(group: ObstacleGroup) -> bool:
     """Whether all obstacles of a group are balls that stand still or move uniformly."""
-    return all(isinstance(x, Ball) and isinstance(x.centre, Sink | Velocity) for x in group.obstacles)
+    # Subclasses may move otherwise.
+    return all(type(x) is Ball and type(x.centre) in (Sink, Velocity) for x in group.obstacles)
 
 
 def centre_paths(balls: Sequence[Ball], t0: float, t1: float) -> Array:
@@ -35,7 +36,7 @@ def centre_paths(balls: Sequence[Ball], t0: float, t1: float) -> Array:
         Ends of the step.
     """
     begin = np.array([_place(b.centre, t0) for b in balls])
-    if all(isinstance(b.centre, Sink) for b in balls):
+    if all(type(b.centre) is Sink for b in balls):
         return np.repeat(begin[None], 8, axis=0)
     end = np.array([_place(b.centre, t1) for b in balls])
     share = np.linspace(0.0, 1.0, 8)[:, None, None]
@@ -43,7 +44,7 @@ def centre_paths(balls: Sequence[Ball], t0: float, t1: float) -> Array:
 
 
 def _place(centre: Leader, t: float) -> Array:
-    return centre.point if isinstance(centre, Sink) else centre.at(t)[0]
+    return centre.point if type(centre) is Sink else centre.at(t)[0]
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]

@@ -44,16 +44,19 @@ def compiled_kernels(layout: Layout, dimension: int, order: int) -> ModuleType:
     """
     from flocking.engine.expressions import law_formulas
 
-    structure = ("exact", layout.structure, dimension, order)
-    return generated_module(structure, lambda: _scalar_module(law_formulas(layout, dimension), order))
+    return generated_module(
+        ("exact", dimension, order), layout.structure, layout.parts,
+        lambda: law_formulas(layout, dimension), lambda stated: _scalar_module(stated, order),
+    )  # fmt: skip
 
 
 def array_kernels(layout: Layout, dimension: int) -> ModuleType:
     """NumPy functions of a law: ``pair0``, ``pair1``... per graph and ``body``, on arrays of pairs or agents."""
     from flocking.engine.expressions import law_formulas
 
-    structure = ("arrays", layout.structure, dimension)
-    return generated_module(structure, lambda: _array_module(law_formulas(layout, dimension)))
+    return generated_module(
+        ("arrays", dimension), layout.structure, layout.parts, lambda: law_formulas(layout, dimension), _array_module
+    )
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from flocking.engine.pieces import FREE, free_pieces, limits
 from flocking.engine.segment import Segment
 from flocking.engine.switching import LinkState, has_barrier
 from flocking.errors import InvalidInput
+from flocking.formula.compiled import Reading
 from flocking.model.checks import Array
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
@@ -60,6 +61,7 @@ class Dynamics:
                 )  # fmt: skip
             declared = Layout(scenario.law, scenario.energy)
             self._declared = (compiled_kernels(declared, m, self.order), declared)
+        self._reading = Reading()
         self._places = list(self.layout.places)
         self._known = len(self._places)
         if self._declared is not None:
@@ -135,6 +137,12 @@ class Dynamics:
         y
             State vector: positions, velocities of agents of order 2, then the integrated quantities.
         """
+        if self._places:
+            with self._reading:
+                return self._slope(t, y)
+        return self._slope(t, y)
+
+    def _slope(self, t: float, y: Array) -> Array:
         self._locate(y)
         dy: Array = self._kernels.rhs(t, y, self.n, *self.pairs, *self._slots, self._functionals)
         if not self._places and self._ledger is None:

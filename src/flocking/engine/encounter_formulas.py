@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from flocking.engine.layout import MASS, Layout
 from flocking.engine.pieces import held, piece_lines
+from flocking.errors import InvalidInput
+from flocking.formula.origins import canonical, library_states_all
+from flocking.model.avoidance import ObstacleGroup
+from flocking.model.obstacles import Obstacle
 from flocking.model.symbols import ObstacleSymbols
 
 if TYPE_CHECKING:
@@ -93,8 +97,22 @@ def encounter_formulas(
         )  # fmt: skip
         dissipated, supplied = term.encounter_balance(x)
         geometry = tuple(obstacle.geometry(q, p, t, owned))
+        _check_common(group, lambda other: (other.geometry(q, p, t, owned), other.anchor(t, owned)))
         found.append(EncounterFormulas(geometry, tuple(term.encounter(x)), dissipated, supplied, layout.counts))
     return tuple(found)
+
+
+def _check_common(group: ObstacleGroup, stated: Callable[[Obstacle], object]) -> None:
+    """Obstacles of one structure share one kernel: those whose code is not this library's are asked, each of them."""
+    if library_states_all(group.obstacles):
+        return
+    first = canonical(stated(group.obstacles[0]))
+    for obstacle in group.obstacles[1:]:
+        if canonical(stated(obstacle)) != first:
+            raise InvalidInput(
+                type(obstacle).__name__, "structure", "must differ between obstacles whose formulas differ",
+                obstacle.structure, "Add what the formulas depend on to the structure, or make it a parameter.",
+            )  # fmt: skip
 
 
 def _slots(stages: Iterable[dict[str, sympy.Expr]], letter: str) -> list[str]:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from flocking.engine.ball_guards import ball_crossings, centre_paths, uniform_balls
 from flocking.engine.guards import NEVER
 from flocking.engine.segment import Segment
+from flocking.formula.compiled import Reading
 from flocking.model.avoidance import ObstacleGroup, ObstacleTerm
 from flocking.model.checks import Array
 from flocking.model.connectivity import Links
@@ -73,6 +74,7 @@ class Encounters:
                     self.levels.append(Level(number, "obstacle", term.range))
                     self.levels += [Level(number, "rim", distance) for distance in inner]
                     self.groups.append(group)
+        self._reading = Reading()
         self._distance = [g.obstacles[0].distance_function() for g in self.groups]
         self._balls = [uniform_balls(g) for g in self.groups]
         self._rows = [np.array([v.values for v in g.rows.values()]) for g in self.groups]
@@ -130,6 +132,12 @@ class Encounters:
         list
             Number of the level, positions in [0, 1] and pairs (agent, obstacle), for each level crossed.
         """
+        with self._reading:
+            return self._crossings(segment, B, near, active)
+
+    def _crossings(
+        self, segment: Segment, B: Array, near: list[Links], active: list[Links]
+    ) -> list[tuple[int, Array, Indices]]:
         stray = np.sqrt(((B - B[0]) ** 2).sum(axis=2).max(axis=0))
         slack = 1e-13 + 16 * np.finfo(float).eps * float(np.abs(B).max(initial=0.0))
         length = segment.t1 - segment.t0
@@ -192,9 +200,9 @@ class Encounters:
 def _speed_bound(obstacle: Obstacle, t0: float, t1: float) -> float:
     """Largest speed of an obstacle on [t0, t1]: exact for constant velocities, sampled with a margin for others."""
     mover = obstacle.mover
-    if mover is None or isinstance(mover, Sink):
+    if mover is None or type(mover) is Sink:
         return 0.0
-    if isinstance(mover, Velocity):
+    if type(mover) is Velocity:
         return float(np.linalg.norm(mover.value))
     return 1.5 * max(float(np.linalg.norm(mover.at(float(t))[1])) for t in np.linspace(t0, t1, 9))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -120,7 +119,7 @@ class Layout:
 
     @property
     def structure(self) -> tuple[object, ...]:
-        """What fixes the generated kernels: all formulas, which terms act on which graph, and the slots."""
+        """What fixes the kernels of the library's own parts: which terms act on which graph, and the slots."""
         law = self.law
         return (
             tuple(g.structure for g in law.graphs),
@@ -131,11 +130,14 @@ class Layout:
             tuple(g.directed for g in law.graphs),
             tuple("momentum" in t.symmetries for t in law.pair_terms),
             tuple(x.structure for x in self.leaders()),
-            self.energy.structure,
+            (self.energy.structure, self.leader_number(self.energy.leader)),
             tuple(self.slots.items()),
-            tuple(_foreign_source(part) for part in (*law.graphs, *law.terms, *self.leaders())),
-            tuple(_foreign_source(group.obstacles[0]) for _, group in self.encounters()),
         )
+
+    @property
+    def parts(self) -> tuple[object, ...]:
+        """Everything that states formulas; leaders and obstacles are parts of these."""
+        return (*self.law.graphs, *self.law.terms, self.energy)
 
     def leader_number(self, leader: Leader | None) -> int | None:
         """Position of a leader in `leaders`."""
@@ -194,16 +196,3 @@ def _kind(value: Value | PerObstacle | Place) -> str:
     if isinstance(value, Schedule):
         return "A" if value.per_agent else "P"
     return "A" if np.ndim(value) else "P"
-
-
-def _foreign_source(part: object) -> str:
-    """Digest of the code of a part from outside this library: an edited formula must never meet old kernels."""
-    kind = type(part)
-    if kind.__module__.startswith("flocking."):
-        return ""
-    codes = [
-        (name, code.co_code, code.co_consts, code.co_names)
-        for name, member in sorted(vars(kind).items())
-        if (code := getattr(getattr(member, "fget", member), "__code__", None)) is not None
-    ]
-    return hashlib.sha256(repr((kind.__qualname__, codes)).encode()).hexdigest()[:16]

@@ -99,10 +99,11 @@ class ObstacleTerm(BodyTerm):
 
     @property
     def groups(self) -> tuple[ObstacleGroup, ...]:
-        """The obstacles, sorted by structure."""
+        """The obstacles, sorted by type and structure."""
         found: dict[object, list[int]] = {}
         for k, obstacle in enumerate(self.obstacles):
-            found.setdefault(obstacle.structure, []).append(k)
+            # A subclass may state other formulas and inherit the structure.
+            found.setdefault((type(obstacle), obstacle.structure), []).append(k)
         return tuple(
             ObstacleGroup(tuple(self.obstacles[k] for k in numbers), tuple(numbers)) for numbers in found.values()
         )

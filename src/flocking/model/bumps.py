@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -80,22 +81,26 @@ class Bump:
         return max(float(slopes[best]), -float(found.fun))
 
     def _evaluate(self, which: str, z: ArrayLike, k0: float) -> Array:
-        module = generated_module(("bump", self.structure), lambda: _array_source(self))
+        module = generated_module("bump", self.structure, (self,), lambda: _derivatives(self), _array_source)
         points = np.asarray(z, dtype=np.float64)
         with np.errstate(all="ignore"):
             values = getattr(module, which)(points, float(k0))
         return np.asarray(values, dtype=np.float64) + np.zeros_like(points)
 
 
-def _array_source(bump: Bump) -> str:
+def _derivatives(bump: Bump) -> dict[str, sympy.Expr]:
     import sympy
-
-    from flocking.formula.printing import code
 
     z, k0 = sympy.Symbol("z", real=True), sympy.Symbol("k0", real=True)
     rho = bump.expression(z, k0)
+    return {"value": rho, "slope": sympy.diff(rho, z)}
+
+
+def _array_source(stated: Mapping[str, sympy.Expr]) -> str:
+    from flocking.formula.printing import code
+
     lines = ["import numpy", ""]
-    for name, expression in (("value", rho), ("slope", sympy.diff(rho, z))):
+    for name, expression in stated.items():
         lines += [f"def {name}(z, k0):", f"    return {code(expression, arrays=True)}", ""]
     return "\n".join(lines)
 

@@ -76,7 +76,10 @@ class Leader(ABC):
     @property
     def _module(self) -> ModuleType:
         names = tuple(self.parameters)
-        return generated_module(("leader", self.structure, names), lambda: _leader_source(self, names))
+        return generated_module(
+            ("leader", self.dimension, names), self.structure, (self,), lambda: _motion_formulas(self),
+            lambda stated: _leader_source(stated, names),
+        )  # fmt: skip
 
     def at(self, t: float) -> tuple[Array, Array, Array]:
         """Position, velocity and acceleration at time ``t``, shape (m,) each.
@@ -304,22 +307,28 @@ class Path(Leader):
         return [to_sympy(f, {**values, "t": t}) for f in self.formulas]
 
 
-def _leader_source(leader: Leader, names: tuple[str, ...]) -> str:
+def _motion_formulas(leader: Leader) -> tuple[Sequence[sympy.Expr] | None, Sequence[sympy.Expr], Sequence[sympy.Expr]]:
     import sympy
-
-    from flocking.formula.printing import code
 
     t = sympy.Symbol("t", real=True)
 
     def parameter(name: str) -> sympy.Expr:
         return sympy.Symbol(name, real=True)
 
+    return leader.position(t, parameter), leader.velocity(t, parameter), leader.acceleration(t, parameter)
+
+
+def _leader_source(
+    stated: tuple[Sequence[sympy.Expr] | None, Sequence[sympy.Expr], Sequence[sympy.Expr]], names: tuple[str, ...]
+) -> str:
+    from flocking.formula.printing import code
+
     def written(values: Sequence[sympy.Expr]) -> str:
         return "[" + ", ".join(code(v, arrays=False) for v in values) + "]"
 
-    q = leader.position(t, parameter)
-    place = written(q) if q is not None else f"[math.nan] * {leader.dimension}"
+    q, p, a = stated
+    place = written(q) if q is not None else f"[math.nan] * {len(p)}"
     return (
         f"import math\n\nCLOSED = {q is not None}\n\n\ndef leader(t, {', '.join(names)}):\n"
-        f"    return {place}, {written(leader.velocity(t, parameter))}, {written(leader.acceleration(t, parameter))}\n"
+        f"    return {place}, {written(p)}, {written(a)}\n"
     )

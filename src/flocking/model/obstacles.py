@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -149,8 +150,7 @@ class Obstacle(ABC):
         if points.shape[1] != self.dimension or speeds.shape != points.shape:
             shapes = f"shapes {points.shape} and {speeds.shape}"
             raise InvalidInput(type(self).__name__, "q", f"and p must have shape (N, {self.dimension})", shapes)
-        names = tuple(self.parameters)
-        module = generated_module(("obstacle", self.structure, names), lambda: _array_source(self, names))
+        module = self._module
         with np.errstate(all="ignore"):
             found = module.geometry(*points.T, *speeds.T, float(t), *self.parameters.values())
         one = np.ones(len(points))
@@ -160,13 +160,20 @@ class Obstacle(ABC):
         }
         return {"distance": np.asarray(found["distance"] * one), **vectors}
 
+    @property
+    def _module(self) -> ModuleType:
+        names = tuple(self.parameters)
+        return generated_module(
+            ("obstacle", self.dimension, names), self.structure, (self,), lambda: _stages(self),
+            lambda stages: _array_source(stages, self.dimension, names),
+        )  # fmt: skip
+
     def distance_function(self) -> Callable[[Array, Array, Sequence[Array]], Array]:
         """Signed distance as a function of positions, times and parameters, for all obstacles of this structure.
 
         Positions have shape (k, m), times (k,), and so has each of the values of `parameters`, in their order.
         """
-        names = tuple(self.parameters)
-        module = generated_module(("obstacle", self.structure, names), lambda: _array_source(self, names))
+        module = self._module
 
         def distances(q: Array, t: Array, values: Sequence[Array]) -> Array:
             with np.errstate(all="ignore"):
@@ -365,16 +372,23 @@ def _by_feature(values: Sequence[sympy.Expr]) -> sympy.Expr:
     return sympy.Piecewise(*((v, sympy.Eq(feature, k)) for k, v in enumerate(numbered)), (last, True))
 
 
-def _array_source(obstacle: Obstacle, names: tuple[str, ...]) -> str:
+def _vector(letter: str, dimension: int) -> list[Any]:
     import sympy
 
+    return [sympy.Symbol(f"{letter}{k}", real=True) for k in range(dimension)]
+
+
+def _stages(obstacle: Obstacle) -> list[dict[str, sympy.Expr]]:
+    import sympy
+
+    q, p = (_vector(letter, obstacle.dimension) for letter in "qp")
+    return obstacle.geometry(q, p, sympy.Symbol("t", real=True), lambda name: sympy.Symbol(name, real=True))
+
+
+def _array_source(stages: list[dict[str, sympy.Expr]], dimension: int, names: tuple[str, ...]) -> str:
     from flocking.formula.printing import statements
 
-    def vector(letter: str) -> list[Any]:
-        return [sympy.Symbol(f"{letter}{k}", real=True) for k in range(obstacle.dimension)]
-
-    q, p, t = vector("q"), vector("p"), sympy.Symbol("t", real=True)
-    stages = obstacle.geometry(q, p, t, lambda name: sympy.Symbol(name, real=True))
+    q, p = (_vector(letter, dimension) for letter in "qp")
 
     def function(name: str, arguments: Sequence[Any], steps: Sequence[dict[str, Any]], result: str) -> str:
         lines = [s for k, stage in enumerate(steps) for s in statements(stage, arrays=True, prefix=f"stage{k}_")]

@@ -129,7 +129,10 @@ class Potential:
 
     def _evaluate(self, which: str, r: ArrayLike) -> Array:
         names = tuple(self.parameters)
-        module = generated_module(("potential", self.formula.structure, names), lambda: _array_source(self))
+        module = generated_module(
+            ("potential", names), self.formula.structure, (self,), lambda: _derivatives(self),
+            lambda stated: _array_source(stated, names),
+        )  # fmt: skip
         distances = np.asarray(r, dtype=np.float64)
         with np.errstate(all="ignore"):
             # Plain floats would raise where an array holds NaN or infinity.
@@ -197,7 +200,10 @@ def piece_borders(potential: Potential) -> tuple[float, ...]:
     if not any(f"{name}(" in potential.formula.structure for name in ("where", "abs")):
         return ()
     names = tuple(potential.parameters)
-    module = generated_module(("borders", potential.formula.structure, names), lambda: _border_source(potential))
+    module = generated_module(
+        ("borders", names), potential.formula.structure, (potential,), potential.symbolic,
+        lambda stated: _border_source(stated, names),
+    )  # fmt: skip
     values = [np.float64(v) for v in potential.parameters.values()]
     with np.errstate(all="ignore"):
         found = {float(b) for b in module.exact(*values)}
@@ -219,27 +225,28 @@ def _sign_changes(gap: Callable[..., Any], values: list[np.float64]) -> list[flo
     return sorted(found)[:MOST_BORDERS]
 
 
-def _array_source(potential: Potential) -> str:
+def _derivatives(potential: Potential) -> dict[str, sympy.Expr]:
     import sympy
 
+    r, psi = potential.symbolic()
+    return {"value": psi, "slope": sympy.diff(psi, r), "curvature": sympy.diff(psi, r, 2)}
+
+
+def _array_source(stated: Mapping[str, sympy.Expr], names: tuple[str, ...]) -> str:
     from flocking.formula.printing import code
 
-    r, psi = potential.symbolic()
-    arguments = ", ".join(["r", *potential.parameters])
     lines = ["import numpy", ""]
-    for name, expression in zip(
-        ("value", "slope", "curvature"), (psi, sympy.diff(psi, r), sympy.diff(psi, r, 2)), strict=True
-    ):
-        lines += [f"def {name}({arguments}):", f"    return {code(expression, arrays=True)}", ""]
+    for name, expression in stated.items():
+        lines += [f"def {name}({', '.join(['r', *names])}):", f"    return {code(expression, arrays=True)}", ""]
     return "\n".join(lines)
 
 
-def _border_source(potential: Potential) -> str:
+def _border_source(stated: tuple[sympy.Symbol, sympy.Expr], names: tuple[str, ...]) -> str:
     import sympy
 
     from flocking.formula.printing import code
 
-    r, psi = potential.symbolic()
+    r, psi = stated
     exact, gaps = [], []
     for relation in psi.atoms(sympy.core.relational.Relational):
         gap = relation.lhs - relation.rhs
@@ -249,10 +256,9 @@ def _border_source(potential: Potential) -> str:
             exact += sympy.solve(gap, r)
         else:
             gaps.append(gap)
-    arguments = ", ".join(potential.parameters)
-    lines = ["import numpy", "", f"def exact({arguments}):"]
+    lines = ["import numpy", "", f"def exact({', '.join(names)}):"]
     lines += [f"    return [{', '.join(sorted(code(b, arrays=True) for b in exact if not b.has(sympy.I)))}]", ""]
     for k, gap in enumerate(sorted(gaps, key=str)):
-        lines += [f"def gap{k}({', '.join(['r', *potential.parameters])}):", f"    return {code(gap, arrays=True)}", ""]
+        lines += [f"def gap{k}({', '.join(['r', *names])}):", f"    return {code(gap, arrays=True)}", ""]
     lines += [f"gaps = [{', '.join(f'gap{k}' for k in range(len(gaps)))}]"]
     return "\n".join(lines) + "\n"

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flocking.errors import InvalidInput
-from flocking.formula.compiled import generated_module
 from flocking.model.checks import Array
 from flocking.model.connectivity import Links, components
 from flocking.model.functionals import left_eigenvector
+from flocking.model.graph_weights import weight_function
 from flocking.model.graphs import Graph, pair_distances
 from flocking.model.observables import density, flocks
 from flocking.model.weights import PairWeights
@@ -55,25 +55,15 @@ def adjacency(graph: Graph, q: Array, headings: Array | None = None, links: Link
     """
     linked = graph.start_links(q, headings) if links is None else np.asarray(links, dtype=bool)
     i, j = np.nonzero(linked)
-    names = tuple(graph.parameters)
     values = [
         value.of(headings, len(q))[i, j] if isinstance(value, PairWeights) else value
         for value in graph.parameters.values()
     ]
-    module = generated_module(("weight", graph.structure, names), lambda: _weight_source(graph, names))
+    weight = weight_function(graph)
     result = np.zeros((len(q), len(q)))
     with np.errstate(all="ignore"):
-        result[i, j] = module.weight(pair_distances(q)[i, j], *values)
+        result[i, j] = weight(pair_distances(q)[i, j], *values)
     return result
-
-
-def _weight_source(graph: Graph, names: tuple[str, ...]) -> str:
-    import sympy
-
-    from flocking.formula.printing import code
-
-    weight = graph.weight(sympy.Symbol("r", positive=True), lambda name: sympy.Symbol(name, real=True))
-    return f"import numpy\n\n\ndef weight({', '.join(['r', *names])}):\n    return {code(weight, arrays=True)}\n"
 
 
 def out_degree(weights: ArrayLike) -> Array:

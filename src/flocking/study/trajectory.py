@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from flocking.engine.reference import evaluate
 from flocking.engine.run import SWITCH_FIELDS, TRACE_FIELDS, Closest, Run
 from flocking.errors import InvalidInput
+from flocking.formula.compiled import Reading
 from flocking.model.checks import Array, array
 from flocking.model.graphs import pair_distances
 from flocking.model.law import Law, Scenario
@@ -131,10 +132,11 @@ def _run_of(scenario: Scenario, t: Array, q: Array, p: Array) -> Run:
     links = [graph.initial(q[0])]
     for place in q[1:]:
         links.append(graph.update(place, links[-1]))
-    found = [
-        evaluate(law, State(q[k], p[k], float(t[k]), links[k]), agents=scenario.agents, energy=scenario.energy)
-        for k in range(len(t))
-    ]
+    with Reading():
+        found = [
+            evaluate(law, State(q[k], p[k], float(t[k]), links[k]), agents=scenario.agents, energy=scenario.energy)
+            for k in range(len(t))
+        ]
     n = q.shape[1]
     strangers = np.array([0.5 * (n * (n - 1) - int(x.sum())) for x in links]) * scenario.energy.unlinked
     energy = np.array([e.storage + e.kinetic for e in found]) + strangers

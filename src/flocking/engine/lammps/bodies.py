@@ -148,7 +148,7 @@ def _encounters(deck: BodyDeck, formulas: LawFormulas, layout: Layout, P: Any, n
 
 def _near(name: str, some: list[tuple[str, float, Any]]) -> list[str]:
     """A dynamic group that holds all agents within range of some obstacles."""
-    if all(isinstance(obstacle, Ball) and isinstance(obstacle.centre, Sink) for _, _, obstacle in some):
+    if all(type(obstacle) is Ball and type(obstacle.centre) is Sink for _, _, obstacle in some):
         # Regions are tested much faster than formulas; the forces themselves end exactly at the range.
         regions = []
         for prefix, reach, ball in some:

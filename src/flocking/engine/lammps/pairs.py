@@ -133,7 +133,7 @@ def _evaluated(source: str, distances: Any) -> Any:
     from flocking.formula.compiled import generated_module
 
     module = generated_module(
-        ("lammps table", source), lambda: f"import numpy\n\n\ndef force(r):\n    return {source}\n"
+        "lammps table", source, (), lambda: source, lambda text: f"import numpy\n\n\ndef force(r):\n    return {text}\n"
     )
     return module.force(distances)
 

@@ -7,10 +7,8 @@ keep 0, kick 1, drift 0 gives the acceleration itself.
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections.abc import Iterable
-from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -31,15 +29,6 @@ TOPS = ("speed2", "near2", "broken")
 GRAPH_ARGUMENTS = ("rows", "first", "count", "each", "limits")
 
 
-@cache
-def _printers() -> str:
-    folder = Path(__file__).parent
-    digest = hashlib.sha256()
-    for name in ("kernels", "printing", "vector_math", "spec", "lanes", "interleaved", "roots", "reductions"):
-        digest.update((folder / f"{name}.py").read_bytes())
-    return digest.hexdigest()[:12]
-
-
 def tile_kernels(spec: KernelSpec) -> ModuleType:
     """Module with the kernel ``move`` of a law; see the module's docstring and `_arguments`.
 
@@ -50,8 +39,11 @@ def tile_kernels(spec: KernelSpec) -> ModuleType:
     """
     from flocking.engine.expressions import law_formulas
 
-    structure = ("tiles", _printers(), spec.structure)
-    return generated_module(structure, lambda: _source(spec, law_formulas(spec.layout, spec.dimension)))
+    layout = spec.layout
+    return generated_module(
+        ("tiles", spec.kind), layout.structure, layout.parts,
+        lambda: law_formulas(layout, spec.dimension), lambda stated: _source(spec, stated),
+    )  # fmt: skip
 
 
 def is_compiled(spec: KernelSpec) -> bool:

@@ -44,10 +44,10 @@ class NearbyObstacles:
         for group in self.encounters.groups:
             for obstacle in group.obstacles:
                 mover = obstacle.mover
-                if mover is not None and not isinstance(mover, Sink | Velocity):
+                if mover is not None and type(mover) not in (Sink, Velocity):
                     # Nothing bounds how fast it will move: every tile looks at every obstacle.
                     self.speed = np.inf
-                elif isinstance(mover, Velocity):
+                elif type(mover) is Velocity:
                     self.speed = max(self.speed, float(np.linalg.norm(mover.value)))
 
     def moved(self, distance: float, duration: float) -> None:

@@ -80,11 +80,11 @@ class KernelSpec:
     ledger: bool
 
     @property
-    def structure(self) -> tuple[object, ...]:
-        """What the generated module is named by."""
+    def kind(self) -> tuple[object, ...]:
+        """What fixes the source beside the formulas."""
         return (
-            self.layout.structure, self.dimension, self.precision, self.graphs, self.weights, self.mass_each,
-            self.damping_each, self.damped, self.ledger,
+            self.dimension, self.precision, self.graphs, self.weights, self.mass_each, self.damping_each, self.damped,
+            self.ledger, tuple(self.layout.slots.items()),
         )  # fmt: skip
 
 

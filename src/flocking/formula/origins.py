@@ -1,0 +1,137 @@
+"""Where formulas come from: the digest of the library's own code, and the formulas that other code states."""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import hashlib
+import importlib.util
+import time
+from collections.abc import Iterable, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from flocking.formula.grammar import Formula
+
+PACKAGE = Path(__file__).resolve().parent.parent
+FLOORS = ("formula", "model", "engine")
+"""Folders of the modules that state formulas and print them."""
+
+_OWN = tuple(f"flocking.{floor}." for floor in FLOORS)
+_BEGAN = time.time()
+
+
+@cache
+def generation(package: Path = PACKAGE) -> str:
+    """Digest of every module that states or prints formulas, SymPy's version included.
+
+    Parameters
+    ----------
+    package
+        Folder of the package.
+    """
+    digest = hashlib.sha256()
+    for path in _sources(package):
+        digest.update(f"{path.relative_to(package).as_posix()}\0".encode())
+        digest.update(path.read_bytes())
+    found = importlib.util.find_spec("sympy")
+    if found is not None and found.origin is not None:
+        release = Path(found.origin).parent / "release.py"
+        digest.update(release.read_bytes() if release.exists() else found.origin.encode())
+    return digest.hexdigest()
+
+
+def _sources(package: Path) -> list[Path]:
+    return [path for floor in FLOORS for path in sorted((package / floor).rglob("*.py"))]
+
+
+def as_loaded() -> bool:
+    """Whether the library's files are those this process began with: else its code is not what they say."""
+    return all(max(s.st_mtime, s.st_ctime) <= _BEGAN for s in (path.stat() for path in _sources(PACKAGE)))
+
+
+def library_states_all(parts: Iterable[object]) -> bool:
+    """Whether every formula of ``parts``, and of the parts they are made of, is stated by this library's code.
+
+    Other code may change while the classes keep their names: inherited methods, constants of modules, helper
+    functions, closures. What it states is known from its formulas alone.
+    """
+    stack = list(parts)
+    seen: set[int] = set()
+    while stack:
+        part = stack.pop()
+        kind = type(part)
+        if kind in _PLAIN or id(part) in seen:
+            continue
+        seen.add(id(part))
+        if isinstance(part, tuple | list):
+            # Tuples that begin with a number or a tuple of numbers, as the links of a graph, hold nothing else.
+            first = part[0] if part else None
+            plain = type(first) in _PLAIN or (isinstance(first, tuple) and bool(first) and type(first[0]) in _PLAIN)
+            stack += () if plain else part
+        elif isinstance(part, Mapping):
+            stack += part.values()
+        elif kind.__module__.startswith("numpy"):
+            continue
+        elif kind.__module__.startswith(_OWN):
+            stack += vars(part).values()
+        else:
+            return False
+    return True
+
+
+_PLAIN = frozenset({int, float, bool, str, complex, type(None), Formula})
+
+
+def canonical(stated: Any) -> str:
+    """One text for formulas: equal texts are equal formulas, symbol by symbol and digit by digit.
+
+    Parameters
+    ----------
+    stated
+        Formulas in tuples, lists, dictionaries and dataclasses.
+    """
+    import sympy
+
+    if isinstance(stated, sympy.Basic):
+        return str(sympy.srepr(stated))
+    if dataclasses.is_dataclass(stated) and not isinstance(stated, type):
+        stated = {f.name: getattr(stated, f.name) for f in dataclasses.fields(stated)}
+    if isinstance(stated, Mapping):
+        return "{" + ", ".join(f"{key!r}: {canonical(value)}" for key, value in stated.items()) + "}"
+    if isinstance(stated, list | tuple):
+        return "[" + ", ".join(map(canonical, stated)) + "]"
+    return repr(stated)
+
+
+def runtime_digest(source: str) -> str:
+    """Digest of the library's modules that generated code calls, and of those that they import.
+
+    Machine code on disk holds their functions.
+    """
+    digest = hashlib.sha256()
+    waiting, seen = [source], set()
+    while waiting:
+        for name in sorted(_imported(waiting.pop())):
+            path = PACKAGE.parent.joinpath(*name.split(".")).with_suffix(".py")
+            if name not in seen and path.is_file():
+                seen.add(name)
+                waiting.append(path.read_text(encoding="utf-8"))
+    for name in sorted(seen):
+        digest.update(PACKAGE.parent.joinpath(*name.split(".")).with_suffix(".py").read_bytes())
+    return digest.hexdigest()[:12] if seen else ""
+
+
+def _imported(source: str) -> set[str]:
+    try:
+        tree = ast.parse(source)
+    except SyntaxError:
+        return set()
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("flocking"):
+            found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+        elif isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names if alias.name.startswith("flocking")}
+    return found
