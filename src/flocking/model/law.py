@@ -12,6 +12,7 @@ import numpy as np
 from flocking.errors import InvalidInput
 from flocking.model.balances import check_body_term, check_pair_term
 from flocking.model.checks import array, integer, number
+from flocking.model.coincidence import coincident_groups, linked_pair
 from flocking.model.energy import Energy
 from flocking.model.graphs import Graph
 from flocking.model.leaders import Leader
@@ -234,22 +235,16 @@ class Scenario:
     def _check_coincidence(self) -> None:
         if not self.law.singular_at_zero():
             return
-        q = self.start.q
-        ranks = np.lexsort(q.T)
-        if not (q[ranks[1:]] == q[ranks[:-1]]).all(axis=1).any():
-            return
-        links = np.zeros((self.start.n, self.start.n), dtype=bool)
+        groups = coincident_groups(self.start.q)
         for term in self.law.pair_terms:
-            if isinstance(term, Gradient) and not np.isfinite(term.potential(0.0)):
-                links |= (term.over or self.law.graph).start_links(self.start.q, self.agents.headings)
-        i, j = np.nonzero(np.triu(links | links.T))
-        same = (self.start.q[i] == self.start.q[j]).all(axis=1)
-        if same.any():
-            pair = (int(i[same][0]), int(j[same][0]))
-            raise InvalidInput(
-                "Scenario", "start", f"must not place agents {pair[0]} and {pair[1]} at the same point",
-                self.start.q[pair[0]].tolist(), "The potential is infinite there; move one of them.",
-            )  # fmt: skip
+            if groups and isinstance(term, Gradient) and not np.isfinite(term.potential(0.0)):
+                graph = term.over or self.law.graph
+                pair = linked_pair(graph, groups, self.start.q, self.agents.headings)
+                if pair is not None:
+                    raise InvalidInput(
+                        "Scenario", "start", f"must not place agents {pair[0]} and {pair[1]} at the same point",
+                        self.start.q[pair[0]].tolist(), "The potential is infinite there; move one of them.",
+                    )  # fmt: skip
 
     @property
     def frame_times(self) -> np.ndarray[Any, np.dtype[np.float64]]:
