@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from flocking.engine.codegen import array_kernels, free_names
+from flocking.engine.finite_forces import check_forces
 from flocking.engine.layout import Layout
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, array, listed
@@ -82,9 +83,10 @@ def control(law: Law, state: State, *, agents: Agents | None = None) -> Array:
     Raises
     ------
     InvalidInput
-        When law, agents and state disagree in numbers of agents or dimensions.
+        When law, agents and state disagree in numbers of agents or dimensions, or two neighbours are where the
+        law has no force: at one point under a potential that is infinite there, or beyond one of its poles.
     """
-    return evaluate(law, state, agents=agents).u
+    return _evaluated(law, state, agents, None, checked=True).u
 
 
 def evaluate(law: Law, state: State, *, agents: Agents | None = None, energy: Energy | None = None) -> Evaluation:
@@ -106,6 +108,10 @@ def evaluate(law: Law, state: State, *, agents: Agents | None = None, energy: En
     InvalidInput
         When law, agents and state disagree in numbers of agents or dimensions.
     """
+    return _evaluated(law, state, agents, energy, checked=False)
+
+
+def _evaluated(law: Law, state: State, agents: Agents | None, energy: Energy | None, *, checked: bool) -> Evaluation:
     if not isinstance(state, State):
         raise InvalidInput("control", "state", "must be a State", state, "Use fk.State(q, p).")
     for name, part, kind in (("law", law, Law), ("agents", agents, Agents | None), ("energy", energy, Energy | None)):
@@ -129,6 +135,8 @@ def evaluate(law: Law, state: State, *, agents: Agents | None = None, energy: En
     for number, (i, j) in enumerate(pairs):
         functional = _functional(law, number, (i, j), n)
         values, force = _pair_forces(module, number, state, (i, j), (P, A, W), functional, frame)
+        if checked:
+            check_forces("control", law, number, state.q[j] - state.q[i], force, (i, j))
         np.add.at(u, i, force)
         np.add.at(force_sum, i, np.linalg.norm(force, axis=1))
         storage += 0.5 * float(np.sum(values["storage"] * np.ones(len(i))))
@@ -305,7 +313,8 @@ def control_of(
     Raises
     ------
     InvalidInput
-        When the law needs more than neighbours can tell.
+        When the law needs more than neighbours can tell, or a neighbour is where the law has no force: at the
+        agent's own place under a potential that is infinite there, or beyond one of its poles.
     """
     for name, part, kind in (("law", law, Law), ("agent", agent, Agent)):
         if not isinstance(part, kind):
@@ -342,6 +351,8 @@ def control_of(
         if len(W):
             weights[:, 0, 1:] = W[:, agent.index, index]
         _, force = _pair_forces(module, number, together, (np.zeros_like(k), k), (P, rows, weights), None, np.zeros(m))
+        offsets = together.q[1:] - together.q[0]
+        check_forces("control_of", law, number, offsets, force, (np.full_like(index, agent.index), index))
         u += force.sum(axis=0)
     given: dict[str, Any] = {"t": t, **{f"A{k}": row[agent.index] for k, row in enumerate(A)}}
     given |= {f"q{k}": agent.q[k] for k in range(m)} | {f"p{k}": agent.p[k] for k in range(m)}

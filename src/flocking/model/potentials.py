@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -204,7 +204,11 @@ def piece_borders(potential: Potential) -> tuple[float, ...]:
         ("borders", names), potential.formula.structure, (potential,), potential.symbolic,
         lambda stated: _border_source(stated, names),
     )  # fmt: skip
-    values = [np.float64(v) for v in potential.parameters.values()]
+    return zeros_of(module, [np.float64(v) for v in potential.parameters.values()])
+
+
+def zeros_of(module: Any, values: list[np.float64]) -> tuple[float, ...]:
+    """Positive zeros, ascending, of the expressions of a module made by `zeros_source`."""
     with np.errstate(all="ignore"):
         found = {float(b) for b in module.exact(*values)}
         for gap in module.gaps:
@@ -244,12 +248,19 @@ def _array_source(stated: Mapping[str, sympy.Expr], names: tuple[str, ...]) -> s
 def _border_source(stated: tuple[sympy.Symbol, sympy.Expr], names: tuple[str, ...]) -> str:
     import sympy
 
+    r, psi = stated
+    relations = psi.atoms(sympy.core.relational.Relational)
+    return zeros_source(r, [relation.lhs - relation.rhs for relation in relations], names)
+
+
+def zeros_source(r: sympy.Symbol, expressions: Iterable[sympy.Expr], names: tuple[str, ...]) -> str:
+    """Source of functions whose zeros are those of expressions in ``r``: solved where they are simple polynomials."""
+    import sympy
+
     from flocking.formula.printing import code
 
-    r, psi = stated
     exact, gaps = [], []
-    for relation in psi.atoms(sympy.core.relational.Relational):
-        gap = relation.lhs - relation.rhs
+    for gap in expressions:
         if r not in gap.free_symbols:
             continue
         if gap.is_polynomial(r) and sympy.degree(gap, r) <= 2:
