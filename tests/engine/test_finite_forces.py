@@ -38,10 +38,10 @@ def test_neighbours_without_a_force_are_named(distance, given, words):
         alone(distance, given)
 
 
-def test_a_group_is_held_to_the_same():
+def test_a_group_with_an_infinite_force_is_told_which_agents():
     linked = np.array([[False, True], [True, False]])
-    for distance, words in ((0.0, "agents 0 and 1 at distance 0"), (5.0, "agents 0 and 1 at distance 5")):
-        with pytest.raises(InvalidInput, match=f"control: neighbours .*{words}"):
+    for distance in (0.0, 4.0):
+        with pytest.raises(InvalidInput, match=f"control: neighbours .*agents 0 and 1 at distance {distance:g}"):
             fk.control(law(), fk.State([[0.0, 0], [distance, 0]], links=linked))
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from flocking.engine.codegen import array_kernels, free_names
-from flocking.engine.finite_forces import check_forces
+from flocking.engine.finite_forces import check_finite, check_neighbours
 from flocking.engine.layout import Layout
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, array, listed
@@ -83,8 +83,8 @@ def control(law: Law, state: State, *, agents: Agents | None = None) -> Array:
     Raises
     ------
     InvalidInput
-        When law, agents and state disagree in numbers of agents or dimensions, or two neighbours are where the
-        law has no force: at one point under a potential that is infinite there, or beyond one of its poles.
+        When law, agents and state disagree in numbers of agents or dimensions, or the force between two neighbours
+        is not finite, as at one point under a potential that is infinite there.
     """
     return _evaluated(law, state, agents, None, checked=True).u
 
@@ -136,7 +136,7 @@ def _evaluated(law: Law, state: State, agents: Agents | None, energy: Energy | N
         functional = _functional(law, number, (i, j), n)
         values, force = _pair_forces(module, number, state, (i, j), (P, A, W), functional, frame)
         if checked:
-            check_forces("control", law, number, state.q[j] - state.q[i], force, (i, j))
+            check_finite("control", state.q[j] - state.q[i], force, (i, j))
         np.add.at(u, i, force)
         np.add.at(force_sum, i, np.linalg.norm(force, axis=1))
         storage += 0.5 * float(np.sum(values["storage"] * np.ones(len(i))))
@@ -352,7 +352,7 @@ def control_of(
             weights[:, 0, 1:] = W[:, agent.index, index]
         _, force = _pair_forces(module, number, together, (np.zeros_like(k), k), (P, rows, weights), None, np.zeros(m))
         offsets = together.q[1:] - together.q[0]
-        check_forces("control_of", law, number, offsets, force, (np.full_like(index, agent.index), index))
+        check_neighbours("control_of", law, number, offsets, force, (np.full_like(index, agent.index), index))
         u += force.sum(axis=0)
     given: dict[str, Any] = {"t": t, **{f"A{k}": row[agent.index] for k, row in enumerate(A)}}
     given |= {f"q{k}": agent.q[k] for k in range(m)} | {f"p{k}": agent.p[k] for k in range(m)}
