@@ -9,12 +9,15 @@ from typing import TYPE_CHECKING
 from flocking.engine.encounter_formulas import EncounterFormulas, encounter_formulas
 from flocking.engine.layout import DAMPING, MASS, Layout
 from flocking.formula.identities import nothing_or_itself
+from flocking.model.fading import Fade
 from flocking.model.leaders import Leader
 from flocking.model.symbols import BodySymbols, PairSymbols
 from flocking.model.tracking import Compensate
 
 if TYPE_CHECKING:
     import sympy
+
+    from flocking.model.terms import PairTerm
 
 
 @dataclass(frozen=True)
@@ -102,24 +105,41 @@ def _vector(name: str, dimension: int) -> list[sympy.Symbol]:
     return [_symbol(f"{name}{k}") for k in range(dimension)]
 
 
-def law_formulas(layout: Layout, dimension: int) -> LawFormulas:
+def law_formulas(layout: Layout, dimension: int, *, integrals: bool = True) -> LawFormulas:
     """Collect the formulas of a law from its parts.
 
     Symbols: ``r``, ``speed2``, ``radial``, ``functional``, ``push`` and ``pull`` of a pair; ``q0...``, ``p0...``,
     ``t``, ``mean_q0...``, ``mean_p0...`` of an agent; the slots of `Layout` for parameters.
+
+    Parameters
+    ----------
+    layout
+        The law and its slots.
+    dimension
+        Number of axes m.
+    integrals
+        Whether energies that are integrals are stored; else what they exceed a closed form by counts as supplied.
     """
     body = _body_formulas(layout, dimension)
     leaders = (None, *layout.leaders())
     motions = {layout.leader_number(x): _leader_motion(layout, x, dimension) for x in leaders}
     encounters = encounter_formulas(layout, dimension, body.frame, motions)
-    return LawFormulas(dimension, tuple(_pair_formulas(layout)), body, encounters)
+    return LawFormulas(dimension, tuple(_pair_formulas(layout, integrals)), body, encounters)
 
 
 def _parameters(layout: Layout, owner: str) -> Callable[[str], sympy.Expr]:
     return lambda name: _symbol(layout.slot(owner, name))
 
 
-def _pair_formulas(layout: Layout) -> list[PairFormulas]:
+def _fade(layout: Layout, term: PairTerm) -> Fade | None:
+    fall = layout.falls.get(layout.fall_owner(term))
+    if fall is None:
+        return None
+    symbols = [_parameters(layout, layout.fall_owner(term))(name) for name in fall.parameters]
+    return Fade(symbols[0], symbols[1], tuple(symbols[2:]))
+
+
+def _pair_formulas(layout: Layout, integrals: bool) -> list[PairFormulas]:
     import sympy
 
     r = sympy.Symbol("r", positive=True)
@@ -133,12 +153,12 @@ def _pair_formulas(layout: Layout) -> list[PairFormulas]:
         for term in terms:
             x = PairSymbols(
                 r, weight, _symbol("speed2"), _symbol("radial"), _symbol("functional"),
-                _parameters(layout, layout.term_owner(term)),
+                _parameters(layout, layout.term_owner(term)), _fade(layout, term) if integrals else None,
             )  # fmt: skip
             stated = {name: sympy.sympify(getattr(term, name)(x)) for name in names}
             if not paired:
                 stated["supply"] += _unpaired_power(stated["along"], stated["drag"])
-            for name, value in {**stated, "flow": _flow(stated, r, paired)}.items():
+            for name, value in {**stated, "flow": _flow(stated, x, paired)}.items():
                 total[name] += value
         found.append(PairFormulas(**total))
     return found
@@ -153,13 +173,15 @@ def _unpaired_power(along: sympy.Expr, drag: sympy.Expr) -> sympy.Expr:
     return along * (2 * _symbol("push") + _symbol("radial")) + drag * (2 * _symbol("pull") + _symbol("speed2"))
 
 
-def _flow(stated: dict[str, sympy.Expr], r: sympy.Symbol, paired: bool) -> sympy.Expr:
+def _flow(stated: dict[str, sympy.Expr], x: PairSymbols, paired: bool) -> sympy.Expr:
     """Supply of first-order agents, dq/dt = u: what the storage gains beyond -|u|^2, the rate of a gradient flow."""
     import sympy
 
-    rate = sympy.diff(stated["storage"], r) * _symbol("radial")
     # Forces of first-order agents see no velocities, whereas ``radial`` and ``push`` are here those of the motion.
     along = stated["along"].subs({_symbol("radial"): 0, _symbol("speed2"): 0})
+    # An integral has the force as its slope, which no algebra finds in its series.
+    slope = along if x.fade is not None else sympy.diff(stated["storage"], x.r)
+    rate = slope * _symbol("radial")
     if paired:
         return nothing_or_itself(rate - along * _symbol("radial"))
     return 2 * along * _symbol("push") + rate

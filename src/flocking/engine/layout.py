@@ -10,6 +10,7 @@ import numpy as np
 from flocking.model.avoidance import ObstacleGroup, ObstacleTerm, PerObstacle
 from flocking.model.checks import Array
 from flocking.model.energy import Energy
+from flocking.model.fading import Fall
 from flocking.model.law import Law
 from flocking.model.leaders import Leader
 from flocking.model.schedules import Schedule
@@ -76,6 +77,7 @@ class Layout:
         found += [(f"graph{k}", dict(g.parameters)) for k, g in enumerate(self.law.graphs)]
         found += [(f"term{k}", dict(t.parameters)) for k, t in enumerate(self.law.terms)]
         found += [(f"leader{k}", {**x.parameters, **self._places(x)}) for k, x in enumerate(self.leaders())]
+        found += [(owner, dict(fall.parameters)) for owner, fall in self.falls.items()]
         found += [(f"obstacles{k}", dict(group.rows)) for k, (_, group) in enumerate(self.encounters())]
         return found
 
@@ -142,6 +144,16 @@ class Layout:
     def leader_number(self, leader: Leader | None) -> int | None:
         """Position of a leader in `leaders`."""
         return None if leader is None else next(k for k, x in enumerate(self.leaders()) if x is leader)
+
+    @cached_property
+    def falls(self) -> dict[str, Fall]:
+        """Integrals over the fall of weights that terms store, by owner."""
+        found = {self.fall_owner(t): t.fall(t.over or self.law.graph) for t in self.law.pair_terms}
+        return {owner: fall for owner, fall in found.items() if fall is not None}
+
+    def fall_owner(self, term: Term) -> str:
+        """Owner name of the integral over the fall of a weight that a term stores."""
+        return f"fall of {self.term_owner(term)}"
 
     def term_owner(self, term: Term) -> str:
         """Owner name of a term."""

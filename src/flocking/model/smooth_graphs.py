@@ -70,6 +70,11 @@ class Smooth(Graph):
         return self.shape.expression(r / parameter("radius"), parameter("onset"))
 
     @property
+    def has_own_bump(self) -> bool:
+        """Whether the weight is the bump of r/R, and not what a subclass makes of it."""
+        return type(self).weight is Smooth.weight
+
+    @property
     def parameters(self) -> dict[str, float]:
         """Radius and onset."""
         return {"radius": self.radius, "onset": self.onset}

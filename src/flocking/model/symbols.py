@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import sympy
 
+    from flocking.model.fading import Fade
+
 
 @dataclass(frozen=True)
 class PairSymbols:
@@ -28,6 +30,8 @@ class PairSymbols:
         Functional s_i of the graph for agent i (Shi, Remark 3).
     parameter
         Symbol of one of the term's own parameters, by name.
+    fade
+        The integral over the fall of the weight that the term asks for by `PairTerm.fall`.
     """
 
     r: sympy.Expr
@@ -36,6 +40,7 @@ class PairSymbols:
     radial: sympy.Expr
     functional: sympy.Expr
     parameter: Callable[[str], sympy.Expr]
+    fade: Fade | None = None
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,8 @@ from flocking.model.weights import HashedWeights, MatrixWeights, PairWeights
 if TYPE_CHECKING:
     import sympy
 
+    from flocking.model.fading import Fall
+
 Value = float | Array | PairWeights | Schedule
 """A parameter: one number, one number per agent, or one per pair; the first two possibly changing at given times."""
 
@@ -121,6 +123,16 @@ class PairTerm(Term):
             return -self.along(x) * x.radial - self.drag(x) * x.speed2
         return sympy.Integer(0)
 
+    def fall(self, graph: Graph) -> Fall | None:
+        """The integral over the fall of a graph's weight that `storage` needs as ``x.fade``; None for none.
+
+        Parameters
+        ----------
+        graph
+            The graph.
+        """
+        return None
+
     def kinks(self) -> tuple[float, ...]:
         """Distances at which the formulas have a kink."""
         return ()
@@ -141,20 +153,25 @@ class Gradient(PairTerm):
         The potential psi(r).
     weighting
         How the weight a(r) of a smooth graph enters. ``"energy"``: the force is the gradient of a psi
-        (Olfati-Saber (35)). ``"force"``: the force is a psi' (Olfati-Saber (36)), which is the gradient of
-        no pair energy the term could state. The two agree where a = 1.
+        (Olfati-Saber (35)). ``"force"``: the force is a psi' (Olfati-Saber (36)). The two agree where a = 1.
     over
         Graph of this term, where it is not the graph of the law.
+    stored
+        The energy of a weighted force. ``"integral"``: the integral of a psi', zero at the radius, of which the
+        force is the gradient, found to 12 digits where the weight falls. ``"potential"``: a psi, the energy of (35);
+        what moves the weight counts as supplied. So it does anyway over graphs whose weight is none of `Smooth`, and
+        for potentials with a kink or a narrow feature where the weight falls; `fall` tells.
 
     Raises
     ------
     InvalidInput
-        When ``weighting`` is unknown or ``potential`` is no Potential.
+        When ``weighting`` or ``stored`` is unknown or ``potential`` is no Potential.
     """
 
     potential: Potential
     weighting: str = "energy"
     over: Graph | None = None
+    stored: str = "integral"
 
     def __post_init__(self) -> None:
         if not isinstance(self.potential, Potential):
@@ -167,6 +184,7 @@ class Gradient(PairTerm):
             )
         _check_graph("Gradient", self.over)
         one_of("Gradient", "weighting", self.weighting, ("energy", "force"), "must be 'energy' or 'force'")
+        one_of("Gradient", "stored", self.stored, ("integral", "potential"), "must be 'integral' or 'potential'")
 
     @property
     def parameters(self) -> dict[str, Value]:
@@ -175,8 +193,17 @@ class Gradient(PairTerm):
 
     @property
     def structure(self) -> tuple[object, ...]:
-        """The formula and the weighting."""
-        return ("Gradient", self.potential.formula.structure, self.weighting)
+        """The formula, the weighting and what is stored."""
+        return ("Gradient", self.potential.formula.structure, self.weighting, self.stored)
+
+    def fall(self, graph: Graph) -> Fall | None:
+        """What the integral of a psi' exceeds a psi by, where it is stored; see `stored`."""
+        from flocking.model.fading import fall_of
+        from flocking.model.smooth_graphs import Smooth
+
+        if self.weighting != "force" or self.stored != "integral":
+            return None
+        return fall_of(self.potential, graph) if isinstance(graph, Smooth) and graph.has_own_bump else None
 
     def _psi(self, x: PairSymbols) -> sympy.Expr:
         return self.potential.expression(x.r, {name: x.parameter(name) for name in self.potential.parameters})
@@ -190,14 +217,16 @@ class Gradient(PairTerm):
         return sympy.diff(x.weight * self._psi(x), x.r)
 
     def storage(self, x: PairSymbols) -> sympy.Expr:
-        """A psi."""
-        return x.weight * self._psi(x)
+        """A psi, or the integral of a psi'."""
+        if x.fade is None:
+            return x.weight * self._psi(x)
+        return x.weight * self._psi(x) + x.fade.integral(x.r)
 
     def supply(self, x: PairSymbols) -> sympy.Expr:
-        """What moves the weight under ``weighting="force"``; else nothing."""
+        """What moves the weight of a force whose integral is not stored; else nothing."""
         import sympy
 
-        if self.weighting == "force":
+        if self.weighting == "force" and x.fade is None:
             return sympy.diff(x.weight, x.r) * self._psi(x) * x.radial
         return sympy.Integer(0)
 

@@ -194,8 +194,10 @@ GROUPS: dict[str, Group] = {
             Kind("gradient", Gradient, {
                 "formula": need(values.FORMULA), "parameters": may(values.NAMED_NUMBERS),
                 "weighting": may(values.choice("energy", "force")), "over": _OVER,
+                "stored": may(values.choice("integral", "potential")),
             }, build=_gradient,
-               take=lambda x: {**_formula_and_parameters(x.potential), "weighting": x.weighting, "over": x.over}),
+               take=lambda x: {**_formula_and_parameters(x.potential), "weighting": x.weighting, "over": x.over,
+                               "stored": x.stored}),
             Kind("consensus", Consensus, {
                 "gain": _GAIN, "weights": may(Nested("weights")), "weighted": may(values.TRUTH),
                 "functional": may(values.TRUTH), "over": _OVER,

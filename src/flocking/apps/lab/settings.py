@@ -19,7 +19,12 @@ from flocking.model.potentials import Potential
 from flocking.model.views import MEASURES
 from flocking.model.weights import PairWeights
 
-CHOICES = {"weighting": ("energy", "force"), "bump": tuple(BUMPS), "measure": MEASURES}
+CHOICES = {
+    "weighting": ("energy", "force"),
+    "stored": ("integral", "potential"),
+    "bump": tuple(BUMPS),
+    "measure": MEASURES,
+}
 """What fields that hold a word may hold."""
 
 WIDE, ROOM = 4.0, 5.0

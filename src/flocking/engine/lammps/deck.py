@@ -177,7 +177,8 @@ def make_deck(scenario: Scenario, skin: float | None = None) -> Deck:
 
     check_supported(scenario)
     layout = Layout(scenario.law, scenario.energy)
-    formulas = law_formulas(layout, scenario.start.dimension)
+    # The ledger is kept by the exact engine's kernels; the deck needs forces alone, in closed form.
+    formulas = law_formulas(layout, scenario.start.dimension, integrals=False)
     P, A, _ = layout.values(scenario.agents, scenario.start.n, scenario.start.t)
     parts = [
         pair_part(f, P, float(graph.break_radius)) for f, graph in zip(formulas.pairs, scenario.law.graphs, strict=True)
