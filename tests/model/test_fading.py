@@ -102,6 +102,21 @@ def test_the_series_is_long_enough_for_every_bump():
                 assert fall_of(psi, fk.Smooth(RADIUS, onset, bump)) is not None
 
 
+def test_a_narrow_structure_of_the_potential_takes_more_coefficients_and_is_still_resolved():
+    graph = fk.Smooth(8.4, 0.35)
+    psi = fk.Potential("sqrt(1 + ((sqrt(1 + r**2/10) - 1)*10 - d)**2)", d=14.3)
+    fall = fall_of(psi, graph)
+    assert len(fall.coefficients) == 96
+    for r in (1.0, 3.0, 6.0, 8.0):
+        pieces = [max(r, 2.94), *(x for x in (4.0, 5.0, 6.5, 7.0, 7.5) if x > r), 8.4]
+        expected = -quad(lambda s: float(psi.slope(s)), r, 2.94, epsrel=1e-13)[0] if r < 2.94 else 0.0
+        expected -= sum(
+            quad(lambda s: force(graph, psi, s), a, b, epsabs=0, epsrel=1e-13)[0] for a, b in pairwise(pieces)
+        )
+        found = evaluate(law(psi=psi, graph=graph), pair(r)).storage
+        assert found == pytest.approx(expected, rel=1e-10, abs=1e-9)
+
+
 def test_audits_by_energy_apply_to_weighted_forces():
     start = fk.start.box(6, side=14.0, speed=1.0, seed=3)
     terms = [fk.Gradient(system.structural_potential(7.0), "force"), fk.Consensus(0.5)]
