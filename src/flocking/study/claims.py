@@ -126,7 +126,7 @@ class Claim:
     obstacle
         Says why the claim cannot be asked of this run at all; empty when it can.
     expected
-        The verdict fixed before any run, from the paper or the readings of it.
+        The verdict that follows from the ground; see ``basis``.
     reason
         Why the expected verdict is not ``holds``, where it is not.
     dynamic

@@ -1,4 +1,4 @@
-"""What Shi, Wang, Chu claim, and what is expected of each claim before any run."""
+"""What Shi, Wang, Chu claim; what is expected of each claim rests on its grounds."""
 
 from __future__ import annotations
 

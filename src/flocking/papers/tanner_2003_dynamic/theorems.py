@@ -1,4 +1,4 @@
-"""What Tanner II claims, and what is expected of each claim before any run."""
+"""What Tanner II claims; what is expected of each claim rests on its grounds."""
 
 from __future__ import annotations
 

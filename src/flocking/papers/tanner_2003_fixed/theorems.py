@@ -1,4 +1,4 @@
-"""What Tanner I claims, and what is expected of each claim before any run."""
+"""What Tanner I claims; what is expected of each claim rests on its grounds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What Zhou, Zhou and Zeng claim, and what is expected of each claim before any run."""
+"""What Zhou, Zhou and Zeng claim; what is expected of each claim rests on its grounds."""
 
 from __future__ import annotations
 
