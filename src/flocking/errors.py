@@ -90,6 +90,10 @@ class StepTooLarge(SimulationError):
     would_do: float = 0.0
 
 
+class LawNotObeyed(SimulationError):
+    """Forces or powers of an engine that are not those of the declared law, beyond all rounding."""
+
+
 class TooCrowded(SimulationError):
     """So many agents within one radius that the neighbour lists would exceed their memory limit."""
 

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from flocking.engine.passing import singular_reach
+from flocking.engine.step_checks import STRIDE
 from flocking.model.law import Scenario
 from flocking.model.schedules import Schedule
 from flocking.model.terms import Gradient
@@ -62,9 +64,36 @@ def largest_step(scenario: Scenario, sampled: Sequence[SampledPairs | None], sch
     scheme
         How steps are taken: ``"damped"`` bears four times the damping.
     """
-    n = scenario.start.n
     span = scenario.t_end - scenario.start.t
-    limits = [LARGEST, span / 100 if span > 0 else LARGEST]
+    limits = [LARGEST, span / 100 if span > 0 else LARGEST, resolving_step(scenario, sampled, scheme)]
+    for pairs in sampled:
+        if pairs is not None and len(pairs.agent) and scenario.law.singular_at_zero():
+            closing = float((pairs.speed / np.maximum(pairs.distance, 1e-12)).max())
+            if closing > 0:
+                limits.append(CLOSING / closing)
+    reach = singular_reach(scenario.law)
+    p = scenario.start.p
+    fastest = 2.0 * float(np.sqrt(((p - p.mean(axis=0)) ** 2).sum(axis=1).max())) if np.isfinite(reach) else 0.0
+    if fastest > 0:
+        # Half of what pairs that are not linked yet may move.
+        limits.append(0.5 * STRIDE * reach / fastest)
+    return float(min(limits))
+
+
+def resolving_step(
+    scenario: Scenario, sampled: Sequence[SampledPairs | None], scheme: str, *, across: bool = True
+) -> float:
+    """The largest step that resolves the forces of the start, whatever the length of the run and the speeds.
+
+    Parameters
+    ----------
+    sampled, scheme
+        See `largest_step`.
+    across
+        Whether how forces turn with the pair counts too: beyond all bounds near contact, though in no room at all.
+    """
+    n = scenario.start.n
+    limits = [np.inf]
     mass = float(np.min(scenario.agents.masses))
     damping = float(np.max(scenario.agents.damping))
     for number, pairs in enumerate(sampled):
@@ -76,16 +105,12 @@ def largest_step(scenario: Scenario, sampled: Sequence[SampledPairs | None], sch
             if scenario.law.graph_number(term) != number:
                 continue
             if isinstance(term, Gradient):
-                stiff += _stiffness(term, pairs.distance)
+                stiff += _stiffness(term, pairs.distance, across)
             else:
                 damping += _gain(term) * float(degree.max())
         rate = float(np.sqrt(2.0 * np.bincount(pairs.agent, stiff, minlength=n).max() / mass))
         if rate > 0:
             limits.append(PERIODS / rate)
-        if scenario.law.singular_at_zero():
-            closing = float((pairs.speed / np.maximum(pairs.distance, 1e-12)).max())
-            if closing > 0:
-                limits.append(CLOSING / closing)
     for body in scenario.law.body_terms:
         for name, value in body.parameters.items():
             if name == "velocity_gain":
@@ -97,12 +122,13 @@ def largest_step(scenario: Scenario, sampled: Sequence[SampledPairs | None], sch
     return float(min(limits))
 
 
-def _stiffness(term: Gradient, r: Any) -> Any:
-    """Bend of the potential along the pair, and across it."""
+def _stiffness(term: Gradient, r: Any, across: bool) -> Any:
+    """Bend of the potential along the pair, and across it; none at contact: the force has no direction there."""
     near, far = np.maximum(r * (1 - PROBE), 1e-12), r * (1 + PROBE)
     with np.errstate(all="ignore"):
         bend = np.abs(term.potential.slope(far) - term.potential.slope(near)) / (far - near)
-        return np.where(np.isfinite(bend), bend, 0.0) + np.abs(term.potential.slope(r)) / np.maximum(r, 1e-12)
+        turn = np.abs(term.potential.slope(r)) / np.maximum(r, 1e-12) if across else 0.0
+        return np.where(r > 0, np.where(np.isfinite(bend), bend, 0.0) + turn, 0.0)
 
 
 def _gain(term: Any) -> float:

@@ -84,7 +84,8 @@ def unpack(
         if numbers["engine"] == "tiles":
             from flocking.engine.tiles.memory import restore_tiles
 
-            return restore_tiles(numbers, arrays, records.scenario, stored or dict.fromkeys(GROWING, 0), threads)
+            counts = stored or dict.fromkeys(GROWING, 0)
+            return restore_tiles(numbers, arrays, records.scenario, counts, threads, plant)
         return _restore_exact(numbers, arrays, records, plant)
     except (ValueError, KeyError, TypeError, IndexError, OSError, EOFError, zipfile.BadZipFile) as error:
         raise StorageError(f"{where}: no checkpoint this version can go on from ({error}).") from None

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from flocking.engine.encounter_formulas import EncounterFormulas, encounter_formulas
 from flocking.engine.layout import DAMPING, MASS, Layout
+from flocking.formula.contact import defined_at_contact
 from flocking.formula.identities import nothing_or_itself
 from flocking.model.fading import Fade
 from flocking.model.leaders import Leader
@@ -160,7 +161,7 @@ def _pair_formulas(layout: Layout, integrals: bool) -> list[PairFormulas]:
                 stated["supply"] += _unpaired_power(stated["along"], stated["drag"])
             for name, value in {**stated, "flow": _flow(stated, x, paired)}.items():
                 total[name] += value
-        found.append(PairFormulas(**total))
+        found.append(PairFormulas(**{name: defined_at_contact(value, r) for name, value in total.items()}))
     return found
 
 

@@ -16,7 +16,7 @@ from flocking.model.leaders import Leader
 from flocking.model.schedules import Schedule
 from flocking.model.state import Agents
 from flocking.model.terms import Term, Value
-from flocking.model.weights import PairWeights
+from flocking.model.weights import HashedWeights, PairWeights
 
 MASS, DAMPING = "A0", "A1"
 
@@ -140,6 +140,11 @@ class Layout:
     def parts(self) -> tuple[object, ...]:
         """Everything that states formulas; leaders and obstacles are parts of these."""
         return (*self.law.graphs, *self.law.terms, self.energy)
+
+    def weight_kinds(self) -> tuple[str, ...]:
+        """Kind of each pair weight of a tiled kernel: ``"hash"`` or ``"matrix"``."""
+        weights = (value for _, owned in self.owners() for value in owned.values() if isinstance(value, PairWeights))
+        return tuple("hash" if isinstance(value, HashedWeights) else "matrix" for value in weights)
 
     def leader_number(self, leader: Leader | None) -> int | None:
         """Position of a leader in `leaders`."""

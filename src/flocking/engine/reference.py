@@ -147,7 +147,7 @@ def _evaluated(law: Law, state: State, agents: Agents | None, energy: Energy | N
     for k in range(m):
         given |= {f"q{k}": state.q[:, k], f"p{k}": state.p[:, k], f"mean_q{k}": mean_q[k], f"mean_p{k}": mean_p[k]}
     body = {k: v * np.ones(n) for k, v in module.body(P, given).items()}
-    near = _encounters(law, layout, module, state.q, P, given)
+    near = obstacles_met(law, layout, module, state.q, P, given)
     for i, values in near:
         np.add.at(u, i, np.stack([values[f"force{k}"] for k in range(m)], axis=1))
         dissipation += float(values["dissipation"].sum())
@@ -169,10 +169,18 @@ def _evaluated(law: Law, state: State, agents: Agents | None, energy: Energy | N
     return Evaluation(u, storage, kinetic, dissipation, supply, force_sum)
 
 
-def _encounters(
+def obstacles_met(
     law: Law, layout: Layout, module: Any, q: Array, P: Array, given: Mapping[str, Any]
 ) -> list[tuple[Any, dict[str, Array]]]:
-    """For every group of obstacles: the agents within range, once for each obstacle, and what it does to them."""
+    """For every group of obstacles: the agents within range, once for each obstacle, and what it does to them.
+
+    Parameters
+    ----------
+    layout, module
+        The law's slots, and its functions for NumPy.
+    P, given
+        Values of the slots of single numbers, and of all other names.
+    """
     from flocking.engine.encounters import Encounters
 
     rows, found = layout.obstacle_rows(), []
@@ -360,7 +368,7 @@ def control_of(
     body = module.body(P, given)
     u += np.array([body[f"force{k}"] for k in range(m)], dtype=np.float64)
     alone = {k: np.reshape(v, 1) if k != "t" else v for k, v in given.items()}
-    for _, values in _encounters(law, layout, module, agent.q[None], P, alone):
+    for _, values in obstacles_met(law, layout, module, agent.q[None], P, alone):
         u += np.array([values[f"force{k}"].sum() for k in range(m)])
     return u
 

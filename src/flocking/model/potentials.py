@@ -232,8 +232,11 @@ def _sign_changes(gap: Callable[..., Any], values: list[np.float64]) -> list[flo
 def _derivatives(potential: Potential) -> dict[str, sympy.Expr]:
     import sympy
 
+    from flocking.formula.contact import defined_at_contact
+
     r, psi = potential.symbolic()
-    return {"value": psi, "slope": sympy.diff(psi, r), "curvature": sympy.diff(psi, r, 2)}
+    stated = {"value": psi, "slope": sympy.diff(psi, r), "curvature": sympy.diff(psi, r, 2)}
+    return {name: defined_at_contact(expression, r) for name, expression in stated.items()}
 
 
 def _array_source(stated: Mapping[str, sympy.Expr], names: tuple[str, ...]) -> str:

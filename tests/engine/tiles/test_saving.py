@@ -293,7 +293,8 @@ def test_a_failed_run_is_kept_whole_and_says_why(tmp_path: Path, monkeypatch: py
 def test_a_checkpoint_holds_all_of_a_snapshot(tmp_path: Path) -> None:
     """A new field of a snapshot must be packed, and named here."""
     assert {f.name for f in dataclasses.fields(TilesSnapshot)} == {
-        "scenario", "options", "step", "time", "plan", "crowd", "scheme", "records", "steps", "farthest",
+        "scenario", "options", "step", "time", "plan", "crowd", "scheme", "records", "steps", "farthest", "law_gaps",
+        "instability", "plant",
     }  # fmt: skip
     session = TilesSession(scenario("hysteresis"), TilesOptions(step=0.004, observe=True))
     session.advance(0.3)

@@ -20,7 +20,7 @@ from flocking.engine.progress import Progress, stops
 from flocking.engine.run import OBSERVED_FIELDS, SWITCH_FIELDS, TRACE_FIELDS, Run
 from flocking.engine.run_writer import RunWriter
 from flocking.engine.storage import read_run, read_scenario_of
-from flocking.errors import SimulationError, StorageError
+from flocking.errors import InvalidInput, SimulationError, StorageError
 from flocking.model.law import Scenario
 
 COMMIT_SECONDS = 5.0
@@ -96,6 +96,8 @@ def drive_ranks(
     """
     if save is None:
         return _drive(session, None, progress)
+    if session.plant is not None:
+        raise InvalidInput("engine='lammps'", "plant", "cannot be stored with a run", session.plant, "Give no folder.")
     records, options = session.records, session.options
     how = {"engine": "lammps", "options": asdict(options)}
     writer = session.ranks.alone(

@@ -10,15 +10,18 @@ import numpy as np
 from flocking.engine.lammps import library
 from flocking.engine.lammps.atoms import Atoms, LammpsError
 from flocking.engine.lammps.deck import Deck, make_deck
+from flocking.engine.lammps.law_check import LawCheck, check_apart
 from flocking.engine.lammps.ledger import observation
 from flocking.engine.lammps.options import LammpsOptions
 from flocking.engine.lammps.ranks import Ranks
 from flocking.engine.lammps.records import Records
 from flocking.engine.lammps.restart import Restart
 from flocking.engine.lammps.steps import check_books, check_strides, chosen_step, step_too_large, steps_between
+from flocking.engine.passing import check_passing, singular_reach
+from flocking.engine.plants import check_plant
 from flocking.engine.provenance import provenance
 from flocking.engine.run import Run
-from flocking.errors import InvalidInput, SimulationError
+from flocking.errors import SimulationError
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 
@@ -37,7 +40,8 @@ class LammpsSession:
     options
         Step and the rest.
     plant
-        This engine keeps no ledger of another law and takes none.
+        The law the agents really obey, over the graphs of the scenario's law, for tests of the ledger; the scenario's
+        law when absent.
     restart
         Where to go on from; absent for the start of the scenario.
 
@@ -54,10 +58,13 @@ class LammpsSession:
     def __init__(
         self, scenario: Scenario, options: LammpsOptions, *, plant: Law | None = None, restart: Restart | None = None
     ) -> None:
+        self.scenario, self.plant = scenario, plant
         if plant is not None:
-            raise InvalidInput("LammpsSession", "plant", "cannot be given", plant, "Use engine='exact'.")
-        self.scenario, self.plant = scenario, None
-        self.deck: Deck = make_deck(scenario, options.skin)
+            check_plant("LammpsSession", scenario.law, plant)
+            make_deck(scenario, options.skin)
+        self.deck: Deck = make_deck(scenario if plant is None else scenario.with_(law=plant), options.skin)
+        check_apart(scenario)
+        self._judge: LawCheck | None = None
         self.ranks = Ranks(library.communicator())
         self.time, self.steps = scenario.start.t, 0
         self.records = Records(scenario, [part.rim for part in self.deck.parts])
@@ -66,6 +73,7 @@ class LammpsSession:
         self._at_row = True
         self._bout = 1
         self._sound = scenario.start
+        self._judged = 0
         with self.ranks.bound():
             self.options = replace(options, step=self._wanted(options), ledger=options.rows(scenario.start.n))
             self.atoms = Atoms(self.deck, self.ranks, options.keep_log or "none")
@@ -210,9 +218,12 @@ class LammpsSession:
         state = self.whole_state()
         if due:
             self.records.count += 1
-        self.ranks.alone(lambda: self._write_down(state, due))
+        judged = self.rows and (due or self._judged == 0 or self.steps >= 2 * self._judged)
+        forces = self.atoms.gathered("f") if judged else None
+        self._judged = self.steps if judged else self._judged
+        self.ranks.alone(lambda: self._write_down(state, due, forces))
 
-    def _write_down(self, state: State | None, due: bool) -> None:
+    def _write_down(self, state: State | None, due: bool, forces: Any) -> None:
         """Keep a state on the first rank, once it has passed the checks."""
         assert state is not None
         records = self.records
@@ -220,8 +231,14 @@ class LammpsSession:
         pairs = records.ledger.pairs(state) if self.rows or self.options.observe or singular else []
         for some in pairs if singular else []:
             check_strides(state, some, self.step)
+        if singular:
+            reach = singular_reach(self.scenario.law)
+            check_passing(state.q, self.step * state.p, reach, self.step, time=self.time)
         if self.rows:
             records.ledger.add(state, pairs)
+        if forces is not None:
+            self._judge = self._judge or LawCheck(self.scenario, self.deck)
+            self._judge.look(state, forces[:, : self.deck.dimension], self._step, fatal=self.plant is None)
         if due:
             records.frame(state, observation(self.scenario, state, pairs[0]) if self.options.observe else None)
             if self.rows:
@@ -243,6 +260,7 @@ class LammpsSession:
             "rank": self.ranks.rank, "switches": "not recorded",
             "ledger": f"trapezoidal, a row every {self.rows} steps" if self.rows else "none",
             "closest": "at the rows of the ledger" if self.rows else "not recorded",
+            **(self._judge.gaps.about if self._judge is not None else {}),
         }  # fmt: skip
 
     def run(self, status: str = "finished") -> Run:

@@ -6,10 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.automatic_step import SAMPLE, SampledPairs, largest_step
+from flocking.engine.automatic_step import SAMPLE, SampledPairs, largest_step, resolving_step
 from flocking.engine.tiles.crowd import Crowd
 from flocking.engine.tiles.pairs import tile_pairs
 from flocking.model.law import Scenario
+
+FEW = 400
+"""Agents looked at where a step that was given is only to be told from one beyond all stability."""
 
 
 def choose(crowd: Crowd, scenario: Scenario, scheme: str) -> float:
@@ -23,11 +26,23 @@ def choose(crowd: Crowd, scenario: Scenario, scheme: str) -> float:
     return largest_step(scenario, [_sampled(crowd, number) for number in range(len(crowd.lists))], scheme)
 
 
-def _sampled(crowd: Crowd, number: int) -> SampledPairs | None:
+def resolves(crowd: Crowd, scenario: Scenario, scheme: str) -> float:
+    """The largest step that resolves the forces of the start, whatever the length of the run and the speeds.
+
+    Parameters
+    ----------
+    scheme
+        Name of the scheme that takes the steps.
+    """
+    sampled = [_sampled(crowd, number, FEW) for number in range(len(crowd.lists))]
+    return resolving_step(scenario, sampled, scheme, across=False)
+
+
+def _sampled(crowd: Crowd, number: int, agents: int = SAMPLE) -> SampledPairs | None:
     lists, m = crowd.lists[number], crowd.m
     if lists is None:
         return None
-    i, j = tile_pairs(lists, range(0, crowd.tiles, max(1, crowd.n // SAMPLE)), crowd.n)
+    i, j = tile_pairs(lists, range(0, crowd.tiles, max(1, crowd.n // agents)), crowd.n)
 
     def length(rows: slice) -> Any:
         return np.sqrt(((crowd.X[rows, j] - crowd.X[rows, i]).astype(np.float64) ** 2).sum(axis=0))

@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flocking.engine.contact import singular_graphs
+from flocking.engine.passing import check_passing
 from flocking.engine.run import Closest
-from flocking.engine.step_checks import STRIDE, check_ledger, check_stride
+from flocking.engine.step_checks import STRIDE, check_ledger, check_stride, step_too_large
 from flocking.engine.tiles.crowd import Crowd
 from flocking.engine.tiles.pairs import tile_pairs
 from flocking.errors import LinkLost, NotFinite, OutOfPrecision
@@ -17,6 +19,10 @@ if TYPE_CHECKING:
 
 COARSEST = 1e-2
 """Largest share of the radius that the rounding of positions may take for most agents."""
+
+UNSTABLE = 40.0
+"""A step so many times longer than one that resolves the start turns damped velocities round, to three times their
+size, and skips whole periods of its oscillations."""
 
 FARTHEST = 1e15
 """Distances beyond it are those of no pair at all: what a kernel starts from that has not met one."""
@@ -45,8 +51,51 @@ def after_step(session: TilesSession, crowd: Crowd, h: float) -> None:
         closest = _closest_in(crowd, tile)
         if closest is not None:
             session.records.closest = Closest(near, session.time, closest)
-    if session.scenario.law.singular_at_zero() and 2.0 * crowd.top_speed * h > STRIDE * near:
-        _check_strides(session, crowd, h)
+    if near == 0.0:
+        _check_contact(session, crowd)
+    if (reach := session.singular_reach) is not None:
+        top = 2.0 * crowd.top_speed * h
+        if top > STRIDE * near:
+            _check_strides(session, crowd, h)
+        if top > STRIDE * reach:
+            q = crowd.Y[: crowd.m, : crowd.n].T.astype(np.float64)
+            moved = crowd.X[: crowd.m, : crowd.n].T - q
+            check_passing(q, moved, reach, session.step, time=session.time, ids=crowd.ids)
+
+
+def _check_contact(session: TilesSession, crowd: Crowd) -> None:
+    """Whether a pair that coincided before the step is linked where a formula has no value for it."""
+    for number in singular_graphs(crowd.spec.layout, crowd.m, crowd.P):
+        lists = crowd.lists[number]
+        if lists is None:
+            continue
+        i, j = tile_pairs(lists, np.flatnonzero(crowd.tops[:, 1] == 0.0), crowd.n)
+        same = np.flatnonzero((crowd.Y[: crowd.m, i] == crowd.Y[: crowd.m, j]).all(axis=0))
+        if len(same):
+            pair = sorted((int(crowd.ids[i[same[0]]]), int(crowd.ids[j[same[0]]])))
+            raise NotFinite(
+                "Two linked agents are at the same point, where their pair force or energy is infinite. "
+                "Start them apart, or take a potential that is finite at r = 0.",
+                time=session.time, agents=tuple(pair),
+            )  # fmt: skip
+
+
+def stiff_start(session: TilesSession, resolves: float) -> None:
+    """Whether a step that no ledger will judge is beyond all stability at the start.
+
+    Parameters
+    ----------
+    resolves
+        A step that resolves the forces of the start.
+
+    Raises
+    ------
+    StepTooLarge
+        When it is.
+    """
+    if session.options.scheme != "damped" and session.step > UNSTABLE * resolves:
+        why = f"it is {session.step / resolves:.3g} times one that resolves the forces of the start, and unstable"
+        raise step_too_large(session.step, resolves, why, time=session.time)
 
 
 def links_kept(session: TilesSession, crowd: Crowd) -> None:

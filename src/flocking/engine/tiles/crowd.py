@@ -14,7 +14,7 @@ import numpy as np
 
 from flocking.engine.tiles.cells import Sorter
 from flocking.engine.tiles.crowd_memory import CrowdMemory
-from flocking.engine.tiles.kernels import SUMS, tile_kernels
+from flocking.engine.tiles.kernels import tile_kernels
 from flocking.engine.tiles.lists import (
     LINKED,
     NUMBER,
@@ -24,12 +24,14 @@ from flocking.engine.tiles.lists import (
     TooManyNeighboursError,
     fixed_lists,
 )
-from flocking.engine.tiles.measures import cutoffs_of, extremes_of, sensed_offsets, strayed_squares
+from flocking.engine.tiles.measures import cutoffs_of, extremes_of, fastest, sensed_offsets, strayed_squares
 from flocking.engine.tiles.nearby_obstacles import NearbyObstacles
 from flocking.engine.tiles.numbers import kernel_numbers
 from flocking.engine.tiles.pairs import broken_pair
+from flocking.engine.tiles.planted import Planted
 from flocking.engine.tiles.skins import FIRST_SKIN, best_skin
 from flocking.engine.tiles.spec import PRECISIONS, KernelSpec
+from flocking.engine.tiles.sums import sums_of
 from flocking.engine.tiles.threads import Workers
 from flocking.model.law import Scenario
 from flocking.model.state import State
@@ -76,7 +78,8 @@ class Crowd:
         self._ids_there: Any = np.zeros(self.size, np.int32)
         self.tops: Any = np.zeros((self.tiles, 3), self.dtype)
         self.extremes: Any = np.zeros(3)
-        self.sums: Any = np.zeros((self.tiles if spec.ledger else 1, len(SUMS)), np.float64)
+        self.sums: Any = np.zeros((self.tiles if spec.ledger else 1, len(sums_of(spec))), np.float64)
+        self.planted: Planted | None = None
         self._set_graphs(scenario, memory_limit)
         self._set_parameters(scenario, state.t)
         self._fill_pads()
@@ -91,7 +94,7 @@ class Crowd:
         self._first_links = state.links
         self._set_obstacles(scenario)
         self.lost: tuple[int, int] | None = None
-        self.top_speed = self._fastest()
+        self.top_speed = fastest(self.agents[: self.n, self.m :])
 
     @property
     def X(self) -> Any:  # noqa: N802
@@ -106,15 +109,6 @@ class Crowd:
     def Y(self) -> Any:  # noqa: N802
         """The state before or beside `X`, shape (2m, size)."""
         return self.successor.T
-
-    def _fastest(self) -> float:
-        """Largest speed relative to the mean velocity."""
-        velocities = self.agents[: self.n, self.m :]
-        mean = velocities.mean(axis=0, dtype=np.float64)
-        # In parts, so that a large crowd is not copied whole.
-        parts = (velocities[k : k + 2**20] - mean for k in range(0, self.n, 2**20))
-        with np.errstate(over="ignore"):
-            return float(np.sqrt(max(float((part**2).sum(axis=1).max()) for part in parts)))
 
     def _set_graphs(self, scenario: Scenario, memory_limit: float) -> None:
         n, law = self.n, scenario.law
@@ -156,6 +150,8 @@ class Crowd:
     def _set_parameters(self, scenario: Scenario, t: float) -> None:
         n = self.n
         self.P, rows, self.seeds, self.matrices = kernel_numbers(scenario, self.spec, t)
+        masses = np.asarray(rows[0], dtype=np.float64)
+        self.mass = float(masses.sum()) if masses.ndim else n * float(masses)
         several = len(rows) > 2 or self.spec.mass_each or self.spec.damping_each
         self.A: Any = np.zeros((len(rows) if several else 0, self.size), self.dtype)
         for k, value in enumerate(rows if several else []):
@@ -168,6 +164,8 @@ class Crowd:
     def pass_switch_time(self, scenario: Scenario, t: float) -> None:
         """Take the values of scheduled gains from time ``t`` on."""
         self._set_parameters(scenario, t)
+        if self.planted is not None:
+            self.planted.pass_switch_time(t)
 
     def _fill_pads(self) -> None:
         n = self.n
@@ -338,11 +336,13 @@ class Crowd:
             speed = self.top_speed + float(np.linalg.norm(self.C))
             self.obstacles.require(self.X[: self.m], self.tiles, t, speed * abs(drift))
             lists += [x for pair in self.obstacles.lists for x in pair]
+        begin = (float(t), T(keep), T(kick), T(drift), T(whole), T(soft))
         self.workers.each(
-            self.kernel, self.tiles, float(t), T(keep), T(kick), T(drift), T(whole), T(soft), hold, self.agents,
-            self.successor, self.n,
-            *lists, self.P, self.A, self.O, self.ids, self.seeds, self.matrices, self.M, self.C, self.tops, self.sums,
+            self.kernel, self.tiles, *begin, hold, self.agents, self.successor, self.n, *lists, self.P, self.A, self.O,
+            self.ids, self.seeds, self.matrices, self.M, self.C, self.tops, self.sums,
         )  # fmt: skip
+        if self.planted is not None:
+            self.planted.move(self, begin, lists)
         self.read_tops()
         if self.extremes[2] > 0 and self.lost is None and not hold:
             self.lost = broken_pair(self)
@@ -378,7 +378,7 @@ class Crowd:
         """
         self.spec, self.graphs = spec, scenario.law.graphs
         self.kernel = tile_kernels(spec).move
-        self.sums = np.zeros((self.tiles if spec.ledger else 1, len(SUMS)), np.float64)
+        self.sums = np.zeros((self.tiles if spec.ledger else 1, len(sums_of(spec))), np.float64)
         self.cutoffs = cutoffs_of(self.graphs, spec)
         self._set_obstacles(scenario)
         self.set_radii(scenario)

@@ -14,17 +14,13 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from flocking.engine.tiles.spec import KernelSpec
+from flocking.engine.tiles.sums import SUMS, sums_of
 from flocking.formula.compiled import generated_module
+from flocking.formula.contact import ENDLESS
 
 if TYPE_CHECKING:
     from flocking.engine.encounter_formulas import EncounterFormulas
     from flocking.engine.expressions import LawFormulas, PairFormulas
-
-SUMS = ("pairs", "bodies", "kinetic", "work", "dissipated", "supplied", "links", "jumped")
-"""Sums over a tile that a kernel with a ledger writes."""
-
-TOPS = ("speed2", "near2", "broken")
-"""What every kernel reports of a tile: largest squared speed, smallest squared distance of linked agents, breaks."""
 
 GRAPH_ARGUMENTS = ("rows", "first", "count", "each", "limits")
 
@@ -96,7 +92,7 @@ class _Writer:
         """Whether a symbol has one value for all agents."""
         if name in ("A0", "A1"):
             return not (self.spec.mass_each, self.spec.damping_each)[int(name[1])]
-        return name == "t" or name.startswith(("P", "mean_"))
+        return name in ("t", ENDLESS) or name.startswith(("P", "mean_"))
 
     def statements(self, results: dict[str, Any], prefix: str, inverses: dict[str, str] | None = None) -> list[str]:
         """Lines that compute ``results`` for one lane; notes which rows of A they read.
@@ -182,7 +178,10 @@ def _pair_block(w: _Writer, number: int, pair: PairFormulas) -> list[str]:
     if "along" in results:
         # Dividing inside the expression lets common factors of r cancel.
         results["along"] = results["along"] / _distance()
+    met = _at_contact(wanted)
+    results |= {f"met_{name}": value for name, value in met.items()}
     lane += w.statements(results, f"g{number}_", {"r": "inverse_r"})
+    lane += [f"{name} = select(square > T(0.0), {name}, met_{name})" for name in met]
     for k in axes:
         terms = []
         if "along" in wanted:
@@ -203,6 +202,19 @@ def _pair_block(w: _Writer, number: int, pair: PairFormulas) -> list[str]:
         if number == 0:
             lane += ["links = links + select(linked, T(1.0), T(0.0))"]
     return [f"for step in range(count{number}[tile]):", *("    " + line for line in lane)]
+
+
+def _at_contact(wanted: dict[str, Any]) -> dict[str, Any]:
+    """Limits, where two agents coincide, of the formulas that depend on the distance and have one."""
+    from flocking.formula.contact import limit_at_contact
+
+    still = {_parameter("radial"): 0, _parameter("push"): 0}
+    found = {}
+    for name, value in wanted.items():
+        limit = limit_at_contact(value.subs(still), _distance()) if name != "along" else None
+        if limit is not None and value.has(_distance()):
+            found[name] = limit
+    return found
 
 
 def _encounter_block(w: _Writer, number: int, encounter: EncounterFormulas) -> list[str]:
@@ -266,6 +278,9 @@ def _tail_block(w: _Writer) -> list[str]:
         powers = [(sympy.Symbol(f"pull{k}", real=True) + body.force[k]) * velocity[k] for k in axes]
         ledger = {"bodies": body.storage, "kinetic": mass * sum(squares) / 2, "work": sum(powers)}
         ledger |= {"dissipated": body.dissipation, "supplied": body.supply}
+        if len(sums_of(spec)) > len(SUMS):
+            moving = (sympy.Symbol(f"full{k}", real=True) - f for k, f in enumerate(body.frame))
+            ledger |= {f"momentum{k}": mass * v for k, v in enumerate(moving)}
     lines = w.statements(results, "b_")
     if spec.ledger:
         lines += [f"full{k} = p{k} + whole * a{k}" for k in axes] + w.statements(ledger, "e_")
@@ -295,7 +310,7 @@ def _tail_block(w: _Writer) -> list[str]:
         if w.formulas.encounters:
             parts["dissipated"] += " + total(select(live, met_dissipated, T(0.0)))"
             parts["supplied"] += " + total(select(live, met_supplied, T(0.0)))"
-        lines += [f"sums[tile, {k}] = {parts[name]}" for k, name in enumerate(SUMS)]
+        lines += [f"sums[tile, {k}] = {parts[name]}" for k, name in enumerate(sums_of(spec))]
     return lines
 
 
@@ -331,8 +346,7 @@ def _source(spec: KernelSpec, formulas: LawFormulas) -> str:
         frames = [f"frame{k} = T({code(f, arrays=False)})" for k, f in enumerate(formulas.body.frame)]
     uniform = [f"{name} = T({code(value, arrays=False)})" for name, value in w.lifter.definitions.items()]
     scalars = _scalars(w, [*w.lifter.definitions.values(), *formulas.body.frame, *w.encounter_values])
-    top = scalars + frames + uniform
-    top += ["huge = T(1e36)", "endless = T(np.inf)"]
+    top = ["huge = T(1e36)", f"{ENDLESS} = T(np.inf)", *scalars, *frames, *uniform]
     for number, kind in enumerate(spec.graphs):
         top += [f"safe{number} = limits{number}[2]"]
         if not kind.fixed:

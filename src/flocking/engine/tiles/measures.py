@@ -83,3 +83,12 @@ def sensed_offsets(graph: Any, n: int) -> tuple[Any, Any]:
     edges = edges[np.lexsort((edges[:, 1], edges[:, 0]))]
     counts = np.bincount(edges[:, 0], minlength=n)
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), edges[:, 1].astype(np.int32)
+
+
+def fastest(velocities: Any) -> float:
+    """Largest speed of agents relative to their mean velocity, from velocities of shape (N, m)."""
+    mean = velocities.mean(axis=0, dtype=np.float64)
+    # In parts, so that a large crowd is not copied whole.
+    parts = (velocities[k : k + 2**20] - mean for k in range(0, len(velocities), 2**20))
+    with np.errstate(over="ignore"):
+        return float(np.sqrt(max(float((part**2).sum(axis=1).max()) for part in parts)))

@@ -7,15 +7,19 @@ from typing import Any
 
 import numpy as np
 
+from flocking.engine.law_gaps import LawGaps
 from flocking.engine.run import Closest
 from flocking.engine.tiles.crowd_memory import CrowdMemory
+from flocking.engine.tiles.instability import Instability
 from flocking.engine.tiles.lists import TileLists
 from flocking.engine.tiles.records import Records
 from flocking.engine.tiles.schemes import Books
 from flocking.engine.tiles.session import TilesOptions, TilesSession, TilesSnapshot
-from flocking.model.law import Scenario
+from flocking.model.law import Law, Scenario
 
-PARTS: dict[str, type[Any]] = {part.__name__: part for part in (Books, Closest, CrowdMemory, TileLists)}
+PARTS: dict[str, type[Any]] = {
+    part.__name__: part for part in (Books, Closest, CrowdMemory, Instability, LawGaps, TileLists)
+}
 """Classes that memory may hold."""
 
 Arrays = dict[str, np.ndarray[Any, Any]]
@@ -77,12 +81,18 @@ def pack_tiles(session: TilesSession) -> tuple[dict[str, Any], Arrays]:
     whole = {
         "step": kept.step, "time": kept.time, "plan": kept.plan, "steps": kept.steps, "crowd": kept.crowd,
         "scheme": kept.scheme, "records": kept.records.memory(), "farthest": kept.farthest,
+        "law_gaps": kept.law_gaps, "instability": kept.instability,
     }  # fmt: skip
     return {"options": asdict(kept.options), "session": flattened(whole, arrays)}, arrays
 
 
 def restore_tiles(
-    numbers: dict[str, Any], arrays: Arrays, scenario: Scenario, stored: dict[str, int], threads: int | None
+    numbers: dict[str, Any],
+    arrays: Arrays,
+    scenario: Scenario,
+    stored: dict[str, int],
+    threads: int | None,
+    plant: Law | None = None,
 ) -> TilesSession:
     """The session that was packed, with so many records of each kind ``stored`` on disk.
 
@@ -92,6 +102,8 @@ def restore_tiles(
         What was packed.
     threads
         Number of threads; all processors when absent.
+    plant
+        The law the agents really obey.
     """
     options = TilesOptions(**numbers["options"])
     kept = restored(numbers["session"], arrays)
@@ -99,6 +111,7 @@ def restore_tiles(
     records.recall(kept["records"], stored)
     snapshot = TilesSnapshot(
         scenario, options, kept["step"], kept["time"], kept["plan"], kept["crowd"], kept["scheme"], records,
-        kept["steps"], kept["farthest"],
+        kept["steps"], kept["farthest"], kept["law_gaps"], kept["instability"],
+        plant,
     )  # fmt: skip
     return TilesSession.resume(snapshot, threads=threads)

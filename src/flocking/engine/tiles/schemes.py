@@ -10,7 +10,7 @@ import numba
 import numpy as np
 
 from flocking.engine.tiles.crowd import Crowd
-from flocking.engine.tiles.kernels import SUMS
+from flocking.engine.tiles.sums import SUMS
 
 INTEGRATED = ("work", "dissipated", "supplied")
 """Sums of the kernel that the ledger integrates over time."""
@@ -48,7 +48,9 @@ class Books:
     def read(self, crowd: Crowd) -> Any:
         """Take the sums of the last pass, in a fixed order of tiles; returns the three powers."""
         totals = crowd.sums.sum(axis=0)
-        self.sums = dict(zip(SUMS, (float(x) for x in totals), strict=True))
+        self.sums = dict(zip(SUMS, (float(x) for x in totals), strict=False))
+        # Of velocities relative to the mean half a step ago; the mean has moved since.
+        self.sums["kinetic"] -= 0.5 * float((totals[len(SUMS) :] ** 2).sum()) / crowd.mass
         return np.array([self.sums[name] for name in INTEGRATED])
 
 

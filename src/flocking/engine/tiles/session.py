@@ -3,65 +3,41 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flocking.engine import interruption
+from flocking.engine.law_gaps import LawGaps, is_due
 from flocking.engine.layout import Layout
+from flocking.engine.passing import singular_reach
+from flocking.engine.plants import check_plant
 from flocking.engine.provenance import provenance
 from flocking.engine.run import Run
 from flocking.engine.step_checks import step_too_large
 from flocking.engine.tiles import automatic_step, checks
 from flocking.engine.tiles.crowd import Crowd
-from flocking.engine.tiles.crowd_memory import CrowdMemory
+from flocking.engine.tiles.instability import Instability
 from flocking.engine.tiles.kernels import is_compiled
 from flocking.engine.tiles.lists import TooManyNeighboursError
 from flocking.engine.tiles.options import TilesOptions as TilesOptions
 from flocking.engine.tiles.pairs import listed_pairs
+from flocking.engine.tiles.planted import Planted
 from flocking.engine.tiles.records import MOST_LINKED, Records
 from flocking.engine.tiles.schemes import Scheme, scheme_named
+from flocking.engine.tiles.snapshot import TilesSnapshot as TilesSnapshot
 from flocking.engine.tiles.spec import KernelSpec, check_supported, graph_kinds
 from flocking.engine.tiles.threads import Workers
 from flocking.errors import InvalidInput, NotFinite, SimulationError, TooCrowded
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
-from flocking.model.weights import HashedWeights
+
+if TYPE_CHECKING:
+    from flocking.engine.tiles.law_check import LawCheck
 
 MOST_STEPS = 1e12
-
-
-@dataclass(frozen=True, eq=False)
-class TilesSnapshot:
-    """Everything a session of the tiled engine needs to go on bit for bit.
-
-    Parameters
-    ----------
-    step
-        The largest time step.
-    plan
-        Start, end and number of the equal steps under way, and which comes next.
-    scheme
-        What the integrator remembers.
-    records
-        Frames and ledger so far.
-    steps
-        Number of steps so far.
-    farthest
-        Bound on how much two agents have approached each other in one step.
-    """
-
-    scenario: Scenario
-    options: TilesOptions
-    step: float
-    time: float
-    plan: tuple[float, float, int, int]
-    crowd: CrowdMemory
-    scheme: dict[str, Any]
-    records: Records
-    steps: int
-    farthest: float = 0.0
 
 
 class TilesSession:
@@ -74,7 +50,8 @@ class TilesSession:
     options
         Step, scheme, precision and the rest.
     plant
-        The law the agents really obey; this engine keeps no ledger of another law and takes none.
+        The law the agents really obey, over the graphs of the scenario's law; the ledger goes on holding the declared
+        law, so that a wrong plant shows.
 
     Raises
     ------
@@ -91,17 +68,19 @@ class TilesSession:
     """Ctrl-C is heeded between two steps, where a checkpoint is whole."""
 
     def __init__(self, scenario: Scenario, options: TilesOptions | None = None, *, plant: Law | None = None) -> None:
-        if plant is not None:
-            raise InvalidInput("TilesSession", "plant", "cannot be given", plant, "Use engine='exact'.")
         check_supported(scenario)
+        if plant is not None:
+            check_plant("TilesSession", scenario.law, plant)
+            check_supported(scenario.with_(law=plant))
         self.scenario, self.options = scenario, options or TilesOptions()
-        self.plant = None
+        self.plant = plant
         self.time, self.steps = scenario.start.t, 0
         self.workers = Workers(self.options.threads)
         self.records = Records(
             scenario, self.options.precision, keep_frames=self.options.keep_frames, observe=self.options.observe
         )
         self.farthest = 0.0
+        self.law_gaps, self.instability = LawGaps(), Instability()
         self._scheme: Scheme = scheme_named(self.options.scheme, self.options.ledger)
         self._crowd = self._new_crowd(scenario, scenario.start)
         checks.resolution(self, scenario.start.q)
@@ -116,12 +95,7 @@ class TilesSession:
 
     def _spec(self, scenario: Scenario) -> KernelSpec:
         layout = Layout(scenario.law, scenario.energy)
-        kinds = tuple(
-            "hash" if isinstance(value, HashedWeights) else "matrix"
-            for _, owned in layout.owners()
-            for value in owned.values()
-            if hasattr(value, "matrix")
-        )
+        kinds = layout.weight_kinds()
         agents = scenario.agents
         return KernelSpec(
             layout, scenario.start.dimension, self.options.precision, graph_kinds(scenario, self.options.ledger), kinds,
@@ -133,11 +107,27 @@ class TilesSession:
         spec = self._spec(scenario)
         if self.options.tell and not is_compiled(spec):
             print("flocking: compiling this law; the next run finds it on disk.", file=sys.stderr, flush=True)
-        return Crowd(scenario, state, spec, self.workers, self.options.lists_limit, self.options.skin)
+        crowd = Crowd(scenario, state, spec, self.workers, self.options.lists_limit, self.options.skin)
+        if self.plant is not None:
+            crowd.planted = Planted(scenario, self.plant, spec)
+            crowd.planted.pass_switch_time(state.t)
+        return crowd
 
     def _automatic_step(self) -> float:
         self._guarded(lambda: self._crowd.require_lists(0.0))
         return automatic_step.choose(self._crowd, self.scenario, self.options.scheme)
+
+    @cached_property
+    def singular_reach(self) -> float | None:
+        """Where a potential diverges at contact, the shortest radius of such a one; None where none does."""
+        law = self.scenario.law
+        return singular_reach(law) if law.singular_at_zero() else None
+
+    @cached_property
+    def _law_check(self) -> LawCheck:
+        from flocking.engine.tiles.law_check import LawCheck
+
+        return LawCheck(self)
 
     @property
     def recorder(self) -> Records:
@@ -239,13 +229,28 @@ class TilesSession:
             self._crowd.pass_switch_time(self.scenario, start)
             count, index = max(1, int(np.ceil((end - start) / self.step - 1e-9))), 0
         h = (end - start) / count
-        crowd = self._crowd
+        crowd, last = self._crowd, self._scheme.last
+        self._plan = (start, end, count, index)
+        resolves = np.inf
+        if not (self.steps or self.options.ledger):
+            self._guarded(lambda: crowd.require_lists(h))
+            resolves = automatic_step.resolves(crowd, self.scenario, self.options.scheme)
+        looked = self.options.ledger and is_due(self.steps + 1)
         try:
+            if looked:
+                self._law_check.before_step(h)
             self._guarded(lambda: self._scheme.step(crowd, self.time, h))
         except FloatingPointError:
             why = "agents move further than the reach of their neighbour lists"
             raise step_too_large(self.step, h, why, time=self.time) from None
         checks.after_step(self, crowd, h)
+        checks.stiff_start(self, resolves)
+        if looked:
+            self._law_check.after_step(0.5 * (last + h), h)
+        if not self.options.ledger:
+            self.instability.look(
+                crowd, self.steps, h, self.step, self.time, alternating=self.options.scheme == "verlet"
+            )  # fmt: skip
         self.farthest = max(self.farthest, 2.0 * crowd.top_speed * h)
         if self.options.ledger:
             self.records.book(self.time, self._scheme.books, crowd.n, self.scenario.energy.unlinked)
@@ -296,13 +301,14 @@ class TilesSession:
             self.scenario, self.options, self.step, self.time, self._plan, self._crowd.memory(copied=copied),
             self._scheme.memory(),
             self.records.copy() if copied else self.records, self.steps, self.farthest,
+            replace(self.law_gaps), self.instability.copy(), self.plant,
         )  # fmt: skip
 
     @classmethod
     def resume(cls, snapshot: TilesSnapshot, *, threads: int | None = None) -> TilesSession:
         """A session that goes on exactly as the one the snapshot was taken of, with any number of threads."""
         session = cls.__new__(cls)
-        session.scenario, session.options, session.plant = snapshot.scenario, snapshot.options, None
+        session.scenario, session.options, session.plant = snapshot.scenario, snapshot.options, snapshot.plant
         session.workers = Workers(threads or snapshot.options.threads)
         session._scheme = scheme_named(snapshot.options.scheme, snapshot.options.ledger)
         session._crowd = session._new_crowd(snapshot.scenario, snapshot.scenario.start)
@@ -310,7 +316,8 @@ class TilesSession:
         session._scheme.recall(snapshot.scheme)
         session.time, session.steps, session.step = snapshot.time, snapshot.steps, snapshot.step
         session.records, session._plan = snapshot.records.copy(), snapshot.plan
-        session.farthest = snapshot.farthest
+        session.farthest, session.law_gaps = snapshot.farthest, replace(snapshot.law_gaps)
+        session.instability = snapshot.instability.copy()
         # The plan's steps go on under the values that scheduled gains had when it was made.
         session._crowd.pass_switch_time(session.scenario, snapshot.plan[0])
         return session
@@ -329,6 +336,8 @@ class TilesSession:
             When this engine cannot run the law.
         """
         crowd = self._crowd
+        if self.plant is not None:
+            raise InvalidInput("TilesSession", "law", "cannot be replaced where agents obey a plant", law)
         velocities = self._guarded(lambda: self._scheme.look(crowd, self.time, self.step))
         before = self._energy()
         scenario = self.scenario.with_(law=law or self.scenario.law, t_end=max(self.scenario.t_end, self.time))
@@ -346,6 +355,8 @@ class TilesSession:
             q, p = crowd.in_order(crowd.X[: crowd.m]), crowd.in_order(velocities)
             self._crowd = self._new_crowd(scenario, State(q, p, self.time))
         self.scenario = scenario
+        for name in ("_law_check", "singular_reach"):
+            self.__dict__.pop(name, None)
         self._scheme.last, self._scheme.counted = 0.0, True
         self._plan = (self.time, self.time, 1, 1)
         if self.options.ledger:
@@ -365,7 +376,7 @@ class TilesSession:
         found = provenance(self.engine, self.scenario) | {"steps": self.steps, "step": self.step, "scheme": o.scheme}
         return found | {
             "precision": o.precision, "rebuilds": self._crowd.rebuilds, "switches": "not recorded",
-            "farthest": self.farthest,
+            "farthest": self.farthest, **(self.law_gaps.about if o.ledger else {}),
         }  # fmt: skip
 
     def run(self, status: str = "finished") -> Run:

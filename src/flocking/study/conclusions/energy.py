@@ -12,9 +12,9 @@ from flocking.study.evidence import Evidence, NotResolvable
 
 
 def ledger_residual(e: Evidence) -> Measure:
-    """Residual of the energy ledger against what the tolerance allows; links must be those of the declared graph."""
-    if e.foreign_link:
-        return Measure(-1.0, 0.0, e.foreign_link)
+    """Residual of the energy ledger against what the tolerance allows; links and forces must be the declared ones."""
+    if e.foreign_link or e.foreign_force:
+        return Measure(-1.0, 0.0, e.foreign_link or e.foreign_force)
     if e.ledger_doubt:
         raise NotResolvable(e.ledger_doubt)
     return below(e.residual, e.ledger_bound, e.ledger_note)

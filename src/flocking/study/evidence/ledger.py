@@ -105,16 +105,34 @@ class LedgerEvidence(LinkEvidence):
         return f"agents {i} and {j}, {distance[i, j]:.4g} apart, {what} at the end, against the declared graph"
 
     @property
+    def foreign_force(self) -> str:
+        """What contradicts the declared law among the forces and powers of an engine that were held against it.
+
+        A fixed step's ledger closes to the error of the step, which hides a gain that is off by a per cent; forces
+        themselves agree to rounding.
+        """
+        gap, allowed = (float(self.run.provenance.get(name, 0.0)) for name in ("law_gap", "law_gap_allowed"))
+        if gap <= allowed:
+            return ""
+        return (
+            f"a force or power is off the declared law's by {100 * gap:.3g} %, rounding explains {100 * allowed:.2g} %"
+        )
+
+    @property
     def ledger_closes(self) -> bool:
         """Whether the declared law explains the energy of the computed motion."""
-        return self.residual <= self.ledger_bound and not self.foreign_link and not self.ledger_doubt
+        broken = self.foreign_link or self.foreign_force or self.ledger_doubt
+        return self.residual <= self.ledger_bound and not broken
 
     @property
     def ledger_note(self) -> str:
         """The residual and its bound in words, or what else keeps the ledger from closing."""
-        return self.foreign_link or self.ledger_doubt or self._ledger_sizes
+        return self.foreign_link or self.foreign_force or self.ledger_doubt or self._ledger_sizes
 
     @property
     def _ledger_sizes(self) -> str:
         share = f" ({100 * RESIDUAL:g} % of the energy moved, for a fixed step)" if self.fixed_step else ""
+        if checks := self.run.provenance.get("law_checks", 0):
+            gap = float(self.run.provenance["law_gap"])
+            share += f"; forces are those of the law to {gap:.0e} of their parts, looked at {checks} times"
         return f"ledger residual {self.residual:.2e}, allowed {self.ledger_bound:.2e}{share}"

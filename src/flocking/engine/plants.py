@@ -1,0 +1,28 @@
+"""Plants: laws that agents obey instead of the declared one, so that ledgers and audits can be tried out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.model.law import Law
+
+
+def check_plant(owner: str, declared: Law, plant: Law) -> None:
+    """Whether an engine with fixed steps can run a plant and keep the books of the declared law: over the same graphs.
+
+    Raises
+    ------
+    InvalidInput
+        When it cannot.
+    """
+    if not isinstance(plant, Law):
+        raise InvalidInput(owner, "plant", "must be a Law", plant)
+    fix = "Use engine='exact', or change the plant's terms alone."
+    if len(plant.graphs) != len(declared.graphs):
+        raise InvalidInput(owner, "plant", "must have the graphs of the declared law", len(plant.graphs), fix)
+    for ours, theirs in zip(declared.graphs, plant.graphs, strict=True):
+        same = type(ours) is type(theirs) and ours.structure == theirs.structure
+        radii = ((ours.break_radius, theirs.break_radius), (ours.appear_radius, theirs.appear_radius))
+        if not same or not all(np.array_equal(a, b) for a, b in radii):
+            raise InvalidInput(owner, "plant", "must have the graphs of the declared law", theirs, fix)

@@ -1,0 +1,162 @@
+"""A look at some tiles of a crowd: what moved its agents, and what its books say, must come from the declared law."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flocking.engine.declared import POWERS, Declared, Group
+from flocking.engine.law_gaps import LawGaps
+from flocking.engine.tiles.lists import NUMBER, WIDTH
+from flocking.engine.tiles.schemes import Verlet
+from flocking.engine.tiles.sums import SUMS
+from flocking.errors import LawNotObeyed
+
+if TYPE_CHECKING:
+    from flocking.engine.tiles.crowd import Crowd
+    from flocking.engine.tiles.session import TilesSession
+
+TILES = 4
+"""Tiles looked at."""
+
+EDGE = 64.0
+"""Within so many roundings of a radius, whether a pair is linked is left to the engine."""
+
+
+class LawCheck:
+    """Holds the crowd of a session against the law its scenario declares.
+
+    With half-step velocities the agents' own change of velocity and place during a step is judged. Elsewhere the
+    accelerations of an extra pass over the state before the step are.
+
+    Parameters
+    ----------
+    session
+        The session.
+    """
+
+    def __init__(self, session: TilesSession) -> None:
+        self.session = session
+        self.eps = float(np.finfo(session._crowd.dtype).eps)
+        self.declared = Declared(session.scenario, self.eps)
+
+    def before_step(self, h: float) -> None:
+        """Judge the accelerations of the state before a step of length ``h``; books and links stay as they are."""
+        crowd, session = self.session._crowd, self.session
+        if isinstance(session._scheme, Verlet) and not crowd.spec.damped:
+            return
+        session._guarded(lambda: crowd.require_lists(h))
+        crowd.move(session.time, keep=0.0, kick=1.0, drift=0.0, soft=0.0, hold=True)
+        places = self._places(crowd)
+        q, p = (np.asarray(x.T) for x in (crowd.X[: crowd.m], crowd.X[crowd.m :]))
+        mass = self._mass(crowd, places)
+        force = mass[:, None] * crowd.Y[crowd.m :, places].T.astype(np.float64)
+        self._judge(crowd, (q, p), places, force, np.zeros(len(places)), remembered=True)
+
+    def after_step(self, kick: float, h: float) -> None:
+        """Judge the motion of a step of half-step velocities. The state before it is still in ``crowd.Y``.
+
+        Parameters
+        ----------
+        kick, h
+            Times for which forces acted on velocities, and velocities on places.
+        """
+        crowd = self.session._crowd
+        if crowd.spec.damped or not isinstance(self.session._scheme, Verlet):
+            return
+        m, places = crowd.m, self._places(crowd)
+        before, after = (x[:, places].T.astype(np.float64) for x in (crowd.Y, crowd.X))
+        mass = self._mass(crowd, places)
+        force = mass[:, None] * (after[:, m:] - before[:, m:]) / kick
+        speed = np.maximum(np.abs(after[:, m:]).sum(axis=1), np.abs(before[:, m:]).sum(axis=1))
+        rounding = 4.0 * self.eps * mass * speed / kick
+        # A place that is off counts as the force that would have put it there.
+        way = np.sqrt(((after[:, :m] - before[:, :m] - h * after[:, m:]) ** 2).sum(axis=1))
+        way = np.maximum(way - 4.0 * self.eps * (np.abs(after[:, :m]).sum(axis=1) + h * speed), 0.0)
+        force += (mass * way / (h * kick))[:, None]
+        q, p = (np.asarray(x.T) for x in (crowd.Y[:m], crowd.Y[m:]))
+        self._judge(crowd, (q, p), places, force, rounding, remembered=False)
+
+    def _places(self, crowd: Crowd) -> Any:
+        """Places of the judged agents: tiles spread evenly, other ones at every look, and the one of the closest pair.
+
+        Whole tiles, since books are per tile.
+        """
+        count = min(TILES, crowd.tiles)
+        first = int(self.session.steps * 0.6180339887498949 * crowd.tiles / count) % crowd.tiles
+        tiles = (first + np.arange(count) * crowd.tiles // count) % crowd.tiles
+        tiles = np.unique(np.append(tiles, np.argmin(crowd.tops[:, 1])))
+        places = (tiles[:, None] * WIDTH + np.arange(WIDTH)).ravel()
+        return places[places < crowd.n]
+
+    def _mass(self, crowd: Crowd, places: Any) -> Any:
+        masses = self.session.scenario.agents.masses
+        return np.broadcast_to(masses, crowd.n)[crowd.ids[places]].astype(np.float64)
+
+    def _judge(self, crowd: Crowd, state: Any, places: Any, force: Any, rounding: Any, *, remembered: bool) -> None:
+        session, scenario = self.session, self.session.scenario
+        q, p = state
+        energy = scenario.energy
+        means = np.full((2, crowd.m), np.nan)
+        if scenario.law.beyond_neighbours or energy.frame == "centre of mass":
+            mass = self._mass(crowd, np.arange(crowd.n))
+            means = np.array([mass @ x[: crowd.n].astype(np.float64) / mass.sum() for x in (q, p)])
+        frame = np.zeros(crowd.m)
+        if energy.frame == "centre of mass":
+            frame = means[1]
+        elif energy.leader is not None:
+            frame = energy.leader.at(session.time)[1]
+        group = Group(q, p, crowd.ids, session.time, session._plan[0], frame, *means)
+        pairs = [self._pairs(crowd, number, q, places, remembered) for number in range(len(crowd.lists))]
+        said = self.declared.state(group, places, pairs)
+        gaps: LawGaps = session.law_gaps
+        gaps.checks += 1
+        wrong = gaps.compare_forces(said, force, rounding)
+        tiles, which = np.unique(places // WIDTH, return_inverse=True)
+        books = crowd.sums[tiles][:, [SUMS.index(name) for name in POWERS]]
+        false = gaps.compare_powers(said, which, books)
+        if session.plant is None and (wrong is not None or false is not None):
+            agents = () if wrong is None else (int(crowd.ids[places[wrong]]),)
+            what = "force" if wrong is not None else {"pairs": "energy", "bodies": "energy"}.get(str(false), str(false))
+            raise LawNotObeyed(
+                f"What acted on the agents is not what the declared law says: a {what} is off by {100 * gaps.gap:.3g} "
+                f"% of its parts, where rounding explains {100 * gaps.allowed:.2g} %. The engine is at fault, not the "
+                "step; use engine='exact', and report the law.",
+                time=session.time, agents=agents,
+            )  # fmt: skip
+
+    def _pairs(self, crowd: Crowd, number: int, q: Any, places: Any, remembered: bool) -> tuple[Any, Any, Any]:
+        """Linked pairs of the judged agents under a graph: number of the judged one, place of the other, certainty."""
+        lists, kind = crowd.lists[number], crowd.spec.graphs[number]
+        assert lists is not None
+        tile, lane = places // WIDTH, places % WIDTH
+        rows = int(lists.count[tile].max(initial=0))
+        row = np.arange(rows)
+        there = lists.first[tile][:, None] + np.minimum(row, np.maximum(lists.count[tile] - 1, 0)[:, None])
+        listed = row < lists.count[tile][:, None]
+        if not len(lists.rows):
+            none = np.zeros(0, np.int64)
+            return none, none, np.zeros(0, dtype=bool)
+        entries = lists.rows[there, lane[:, None]]
+        j = (entries & NUMBER).astype(np.int64)
+        listed &= j != places[:, None]
+        k, column = np.nonzero(listed)
+        j, bit = j[k, column], entries[k, column] > NUMBER
+        if kind.fixed:
+            return k, j, np.ones(len(k), dtype=bool)
+        d = q[j].astype(np.float64) - q[places[k]].astype(np.float64)
+        r = np.sqrt((d**2).sum(axis=1))
+        graph = crowd.graphs[number]
+        who = crowd.ids[places[k]]
+        leave, enter = (
+            np.broadcast_to(np.asarray(x, dtype=np.float64), crowd.n)[who]
+            for x in (graph.break_radius, graph.appear_radius)
+        )
+        slack = EDGE * self.eps * leave
+        certain = (np.abs(r - leave) > slack) & (np.abs(r - enter) > slack)
+        linked = bit if remembered else np.where(r < enter - slack, True, np.where(r > leave + slack, False, bit))
+        return k[linked], j[linked], certain[linked] | remembered
+
+
+__all__ = ["LawCheck"]

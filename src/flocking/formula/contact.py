@@ -1,0 +1,131 @@
+"""What formulas of a pair become where the two agents coincide: their limits as the distance r goes to 0.
+
+There n_ij has no direction: the force along it is none by convention, and the rate of change of r is 0. The other
+formulas have limits, which most reach by setting r = 0; some, as sin(r)/r, only as a limit; and some have none.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import sympy
+
+ENDLESS = "endless"
+"""Symbol that stands for infinity in the branches of a limit."""
+
+CLOSEST = 1e-150
+"""Distances below it count as 0 where a formula cannot be evaluated at 0: its square is no number any more."""
+
+_PROBES = (16, 32)
+"""Decimal places of the distances at which growth without bound is looked for."""
+
+
+def limit_at_contact(expression: sympy.Expr, r: sympy.Symbol) -> sympy.Expr | None:
+    """Limit of an expression as ``r`` goes to 0 from above; None where it has none that is finite.
+
+    Parameters
+    ----------
+    expression
+        An expression of ``r`` and other symbols, whose values are positive as a rule.
+    r
+        The distance.
+
+    Notes
+    -----
+    A branch that has no finite limit is the symbol `ENDLESS`: which branch holds at 0 is for the parameters to say.
+    """
+    import sympy
+
+    if not expression.has(r):
+        return expression
+    if isinstance(expression, sympy.Piecewise):
+        endless = sympy.Symbol(ENDLESS, real=True)
+        branches = [(limit_at_contact(value, r), condition) for value, condition in expression.args]
+        if all(value is None for value, _ in branches):
+            return None
+        pieces = [(endless if value is None else value, c if c in (True, False) else c.subs(r, 0))
+                  for value, c in branches]  # fmt: skip
+        return sympy.Piecewise(*pieces)
+    if expression.has(sympy.Piecewise):
+        parts = [limit_at_contact(part, r) for part in _parts(expression)]
+        return None if any(part is None for part in parts) else _finite(expression.func(*parts))
+    found = _finite(expression.subs(r, 0))
+    return found if found is not None else _removable(expression, r)
+
+
+def _parts(expression: sympy.Expr) -> list[sympy.Expr]:
+    """Parts of an expression with branches that have limits one by one.
+
+    What is multiplied by the same branches, as 1/r and cos(r)/r by the weight of a link, may have one only together.
+    """
+    import sympy
+
+    if isinstance(expression, sympy.Mul):
+        plain, branching = _factors(expression)
+        return [plain, *sympy.Mul.make_args(branching)]
+    if isinstance(expression, sympy.Add):
+        groups: dict[sympy.Expr, sympy.Expr] = {}
+        for term in expression.args:
+            plain, branching = _factors(term)
+            groups[branching] = groups.get(branching, sympy.Integer(0)) + plain
+        return [plain * branching for branching, plain in groups.items()]
+    return list(expression.args)
+
+
+def _factors(term: sympy.Expr) -> tuple[sympy.Expr, sympy.Expr]:
+    """Product of the factors without branches, and of those with."""
+    import sympy
+
+    factors = sympy.Mul.make_args(term)
+    plain = [x for x in factors if not x.has(sympy.Piecewise)]
+    return sympy.Mul(*plain), sympy.Mul(*(x for x in factors if x.has(sympy.Piecewise)))
+
+
+def _finite(value: Any) -> sympy.Expr | None:
+    import sympy
+
+    infinite = value.has(sympy.zoo, sympy.oo, -sympy.oo, sympy.nan, sympy.I, sympy.AccumBounds)
+    return None if infinite else value
+
+
+def _removable(expression: sympy.Expr, r: sympy.Symbol) -> sympy.Expr | None:
+    """The limit where setting r = 0 gives none; found by SymPy, once numbers show that there is one."""
+    import sympy
+
+    primes = (sympy.Rational(sympy.prime(k + 5), 10) for k in range(1000))
+    known = dict(zip(sorted(expression.free_symbols - {r}, key=str), primes, strict=False))
+    inner, far = (
+        sympy.N(expression.xreplace({**known, r: sympy.Float(10, 200) ** -places}), 50, maxn=400) for places in _PROBES
+    )
+    if not all(x.is_number and x.is_real and x.is_finite for x in (inner, far)):
+        return None
+    if abs(far - inner) > 1e-6 * max(1.0, abs(float(inner))):
+        return None
+    try:
+        found = _finite(sympy.limit(expression, r, 0))
+    except (NotImplementedError, ValueError, TypeError, RecursionError):
+        return None
+    if found is None or found.has(r):
+        return None
+    value = sympy.N(found.xreplace(known))
+    same = value.is_number and value.is_real and abs(value - far) <= 1e-6 * max(1.0, abs(float(far)))
+    return found if same else None
+
+
+def defined_at_contact(expression: sympy.Expr, r: sympy.Symbol) -> sympy.Expr:
+    """The same expression, but with its limit at ``r`` = 0 where it has one that it cannot be evaluated to."""
+    import sympy
+
+    if not expression.has(r):
+        return expression
+    if isinstance(expression, sympy.Piecewise):
+        return sympy.Piecewise(*((defined_at_contact(value, r), condition) for value, condition in expression.args))
+    if expression.has(sympy.Piecewise):
+        return expression.func(*(defined_at_contact(part, r) for part in _parts(expression)))
+    if _finite(expression.subs(r, 0)) is not None:
+        return expression
+    limit = limit_at_contact(expression, r)
+    if limit is None:
+        return expression
+    return sympy.Piecewise((limit, sympy.Lt(r, sympy.Float(CLOSEST))), (expression, True))

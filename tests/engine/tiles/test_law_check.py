@@ -1,0 +1,104 @@
+"""A gain that is one per cent off shows, at every size and precision; what is right gives no alarm."""
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.engine.law_gaps import is_due
+from flocking.engine.tiles.session import TilesOptions, TilesSession
+from flocking.errors import LawNotObeyed
+from flocking.study.claims import Verdict
+from tests.engine.tiles.laws import STRUCTURAL
+
+
+def saber(gain=1.0, consensus=1.0):
+    psi = fk.Potential(STRUCTURAL, a=gain, b=5 * gain, c=4 / np.sqrt(20), d=1.0)
+    return fk.Law(fk.Proximity(1.2), [fk.Gradient(psi), fk.Consensus(consensus)])
+
+
+def zhou(gain=1.0, consensus=1.0):
+    psi = fk.Potential("k*(1/r + 1/(R - r))", k=gain, R=4.0)
+    return fk.Law(fk.Hysteresis(radius=4.0, gap=0.3), [fk.Gradient(psi), fk.Consensus(consensus)])
+
+
+LAWS = {"saber": (saber, 0.9, 0.05), "zhou": (zhou, 2.6, 0.05)}
+
+
+def scenario(name, n, seed=1, steps=4, step=0.005):
+    law, spacing, noise = LAWS[name]
+    start = fk.start.hexagonal(n, spacing=spacing, noise=noise, speed=0.3, seed=seed)
+    return fk.Scenario(law(), start, t_end=steps * step, frames=2)
+
+
+def test_forces_are_looked_at_more_and_more_rarely():
+    assert [k for k in range(1, 5000) if is_due(k)] == [1, 4, 16, 64, 256, 1024, 2048, 3072, 4096]
+
+
+@pytest.mark.parametrize("scheme", ["verlet", "damped", "rk4"])
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+def test_a_number_that_the_kernel_has_wrong_by_one_per_cent_stops_the_run(scheme, precision):
+    """Forces and books are then wrong alike: a ledger alone cannot see it."""
+    for name in LAWS:
+        options = TilesOptions(step=0.005, scheme=scheme, precision=precision)
+        for number in range(3):
+            session = TilesSession(scenario(name, 300), options)
+            wrong = session._crowd.P.copy()
+            wrong[number] *= 1.01
+            session._crowd._set_parameters = lambda *_: None
+            session._crowd.P = wrong
+            with pytest.raises(LawNotObeyed, match="declared law"):
+                session.advance(0.02)
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+def test_a_plant_with_a_gain_one_per_cent_off_fails_the_ledger(precision):
+    for name in LAWS:
+        made = scenario(name, 300)
+        for gains in ((1.01, 1.0), (1.0, 1.01)):
+            plant = LAWS[name][0](*gains)
+            run = fk.simulate(made, engine="tiles", plant=plant, step=0.005, precision=precision, progress=False)
+            assert run.finished
+            found = fk.audit(run)["ledger"]
+            assert found.verdict == Verdict.FAILS
+            assert "off the declared law" in found.note
+        run = fk.simulate(made, engine="tiles", plant=made.law, step=0.005, precision=precision, progress=False)
+        assert fk.audit(run)["ledger"].verdict == Verdict.HOLDS
+        assert run.provenance["law_checks"] == 2
+
+
+@pytest.mark.parametrize("part", ["kick", "drift"])
+def test_steps_that_are_one_per_cent_off_show(part, monkeypatch):
+    from flocking.engine.tiles import crowd
+
+    original = crowd.Crowd.move
+
+    def wrong(self, t, **how):
+        if how["drift"] != 0:
+            how[part] *= 1.01
+        original(self, t, **how)
+
+    monkeypatch.setattr(crowd.Crowd, "move", wrong)
+    with pytest.raises(LawNotObeyed):
+        fk.simulate(scenario("saber", 300), engine="tiles", step=0.005, progress=False)
+
+
+def test_a_plant_over_other_graphs_is_refused():
+    other = fk.Law(fk.Proximity(1.3), saber().terms)
+    with pytest.raises(fk.InvalidInput, match="graphs of the declared law"):
+        fk.simulate(scenario("saber", 20), engine="tiles", plant=other, progress=False)
+
+
+def test_a_planted_run_goes_on_bit_for_bit():
+    made = scenario("saber", 100)
+    plant = saber(1.0, 1.01)
+    whole = TilesSession(made, TilesOptions(step=0.005), plant=plant)
+    part = TilesSession(made, TilesOptions(step=0.005), plant=plant)
+    part.advance(0.01)
+    again = TilesSession.resume(part.snapshot())
+    for session in (whole, again):
+        session.advance(0.02)
+    assert whole.state.p.tobytes() == again.state.p.tobytes()
+    assert whole.law_gaps == again.law_gaps
+    right = TilesSession(made, TilesOptions(step=0.005))
+    right.advance(0.02)
+    assert np.abs(right.state.p - whole.state.p).max() > 1e-6
