@@ -89,6 +89,14 @@ def links(found):
     assert (found == expected).all()
 
 
+def definition(found):
+    beyond, items = found
+    assert_allclose(beyond, 0.0, atol=1e-12)
+    # Differentiable, nonnegative, infinite at 0, with a unique minimum, flat beyond R.
+    assert items[1:] == ((True, True, False, True, False), (True, False, False, False, False))
+    assert items[0] == (True, True, True, True, True)
+
+
 def potential_3(psi):
     for r in (0.3, 0.7, 1.0, 1.2, 1.7, 2.0, 2.5):
         assert_allclose(psi(r), V(r, 1.0, 1.0, 2.0), rtol=1e-12)
@@ -260,8 +268,10 @@ def example_1(pair):
     assert_allclose(v, 2.0 + (-0.3 - 2.0) * np.exp(-t), atol=1e-8)
 
 
-def example_2(triple):
-    t, x, v = triple
+def example_2(found):
+    t, x, v, (place, velocity) = found
+    assert_allclose(x, place, rtol=1e-6, atol=1e-6)
+    assert_allclose(v, velocity, rtol=1e-6, atol=1e-6)
     alpha, h = 0.7, 1.3
     decayed = 1 - np.exp(-h * t)
     assert_allclose(v, alpha * t - 0.3 * np.exp(-h * t) - alpha / h * decayed, atol=1e-7)
@@ -270,8 +280,10 @@ def example_2(triple):
     assert_allclose(v[-1] - alpha * t[-1], -alpha / h, rtol=1e-8)
 
 
-def example_3(r0, triple):
-    t, x, v = triple
+def example_3(r0, found):
+    t, x, v, (place, velocity) = found
+    assert_allclose(x, place, rtol=1e-6, atol=1e-6)
+    assert_allclose(v, velocity, rtol=1e-6, atol=1e-6)
     h, alpha = 1.2, 0.5
     late = t > 11.5
     if abs(h * h - 4 * r0) > 1e-12:
@@ -318,7 +330,7 @@ CHECKS = {
     "(1)": newton,
     "(2)": law_row,
     "Definition 1": links,
-    "Definition 2": lambda slope: assert_allclose(slope, 0.0, atol=1e-12),
+    "Definition 2": definition,
     "(3)": potential_3,
     "depth of (3)": lambda depth: assert_allclose(depth, 2.0, rtol=1e-12),
     "V^i": total_potential,

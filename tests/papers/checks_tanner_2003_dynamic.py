@@ -70,6 +70,13 @@ def algebraic_connectivity(found):
     near(found, 2.0)
 
 
+def definition(found):
+    least, items = found
+    minimum_at_one(least)
+    # Nonnegative, infinite at 0, with a unique minimum, increasing near R.
+    assert items == ((True,) * 4, (True, False, True, True), (False, False, False, True))
+
+
 def potential(found):
     near(found, [capped(r) for r in (0.5, 1.0, 1.5, 1.9, 1.999, 2.0, 2.01, 2.5, 4.0)])
 
@@ -224,7 +231,7 @@ CHECKS = {
     "L(G)": laplacian,
     "lambda_2": algebraic_connectivity,
     "Definition IV.1": links,
-    "Definition IV.2": minimum_at_one,
+    "Definition IV.2": definition,
     "U_ij": potential,
     "U_i": agent_potentials,
     "(4)": control,

@@ -60,6 +60,13 @@ def minimum_at_one(found):
     near(found, 1.0, 1e-6)
 
 
+def definition(found):
+    least, items = found
+    minimum_at_one(least)
+    # Differentiable, nonnegative, radially unbounded, infinite at 0, with a unique minimum.
+    assert items == ((True,) * 5, (True, True, True, False, True), (True, False, False, False, False))
+
+
 def agent_potentials(found):
     near(found, by_hand.potential_sums(Q, NEIGHBOURS, by_hand.tanner))
 
@@ -153,7 +160,7 @@ CHECKS = {
     "L(G)": laplacian,
     "Definition IV.1": edges,
     "Assumption IV.2": chain_is_connected,
-    "Definition IV.3": minimum_at_one,
+    "Definition IV.3": definition,
     "(4)": agent_potentials,
     "(5)": control,
     "W": energy,

@@ -85,8 +85,11 @@ def relative_control(u):
     near(u, gradient_part() + damping_part(V - LEADER) - 1.0 * (V - LEADER))
 
 
-def least_at_half(found):
-    near(found, r / 2, 1e-6)
+def definition(found):
+    least, items = found
+    near(least, r / 2, 1e-6)
+    # A unique minimum, infinite at 0, infinite at r.
+    assert items == ((True,) * 3, (True, False, False), (False, False, False))
 
 
 def potential(found):
@@ -257,7 +260,7 @@ CHECKS = {
     "(6)": control,
     "(7)": led_control,
     "(8)": control,
-    "psi (i)": least_at_half,
+    "psi (i)": definition,
     "(9)": potential,
     "(10)": energy,
     "(11)": means,

@@ -14,10 +14,12 @@ from flocking.engine.simulate import simulate
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, integer
 from flocking.model.law import Law, Scenario
+from flocking.model.potentials import Potential
 from flocking.model.state import Agents, State
 from flocking.study.audit import audit
 from flocking.study.claims import Claim
 from flocking.study.judgement import Judgement, judge
+from flocking.study.potential_check import check_potential
 
 if TYPE_CHECKING:
     from flocking.show.contents import PanelContents
@@ -129,6 +131,22 @@ def pictured(
         return Pictured(run, contents(known[number].draw(run), scale), declared)
 
     return build
+
+
+def meets(key: str, radius: float | None, *potentials: Potential) -> tuple[tuple[bool | None, ...], ...]:
+    """For each potential: whether it meets each item of a paper's definition of one.
+
+    Parameters
+    ----------
+    key
+        Key of the paper.
+    radius
+        Radius they are held against; absent where the definition has none.
+    potentials
+        The potentials.
+    """
+    found = [check_potential(psi, radius=radius, definition=key).definitions[0] for psi in potentials]
+    return tuple(tuple(row.holds for row in definition.rows) for definition in found)
 
 
 def judged(

@@ -17,6 +17,8 @@ SMALL, LARGE = 1.05, 3.0
 """Factors by which a number is off."""
 ROUNDING = 1e-5
 """Numbers up to here are allowances for rounding: they are made to allow everything, not a little more."""
+ALLOWANCES = frozenset({"tolerance", "allowed", "NEAR"})
+"""Names of such allowances."""
 LOOKS = frozenset({
     "color", "lw", "ls", "s", "zorder", "alpha", "fontsize", "fontweight", "width", "ratio", "xytext", "textcoords",
     "arrowprops", "loc", "linewidth", "linewidths", "edgecolor", "edgecolors", "facecolor", "facecolors", "va", "ha",
@@ -159,6 +161,21 @@ def _of_body(function: ast.FunctionDef, nested: bool = False) -> Iterator[Edit]:
         yield from _early(function)
     numeric = _numeric(function)
     yield from _statements(function, "body", numeric)
+    if function.name.endswith("_source"):
+        yield from _printed(function)
+
+
+def _printed(function: ast.FunctionDef) -> Iterator[Edit]:
+    """Signs and factors in the code that a function prints."""
+    other = {" - ": " + ", " + ": " - ", " / ": " * ", " * ": " / "}
+    for statement in function.body[1:]:
+        for node in ast.walk(statement):
+            if not (isinstance(node, ast.Constant) and isinstance(node.value, str)):
+                continue
+            for match in re.finditer(r" [-+/*] ", node.value):
+                changed = node.value[: match.start()] + other[match.group()] + node.value[match.end() :]
+                kind = "sign" if match.group() in (" - ", " + ") else "factor"
+                yield _edit(kind, statement, f"prints {changed.strip()!r}", (node, "value", changed))
 
 
 def _is_check(statement: ast.stmt) -> bool:
@@ -298,7 +315,8 @@ def _allows(node: ast.expr) -> bool:
     """Whether an expression is an allowance for rounding: a few per cent more or less mean nothing."""
     parts = list(ast.walk(node))
     small = any(isinstance(p, ast.Constant) and isinstance(p.value, float) and 0 < p.value <= ROUNDING for p in parts)
-    return small or any(isinstance(p, ast.Name | ast.Attribute) and ast.unparse(p).endswith("tolerance") for p in parts)
+    names = [ast.unparse(p).split(".")[-1] for p in parts if isinstance(p, ast.Name | ast.Attribute)]
+    return small or any(name in ALLOWANCES for name in names)
 
 
 def _elements(node: ast.Tuple | ast.List) -> Iterator[Edit]:

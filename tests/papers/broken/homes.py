@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.papers.broken.edits import LARGE, SMALL, Edit, edits_of, edits_of_defaults, raising
+from tests.papers.broken.edits import LARGE, ROUNDING, SMALL, Edit, edits_of, edits_of_defaults, raising
 
 
 @dataclass(frozen=True)
@@ -314,6 +314,8 @@ def _off(value: Any) -> list[tuple[Any, str]]:
         return []
     if isinstance(value, int):
         return [(value + 1, f"{value + 1} for {value}"), (value * 3, f"{value * 3} for {value}")]
+    if isinstance(value, float) and 0 < abs(value) <= ROUNDING:
+        return [(1.0, f"1 for {value:.6g}")]
     if isinstance(value, float):
         return [(value * f, f"{value * f:.6g} for {value:.6g}") for f in (SMALL, LARGE)]
     if isinstance(value, tuple) and not all(isinstance(x, int | float) for x in value):

@@ -147,6 +147,27 @@ def free_motion():
         assert_allclose(velocity, expected[:, 1], atol=1e-10)
 
 
+def followed(velocity, place, h0, r0, t, x, v):
+    """A body that follows a leader along a line by x'' = -h0 (x' - v0) - r0 (x - x0)."""
+    rate = lambda s, y: [y[1], -h0 * (y[1] - velocity(s)) - r0 * (y[0] - place(s))]  # noqa: E731
+    return solve_ivp(rate, (0.0, t[-1]), [x, v], "DOP853", t_eval=t, rtol=1e-11, atol=1e-12).y
+
+
+def ramp():
+    t = np.linspace(0.0, 6.0, 7)
+    for h0, slope, x, v in ((1.3, 0.7, 0.4, -0.3), (0.5, -2.0, 1.0, 2.0)):
+        expected = followed(lambda s, a=slope: a * s, lambda s: 0.0, h0, 0.0, t, x, v)
+        assert_allclose(shi_forms.ramp_motion(h0, slope, t, x, v), expected, atol=1e-8)
+
+
+def exponential():
+    t = np.linspace(0.0, 4.0, 7)
+    for h0, r0, alpha, x, v in ((1.2, 0.8, 0.5, 0.4, -0.3), (1.2, 0.36, 0.5, 0.1, 2.0), (2.0, 0.5, 0.3, -1.0, 0.5)):
+        c = alpha * h0
+        expected = followed(lambda s, c=c: math.exp(c * s), lambda s, c=c: math.expm1(c * s) / c, h0, r0, t, x, v)
+        assert_allclose(shi_forms.exponential_motion(h0, r0, alpha, t, x, v), expected, rtol=1e-8, atol=1e-8)
+
+
 def steady():
     for h0, r0 in ((0.7, 2.0), (1.0, 0.3), (2.5, 1.0)):
         assert_allclose(shi_forms.steady_velocity_error(12, h0), 1 / math.sqrt(1 + h0**2), rtol=1e-12)
@@ -368,6 +389,8 @@ HOMES = {
     f"{SHI}.closed_forms.centre_motion": centre_motion,
     f"{SHI}.closed_forms.free_motion": free_motion,
     f"{SHI}.closed_forms.steady_velocity_error": steady,
+    f"{SHI}.closed_forms.ramp_motion": ramp,
+    f"{SHI}.closed_forms.exponential_motion": exponential,
     f"{SHI}.system.potential": shi_potential,
     f"{SHI}.scenario": shi_scenario,
     f"{SHI}.system.scenario": shi_scenario,

@@ -109,3 +109,50 @@ def free_motion(h0: float, r0: float, t: Array, x: Array, v: Array) -> tuple[Arr
         Positions and velocities, shape (F, m) each.
     """
     return _free_motion(h0, r0, t, x, v)
+
+
+def ramp_motion(h0: float, slope: float, t: Array, x: float, v: float) -> tuple[Array, Array]:
+    """Centre of mass under (12) after a leader with v0 = alpha t: Example 2, whose velocity error tends to -alpha/h0.
+
+    Parameters
+    ----------
+    h0, slope
+        Gain, and alpha.
+    t
+        Times, shape (F,).
+    x, v
+        Where it starts and how fast.
+
+    Returns
+    -------
+    tuple of Array
+        Positions and velocities, shape (F,) each.
+    """
+    lag = slope / h0
+    place, speed = free_motion(h0, 0.0, t, np.array([x]), np.array([v + lag]))
+    return place[:, 0] + slope * t**2 / 2 - lag * t, speed[:, 0] + slope * t - lag
+
+
+def exponential_motion(h0: float, r0: float, growth: float, t: Array, x: float, v: float) -> tuple[Array, Array]:
+    """Centre of mass under (15) after a leader with v0 = exp(alpha h0 t) that starts at 0: Example 3.
+
+    Parameters
+    ----------
+    h0, r0, growth
+        Gains, and alpha.
+    t
+        Times, shape (F,).
+    x, v
+        Where it starts and how fast.
+
+    Returns
+    -------
+    tuple of Array
+        Positions and velocities, shape (F,) each.
+    """
+    rate = growth * h0
+    # x = c exp(rate t) - 1/rate solves x'' = -h0 (x' - v0) - r0 (x - x0), x0 = (exp(rate t) - 1)/rate.
+    share = (rate * h0 + r0) / (rate**2 + rate * h0 + r0)
+    place, speed = free_motion(h0, r0, t, np.array([x - (share - 1.0) / rate]), np.array([v - share]))
+    grown = np.exp(rate * t)
+    return place[:, 0] + (share * grown - 1.0) / rate, speed[:, 0] + share * grown

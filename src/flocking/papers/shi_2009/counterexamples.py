@@ -20,7 +20,13 @@ from flocking.model.state import State
 from flocking.model.terms import Consensus
 from flocking.model.tracking import Track
 from flocking.papers.shi_2009 import system
-from flocking.papers.shi_2009.closed_forms import centre_motion, free_motion, steady_velocity_error
+from flocking.papers.shi_2009.closed_forms import (
+    centre_motion,
+    exponential_motion,
+    free_motion,
+    ramp_motion,
+    steady_velocity_error,
+)  # fmt: skip
 from flocking.study.equations import Demonstration
 
 
@@ -59,14 +65,16 @@ def example_1(scale: float) -> tuple[Array, Array]:
     return run.t, run.p[:, 0, 0]
 
 
-def example_2(scale: float) -> tuple[Array, Array, Array]:
-    """Times, position and velocity after v0 = alpha t, alpha = 0.7, h_0 = 1.3 times ``scale``."""
+def example_2(scale: float) -> tuple[Array, Array, Array, tuple[Array, Array]]:
+    """Times, position and velocity after v0 = alpha t, alpha = 0.7, h_0 = 1.3 times ``scale``, and the closed form."""
     run = single_agent("alpha*t", h0=1.3 * scale, t_end=20.0, alpha=0.7)
-    return run.t, run.q[:, 0, 0], run.p[:, 0, 0]
+    x, v = run.q[:, 0, 0], run.p[:, 0, 0]
+    return run.t, x, v, ramp_motion(1.3, 0.7, run.t, float(x[0]), float(v[0]))
 
 
-def example_3(*, distinct: bool) -> Callable[[float], tuple[Array, Array, Array]]:
-    """Builder: times, position and velocity after v0 = exp(alpha h_0 t) under (15), the gain r_0 off by ``scale``.
+def example_3(*, distinct: bool) -> Callable[[float], tuple[Array, Array, Array, tuple[Array, Array]]]:
+    """Builder: times, position and velocity after v0 = exp(alpha h_0 t) under (15), the gain r_0 off by ``scale``, and
+    the closed form.
 
     Parameters
     ----------
@@ -74,11 +82,12 @@ def example_3(*, distinct: bool) -> Callable[[float], tuple[Array, Array, Array]
         Whether the two rates of the homogeneous solution differ; else r_0 makes them equal.
     """
 
-    def build(scale: float) -> tuple[Array, Array, Array]:
+    def build(scale: float) -> tuple[Array, Array, Array, tuple[Array, Array]]:
         h0, alpha = 1.2, 0.5
         r0 = 0.8 if distinct else h0 * h0 / 4
         run = single_agent("exp(c*t)", h0=h0, r0=r0 * scale, t_end=12.0, c=alpha * h0)
-        return run.t, run.q[:, 0, 0], run.p[:, 0, 0]
+        x, v = run.q[:, 0, 0], run.p[:, 0, 0]
+        return run.t, x, v, exponential_motion(h0, r0, alpha, run.t, float(x[0]), float(v[0]))
 
     return build
 

@@ -119,10 +119,13 @@ def potential(scale: float) -> Potential:
     return system.potential(1.0, scale, 2.0)
 
 
-def slope_beyond(scale: float) -> float:
-    """Largest |slope| of (3) from R/scale on: zero exactly when the plateau starts at R."""
+def definition(scale: float) -> tuple[float, tuple[tuple[bool | None, ...], ...]]:
+    """Largest |slope| of (3) from R/scale on, zero exactly when the plateau starts at R; and which items of
+    Definition 2 (3), a spring and -1/r meet.
+    """
     r = np.linspace(system.SENSING_RADIUS / scale, 2 * system.SENSING_RADIUS, 500)
-    return float(np.abs(system.potential().slope(r)).max())
+    shown = system.potential(), Potential("(r - 1)**2"), Potential("-1/r")
+    return float(np.abs(system.potential().slope(r)).max()), examples.meets(KEY, system.SENSING_RADIUS, *shown)
 
 
 def well_depth(scale: float) -> float:

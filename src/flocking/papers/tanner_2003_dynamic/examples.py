@@ -110,10 +110,14 @@ def second_eigenvalue_of(scale: float) -> float:
     return float(algebraic_connectivity(Proximity(system.RADIUS / scale**0.6).initial(q)))
 
 
-def minimum_of(scale: float) -> float:
-    """Distance at which the potential with a scaled repulsion is least."""
+def definition_of(scale: float) -> tuple[float, tuple[tuple[bool | None, ...], ...]]:
+    """Distance at which the potential with a scaled repulsion is least, and which items of Definition IV.2 the paper's
+    potential, a spring and -1/r meet.
+    """
     first, _, rest = system.inner_potential().formula.text.partition(" + ")
-    return smallest_value(Potential(f"repulsion*{first} + {rest}", repulsion=scale), system.RADIUS)[0]
+    least = smallest_value(Potential(f"repulsion*{first} + {rest}", repulsion=scale), system.RADIUS)[0]
+    shown = system.potential(), Potential("(r - 1)**2"), Potential("-1/r")
+    return least, examples.meets(system.KEY, system.RADIUS, *shown)
 
 
 def potential_of(scale: float) -> Array:

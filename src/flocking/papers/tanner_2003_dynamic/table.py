@@ -30,8 +30,8 @@ def equations() -> tuple[Row, ...]:
     """Every numbered statement of the paper."""
     pictures, smooth = f"{HERE}.pictures.figures", f"{STUDY}.nonsmooth"
     return (
-        row("(1a)", "equation", "dr_i/dt = v_i", "flocking.engine.codegen.compiled_kernels", examples.displacement_of),
-        row("(1b)", "equation", "dv_i/dt = u_i", "flocking.engine.codegen.compiled_kernels",
+        row("(1a)", "equation", "dr_i/dt = v_i", "flocking.engine.codegen._rhs_source", examples.displacement_of),
+        row("(1b)", "equation", "dv_i/dt = u_i", "flocking.engine.codegen._rhs_source",
             examples.velocity_change_of),
         row("(2)", "equation", "heading angle of an agent", f"{MODEL}.observables.headings", examples.headings_of,
             reading="arctan of two arguments: the angle of the vector, in (-pi, pi]."),
@@ -43,7 +43,7 @@ def equations() -> tuple[Row, ...]:
         row("Definition IV.1", "definition", "neighbouring graph", f"{MODEL}.graphs.Proximity", examples.links_of,
             reading="N_i leaves out i itself.", fault=Fault.MISPRINT),
         row("Definition IV.2", "definition", "potential function", f"{STUDY}.potential_check.check_potential",
-            examples.minimum_of),
+            examples.definition_of),
         row("U_ij", "equation", "a nonsmooth potential", f"{MODEL}.potentials.Potential.capped", examples.potential_of,
             reading="V_R = 1/R^2 + log R^2, for continuity.", fault=Fault.MISPRINT),
         row("U_i", "equation", "total potential of agent i", f"{STUDY}.state_energy.agent_energies",

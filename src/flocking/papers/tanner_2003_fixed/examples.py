@@ -105,10 +105,13 @@ def connected_of(scale: float) -> bool:
     return is_connected(Proximity(1.005 / scale).initial(q))
 
 
-def minimum_of(scale: float) -> float:
-    """Distance at which the potential with a scaled repulsion is least."""
+def definition_of(scale: float) -> tuple[float, tuple[tuple[bool | None, ...], ...]]:
+    """Distance at which the potential with a scaled repulsion is least, and which items of Definition IV.3 the paper's
+    potential, a spring and -1/r meet.
+    """
     first, _, rest = system.potential().formula.text.partition(" + ")
-    return smallest_value(Potential(f"repulsion*{first} + {rest}", repulsion=scale))[0]
+    least = smallest_value(Potential(f"repulsion*{first} + {rest}", repulsion=scale))[0]
+    return least, examples.meets(system.KEY, None, system.potential(), Potential("(r - 1)**2"), Potential("-1/r"))
 
 
 def agent_potentials_of(scale: float) -> Array:

@@ -24,8 +24,8 @@ def equations() -> tuple[Row, ...]:
     """Every numbered statement of the paper."""
     pictures = f"{HERE}.pictures.figures"
     return (
-        row("(1a)", "equation", "dr_i/dt = v_i", "flocking.engine.codegen.compiled_kernels", examples.displacement_of),
-        row("(1b)", "equation", "dv_i/dt = u_i", "flocking.engine.codegen.compiled_kernels",
+        row("(1a)", "equation", "dr_i/dt = v_i", "flocking.engine.codegen._rhs_source", examples.displacement_of),
+        row("(1b)", "equation", "dv_i/dt = u_i", "flocking.engine.codegen._rhs_source",
             examples.velocity_change_of),
         row("(2)", "equation", "heading angle of an agent", f"{MODEL}.observables.headings", examples.headings_of,
             reading="arctan of two arguments: the angle of the vector, in (-pi, pi]."),
@@ -35,7 +35,7 @@ def equations() -> tuple[Row, ...]:
         row("Assumption IV.2", "assumption", "the graph is connected", f"{MODEL}.connectivity.is_connected",
             examples.connected_of),
         row("Definition IV.3", "definition", "potential function", f"{STUDY}.potential_check.check_potential",
-            examples.minimum_of),
+            examples.definition_of),
         row("(4)", "equation", "V_i, the potential of agent i", f"{STUDY}.state_energy.agent_energies",
             examples.agent_potentials_of),
         row("(5)", "equation", "the control law", f"{MODEL}.law.Law", examples.forces_of_law),

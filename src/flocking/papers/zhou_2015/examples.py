@@ -260,10 +260,14 @@ def coming_together_of(scale: float) -> Array:
     return np.sort(Equilibrium(changed, run.state(-1)).r)
 
 
-def minimum_of(scale: float) -> float:
-    """Distance at which the potential is least, its radius scaled."""
+def definition_of(scale: float) -> tuple[float, tuple[tuple[bool | None, ...], ...]]:
+    """Distance at which the potential is least, its radius scaled, and which items of the definition of psi the paper's
+    potential, a spring and -1/r meet.
+    """
     radius = system.RADIUS * scale
-    return smallest_value(system.potential(radius), radius)[0]
+    least = smallest_value(system.potential(radius), radius)[0]
+    shown = system.potential(), Potential("(r - 1)**2"), Potential("-1/r")
+    return least, examples.meets(system.KEY, system.RADIUS, *shown)
 
 
 def mean_velocity_of(scale: float) -> Array:

@@ -48,7 +48,7 @@ def _problem() -> tuple[Row, ...]:
             reading="(u, v) is (i, j).", fault=Fault.MISPRINT),
         row("(3)", "equation", "z^T L z as a sum of squares", f"{MODEL}.terms.Consensus.dissipation",
             examples.sum_of_squares_of, reading=ORDERED),
-        row("(4)", "equation", "double integrators", "flocking.engine.codegen.compiled_kernels",
+        row("(4)", "equation", "double integrators", "flocking.engine.codegen._rhs_source",
             examples.displacement_of),
         row("(5)", "equation", "stacked positions and velocities", f"{MODEL}.state.State", examples.stacked_of),
         row("sec. 2.2", "problem", "final formation s_1 = ... = s_N", f"{HERE}.theorems.links_have_one_length",
@@ -64,7 +64,7 @@ def _without_leader() -> tuple[Row, ...]:
     return (
         row("(8)", "protocol", "control without a leader", f"{MODEL}.law.Law", examples.control_of),
         row("psi (i)", "definition", "least at one distance", f"{STUDY}.potential_check.check_potential",
-            examples.minimum_of),
+            examples.definition_of),
         row("(9)", "equation", "potential infinite at 0 and r", f"{MODEL}.potentials.Potential", examples.potential_of),
         row("(10)", "equation", "energy Q", energy, examples.energy_of, reading=SIGN,
             fault=Fault.MISPRINT, demonstration=wrong.energy_sign),
