@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -173,4 +173,12 @@ def judged(
         scenario = make(seed)
         run: Run = simulate(scenario, progress=False, plant=plant(scenario))
         reports.append(audit(run, claims))
-    return {j.claim.key: j for j in judge(claims, reports)}
+    return {j.claim.key: _with_counterexample(j) for j in judge(claims, reports)}
+
+
+def _with_counterexample(found: Judgement) -> Judgement:
+    """The judgement, with the result of the claim's counter-example where it names one."""
+    make = found.claim.counterexample
+    if make is None:
+        return found
+    return replace(found, counterexample=audit(shown(make), [found.claim])[found.claim.key])

@@ -20,7 +20,7 @@ from typing import Any
 from flocking.study.equations import Row
 from tests.papers.broken.equivalent import reason
 from tests.papers.broken.homes import Mutant, mutants_of, parts_of, traced
-from tests.papers.rows import examine, identity, statement
+from tests.papers.rows import ROWS, examine, identity, statement
 
 FEW, MANY = 6, 40
 """Least and largest number of faults tried for a row."""
@@ -213,12 +213,24 @@ def break_row(row: Row, *, most: int | None = None, few: int = FEW, test: Callab
         if state == "done":
             words = f"{mutant.kind}: {mutant.what} [{mutant.where.removeprefix('flocking.')}]"
             why = reason(row, mutant)
+            if not why and row.kind == "figure" and test is examine and _seen_by_others(row, mutant, seconds):
+                continue
             if why:
                 equivalent.append(f"{words} -- {why}")
             else:
                 survivors.append(words)
     took = time.perf_counter() - began
     return Outcome(identity(row), home, len(mutants), len(tried), tuple(survivors), tuple(equivalent), took)
+
+
+def _seen_by_others(row: Row, mutant: Mutant, seconds: float) -> bool:
+    """Whether the row of another figure of the paper notices: one table lists all of them, each fault is about some."""
+    siblings = [other for other in ROWS if other.home == row.home and other is not row]
+    for other in siblings:
+        state, _ = _in_child(lambda o=other: _examined(o, row.home, mutant, examine), max(60.0, 20 * seconds))
+        if state != "done":
+            return True
+    return False
 
 
 @cache

@@ -306,6 +306,11 @@ def longest_path():
 
 
 def evidence(**given):
+    """As much of the evidence of a run as a conclusion looks at."""
+    run, rest = given.get("run"), given.get("equilibrium")
+    given.setdefault("potential", rest.potentials[0] if rest is not None else None)
+    for name in ("t", "trace"):
+        given.setdefault(name, getattr(run, name, None))
     return SimpleNamespace(**given)
 
 
