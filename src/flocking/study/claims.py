@@ -98,6 +98,11 @@ def above(value: float, bound: float, note: str, error: float = 0.0) -> Measure:
     return Measure(value - bound, error, note)
 
 
+def happens(measured: Measure) -> Measure:
+    """The measure of something that happens at some moment of the run."""
+    return replace(measured, everywhere=False, somewhere=True)
+
+
 def granted(_: Evidence) -> Measure:
     """The empty hypothesis."""
     return Measure(math.inf, 0.0, "no hypothesis", everywhere=False)

@@ -199,6 +199,24 @@ def configuration_unsettled(e: Evidence) -> str:
     )
 
 
+def limit_of_configuration(
+    e: Evidence, bound: float, value: Callable[[int], float], note: Callable[[float], str]
+) -> Measure:
+    """The same as `limit_of` for a quantity that follows from links and distances.
+
+    Once these have settled, so has the quantity, and the end alone is looked at.
+
+    Parameters
+    ----------
+    bound, value, note
+        As `limit_of` takes them.
+    """
+    if configuration_unsettled(e):
+        return limit_of(e, bound, value, note)
+    end = value(-1)
+    return Measure(bound - end, 0.0, note(end), everywhere=False)
+
+
 def of_configuration(e: Evidence, measured: Measure) -> Measure:
     """What was measured of the configuration at the end, as a statement about the one the motion tends to.
 

@@ -16,9 +16,9 @@ from flocking.papers.olfati_saber_2003 import passage, system
 from flocking.papers.olfati_saber_2003.grounds import grounds
 from flocking.papers.olfati_saber_2003.system import FREE, KEY, SINK, SMOOTH
 from flocking.study import general_claims as general
-from flocking.study.claims import Claim, Measure, Origin, Verdict, above, below
+from flocking.study.claims import Claim, Measure, Origin, Verdict, above, below, happens
 from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
-from flocking.study.settling import limit_of, limit_of_series, of_configuration
+from flocking.study.settling import limit_of, limit_of_configuration, limit_of_series, of_configuration
 
 LEAST_DENSITY = 0.9
 """A net counts as a quasi-flock from here on; the paper reports about 0.97."""
@@ -42,11 +42,6 @@ def potential_of(e: Evidence) -> Potential:
     if found is None:
         raise NotMeasurable("the law has no potential over its graph")
     return found
-
-
-def happens(measured: Measure) -> Measure:
-    """The measure of something that happens at some moment of the run."""
-    return replace(measured, everywhere=False, somewhere=True)
 
 
 # -- obstacles ------------------------------------------------------------------------------------------
@@ -169,7 +164,7 @@ def rigid(e: Evidence) -> Measure:
 
 def planar(e: Evidence) -> Measure:
     """Pairs of links that cross."""
-    return limit_of(e, 0.5, lambda frame: _crossings(e, frame), lambda count: f"{count:.0f} crossings")
+    return limit_of_configuration(e, 0.5, lambda frame: _crossings(e, frame), lambda count: f"{count:.0f} crossings")
 
 
 def _crossings(e: Evidence, frame: int) -> int:
@@ -188,7 +183,7 @@ def triangular(e: Evidence) -> Measure:
     def told(rest: float) -> str:
         return "links cross: there are no faces" if rest == 1 else f"{1 - rest:.3f} of the faces are triangles"
 
-    return limit_of(e, 1 - DOMINANT, others, told)
+    return limit_of_configuration(e, 1 - DOMINANT, others, told)
 
 
 def little_defect(e: Evidence) -> Measure:
@@ -200,7 +195,9 @@ def little_defect(e: Evidence) -> Measure:
     def normalized(frame: int) -> float:
         return defect(e.law.graph, psi, e.state(frame), weight=DEFECT_WEIGHT).normalized
 
-    return limit_of(e, LOW_DEFECT, normalized, lambda found: f"mu_n = {found:.3f} for w = {DEFECT_WEIGHT:g}")
+    return limit_of_configuration(
+        e, LOW_DEFECT, normalized, lambda found: f"mu_n = {found:.3f} for w = {DEFECT_WEIGHT:g}"
+    )
 
 
 def realizes(e: Evidence) -> Measure:
