@@ -361,10 +361,16 @@ def one_length():
     law, _ = led()
     price = Potential("1/r + 1/(R - r)", R=4.0)
     for lengths in ([2.0, 2.1, 1.7], [2.0, 2.0], [3.1, 1.9]):
-        seen = evidence(law=law, equilibrium=SimpleNamespace(potentials=[price], r=np.array(lengths)))
+        still = SimpleNamespace(potentials=[price], r=np.array(lengths))
+        seen = evidence(law=law, t=np.linspace(0.0, 10.0, 101), equilibrium=still, equilibrium_at=lambda _, s=still: s)
         found = zhou_theorems.links_have_one_length(seen)
         off = max(abs(x - 2.0) for x in lengths)
         assert_allclose(found.margin, general_claims.SETTLED * 2.0 - off, atol=1e-6)
+        # A run whose last lengths are others than the first.
+        early = SimpleNamespace(potentials=[price], r=np.array([2.0]))
+        moved = {frame: early for frame in range(40)}
+        seen.equilibrium_at = lambda frame, s=still, m=moved: m.get(frame, s)
+        assert_allclose(zhou_theorems.links_have_one_length(seen).margin, found.margin, atol=1e-6)
 
 
 def mean_velocity():
