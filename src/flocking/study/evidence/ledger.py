@@ -111,7 +111,9 @@ class LedgerEvidence(LinkEvidence):
         A fixed step's ledger closes to the error of the step, which hides a gain that is off by a per cent; forces
         themselves agree to rounding.
         """
-        gap, allowed = (float(self.run.provenance.get(name, 0.0)) for name in ("law_gap", "law_gap_allowed"))
+        if "law_gap" not in self.run.provenance:
+            return ""
+        gap, allowed = self.told("law_gap"), self.told("law_gap_allowed")
         if gap <= allowed:
             return ""
         return (
@@ -133,6 +135,6 @@ class LedgerEvidence(LinkEvidence):
     def _ledger_sizes(self) -> str:
         share = f" ({100 * RESIDUAL:g} % of the energy moved, for a fixed step)" if self.fixed_step else ""
         if checks := self.run.provenance.get("law_checks", 0):
-            gap = float(self.run.provenance["law_gap"])
+            gap = self.told("law_gap")
             share += f"; forces are those of the law to {gap:.0e} of their parts, looked at {checks} times"
         return f"ledger residual {self.residual:.2e}, allowed {self.ledger_bound:.2e}{share}"
