@@ -88,7 +88,7 @@ def test_a_law_with_another_leader_may_take_over() -> None:
     run = session.run()
     wanted = -2.0 * (run.q[-1] - bell_place(3.0)) - (run.p[-1] - [np.exp(-9.0), 0.0])
     assert fk.control(session.scenario.law, session.state) == pytest.approx(wanted, abs=1e-11)
-    slope = session._dynamics.slope(3.0, session._segment.coefficients[-1])
+    slope = session._dynamics.slope(session._origin.own_time(3.0), session._segment.coefficients[-1])
     assert slope[4:8] == pytest.approx(wanted.ravel(), abs=1e-7)
 
 

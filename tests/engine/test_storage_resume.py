@@ -109,10 +109,12 @@ def test_a_checkpoint_holds_all_of_a_snapshot(tmp_path: Path) -> None:
     one, two = session.snapshot(), restored.snapshot()
     assert {f.name for f in dataclasses.fields(one)} == {
         "scenario", "time", "stepper", "segment", "pending", "links", "recorder", "energy", "jumped", "steps",
-        "tolerance", "sliding", "plant", "error",
+        "tolerance", "sliding", "plant", "error", "origin", "momentum",
     }  # fmt: skip
     assert (one.time, one.energy, one.jumped, one.steps) == (two.time, two.energy, two.jumped, two.steps)
     assert one.sliding == two.sliding
+    assert one.origin.packed() == two.origin.packed()
+    assert one.momentum.tolist() == two.momentum.tolist()
     assert one.sliding[0, 3, 4] == (0.5, 0.25, 3)
     assert (one.stepper.t, one.stepper.step) == (two.stepper.t, two.stepper.step)
     assert (one.segment.t0, one.segment.t1) == (two.segment.t0, two.segment.t1)

@@ -14,6 +14,7 @@ import numpy as np
 from flocking.engine.columns import GROWING
 from flocking.engine.companion import NODES, Difference
 from flocking.engine.exact import ExactSession
+from flocking.engine.origin import Origin
 from flocking.engine.recorder import Recorder
 from flocking.engine.run import Run
 from flocking.engine.segment import Segment
@@ -104,6 +105,7 @@ def _pack_exact(session: ExactSession) -> tuple[dict[str, Any], Arrays]:
         "time": snapshot.time, "energy": snapshot.energy, "jumped": snapshot.jumped, "steps": snapshot.steps,
         "stepper": [snapshot.stepper.t, snapshot.stepper.step], "segment": [snapshot.segment.t0, snapshot.segment.t1],
         "pending": [c.watch for c in snapshot.pending], "graphs": len(links), "watches": len(near),
+        "origin": snapshot.origin.packed(), "momentum": snapshot.momentum.tolist(),
         "sliding": [[*map(int, pair), *values] for pair, values in snapshot.sliding.items()],
         "doubts": [list(row) for row in snapshot.recorder.doubts],
     }  # fmt: skip
@@ -128,6 +130,7 @@ def _restore_exact(numbers: dict[str, Any], arrays: dict[str, Any], records: Run
     rate, lost, doubts = numbers.get("error", (0.0, t0, [[], []]))
     # What a checkpoint without an estimate of the error went through is not known.
     nodes = arrays.get("difference", np.zeros((NODES, len(arrays["y"]))))
+    origin = Origin.unpacked(numbers["origin"])
     snapshot = Snapshot(
         records.scenario, numbers["time"], StepperMemory(t, arrays["y"], arrays["slope"], step),
         Segment(t0, t1, arrays["coefficients"]),
@@ -139,6 +142,7 @@ def _restore_exact(numbers: dict[str, Any], arrays: dict[str, Any], records: Run
         arrays.get("tolerance"),
         {(w, i, j): (time, speed, count) for w, i, j, time, speed, count in numbers["sliding"]}, plant,
         ErrorMemory(Difference(nodes, rate, lost), doubts),
+        origin=origin, momentum=np.array(numbers["momentum"]),
     )  # fmt: skip
     return ExactSession.resume(snapshot)
 

@@ -37,6 +37,8 @@ class Dynamics:
         being those of the declared law.
     n, m
         Numbers of agents and dimensions.
+    base
+        The time at which the session's own time, which all functions here are given, is 0.
 
     Raises
     ------
@@ -44,8 +46,9 @@ class Dynamics:
         When the plant does not fit the scenario.
     """
 
-    def __init__(self, scenario: Scenario, plant: Law | None, n: int, m: int) -> None:
+    def __init__(self, scenario: Scenario, plant: Law | None, n: int, m: int, base: float = 0.0) -> None:
         self.scenario = scenario
+        self.base = base
         self.n, self.m = n, m
         law = plant or scenario.law
         law.check_count(n, m)
@@ -71,12 +74,26 @@ class Dynamics:
 
     def repack(self, t: float) -> None:
         """Take the parameters as they are from time ``t`` on."""
+        t = self._late(t)
         agents = self.scenario.agents
         self._slots = self.layout.values(agents, self.n, t)
         self._ledger = None
         if self._declared is not None:
             module, layout = self._declared
             self._ledger = (module, layout.values(agents, self.n, t))
+
+    def _late(self, own: float) -> float:
+        """The time at the session's own time, and not before a switch that falls on it."""
+        t = own + self.base
+        terms = self.layout.law.body_terms
+        after = (s for term in terms for s in term.switch_times(t, np.nextafter(t + 4 * abs(np.spacing(t)), np.inf)))
+        return max([t, *(s for s in after if s - self.base <= own)])
+
+    def linked_pairs(self) -> tuple[Array, Array]:
+        """Ordered pairs of linked agents."""
+        senders, sensed, offsets = self.pairs[:3]
+        end = offsets[len(self.layout.law.graphs)]
+        return senders[:end], sensed[:end]
 
     def divide(self, links: LinkState) -> None:
         """Find where the pieces of the formulas go on beyond `LinkState.borders`, and their narrow features."""
@@ -118,7 +135,7 @@ class Dynamics:
 
     def places(self, t: float) -> Array:
         """Coordinates at time ``t`` of the leaders whose position has no closed form."""
-        return np.array([place.at(t) for _, place in self._places])
+        return np.array([place.at(t + self.base) for _, place in self._places])
 
     def _locate(self, y: Array) -> None:
         """Put these coordinates where the kernels read them."""
@@ -144,6 +161,7 @@ class Dynamics:
 
     def _slope(self, t: float, y: Array) -> Array:
         self._locate(y)
+        t = t + self.base
         dy: Array = self._kernels.rhs(t, y, self.n, *self.pairs, *self._slots, self._functionals)
         if not self._places and self._ledger is None:
             return dy
@@ -174,7 +192,7 @@ class Dynamics:
             The method: its nodes c, shape (stages,), and its matrix a, shape (stages, stages).
         """
         if not self._places and self._ledger is None:
-            given = (first, last, kept, t, y, h, K, nodes, weights, self.n, *self.pairs, *self._slots)
+            given = (first, last, kept, t + self.base, y, h, K, nodes, weights, self.n, *self.pairs, *self._slots)
             return np.asarray(self._kernels.stages(*given, self._functionals))
         found = y
         for s in range(first, max(last, kept + 1)):
@@ -194,6 +212,7 @@ class Dynamics:
             State vector: positions, velocities of agents of order 2, then the integrated quantities.
         """
         self._locate(y)
+        t = t + self.base
         module, slots = self._ledger or (self._kernels, self._slots)
         q, p, _ = self.split(y)
         pairs, bodies, kinetic = module.energies(t, q, p, *self._declared_pairs, *slots, self._functionals)

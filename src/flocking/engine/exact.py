@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 
 from flocking.engine import interruption
+from flocking.engine.barriers import Books, jumps_barrier
 from flocking.engine.dynamics import LEDGER, Dynamics
-from flocking.engine.guards import deepest_dip, reach
+from flocking.engine.origin import may_have, momentum, origin_of
+from flocking.engine.precision import Precision
 from flocking.engine.provenance import provenance
 from flocking.engine.recorder import Recorder
 from flocking.engine.run import Accuracy, Run
@@ -17,19 +19,12 @@ from flocking.engine.segment import Segment
 from flocking.engine.snapshot import Snapshot as Snapshot
 from flocking.engine.solution_error import SolutionError
 from flocking.engine.stepper import Stepper, StepperMemory
+from flocking.engine.switch_records import write_switch
 from flocking.engine.switching import Crossing, LinkState
 from flocking.errors import Chattering, InvalidInput, LinkLost, NotFinite, SimulationError
 from flocking.model.checks import Array
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
-
-TANGENTIAL = 1e-6
-"""A crossing slower than this fraction of the pair's relative speed is flagged as tangential."""
-
-LEDGER_GAP = 1e5
-DIP_GAP = 1e-2
-"""A step whose energy its ledger misses by more than this, in tolerances at its end and relatively at a close
-encounter inside it, jumped over a barrier."""
 
 RETRIES = 30
 """How often a step that cannot be right is retried, four times smaller each time."""
@@ -59,23 +54,26 @@ class ExactSession:
         self.plant = plant
         start = scenario.start
         self.time = start.t
+        self._origin = origin_of(scenario, plant, start, start.t)
         self.recorder = Recorder(scenario)
         self.steps = 0
         self.jumped = 0.0
         self._tail = np.zeros(LEDGER)
         self._prepare(start.n, start.dimension)
-        self._begin(start, LinkState(plant or scenario.law, start.q, start.links, start.t, scenario.agents.headings))
-        self._record_frames()
+        own = self._origin.inwards(start)
+        law = plant or scenario.law
+        self._begin(own, LinkState(law, own.q, own.links, own.t, scenario.agents.headings, self._origin.time))
+        self._record_frames(own.t)
         self._record_trace()
 
     def _prepare(self, n: int, m: int) -> None:
         """Kernels and parameters: all that depends on the law but not on the state."""
         self.n, self.m = n, m
-        self._dynamics = Dynamics(self.scenario, self.plant, n, m)
+        self._dynamics = Dynamics(self.scenario, self.plant, n, m, self._origin.time)
         self._jump = -np.inf
 
     def _begin(self, state: State, links: LinkState) -> None:
-        """Stand at ``state`` with the proposed step still to be found."""
+        """Stand at ``state``, in the session's own time and coordinates, with the proposed step still to be found."""
         dynamics = self._dynamics
         dynamics.repack(state.t)
         self._links = links
@@ -91,17 +89,24 @@ class ExactSession:
             )  # fmt: skip
         memory = StepperMemory(state.t, y, dynamics.slope(state.t, y), 0.0)
         if not np.isfinite(memory.slope).all():
-            raise NotFinite("The control at the start is infinite or NaN.", time=state.t)
-        self._stepper = Stepper(dynamics.slope, dynamics.stages, dynamics.tolerances(state, self.energy), memory)
+            raise NotFinite("The control at the start is infinite or NaN.", time=self._origin.time_at(state.t))
+        self._precision = Precision(self.scenario, dynamics, self._origin)
+        self._precision.check(state.t, y)
+        self._momentum = momentum(self.scenario, state.p)
+        self._stepper = self._new_stepper(dynamics.tolerances(state, self.energy), memory)
         self._segment = Segment.resting(state.t, y)
         self._error = SolutionError(dynamics, self.recorder, len(y))
         self._pending: list[Crossing] = []
 
+    def _new_stepper(self, tolerance: Array, memory: StepperMemory) -> Stepper:
+        return Stepper(self._dynamics.slope, self._dynamics.stages, tolerance, memory, self._origin.time)
+
     @property
     def state(self) -> State:
         """State at the session's time, with the links of the law's graph."""
-        q, p, _ = self._dynamics.split(self._segment.at(self.time))
-        return State(q, p, self.time, self._links.links[0])
+        own = self._origin.own_time(self.time)
+        q, p, _ = self._dynamics.split(self._segment.at(own))
+        return State(*self._origin.outwards(own, q, p), self.time, self._links.links[0])
 
     def advance(self, to: float) -> None:
         """Go on until time ``to``. Where steps fall does not depend on how often this is called.
@@ -115,14 +120,15 @@ class ExactSession:
         """
         if not to >= self.time:
             raise InvalidInput("ExactSession", "to", f"must not be before the session's time, {self.time:g}", to)
+        own, end = (self._origin.own_time(t) for t in (to, self.scenario.t_end))
         try:
-            while self._segment.t1 < to:
+            while self._segment.t1 < own:
                 interruption.check()
                 self._leave_segment()
                 self._take_step()
             self.time = to
-            self._record_frames()
-            if self._segment.t1 == to == self.scenario.t_end:
+            self._record_frames(own)
+            if self._segment.t1 == own == end:
                 self._leave_segment()
         except SimulationError as error:
             error.run = self.run(str(error))
@@ -131,7 +137,8 @@ class ExactSession:
     def _bound(self) -> float:
         """Where the next step must end: the end of the run, or the last moment before a term switches."""
         now = self._segment.t1
-        end = self.scenario.t_end if now < self.scenario.t_end else np.inf
+        end = self._origin.own_time(self.scenario.t_end)
+        end = end if now < end else np.inf
         jump = self._next_jump(now)
         before = float(np.nextafter(jump, -np.inf))
         return before if jump < end and before > now else end
@@ -139,14 +146,17 @@ class ExactSession:
     def _next_jump(self, now: float) -> float:
         """The first time after ``now`` at which a term switches by itself."""
         if not self._jump > now:
-            times = (s for term in self._dynamics.layout.law.body_terms for s in term.switch_times(now, np.inf))
-            self._jump = min(times, default=np.inf)
+            terms = self._dynamics.layout.law.body_terms
+            times = [s for term in terms for s in term.switch_times(self._origin.time_at(now), np.inf)]
+            later = [s for s in times if self._origin.own_time(s) > now]
+            self._jump = self._origin.own_time(min(later, default=np.inf))
         return self._jump
 
     def _take_step(self) -> None:
         before, known = self._stepper.memory, self._error.difference
         try:
             segment, pending = self._found_step(before)
+            self._precision.check(segment.t1, segment.coefficients[-1])
             self._error.follow(segment)
         except BaseException:
             self._stepper.recall(before)
@@ -175,44 +185,26 @@ class ExactSession:
             raise LinkLost(
                 "A link whose potential is infinite at the break radius reached it. "
                 "The energy of the start is not finite or the tolerance is too coarse; lower Scenario.tolerance.",
-                time=before.t, agents=lost,
+                time=self._origin.time_at(before.t), agents=lost,
             )  # fmt: skip
         return segment, crossings
 
     def _jumps_barrier(self, segment: Segment) -> bool:
-        """Whether a step changes the energy by far more than its ledger explains."""
         if self.plant is not None:
             return False
-        if self._ledger_gap(segment.t1, segment.coefficients[-1]) > LEDGER_GAP * self.scenario.tolerance:
-            return True
-        if not self._dynamics.singular:
-            return False
-        B = segment.coefficients[:, : self.n * self.m].reshape(-1, self.n, self.m)
-        x = deepest_dip(B, reach(B), self._dynamics.pairs[0], self._dynamics.pairs[1])
-        if x > 1.0:
-            return False
-        inside = segment.cut(x)
-        return self._ledger_gap(inside.t1, inside.coefficients[-1]) > DIP_GAP
-
-    def _ledger_gap(self, t: float, y: Array) -> float:
-        """What the ledger misses between the start of the step and ``y``, relative to the energies."""
-        _, dissipated, supplied = (y[self._dynamics.order * self.n * self.m :] - self._tail)[:LEDGER]
-        energy, kinetic = self._dynamics.energy(t, y)
-        gap = abs(energy - self.energy + dissipated - supplied)
-        gap /= max(1.0, abs(self.energy), abs(supplied), self.kinetic, kinetic)
-        return float(gap) if np.isfinite(gap) else np.inf
+        return jumps_barrier(self._dynamics, segment, Books(self._tail, self.energy, self.kinetic))
 
     def _leave_segment(self) -> None:
         """Put the current segment on record and switch what crosses at its end."""
         segment = self._segment
         t, y = segment.t1, segment.coefficients[-1]
         if t > segment.t0:
-            self._error.leave(segment, self._links)
-            self._record_fine(segment)
+            self._error.leave(segment, self._links, self._origin)
+            self.recorder.sample(segment, self._dynamics.split, self._origin)
             self._tail = np.array(y[self._dynamics.order * self.n * self.m :])
             self.energy, self.kinetic = self._dynamics.energy(t, y)
-            self.time = t
-            self._record_frames()
+            self.time = self._origin.time_at(t)
+            self._record_frames(t)
             self._record_trace()
         error = self._switch() if self._pending else None
         after = float(np.nextafter(t, np.inf))
@@ -236,20 +228,21 @@ class ExactSession:
             p = np.asarray(self._dynamics.slope(t, y))[: self.n * self.m].reshape(q.shape)
         chattering: tuple[int, ...] = ()
         for crossing in crossings:
-            chattering = self._write_switch(crossing, t, q, p) or chattering
+            found = write_switch(self.recorder, crossing, self._segment, q, p, self._links, self._error, self._origin)
+            chattering = found or chattering
             self._links.apply(crossing)
         error: SimulationError | None = None
         if chattering:
             error = Chattering(
                 "A pair crosses the same distance to and fro and does not leave it (a Filippov sliding mode). "
                 "Use Hysteresis with a gap, or a potential that vanishes smoothly at the radius.",
-                time=t, agents=chattering,
+                time=self.time, agents=chattering,
             )  # fmt: skip
         try:
             self._dynamics.relink(self._links)
         except InvalidInput as reason:
             # The functional of a graph may cease to exist as its links change.
-            return SimulationError(str(reason), time=t)
+            return SimulationError(str(reason), time=self.time)
         watches = [self._links.watches[c.watch] for c in crossings]
         if any(watch.rise or not watch.inner for watch in watches):
             before = self.energy
@@ -260,7 +253,7 @@ class ExactSession:
                 i, j = crossings[0].pairs[0]
                 error = NotFinite(
                     "A link appeared where its potential is infinite. Use Hysteresis with a gap.",
-                    time=t, agents=(int(i), int(j)),
+                    time=self.time, agents=(int(i), int(j)),
                 )  # fmt: skip
             self.jumped += self.energy - before
             self._record_trace()
@@ -268,56 +261,32 @@ class ExactSession:
         self._error.switched(self._stepper.memory.slope)
         return error
 
-    def _write_switch(self, crossing: Crossing, t: float, q: Array, p: Array) -> tuple[int, ...]:
-        """Record the switches of a crossing; the pair that chatters, if one does."""
-        watch = self._links.watches[crossing.watch]
-        near = self._links.near[crossing.watch]
-        chattering: tuple[int, ...] = ()
-        for k, (i, j) in enumerate(crossing.pairs):
-            if watch.kind in ("obstacle", "rim"):
-                record = self._links.encounters.record(watch.graph - len(self._links.graphs), t, q, p, (i, j))
-                errors = self._error.crossing(crossing, k, record[5], self._segment, self._links)
-                if watch.kind == "obstacle":
-                    self.recorder.switches.append((*record, *errors))
-                if self._links.slides(crossing, k, t, record[5]):
-                    chattering = (int(i),)
-                continue
-            d, v = q[j] - q[i], p[j] - p[i]
-            speed = float(d @ v / np.linalg.norm(d)) if d.any() else 0.0
-            slow = abs(speed) < TANGENTIAL * max(float(np.linalg.norm(v)), 1e-12)
-            kind = "kink" if watch.kind == "kink" else "break" if near[i, j] else "appear"
-            errors = self._error.crossing(crossing, k, speed, self._segment, self._links)
-            self.recorder.switches.append((t, int(i), int(j), kind, watch.graph, speed, slow, *errors))
-            if self._links.slides(crossing, k, t, speed):
-                chattering = (int(i), int(j))
-        return chattering
-
-    def _record_frames(self) -> None:
-        due = self.recorder.due(self.time)
+    def _record_frames(self, until: float) -> None:
+        due = self.recorder.due(until, self._origin.time)
         if due:
             error = self._error.over(self._segment)
-        for t in due:
-            q, p, _ = self._dynamics.split(self._segment.at(t))
-            self.recorder.frame(t, q, p, self._links.links[0], (error.position, error.velocity))
-
-    def _record_fine(self, segment: Segment) -> None:
-        for t in self.recorder.fine_times(segment):
-            q, p, _ = self._dynamics.split(segment.at(float(t)))
-            self.recorder.fine_sample(float(t), q, p)
+        for own, t in due:
+            q, p, _ = self._dynamics.split(self._segment.at(own))
+            errors = self._origin.rounded(own, error.position, error.velocity)
+            self.recorder.frame(t, *self._origin.outwards(own, q, p), self._links.links[0], errors)
 
     def _record_trace(self) -> None:
-        work, dissipated, supplied = self._tail[:LEDGER]
-        self.recorder.trace.append(
-            (self._segment.t1, self.energy, self.kinetic, work, dissipated, supplied, self.jumped)
-        )
+        kinetic, work, supplied = self._added(self._segment.coefficients[-1])
+        ledger = self._tail[:LEDGER] + np.array([work, 0.0, supplied])
+        row = (self._origin.time_at(self._segment.t1), self.energy + kinetic, self.kinetic + kinetic)
+        self.recorder.trace.append((*row, *map(float, ledger), self.jumped))
+
+    def _added(self, y: Array) -> tuple[float, float, float]:
+        """What kinetic energy, work and supply are more in the user's coordinates than in the session's own."""
+        return self._origin.added(self.scenario, self._dynamics.split(y)[1], self._momentum)
 
     def snapshot(self, *, records: bool = True) -> Snapshot:
         """Everything needed to go on bit for bit; see `resume`. Without ``records`` the recorder is not copied."""
         recorder = copy.deepcopy(self.recorder) if records else self.recorder
         return Snapshot(
             self.scenario, self.time, self._stepper.memory, self._segment, list(self._pending),
-            self._links.memory(), recorder, self.energy, self.jumped, self.steps,
-            self._stepper.tolerance, dict(self._links.sliding), self.plant, self._error.memory,
+            self._links.memory(), recorder, self.energy, self.jumped, self.steps, self._stepper.tolerance,
+            dict(self._links.sliding), self.plant, self._error.memory, origin=self._origin, momentum=self._momentum,
         )  # fmt: skip
 
     @classmethod
@@ -328,13 +297,15 @@ class ExactSession:
         session.scenario, session.plant = scenario, plant or snapshot.plant
         session.recorder = copy.deepcopy(snapshot.recorder)
         session.time, session.energy = snapshot.time, snapshot.energy
+        session._origin, session._momentum = snapshot.origin, snapshot.momentum
         session.jumped, session.steps = snapshot.jumped, snapshot.steps
         session._segment, session._pending = snapshot.segment, list(snapshot.pending)
         session._prepare(scenario.start.n, scenario.start.dimension)
         q, _, session._tail = (np.array(x) for x in session._dynamics.split(snapshot.segment.coefficients[0]))
         session._links = LinkState(
-            session._dynamics.layout.law, q, t=snapshot.segment.t0, headings=scenario.agents.headings
-        )
+            session._dynamics.layout.law, q, t=snapshot.segment.t0, headings=scenario.agents.headings,
+            base=session._origin.time,
+        )  # fmt: skip
         session._dynamics.repack(snapshot.segment.t1)
         session._links.recall(snapshot.links)
         session._links.sliding = dict(snapshot.sliding)
@@ -346,7 +317,8 @@ class ExactSession:
             tolerance = session._dynamics.tolerances(scenario.start, session.energy)
         size = snapshot.segment.coefficients.shape[1]
         session._error = SolutionError(session._dynamics, session.recorder, size, snapshot.error)
-        session._stepper = Stepper(session._dynamics.slope, session._dynamics.stages, tolerance, snapshot.stepper)
+        session._precision = Precision(scenario, session._dynamics, session._origin)
+        session._stepper = session._new_stepper(tolerance, snapshot.stepper)
         return session
 
     def replace(self, *, law: Law | None = None, state: State | None = None) -> None:
@@ -360,7 +332,8 @@ class ExactSession:
         InvalidInput
             When law and state disagree, or the new energy is not finite; the session then goes on as before.
         """
-        if self.time == self._segment.t1:
+        own = self._origin.own_time(self.time)
+        if own == self._segment.t1:
             self._leave_segment()
         old = self.state
         new = State(old.q, old.p, self.time) if state is None else State(state.q, state.p, self.time, state.links)
@@ -371,32 +344,41 @@ class ExactSession:
         self.scenario.with_(law=declared, start=new, t_end=end, frames=1)
         plant = self.plant if law is None else None
         acting = plant or declared
-        links = LinkState(acting, new.q, new.links, self.time, self.scenario.agents.headings)
+        segment = self._segment.until(own)
+        y = segment.coefficients[-1]
+        scenario = self.scenario.with_(law=declared, t_end=end)
+        if state is None and may_have(scenario, plant, self._origin):
+            # The session's own coordinates hold more digits than the user's.
+            q, p, _ = self._dynamics.split(y)
+            origin, begin = self._origin, State(q, p, own)
+        else:
+            origin = origin_of(scenario, plant, new, self._origin.time)
+            begin = origin.inwards(new)
+        links = LinkState(acting, begin.q, new.links, own, self.scenario.agents.headings, origin.time)
         if state is None and acting.graphs == self._links.graphs:
             for matrix, kept_links in zip(links.links, self._links.links, strict=True):
                 matrix[:] = kept_links
-        segment = self._segment.until(self.time)
         error = self._error
         error.follow(segment, again=True)
-        y = segment.coefficients[-1]
-        before, _ = self._dynamics.energy(self.time, y)
+        kinetic, work, supplied = self._added(y)
+        before = self._dynamics.energy(own, y)[0] + kinetic
         kept = dict(vars(self))
         try:
-            self.plant = plant
-            self.scenario = self.scenario.with_(law=declared, t_end=end)
+            self.plant, self.scenario, self._origin = plant, scenario, origin
             self._tail = np.array(y[self._dynamics.order * self.n * self.m :])
+            self._tail[:LEDGER] += (work, 0.0, supplied)
             self._prepare(self.n, self.m)
-            self._begin(new, links)
+            self._begin(begin, links)
         except Exception:
             vars(self).update(kept)
             error.follow(self._segment, again=True)
             raise
         if segment.t1 > segment.t0:
-            error.leave(segment, kept["_links"])
-            self._record_fine(segment)
-        error.abandon(self.time, kept["_links"])
+            error.leave(segment, kept["_links"], kept["_origin"])
+            self.recorder.sample(segment, self._dynamics.split, kept["_origin"])
+        error.abandon(own, kept["_links"])
         self._error.take_over(error, exact=state is not None)
-        self.jumped += self.energy - before
+        self.jumped += self.energy + self._added(self._segment.coefficients[-1])[0] - before
         self._record_trace()
 
     @property
@@ -407,7 +389,9 @@ class ExactSession:
     @property
     def accuracy(self) -> Accuracy:
         """What is known of the errors of what was computed so far."""
-        return self.recorder.accuracy(self._error.open_rows(self.time, self._links), self._error.known_until)
+        return self.recorder.accuracy(
+            self._error.open_rows(self._origin.own_time(self.time), self._links), self._error.known_until
+        )
 
     def run(self, status: str = "finished") -> Run:
         """What was computed so far."""

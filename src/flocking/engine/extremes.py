@@ -9,6 +9,7 @@ import numpy as np
 from flocking.engine.band_guards import diameter, fastest
 from flocking.engine.companion import StateError
 from flocking.engine.guards import NEVER, closest, reach
+from flocking.engine.origin import Origin
 from flocking.engine.run import Closest, Largest
 from flocking.engine.segment import Segment
 from flocking.model.checks import Array
@@ -36,12 +37,13 @@ class Extremes:
     def __init__(self, masses: Array, dimension: int, order: int, goal: Array | None) -> None:
         self.n, self.m, self._order = len(masses), dimension, order
         self._shares = masses / masses.sum()
+        self._base = 0.0
         self._goal = np.zeros(dimension) if goal is None else goal
         self._names = SPEEDS if goal is not None else SPEEDS[:2]
         self.largest: dict[str, Largest] = {}
         self.closest = (Closest(), Closest())
 
-    def follow(self, segment: Segment, linked: Links, error: StateError) -> None:
+    def follow(self, segment: Segment, linked: Links, error: StateError, origin: Origin) -> None:
         """Take in a step.
 
         Parameters
@@ -52,8 +54,11 @@ class Extremes:
             Links during the step.
         error
             Errors on it.
+        origin
+            What its time and coordinates are relative to.
         """
         n, m = self.n, self.m
+        self._base = origin.time
         B = segment.coefficients[:, : n * m].reshape(-1, n, m)
         if n > 1:
             value, x, i, j = diameter(B, self._least("diameter", error.pairs))
@@ -62,7 +67,8 @@ class Extremes:
             self._approach(segment, B, linked, error.pairs)
         if self._order == 2:
             P = segment.coefficients[:, n * m : 2 * n * m].reshape(-1, n, m)
-            off = error.velocity
+            P = P if origin.rests else P + origin.velocity
+            _, off = origin.rounded(segment.t1, 0.0, error.velocity)
             speed, spread = self._least("speed", off), self._least("spread", 2 * off)
             relative = self._least("relative speed", off) if len(self._names) == 3 else np.inf
             rows = fastest(P, self._shares, self._goal, speed, spread, relative)
@@ -82,7 +88,7 @@ class Extremes:
             return
         ceiling = max(known.value + known.error, value + error)
         if value > known.value:
-            known = Largest(value, segment.t0 + x * (segment.t1 - segment.t0), agents)
+            known = Largest(value, segment.t0 + x * (segment.t1 - segment.t0) + self._base, agents)
         self.largest[name] = replace(known, error=ceiling - known.value)
 
     def _approach(self, segment: Segment, B: Array, linked: Links, error: float) -> None:
@@ -99,7 +105,7 @@ class Extremes:
             distance = float(np.sqrt(row[0]))
             floor = min(old.distance - _known(old), distance - error)
             if distance < old.distance:
-                when = segment.t0 + row[1] * (segment.t1 - segment.t0)
+                when = segment.t0 + row[1] * (segment.t1 - segment.t0) + self._base
                 old = Closest(distance, when, (int(row[2]), int(row[3])))
             found.append(replace(old, error=old.distance - floor))
         self.closest = (found[0], found[1])

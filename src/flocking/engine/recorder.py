@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from flocking.engine.appending import NewRecords
 from flocking.engine.extremes import Extremes
+from flocking.engine.origin import Origin
 from flocking.engine.run import DOUBT_FIELDS, SWITCH_FIELDS, TRACE_FIELDS, Accuracy, Closest, FineSamples
 from flocking.engine.segment import Segment
 from flocking.model.checks import Array
@@ -57,10 +59,20 @@ class Recorder:
         self.errors[count:] = [errors]
         self.t.append(t)
 
-    def due(self, until: float) -> list[float]:
-        """Frame times not yet stored, up to ``until``."""
+    def due(self, until: float, base: float) -> list[tuple[float, float]]:
+        """Frame times not yet stored, up to ``until``: each in the session's own time and in the user's.
+
+        Parameters
+        ----------
+        until
+            The session's own time.
+        base
+            The time at which that is 0.
+        """
         todo = self.frame_times[len(self.t) :]
-        return [float(t) for t in todo[todo <= until]]
+        own = todo - base
+        count = int(np.searchsorted(own, until, side="right"))
+        return [(float(s), float(t)) for s, t in zip(own[:count], todo[:count], strict=True)]
 
     frame_bytes = 0.0
     waiting = 0.0
@@ -99,17 +111,24 @@ class Recorder:
             Numbers of rows on disk, by kind.
         """
 
-    def fine_times(self, segment: Segment) -> Array:
-        """Times in a segment at which the solution is kept; none where that was not asked for."""
-        if self.fine is None or segment.t1 <= segment.t0:
-            return np.empty(0)
-        times = np.linspace(segment.t0, segment.t1, FINE_SAMPLES + 1)
-        return times if not self.fine else times[1:]
+    def sample(self, segment: Segment, split: Callable[[Array], tuple[Array, Array, Array]], origin: Origin) -> None:
+        """Keep the solution at several times in a segment, where that was asked for.
 
-    def fine_sample(self, t: float, q: Array, p: Array) -> None:
-        """Keep the solution at one of the `fine_times`."""
-        if self.fine is not None:
-            self.fine.append((t, q.copy(), p.copy()))
+        Parameters
+        ----------
+        segment
+            The segment.
+        split
+            Gives positions and velocities of a state vector.
+        origin
+            What they are relative to.
+        """
+        if self.fine is None or segment.t1 <= segment.t0:
+            return
+        times = np.linspace(segment.t0, segment.t1, FINE_SAMPLES + 1)
+        for own in map(float, times if not self.fine else times[1:]):
+            q, p = origin.outwards(own, *split(segment.at(own))[:2])
+            self.fine.append((origin.time_at(own), q.copy(), p.copy()))
 
     def _fine_samples(self) -> FineSamples | None:
         if not self.fine:

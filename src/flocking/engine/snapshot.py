@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from flocking.engine.origin import Origin
 from flocking.engine.recorder import Recorder
 from flocking.engine.segment import Segment
 from flocking.engine.solution_error import ErrorMemory
@@ -34,6 +35,8 @@ class Snapshot:
         Sum of the jumps of the energy so far.
     steps
         Number of steps so far.
+    origin, momentum
+        The origin of the session's own time and coordinates, and the momentum when the session began to use it.
     sliding
         Of each pair that crosses again and again, by guard and pair: time and speed of the last crossing, and how many
         there were.
@@ -55,3 +58,5 @@ class Snapshot:
     sliding: dict[tuple[int, int, int], tuple[float, float, int]] = field(default_factory=dict)
     plant: Law | None = None
     error: ErrorMemory | None = None
+    origin: Origin = field(kw_only=True)
+    momentum: Array = field(kw_only=True)

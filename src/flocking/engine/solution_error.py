@@ -10,6 +10,7 @@ import numpy as np
 from flocking.engine.companion import SAFETY, Companion, Difference, StateError
 from flocking.engine.doubts import Doubts, Settled
 from flocking.engine.dynamics import Dynamics
+from flocking.engine.origin import Origin
 from flocking.engine.recorder import Recorder
 from flocking.engine.segment import Segment
 from flocking.engine.switching import Crossing, LinkState
@@ -77,8 +78,8 @@ class SolutionError:
 
     @property
     def known_until(self) -> float:
-        """Since when nothing is known any more; infinite where the solution is known."""
-        return self.difference.lost
+        """Since when nothing is known any more, in the user's time; infinite where the solution is known."""
+        return self.difference.lost + self._dynamics.base
 
     def follow(self, segment: Segment, *, again: bool = False) -> None:
         """Estimate the error on a step; ``again``: on the first part of the step followed last."""
@@ -88,15 +89,15 @@ class SolutionError:
         """Errors on the step followed last."""
         return self._companion.over(segment)
 
-    def leave(self, segment: Segment, links: LinkState) -> None:
-        """Take in the step followed last, before what crosses at its end switches."""
+    def leave(self, segment: Segment, links: LinkState, origin: Origin) -> None:
+        """Take in the step followed last, in coordinates relative to ``origin``, before what crosses at its end."""
         error = self.over(segment)
-        self._recorder.extremes.follow(segment, links.links[0], error)
+        self._recorder.extremes.follow(segment, links.links[0], error, origin)
         self._settle(self._doubts.follow(segment, links, error), segment, links)
 
     def _settle(self, settled: list[Settled], segment: Segment, links: LinkState) -> None:
         for doubt in settled:
-            self._recorder.doubts.append(doubt.row)
+            self._recorder.doubts += self._told([doubt.row])
             begin, end = doubt.row[:2]
             if len(self._recorder.doubts) > MOST_DOUBTS:
                 self._companion.lose(begin)
@@ -182,7 +183,9 @@ class SolutionError:
         delay = float(np.clip(-signed / speed, -late, late)) if speed else late
         if self._jump is None or abs(delay) > abs(self._jump[0]):
             self._jump = (delay, segment.with_slope(segment.t1)[1])
-        return late, drift + abs(acceleration) * late
+        # The user's time is told apart only so far.
+        unit = float(np.spacing(abs(segment.t1 + self._dynamics.base))) if self._dynamics.base else 0.0
+        return late + unit, drift + abs(acceleration) * late
 
     def switched(self, slope: Array) -> None:
         """Take in that the law has switched: the slope after it is ``slope``."""
@@ -193,12 +196,17 @@ class SolutionError:
 
     def abandon(self, t: float, links: LinkState) -> None:
         """Put on record what is in doubt now: the watches of ``links`` are given up."""
-        self._recorder.doubts += self._doubts.open_rows(t, links)
+        self._recorder.doubts += self.open_rows(t, links)
         self._doubts = Doubts()
 
     def open_rows(self, t: float, links: LinkState) -> list[tuple[Any, ...]]:
         """What is in doubt now, as rows of `flocking.engine.run.DOUBT_FIELDS`."""
-        return self._doubts.open_rows(t, links)
+        return self._told(self._doubts.open_rows(t, links))
+
+    def _told(self, rows: list[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
+        """Rows with the user's times in place of the session's own."""
+        base = self._dynamics.base
+        return [(*(time + base for time in row[:3]), *row[3:]) for row in rows]
 
     def take_over(self, other: SolutionError, *, exact: bool) -> None:
         """Go on from where another estimate ended, under another law; ``exact``: from a state that is given."""

@@ -46,11 +46,19 @@ class Stepper:
         Absolute error tolerance per component of the state vector.
     memory
         Where to go on.
+    base
+        The time at which its own time is 0, for messages.
     """
 
     def __init__(
-        self, slope: Callable[[float, Array], Array], stages: Stages, tolerance: Array, memory: StepperMemory
+        self,
+        slope: Callable[[float, Array], Array],
+        stages: Stages,
+        tolerance: Array,
+        memory: StepperMemory,
+        base: float = 0.0,
     ) -> None:
+        self._base = base
         self._slope = slope
         self._stages = stages
         self.tolerance = tolerance
@@ -107,10 +115,10 @@ class Stepper:
             raise StepTooSmall(
                 f"The step shrank to rounding ({message}). The motion meets a singularity of the law: "
                 "raise the start distances, soften the potential or lower the gains.",
-                time=before.t,
+                time=before.t + self._base,
             )  # fmt: skip
         if not np.isfinite(solver.y).all():
-            raise NotFinite("The state became infinite or NaN.", time=before.t)
+            raise NotFinite("The state became infinite or NaN.", time=before.t + self._base)
         with np.errstate(all="ignore"):
             powers = solver.polynomial()
         segment = Segment.from_dense_output(before.t, float(solver.t), before.y, solver.y, powers)

@@ -103,11 +103,20 @@ class LinkState:
         Time at the start.
     headings
         Headings of the agents, as in `Agents`, where a graph sees them.
+    base
+        The time at which the session's own time, in which all times are given here, is 0.
     """
 
     def __init__(
-        self, law: Law, q: Array, links: Links | None = None, t: float = 0.0, headings: Array | None = None
+        self,
+        law: Law,
+        q: Array,
+        links: Links | None = None,
+        t: float = 0.0,
+        headings: Array | None = None,
+        base: float = 0.0,
     ) -> None:
+        self._base = base
         self._law = law
         self.graphs: tuple[Graph, ...] = law.graphs
         self.links: list[Links] = [np.array(g.start_links(q, headings)) for g in self.graphs]
@@ -120,7 +129,7 @@ class LinkState:
         for level in self.encounters.levels:
             distance = np.full(len(q), level.distance)
             self.watches.append(Watch(len(self.graphs) + level.group, level.kind, distance, distance))
-            self.near.append(self.encounters.within(level, q, t))
+            self.near.append(self.encounters.within(level, q, t + base))
         self.sliding: dict[tuple[int, int, int], tuple[float, float, int]] = {}
         everyone = np.ones((len(q), len(q)), dtype=bool)
         allowed = [g.allowed(headings) for g in self.graphs]
@@ -223,7 +232,8 @@ class LinkState:
                 found.append((number, when, who))
         if self.encounters.levels:
             near = self.near[self._first_level :]
-            for level, when, who in self.encounters.next_crossings(segment, B, near, self.active()):
+            late = Segment(segment.t0 + self._base, segment.t1 + self._base, segment.coefficients)
+            for level, when, who in self.encounters.next_crossings(late, B, near, self.active()):
                 found.append((self._first_level + level, when, who))
         if not found:
             return 2.0, []

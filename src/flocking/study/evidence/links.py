@@ -15,6 +15,9 @@ from flocking.study.evidence.basis import NotMeasurable, NotResolvable, RunEvide
 FASTER = 1.25
 """How much faster than at two samples a pair's distance is taken to change between them at most."""
 
+FINE = 1e-9
+"""Largest share of a run's duration by which neighbouring times may differ for equal times to be one instant."""
+
 
 class LinkEvidence(RunEvidence):
     """Links and their switches.
@@ -91,17 +94,23 @@ class LinkEvidence(RunEvidence):
 
     @cached_property
     def link_history(self) -> list[tuple[float, Links]]:
-        """Link matrix of the law's graph from each time it changed on, the first at the start."""
+        """Link matrix of the law's graph from each time it changed on, the first at the start.
+
+        Switches of one instant are one change, unless times are so late that numbers cannot tell instants apart: then
+        each is a change of its own, in the order of the record.
+        """
         links = np.array(self.frame_links[0])
         history = [(float(self.t[0]), links.copy())]
         directed = self.law.graph.directed
+        times = self.run.trace["time"] if len(self.run.trace) else self.t
+        fine = np.spacing(np.abs(times[-1])) <= FINE * (times[-1] - times[0])
         for row in self.link_switches:
             i, j = int(row["i"]), int(row["j"])
             value = row["kind"] == "appear"
             links[i, j] = value
             if not directed:
                 links[j, i] = value
-            if float(row["time"]) == history[-1][0]:
+            if fine and float(row["time"]) == history[-1][0]:
                 history[-1] = (history[-1][0], links.copy())
             else:
                 history.append((float(row["time"]), links.copy()))
