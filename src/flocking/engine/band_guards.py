@@ -13,7 +13,15 @@ from flocking.model.checks import Array
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def pair_error(nodes: Array, floor: float, i: int, j: int) -> float:
-    """Error of the distance of two agents: the largest difference of their errors at the nodes, shape (k, N, m)."""
+    """Error of the distance of two agents: the largest difference of their errors at the nodes, shape (k, N, m).
+
+    Parameters
+    ----------
+    nodes
+        Errors of the positions at the nodes.
+    floor
+        Error that is always added.
+    """
     most = 0.0
     for k in range(nodes.shape[0]):
         square = 0.0
@@ -100,6 +108,8 @@ def first_beyond(B: Array, i: int, j: int, distance: float, outward: bool) -> fl
     ----------
     B
         Bernstein coefficients of the positions, shape (8, N, m).
+    outward
+        Whether further apart is asked for, or closer.
     """
     square = np.empty(15)
     squared_distance(B, i, j, square)
@@ -117,6 +127,8 @@ def closest_after(B: Array, i: int, j: int, level: float, inside: bool, x: float
         Bernstein coefficients of the positions, shape (8, N, m).
     inside
         Whether the pair is closer than the distance, so that it would have to go further.
+    level
+        The distance.
     """
     square = np.empty(15)
     squared_distance(B, i, j, square)

@@ -35,7 +35,17 @@ class Books:
 
 
 def jumps_barrier(dynamics: Dynamics, segment: Segment, books: Books) -> bool:
-    """Whether a step changes the energy by far more than its ledger explains."""
+    """Whether a step changes the energy by far more than its ledger explains.
+
+    Parameters
+    ----------
+    dynamics
+        The law in force.
+    segment
+        The step.
+    books
+        What the ledger says at the start of the step.
+    """
     tolerance = dynamics.scenario.tolerance
     if _gap(dynamics, segment.t1, segment.coefficients[-1], books) > LEDGER_GAP * tolerance:
         return True

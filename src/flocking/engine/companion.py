@@ -67,7 +67,13 @@ class Difference:
 
     @classmethod
     def none(cls, size: int) -> Difference:
-        """That of a start that is exact."""
+        """That of a start that is exact.
+
+        Parameters
+        ----------
+        size
+            Size of the state vector.
+        """
         return cls(np.zeros((NODES, size)))
 
 
@@ -170,7 +176,13 @@ class Companion:
         self.difference = replace(self.difference, nodes=nodes)
 
     def over(self, segment: Segment) -> StateError:
-        """Errors of positions and velocities on a step that was followed."""
+        """Errors of positions and velocities on a step that was followed.
+
+        Parameters
+        ----------
+        segment
+            The step.
+        """
         known = self._known
         if known is not None and known[0] is segment and known[1] is self.difference:
             return known[2]

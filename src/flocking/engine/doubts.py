@@ -22,7 +22,15 @@ LEFT = 0.99
 
 @dataclass
 class Approach:
-    """A pair within the error of the distance at which it would switch."""
+    """A pair within the error of the distance at which it would switch.
+
+    Parameters
+    ----------
+    begin
+        When the pair came within the error.
+    margin
+        How far it is from the distance.
+    """
 
     begin: float
     time: float
@@ -32,7 +40,21 @@ class Approach:
 
 @dataclass
 class Fresh:
-    """A pair that has switched and is not beyond the error yet."""
+    """A pair that has switched and is not beyond the error yet.
+
+    Parameters
+    ----------
+    begin
+        When the doubt began.
+    level
+        The distance that was crossed.
+    outward
+        Whether it was crossed outwards.
+    what
+        Kind of the switch.
+    recorded
+        Whether the doubt is on record already.
+    """
 
     time: float
     begin: float
@@ -47,7 +69,15 @@ class Fresh:
 
 @dataclass(frozen=True)
 class Settled:
-    """A doubt that has come to its end, and the pair it is about."""
+    """A doubt that has come to its end, and the pair it is about.
+
+    Parameters
+    ----------
+    key
+        Number of the watch and the two agents.
+    row
+        The doubt as it is recorded.
+    """
 
     key: Key
     row: tuple[Any, ...]
@@ -166,7 +196,13 @@ class Doubts:
         return (begin, end, time, i, j, kind, links.watches[number].graph, what, about.margin, about.error)
 
     def cross(self, crossing: Crossing, k: int, t: float, links: LinkState, bound: float) -> list[Settled]:
-        """Note that pair ``k`` of a crossing is about to switch at time ``t``; the doubts that end with it."""
+        """Note that pair ``k`` of a crossing is about to switch at time ``t``; the doubts that end with it.
+
+        Parameters
+        ----------
+        bound
+            Error of the distance at the crossing.
+        """
         watch = links.watches[crossing.watch]
         i, j = (int(x) for x in crossing.pairs[k])
         key = (crossing.watch, i, j)

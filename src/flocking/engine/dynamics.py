@@ -112,7 +112,13 @@ class Dynamics:
         self.zone_graphs = np.repeat(np.arange(len(found)), [len(rows) for rows in found])
 
     def allowed_share(self, segment: Segment) -> float:
-        """Which fraction of a step no pair moves further within a narrow feature than it may."""
+        """Which fraction of a step no pair moves further within a narrow feature than it may.
+
+        Parameters
+        ----------
+        segment
+            The step.
+        """
         if not len(self.zones):
             return 1.0
         B = segment.coefficients[:, : self.n * self.m].reshape(-1, self.n, self.m)

@@ -52,6 +52,10 @@ def check_neighbours(
     ----------
     graph
         Number of the graph that makes them neighbours; for the others see `check_finite`.
+    offsets
+        Offsets from the sensing to the sensed agents, shape (pairs, m).
+    pairs
+        Sensing and sensed agents, shape (pairs,) each.
 
     Raises
     ------

@@ -75,11 +75,19 @@ class Origin:
         ----------
         q, p
             Those relative to the origin.
+        own
+            The session's own time.
         """
         return (q, p) if self.rests else (q + self.at(own), p + self.velocity)
 
     def rounded(self, own: float, position: float, velocity: float) -> tuple[float, float]:
-        """Errors of a position and a velocity in the user's coordinates, from those relative to the origin."""
+        """Errors of a position and a velocity in the user's coordinates, from those relative to the origin.
+
+        Parameters
+        ----------
+        own
+            The session's own time.
+        """
         if self.rests:
             return position, velocity
         sizes = (np.abs(x).max(initial=0.0) for x in (self.at(own), self.velocity))

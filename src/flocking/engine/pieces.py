@@ -62,7 +62,13 @@ def held(formulas: Mapping[str, sympy.Expr], distance: str) -> tuple[dict[str, s
 
 
 def piece_lines(distance: str) -> list[str]:
-    """Source lines of a kernel's loop that set ``side`` and ``reach`` of pair ``e``."""
+    """Source lines of a kernel's loop that set ``side`` and ``reach`` of pair ``e``.
+
+    Parameters
+    ----------
+    distance
+        Name of the distance in the kernel.
+    """
     return [
         "row = pieces[e]",
         f"side = min(max({distance}, spans[row, 0]), spans[row, 1])",

@@ -44,6 +44,11 @@ class Precision:
     def check(self, own: float, y: Array) -> None:
         """Check a state vector at the session's own time.
 
+        Parameters
+        ----------
+        y
+            The state vector.
+
         Raises
         ------
         OutOfPrecision

@@ -15,7 +15,13 @@ def json_number(value: float) -> float | str:
 
 
 def accuracy_data(found: Accuracy) -> dict[str, Any]:
-    """All of it but the errors of the frames, which have an array of their own."""
+    """All of it but the errors of the frames, which have an array of their own.
+
+    Parameters
+    ----------
+    found
+        What is known of the errors of a run.
+    """
     doubts = [[x if isinstance(x, str | int) else json_number(x) for x in row] for row in found.doubts.tolist()]
     largest = {
         name: [json_number(x.value), json_number(x.time), list(x.agents), json_number(x.error)]

@@ -48,6 +48,8 @@ class SolutionError:
         Where switches in doubt and extreme values go.
     memory
         Where to go on; an exact start when absent.
+    size
+        Size of the state vector.
     """
 
     def __init__(self, dynamics: Dynamics, recorder: Recorder, size: int, memory: ErrorMemory | None = None) -> None:
@@ -82,15 +84,33 @@ class SolutionError:
         return self.difference.lost + self._dynamics.base
 
     def follow(self, segment: Segment, *, again: bool = False) -> None:
-        """Estimate the error on a step; ``again``: on the first part of the step followed last."""
+        """Estimate the error on a step; ``again``: on the first part of the step followed last.
+
+        Parameters
+        ----------
+        segment
+            The step.
+        """
         self._companion.follow(segment, self.difference.nodes[0] if again else None)
 
     def over(self, segment: Segment) -> StateError:
-        """Errors on the step followed last."""
+        """Errors on the step followed last.
+
+        Parameters
+        ----------
+        segment
+            The step.
+        """
         return self._companion.over(segment)
 
     def leave(self, segment: Segment, links: LinkState, origin: Origin) -> None:
-        """Take in the step followed last, in coordinates relative to ``origin``, before what crosses at its end."""
+        """Take in the step followed last, in coordinates relative to ``origin``, before what crosses at its end.
+
+        Parameters
+        ----------
+        segment
+            The step.
+        """
         error = self.over(segment)
         self._recorder.extremes.follow(segment, links.links[0], error, origin)
         self._settle(self._doubts.follow(segment, links, error), segment, links)
@@ -159,6 +179,8 @@ class SolutionError:
         ----------
         speed
             Rate of change of its distance.
+        segment
+            The step at whose end it crosses.
         """
         watch = links.watches[crossing.watch]
         i, j = (int(x) for x in crossing.pairs[k])
@@ -209,7 +231,13 @@ class SolutionError:
         return [(*(time + base for time in row[:3]), *row[3:]) for row in rows]
 
     def take_over(self, other: SolutionError, *, exact: bool) -> None:
-        """Go on from where another estimate ended, under another law; ``exact``: from a state that is given."""
+        """Go on from where another estimate ended, under another law; ``exact``: from a state that is given.
+
+        Parameters
+        ----------
+        other
+            The other estimate.
+        """
         known, mine = other.difference, self.difference
         nodes = np.zeros_like(mine.nodes)
         if not exact:

@@ -284,6 +284,8 @@ class LinkState:
         ----------
         barriers
             Of each graph, whether a potential is infinite where its links break, see `has_barrier`.
+        crossings
+            What crosses at the end of a step.
         """
         for crossing in crossings:
             watch = self.watches[crossing.watch]

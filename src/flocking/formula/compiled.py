@@ -67,7 +67,15 @@ class Reading:
         _reading.reset(self._tokens.pop())
 
     def module(self, kind: object, parts: Sequence[object], make: Callable[[], ModuleType]) -> ModuleType:
-        """The module of these very parts, made by the first who asks."""
+        """The module of these very parts, made by the first who asks.
+
+        Parameters
+        ----------
+        kind
+            What the module is for.
+        make
+            Makes it.
+        """
         key = (repr(kind), *map(id, parts))
         if key not in self._found:
             # The parts are kept, so that no other object ever has their identities.

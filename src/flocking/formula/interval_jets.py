@@ -106,7 +106,15 @@ class Jet:
         return other if isinstance(other, Jet) else self.constant(float(other))
 
     def composed(self, value: Interval, slope: Interval, curvature: Interval) -> Jet:
-        """A function of this one, from bounds of its own value and derivatives there."""
+        """A function of this one, from bounds of its own value and derivatives there.
+
+        Parameters
+        ----------
+        slope
+            Bounds of its first derivative there.
+        curvature
+            Bounds of its second derivative there.
+        """
         _, first, second = self.parts
         bent = _times(curvature, _whole_power(first, 2))
         return Jet(value, _times(slope, first), _add(bent, _times(slope, second)))

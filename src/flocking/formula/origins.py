@@ -109,6 +109,11 @@ def runtime_digest(source: str) -> str:
     """Digest of the library's modules that generated code calls, and of those that they import.
 
     Machine code on disk holds their functions.
+
+    Parameters
+    ----------
+    source
+        The generated code.
     """
     digest = hashlib.sha256()
     waiting, seen = [source], set()

@@ -208,7 +208,13 @@ def piece_borders(potential: Potential) -> tuple[float, ...]:
 
 
 def zeros_of(module: Any, values: list[np.float64]) -> tuple[float, ...]:
-    """Positive zeros, ascending, of the expressions of a module made by `zeros_source`."""
+    """Positive zeros, ascending, of the expressions of a module made by `zeros_source`.
+
+    Parameters
+    ----------
+    values
+        Values of the parameters, in the order of the names.
+    """
     with np.errstate(all="ignore"):
         found = {float(b) for b in module.exact(*values)}
         for gap in module.gaps:
@@ -257,7 +263,13 @@ def _border_source(stated: tuple[sympy.Symbol, sympy.Expr], names: tuple[str, ..
 
 
 def zeros_source(r: sympy.Symbol, expressions: Iterable[sympy.Expr], names: tuple[str, ...]) -> str:
-    """Source of functions whose zeros are those of expressions in ``r``: solved where they are simple polynomials."""
+    """Source of functions whose zeros are those of expressions in ``r``: solved where they are simple polynomials.
+
+    Parameters
+    ----------
+    names
+        Names of the parameters.
+    """
     import sympy
 
     from flocking.formula.printing import code

@@ -87,6 +87,11 @@ class PanelContents:
     def named(self, label: str) -> Mark:
         """The mark with this text in the legend.
 
+        Parameters
+        ----------
+        label
+            Text in the legend.
+
         Raises
         ------
         InvalidInput

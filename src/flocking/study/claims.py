@@ -99,7 +99,13 @@ def above(value: float, bound: float, note: str, error: float = 0.0) -> Measure:
 
 
 def happens(measured: Measure) -> Measure:
-    """The measure of something that happens at some moment of the run."""
+    """The measure of something that happens at some moment of the run.
+
+    Parameters
+    ----------
+    measured
+        The measure, of what holds at that moment.
+    """
     return replace(measured, everywhere=False, somewhere=True)
 
 

@@ -165,7 +165,13 @@ class Erratum:
 
 
 def errata_of(rows: Sequence[Row]) -> list[Erratum]:
-    """Errata of a table: its false statements, then its misprints."""
+    """Errata of a table: its false statements, then its misprints.
+
+    Parameters
+    ----------
+    rows
+        Rows of the table.
+    """
     return [
         Erratum(f"{r.number}: {r.title}", r.reading, r.demonstration, fault)
         for fault in (Fault.FALSE, Fault.MISPRINT)

@@ -368,7 +368,7 @@ def one_length():
         assert_allclose(found.margin, general_claims.SETTLED * 2.0 - off, atol=1e-6)
         # A run whose last lengths are others than the first.
         early = SimpleNamespace(potentials=[price], r=np.array([2.0]))
-        moved = {frame: early for frame in range(40)}
+        moved = dict.fromkeys(range(40), early)
         seen.equilibrium_at = lambda frame, s=still, m=moved: m.get(frame, s)
         assert_allclose(zhou_theorems.links_have_one_length(seen).margin, found.margin, atol=1e-6)
 
