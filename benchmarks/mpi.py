@@ -4,8 +4,8 @@
     python benchmarks/mpi.py [--agents 100000 1000000] [--steps 25] [--repeats 1] [--json FILE]
 
 Protocol (34) on a disturbed lattice, step 0.01, no ledger. Each contender runs in its own process, one after the
-other, the order turning with every repeat; the median is given, and the best: another process on one of the cores holds up
-both ranks.
+other, the order turning with every repeat; the median is given, and the best: another process on one of the cores holds
+up both ranks.
 """
 
 from __future__ import annotations

@@ -186,8 +186,11 @@ def test_printed_powers_are_those_of_the_terms(name, frame_name, order, compensa
 @pytest.mark.parametrize("factor", [0.5, 10.0, -3.0])
 def test_a_printer_that_alters_the_dissipation_is_noticed(name, factor, monkeypatch, tmp_path):
     monkeypatch.setenv("FLOCKING_CACHE", str(tmp_path))
+    import flocking.formula.compiled as compiled
     import flocking.formula.printing as printing
 
+    # What was printed before must not serve.
+    monkeypatch.setattr(compiled, "_modules", {})
     right = printing.statements
 
     def wrong(results, **arguments):
