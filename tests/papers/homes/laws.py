@@ -112,7 +112,7 @@ def gradient():
     weight = 1 - r / 5
     for weighting in ("energy", "force"):
         term = Gradient(PSI, weighting=weighting)
-        x = SimpleNamespace(r=r, weight=weight, parameter={"k": sympy.Integer(2)}.__getitem__)
+        x = SimpleNamespace(r=r, weight=weight, fade=None, parameter={"k": sympy.Integer(2)}.__getitem__)
         for at in (0.5, 1.0, 2.5):
             a = 1 - at / 5
             along = a * slope(at) + (-value(at) / 5 if weighting == "energy" else 0.0)
