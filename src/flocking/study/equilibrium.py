@@ -51,14 +51,32 @@ class Equilibrium:
     """
 
     def __init__(self, law: Law, state: State) -> None:
+        gradients = [t for t in law.pair_terms if isinstance(t, Gradient) and t.over is None]
+        self.potentials = [link_potential(law.graph, t.potential) for t in gradients]
+        self._look(law, state)
+
+    def at(self, law: Law, state: State) -> Equilibrium:
+        """That of another state, without its formulas being made anew.
+
+        Parameters
+        ----------
+        law
+            The same law.
+        state
+            The other state.
+        """
+        other = Equilibrium.__new__(Equilibrium)
+        other.potentials = self.potentials
+        other._look(law, state)
+        return other
+
+    def _look(self, law: Law, state: State) -> None:
         self.state = state
         links = state.links if state.links is not None else law.graph.initial(state.q)
         self.i, self.j = np.nonzero(links)
         d = state.q[self.j] - state.q[self.i]
         self.r = np.linalg.norm(d, axis=1)
         self.direction = d / np.where(self.r > 0, self.r, 1.0)[:, None]
-        gradients = [t for t in law.pair_terms if isinstance(t, Gradient) and t.over is None]
-        self.potentials = [link_potential(law.graph, t.potential) for t in gradients]
 
     def _sum(self, which: str) -> Array:
         total = np.zeros(len(self.r))

@@ -72,12 +72,12 @@ class MotionEvidence(RunEvidence):
     @cached_property
     def equilibrium(self) -> Equilibrium:
         """Forces and stiffness of the potentials at the last frame."""
-        return self.equilibrium_at(-1)
+        self.need_few()
+        return Equilibrium(self.law, self.state(-1))
 
     def equilibrium_at(self, frame: int) -> Equilibrium:
         """Forces and stiffness of the potentials at a frame."""
-        self.need_few()
-        return Equilibrium(self.law, self.state(frame))
+        return self.equilibrium.at(self.law, self.state(frame))
 
     @cached_property
     def potential(self) -> Potential:
