@@ -73,7 +73,7 @@ class NotFinite(SimulationError):
 
 
 class OutOfPrecision(SimulationError):
-    """Agents went so far out that numbers of the chosen precision cannot tell their positions apart."""
+    """Positions or times that numbers cannot tell apart as finely as the links or the tolerance ask."""
 
 
 class Chattering(SimulationError):

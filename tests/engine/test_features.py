@@ -81,3 +81,18 @@ def test_ordinary_formulas_have_none() -> None:
 
 def test_a_foreign_function_is_left_to_the_stages() -> None:
     assert len(zones(lambda r, side, reach, P, A, W: (math.gamma(r), 0.0), NONE, [4.0])) == 0
+
+
+@pytest.mark.parametrize("w", [1e-2, 1e-4, 1e-6])
+def test_a_narrow_wall_around_an_obstacle_turns_an_agent_back(w: float) -> None:
+    # The push is -c3 psi', outwards where psi falls: half a barrier of height 50 at distance 1/2 from the disc.
+    psi = fk.Potential("50*exp(-((r - 1/2)/w)**2)", w=w)
+    term = fk.Avoid(
+        [fk.Ball([0.0, 0.0], 1.0)], range=1.0, gamma_agents=False, repulsion=psi,
+        repulsion_gain=1.0, damping_gain=0.0, onset=0.9,
+    )  # fmt: skip
+    run = simulate(fk.Law(fk.Fixed(1, ()), [term]), flight([[-4.0, 0.0]], [[2.0, 0.0]]), 2.0, frames=2)
+    # All kinetic energy, 2, is stored where psi = 2.
+    turn = 1.5 + w * np.sqrt(np.log(25))
+    np.testing.assert_allclose(run.p[-1], [[-2.0, 0.0]], atol=1e-6)
+    assert -2 * turn + 3 * w > run.q[-1, 0, 0] >= -2 * turn - 1e-9

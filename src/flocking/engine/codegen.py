@@ -31,7 +31,8 @@ def compiled_kernels(layout: Layout, dimension: int, order: int) -> ModuleType:
     ``stages(...)`` computes stages of a Runge-Kutta step, see `flocking.engine.dynamics.Dynamics.stages`. Row
     ``pieces[e]`` of ``spans`` says which piece of a piecewise formula is in force for pair ``e``, see `limits`;
     ``shape0(r, side, reach, P, A, W)``... are those formulas of each graph in plain Python, ``shape_obstacles0``...
-    those of each group of obstacles; ``shape0.reads`` numbers the slots of P, A and W that it reads.
+    those of each group of obstacles. ``shape0.reads`` numbers the slots of P, A and W that such a function reads,
+    ``shape0.acting`` those of its values that are forces or multiply one.
 
     Parameters
     ----------
@@ -139,8 +140,8 @@ def _shapes_source(formulas: LawFormulas) -> str:
         wanted, _ = held({name: getattr(pair, name) for name in ("along", "drag", "storage")}, "r")
         source += _shape_function(f"shape{number}", "r", wanted, formulas)
     for number, encounter in enumerate(formulas.encounters):
-        wanted, split = held(encounter.after_distance, "distance")
-        source += _shape_function(f"shape_obstacles{number}", "distance", wanted, formulas) if split else ""
+        wanted, _ = held(encounter.after_distance, "distance")
+        source += _shape_function(f"shape_obstacles{number}", "distance", wanted, formulas)
     return source
 
 
@@ -156,7 +157,9 @@ def _shape_function(name: str, distance: str, wanted: dict[str, sympy.Expr], for
     head = f"\n\ndef {name}({distance}, side, reach, P, A, W):\n"
     kinds = (names.scalars, names.per_agent, names.per_pair)
     reads = tuple(tuple(int(n[1:]) for n in slots) for slots in kinds)
-    return head + _unpack(names, 1) + _indented(lines, 1) + f"\n\n{name}.reads = {reads!r}\n"
+    acting = tuple(k for k, what in enumerate(wanted) if what in ("along", "drag") or what.startswith("force"))
+    facts = f"\n\n{name}.reads = {reads!r}\n{name}.acting = {acting!r}\n"
+    return head + _unpack(names, 1) + _indented(lines, 1) + facts
 
 
 def _unpack(names: Names, depth: int) -> str:

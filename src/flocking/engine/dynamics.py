@@ -7,7 +7,7 @@ from types import ModuleType
 import numpy as np
 
 from flocking.engine.codegen import RATES, compiled_kernels
-from flocking.engine.features import allowed_share, zones_of
+from flocking.engine.features import allowed_by_obstacles, allowed_share, zones_of
 from flocking.engine.guards import reach
 from flocking.engine.layout import Layout
 from flocking.engine.pieces import FREE, free_pieces, limits
@@ -110,19 +110,34 @@ class Dynamics:
         ]
         self.zones = np.concatenate(found)
         self.zone_graphs = np.repeat(np.arange(len(found)), [len(rows) for rows in found])
+        self._obstacle_zones = [
+            zones_of(
+                self._kernels.__name__, getattr(self._kernels, f"shape_obstacles{k}"), self._slots, borders,
+                tuple(group.rows.values()),
+            )
+            for k, (group, borders) in enumerate(
+                zip(links.encounters.groups, links.borders()[len(links.graphs) :], strict=True)
+            )
+        ]  # fmt: skip
 
-    def allowed_share(self, segment: Segment) -> float:
-        """Which fraction of a step no pair moves further within a narrow feature than it may.
+    def allowed_share(self, segment: Segment, links: LinkState) -> float:
+        """Which fraction of a step nobody moves further within a narrow feature than it may.
 
         Parameters
         ----------
         segment
             The step.
+        links
+            Links and obstacles in range during it.
         """
-        if not len(self.zones):
-            return 1.0
+        share = 1.0
         B = segment.coefficients[:, : self.n * self.m].reshape(-1, self.n, self.m)
-        return float(allowed_share(B, reach(B), *self.pairs[:3], self.zones, self.zone_graphs))
+        if len(self.zones):
+            share = float(allowed_share(B, reach(B), *self.pairs[:3], self.zones, self.zone_graphs))
+        if any(map(len, self._obstacle_zones)):
+            found = self._obstacle_zones
+            share = min(share, allowed_by_obstacles(segment, B, links.encounters, links.active(), found, self.base))
+        return share
 
     def relink(self, links: LinkState) -> None:
         """Take the links as they are now.

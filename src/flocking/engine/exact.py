@@ -174,7 +174,7 @@ class ExactSession:
             where, crossings = self._links.next_crossings(whole, self.n, self.m)
             segment = whole.cut(where) if crossings else whole
             lost = self._links.lost_link(crossings, self._dynamics.barriers)
-            share = self._dynamics.allowed_share(segment)
+            share = self._dynamics.allowed_share(segment, self._links)
             if lost is None and share >= 1 and not self._jumps_barrier(segment):
                 break
             longest = (segment.t1 - segment.t0) * (share if share < 1 else 0.25)

@@ -9,18 +9,22 @@ force has a sign there is none; interval arithmetic finds all others, however na
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import comb
 from types import FunctionType
 from typing import Any
 
 import numba
 import numpy as np
 
+from flocking.engine.encounters import Encounters
 from flocking.engine.guards import smallest_value, squared_distance
 from flocking.engine.pieces import MARGIN
+from flocking.engine.segment import Segment
 from flocking.formula.interval_jets import Jet, on_jets
 from flocking.model.checks import Array
+from flocking.model.connectivity import Links
 
-NARROW = 1 / 16
+NARROW = 1 / 32
 """Features wider than this fraction of the range are none: no step of a pair passes them unseen."""
 
 ZONE = 16.0
@@ -38,13 +42,16 @@ FINEST = 1e-10
 MOST_CELLS = 4096
 MOST_KNOWN = 1000
 SHELLS = 40
+SAMPLES = 64
 
 
 _known: dict[object, Array] = {}
 """Zones of the formulas met so far: what a formula is known by, its numbers and its borders."""
 
 
-def zones_of(owner: str, function: Any, parameters: Sequence[Array], borders: Sequence[float]) -> Array:
+def zones_of(
+    owner: str, function: Any, parameters: Sequence[Array], borders: Sequence[float], rows: tuple[object, ...] = ()
+) -> Array:
     """Result of `zones`, found once for the same formulas and numbers.
 
     Parameters
@@ -53,35 +60,42 @@ def zones_of(owner: str, function: Any, parameters: Sequence[Array], borders: Se
         Name of the module of the formulas.
     function, parameters, borders
         As for `zones`. ``function.reads`` names the parameters it reads.
+    rows
+        Whatever else it reads.
     """
     P, A, W = parameters
     scalars, per_agent, per_pair = function.reads
     numbers = (*P[list(scalars)], *A[list(per_agent), 0], *W[list(per_pair), 0, -1])
-    key = (owner, function.__name__, tuple(map(float, numbers)), tuple(borders))
+    key = (owner, function.__name__, tuple(map(float, numbers)), tuple(borders), rows)
     if key not in _known:
         if len(_known) >= MOST_KNOWN:
             _known.clear()
-        _known[key] = zones(function, parameters, borders)
+        _known[key] = zones(function, parameters, borders, function.acting)
     return _known[key]
 
 
-def zones(function: FunctionType, parameters: Sequence[Any], borders: Sequence[float]) -> Array:
+def zones(
+    function: FunctionType, parameters: Sequence[Any], borders: Sequence[float], acting: Sequence[int] = (0, 1)
+) -> Array:
     """Intervals of the distance around narrow features, with their widths: rows (from, to, width).
 
     Parameters
     ----------
     function
-        The formulas of a pair as functions of r, ``side``, ``reach`` and parameters: along, drag first.
+        The formulas of a pair as functions of its distance, ``side``, ``reach`` and parameters.
     parameters
         Their parameters.
     borders
         Distances at which their pieces meet, ascending; the last ends the range and may be infinite.
+    acting
+        Which of the formulas act on the motion.
     """
+    borders = [border for border in borders if border > 0.0]
     found: list[tuple[float, float, float]] = []
     jets = on_jets(function)
     for low, high in zip([0.0, *borders[:-1]], borders, strict=True):
         side = 0.5 * (low + high) if np.isfinite(high) else 2 * low + 1.0
-        for number in (0, 1):
+        for number in acting:
 
             def formula(r: Jet, number: int = number, side: float = side) -> Jet:
                 value = jets(r, side, r, *parameters)[number]
@@ -231,3 +245,52 @@ def allowed_share(B: Array, far: Array, senders: Any, sensed: Any, offsets: Any,
                     break
                 last, before = x, r
     return share
+
+
+def allowed_by_obstacles(
+    segment: Segment, B: Array, encounters: Encounters, active: Sequence[Links], found: Sequence[Array], base: float
+) -> float:
+    """Which fraction of a segment no agent moves further within a zone of an obstacle than its `STRIDE`.
+
+    Parameters
+    ----------
+    segment
+        The segment.
+    B
+        Bernstein coefficients of the positions, shape (8, N, m).
+    encounters
+        The obstacles.
+    active
+        Pairs (agent, obstacle) within range, shape (N, K) for each group.
+    found
+        Zones of each group.
+    base
+        The time at which the segment's own time is 0.
+    """
+    x = np.linspace(0.0, 1.0, SAMPLES + 1)
+    share = 1.0
+    for group, (pairs, rows) in enumerate(zip(active, found, strict=True)):
+        if not len(rows) or not pairs.any():
+            continue
+        times = segment.t0 + base + x * (segment.t1 - segment.t0)
+        paths = np.einsum("ka,aim->kim", _basis(x), B)
+        distance = np.array([encounters.distances(group, q, float(t)) for q, t in zip(paths, times, strict=True)])
+        distance = distance[:, pairs]
+        for begin, end, width in rows:
+            inside = np.clip(distance, begin, end)
+            low, high = np.minimum.accumulate(inside), np.maximum.accumulate(inside)
+            far = high - low > STRIDE * width
+            for pair in np.flatnonzero(far.any(axis=0)):
+                k = int(np.argmax(far[:, pair]))
+                inwards = inside[k, pair] == low[k, pair]
+                goal = high[k, pair] - 0.9 * STRIDE * width if inwards else low[k, pair] + 0.9 * STRIDE * width
+                before, after = distance[k - 1, pair], distance[k, pair]
+                part = float(np.clip((goal - before) / (after - before), 0.0, 1.0)) if after != before else 1.0
+                share = min(share, float(x[k - 1]) + part / SAMPLES)
+    return share
+
+
+def _basis(x: Array) -> Array:
+    """Bernstein polynomials of degree 7 at some points, shape (points, 8)."""
+    k = np.arange(8)
+    return np.asarray([comb(7, int(a)) * x**a * (1 - x) ** (7 - a) for a in k]).T
