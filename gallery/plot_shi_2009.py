@@ -4,7 +4,7 @@ Shi, Wang, Chu: a leader that turns
 
 The leader's velocity is (sin t, cos t). Agents that know its acceleration follow it without error. Without it, the
 velocities still agree with each other, but their common velocity trails the leader's for ever, by the amount the
-closed form 1/sqrt(1 + h0^2) says.
+closed form 1/sqrt(1 + h0^2) says. Both start compactly: within radius 3, at speeds up to 1.
 """
 
 import numpy as np
@@ -17,7 +17,7 @@ from flocking.show.sheet import panel, sheet
 
 
 def simulate(name):
-    return fk.simulate(shi_2009.scenario(seed=0, name=name).with_(t_end=30.0, frames=601), progress=False)
+    return fk.simulate(shi_2009.scenario(seed=0, name=name, compact=True).with_(t_end=30.0, frames=601), progress=False)
 
 
 informed, uninformed = simulate("shi-2009-all-informed"), simulate("shi-2009-velocity-only")
