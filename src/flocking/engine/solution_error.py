@@ -187,6 +187,10 @@ class SolutionError:
         error = self.over(segment)
         if self.known_until < np.inf:
             return np.inf, np.inf
+        if not segment.t1 > segment.t0:
+            # A state that was put in place crosses at once: no motion led there whose error could be told.
+            self._companion.lose(segment.t1)
+            return np.inf, np.inf
         if watch.kind in ("obstacle", "rim"):
             bound, drift = error.agent(i), np.inf
             acceleration, signed = 0.0, bound / SAFETY
