@@ -63,7 +63,8 @@ def noticed(seed, size, laws):
     """Whether one wrong gain is noticed: in the forces alone, or in what forces and books are made from."""
     rng = np.random.default_rng(seed)
     law = laws[rng.integers(len(laws))]
-    start = fk.start.hexagonal(size, spacing=SPACING[law], noise=0.03 * SPACING[law], speed=0.3, seed=seed)
+    # So little that among a million no pair is next to the barrier at the radius.
+    start = fk.start.hexagonal(size, spacing=SPACING[law], noise=0.015 * SPACING[law], speed=0.3, seed=seed)
     scenario = fk.Scenario(law(), start, t_end=0.01, frames=2)
     options = TilesOptions(step=0.0025, precision=("float64", "float32")[rng.integers(2)], keep_frames=False)
     factor = 1.0 + 0.01 * rng.choice([-1, 1])
