@@ -76,6 +76,11 @@ class Extremes:
                 if x <= 1.0 or error.lost:
                     self._take(name, segment, value, x, (int(i),), 2 * off if name == "spread" else off)
 
+    def add_to_ledger(self, segment: Segment, unexplained: float) -> None:
+        """Add what the integration error leaves the energy ledger unable to explain on a step."""
+        value = self.largest.get("ledger", Largest(0.0)).value + unexplained
+        self.largest["ledger"] = Largest(value, segment.t1 + self._base)
+
     def _least(self, name: str, error: float) -> float:
         """Above which value a step has something to say of a quantity."""
         known = self.largest.get(name, NOTHING)

@@ -125,7 +125,9 @@ class Accuracy:
         Switches that the error leaves open, fields `DOUBT_FIELDS`.
     largest
         Largest values over the whole run: ``speed``, ``spread`` (distance of a velocity from the mean one),
-        ``diameter`` (distance of two agents) and, with a leader of constant velocity, ``relative speed``.
+        ``diameter`` (distance of two agents), ``ledger`` (the part of the residual of the energy ledger that the
+        integration error explains, added up over the steps) and, with a leader of constant velocity,
+        ``relative speed``.
     known_until
         When the error became so large, or a switch in doubt decided so much, that nothing that comes later is known.
     """

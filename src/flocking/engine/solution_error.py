@@ -9,7 +9,7 @@ import numpy as np
 
 from flocking.engine.companion import SAFETY, Companion, Difference, StateError
 from flocking.engine.doubts import Doubts, Settled
-from flocking.engine.dynamics import Dynamics
+from flocking.engine.dynamics import LEDGER, Dynamics
 from flocking.engine.origin import Origin
 from flocking.engine.recorder import Recorder
 from flocking.engine.segment import Segment
@@ -113,7 +113,27 @@ class SolutionError:
         """
         error = self.over(segment)
         self._recorder.extremes.follow(segment, links.links[0], error, origin)
+        self._recorder.extremes.add_to_ledger(segment, self._unexplained(segment))
         self._settle(self._doubts.follow(segment, links, error), segment, links)
+
+    def _unexplained(self, segment: Segment) -> float:
+        """By how much the energy ledger misses on a step what it misses on the companion's.
+
+        Without integration error a ledger misses nothing, so this is what the error alone leaves unexplained, whatever
+        law the ledger holds against the motion.
+        """
+        if self.known_until < np.inf:
+            return np.inf
+        nodes, gaps = self.difference.nodes, []
+        integrated = self._dynamics.order * self._dynamics.n * self._dynamics.m
+        ends = (segment.t0, segment.coefficients[0], nodes[0]), (segment.t1, segment.coefficients[-1], nodes[-1])
+        with np.errstate(all="ignore"):
+            for t, y, e in ends:
+                _, dissipated, supplied = e[integrated : integrated + LEDGER]
+                gaps.append(
+                    self._dynamics.energy(t, y + e)[0] - self._dynamics.energy(t, y)[0] + dissipated - supplied
+                )
+        return float(abs(gaps[1] - gaps[0])) if np.isfinite(gaps).all() else np.inf
 
     def _settle(self, settled: list[Settled], segment: Segment, links: LinkState) -> None:
         for doubt in settled:

@@ -14,6 +14,12 @@ from flocking.study.evidence.links import LinkEvidence
 LEDGER_FACTOR = 100.0
 """The ledger must close to this many tolerances times the total energy moved."""
 
+EXPLAINED = 4.0
+"""The ledger of a run that knows its integration error may stay open by this many times what that error explains."""
+
+MOST_EXPLAINED = 1e-3
+"""Share of the energy moved beyond which an open ledger shows nothing, though the integration error explains it."""
+
 DOUBT = 3.0
 """How much larger than estimated the error of a ledger of samples may be."""
 
@@ -39,6 +45,9 @@ class LedgerEvidence(LinkEvidence):
     def ledger_bound(self) -> float:
         """How large the ledger's residual may be: 100 tolerances times the energy moved, plus rounding.
 
+        Where the run knows what its integration error leaves unexplained, as much as that, up to a small share of the
+        energy moved.
+
         Between samples of a motion from elsewhere the powers are interpolated, and their error takes its place. A
         fixed step is held to what its engine holds it to, a share of the energy moved.
         """
@@ -49,7 +58,16 @@ class LedgerEvidence(LinkEvidence):
             return 3 * self.told("ledger_error") + self.told("switch_error") + 1e-9 * size
         tolerance = self.told("tolerance") if "tolerance" in self.run.provenance else self.run.scenario.tolerance
         size = float(np.abs(self.trace["energy"]).max(initial=0.0))
-        return LEDGER_FACTOR * tolerance * self.run.turnover + 1e-12 * size + 1e-14
+        explained = min(self.explained_residual, MOST_EXPLAINED * self.energy_moved)
+        return max(LEDGER_FACTOR * tolerance * self.run.turnover, explained) + 1e-12 * size + 1e-14
+
+    @property
+    def explained_residual(self) -> float:
+        """How large a residual the integration error explains; 0 where it is not known to explain any."""
+        accuracy = self.run.accuracy
+        if accuracy is None or "ledger" not in accuracy.largest:
+            return 0.0
+        return EXPLAINED * accuracy.largest["ledger"].value
 
     @cached_property
     def energy_moved(self) -> float:
@@ -59,12 +77,15 @@ class LedgerEvidence(LinkEvidence):
 
     @cached_property
     def ledger_doubt(self) -> str:
-        """Why a ledger of samples can neither close nor stay open; empty when it can.
+        """Why a ledger can neither close nor stay open; empty when it can.
 
+        The integration error of a computed motion may explain what is missing, and be too large to show anything.
         Too few samples leave open how much was dissipated between them. A link of which samples do not tell whether it
         is there leaves open what it stores; a ledger that closes shows that it was guessed right.
         """
         if not self.sampled:
+            if self.ledger_bound < self.residual <= self.explained_residual:
+                return f"{self._ledger_sizes}, and the integration error explains {self.explained_residual:.1e}"
             return ""
         if not self.ledger_bound <= RESIDUAL * self.energy_moved:
             return (
