@@ -8,7 +8,7 @@ import numpy as np
 
 from flocking.engine.band_guards import diameter, fastest
 from flocking.engine.companion import StateError
-from flocking.engine.guards import NEVER, closest, reach
+from flocking.engine.guards import FINEST, NEVER, closest, reach
 from flocking.engine.origin import Origin
 from flocking.engine.run import Closest, Largest
 from flocking.engine.segment import Segment
@@ -17,6 +17,9 @@ from flocking.model.connectivity import Links
 
 SPEEDS = ("speed", "spread", "relative speed")
 NOTHING = Largest()
+
+SQUARED = 64 * float(np.finfo(float).eps)
+"""Error of a squared distance inside a step, relative to the largest on it: a sum of 64 products, halved repeatedly."""
 
 
 class Extremes:
@@ -108,12 +111,22 @@ class Extremes:
                 found.append(replace(old, error=error) if error == np.inf and old.pair[0] >= 0 else old)
                 continue
             distance = float(np.sqrt(row[0]))
-            floor = min(old.distance - _known(old), distance - error)
+            floor = min(old.distance - _known(old), distance - error - _coarse(B, row))
             if distance < old.distance:
                 when = segment.t0 + row[1] * (segment.t1 - segment.t0) + self._base
                 old = Closest(distance, when, (int(row[2]), int(row[3])))
             found.append(replace(old, error=old.distance - floor))
         self.closest = (found[0], found[1])
+
+
+def _coarse(B: Array, row: list[float]) -> float:
+    """How far off a smallest distance inside a step may be because it was sought, and squared, in floating point."""
+    square, x, i, j = row
+    rough = FINEST * square
+    if 0.0 < x < 1.0:
+        offsets = B[:, int(j)] - B[:, int(i)]
+        rough += SQUARED * float((offsets**2).sum(axis=1).max())
+    return float(np.sqrt(square) - np.sqrt(max(square - rough, 0.0)))
 
 
 def _known(found: Closest) -> float:

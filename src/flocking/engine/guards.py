@@ -18,6 +18,9 @@ from flocking.model.checks import Array
 NEVER = 2.0
 """Returned where nothing happens on [0, 1]."""
 
+FINEST = 1e-13
+"""How finely smallest values are sought, relative to their size."""
+
 _PRODUCT = np.array([[comb(7, a) * comb(7, b) / comb(14, a + b) for b in range(8)] for a in range(8)])
 _DEPTH = 80
 
@@ -85,7 +88,7 @@ def first_above(g: Array) -> float:
 def smallest_value(g: Array, below: float) -> tuple[float, float]:
     """Smallest value of a Bernstein polynomial on [0, 1] if it is less than ``below``, and where.
 
-    Returns ``(below, NEVER)`` when it is proved not to be. The value is exact to 1e-13 of its size.
+    Returns ``(below, NEVER)`` when it is proved not to be. The value is exact to `FINEST` of its size.
 
     Parameters
     ----------
@@ -107,7 +110,7 @@ def smallest_value(g: Array, below: float) -> tuple[float, float]:
         for x, value in ((start, stack[top, 0]), (start + w, stack[top, size - 1])):
             if value < best:
                 best, where = value, x
-        if stack[top].min() >= best - 1e-13 * abs(best) or w < 1e-12 or top + 2 >= _DEPTH:
+        if stack[top].min() >= best - FINEST * abs(best) or w < 1e-12 or top + 2 >= _DEPTH:
             top -= 1
             continue
         _halve(stack[top], left, right)

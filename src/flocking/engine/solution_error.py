@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.companion import SAFETY, Companion, Difference, StateError
+from flocking.engine.companion import ROUNDING, SAFETY, Companion, Difference, StateError
 from flocking.engine.doubts import Doubts, Settled
 from flocking.engine.dynamics import LEDGER, Dynamics
 from flocking.engine.origin import Origin
 from flocking.engine.recorder import Recorder
 from flocking.engine.segment import Segment
-from flocking.engine.switching import Crossing, LinkState
+from flocking.engine.switching import Crossing, LinkState, slack_of
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
 
@@ -130,9 +130,7 @@ class SolutionError:
         with np.errstate(all="ignore"):
             for t, y, e in ends:
                 _, dissipated, supplied = e[integrated : integrated + LEDGER]
-                gaps.append(
-                    self._dynamics.energy(t, y + e)[0] - self._dynamics.energy(t, y)[0] + dissipated - supplied
-                )
+                gaps.append(self._dynamics.energy(t, y + e)[0] - self._dynamics.energy(t, y)[0] + dissipated - supplied)
         return float(abs(gaps[1] - gaps[0])) if np.isfinite(gaps).all() else np.inf
 
     def _settle(self, settled: list[Settled], segment: Segment, links: LinkState) -> None:
@@ -220,6 +218,10 @@ class SolutionError:
             self._settle(self._doubts.cross(crossing, k, segment.t1, links, bound), segment, links)
             signed, drift_of_direction, acceleration = _radial(segment, i, j, *self._sizes, self.difference.nodes[-1])
             drift += drift_of_direction * bound
+            # The crossing counts from where the pair is that far beyond the distance.
+            beyond = slack_of(watch, error.q_floor / ROUNDING)
+            bound += beyond
+            signed += float(np.copysign(beyond, speed))
         late = bound / abs(speed) if speed else np.inf
         if acceleration:
             late = min(late, float(np.sqrt(2 * bound / abs(acceleration))))
@@ -230,7 +232,7 @@ class SolutionError:
         if self._jump is None or abs(delay) > abs(self._jump[0]):
             self._jump = (delay, segment.with_slope(segment.t1)[1])
         # The user's time is told apart only so far.
-        unit = float(np.spacing(abs(segment.t1 + self._dynamics.base))) if self._dynamics.base else 0.0
+        unit = float(np.spacing(abs(segment.t1 + self._dynamics.base)))
         return late + unit, drift + abs(acceleration) * late
 
     def switched(self, slope: Array) -> None:
