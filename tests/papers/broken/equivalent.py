@@ -24,6 +24,8 @@ RULES: tuple[tuple[str, str, str], ...] = (
     ("observables.mean_", "constant: 3 for 1 in ", EQUAL_MASSES),
     ("observables.mean_", "constant: 1.05 for 1 in ", EQUAL_MASSES),
     ("diagrams.pair_potentials", "[(0, 1)] turned round", "the adjacency matrix of two agents is symmetric"),
+    ("Bump.steepest", "for 1 in best - 1", "a wider bracket about the best point of the grid holds the maximum too"),
+    ("Bump.steepest", "without method = 'bounded'", "the method that scipy takes where bounds are given"),
     ("diagrams.neighbourhoods", "other sign in headings[0] +", "the first agent heads along x, at an angle of 0"),
     ("diagrams._neighbours", "without arrows = False", "the agents of Fig. 1 are at rest and have no arrows"),
     ("diagrams._neighbours", "True for False in a keyword", "the agents of Fig. 1 are at rest and have no arrows"),

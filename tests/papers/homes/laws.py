@@ -274,6 +274,15 @@ def first_order():
     assert_allclose(flow.u, u, rtol=1e-10)
     assert flow.kinetic == 0.0
     assert_allclose([flow.dissipation, flow.supply], [(u**2).sum(), 0.0], rtol=1e-10, atol=1e-10)
+    # A sink that pulls stores energy too, and the rate of all that is stored is what is supplied less what is spent.
+    pulled = Law(Proximity(R), (Gradient(PSI), Track(Sink((0.3, -0.2)), 0.7, 0.4)))
+    for energy in (Energy(), Energy("centre of mass")):
+        found = evaluate(pulled, State(Q), agents=Agents(order=1), energy=energy)
+        step = 1e-6
+        stored = [evaluate(pulled, State(Q + h * found.u), agents=Agents(order=1), energy=energy).storage
+                  for h in (step, -step)]  # fmt: skip
+        assert_allclose((stored[0] - stored[1]) / (2 * step), found.supply - found.dissipation, rtol=1e-6)
+    assert_allclose(evaluate(pulled, State(Q), agents=Agents(order=1)).u, u - 0.7 * (Q - [0.3, -0.2]), rtol=1e-10)
     scale = [sum(abs(slope(d)) for i, _, d, _ in near_pairs() if i == k) for k in range(N)]
     assert_allclose(flow.pair_force_sum, scale, rtol=1e-10)
     functionals()
@@ -307,6 +316,7 @@ def memory():
     found = control(Law(Proximity(0.01), (Gradient(PSI),)), State(Q, P, links=links))
     pull = slope(d) * (Q[1] - Q[0]) / d
     assert_allclose(found, [pull, -pull, *np.zeros((N - 2, 2))], rtol=1e-10)
+    ledger()
     ordered = control(Law(Proximity(R), (Gradient(PSI), Consensus())), STATE, agents=Agents(order=1))
     assert_allclose(ordered, evaluate(Law(Proximity(R), (Gradient(PSI),)), STATE).u, rtol=1e-10)
 
