@@ -76,10 +76,15 @@ def series(which, axis, led):
         values = lambda times: np.array([motion.at(t)[which][:, axis] for t in times])  # noqa: E731
         drawn.agents_over_time(panel, values, 10, between=(0.0, 12.0), tolerance=1e-3)
         assert panel.vertical == f"${'qp'[which]}_{{{'xy'[axis]}}}$"
+        # As printed: agents dotted about a leader, who is a solid red line.
+        assert {line.style for line in panel.of("agents", "line")} == {":" if led else "-"}
         leaders = panel.of("leader", "line")
         assert len(leaders) == led
         assert panel.legend == (("leader",) if led else ())
         for line in leaders:
+            assert line.style == "-"
+            red, green, blue = (int(line.color[k : k + 2], 16) for k in (1, 3, 5))
+            assert red > 2 * max(green, blue)
             t = line.points[:, 0]
             assert_allclose([t[0], t[-1]], [0.0, 12.0], atol=1e-9)
             assert_allclose(line.points[:, 1], 3.0 if which else 10.0 + 3.0 * t, rtol=1e-9)

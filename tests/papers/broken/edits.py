@@ -28,7 +28,7 @@ LOOKS = frozenset({
 WORDS = frozenset({"reason", "note", "err_msg"})
 """Keywords that hold a sentence for the reader."""
 TEXTS = frozenset({"label", "variable", "title", "xlabel", "ylabel"})
-CHECKERS = re.compile(r"^(checked_\w+|check_\w+|number|integer|array|listed|vector|Measure\.text)$")
+CHECKERS = re.compile(r"^(checked_\w+|_?check_\w+|number|integer|array|listed|vector|scalar_or_each|generated_module)$")
 SYMBOLIC = frozenset({"strict", "positive", "real", "nonnegative", "all", "check", "casting"})
 """Keywords that check arguments, silence warnings or state what is known of a symbol."""
 SYMMETRIC = frozenset({
@@ -203,7 +203,8 @@ def _statements(owner: Any, field: str, numeric: bool) -> Iterator[Edit]:
                 yield _edit("sign", statement, f"other sign in {_text(statement)}", (statement, "op", flipped))
         if isinstance(statement, ast.Return) and statement.value is not None and numeric:
             value = statement.value
-            if not isinstance(value, ast.Tuple | ast.List | ast.Constant):
+            zero = isinstance(value, ast.Call) and ast.unparse(value) == "sympy.Integer(0)"
+            if not zero and not isinstance(value, ast.Tuple | ast.List | ast.Constant):
                 off = ast.BinOp(value, ast.Mult(), ast.Constant(SMALL))
                 if not _allows(value):
                     yield _edit("factor", statement, f"{SMALL} times {_text(value)}", (statement, "value", off))
@@ -251,6 +252,12 @@ def _inside(parent: Any, node: ast.expr, index: bool = False) -> Iterator[Edit]:
     """Edits of an expression and its parts."""
     if isinstance(node, ast.JoinedStr):
         return
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult | ast.Div) and _allows(node):
+        # Of an allowance for rounding only its size is content.
+        for part in ast.walk(node):
+            if isinstance(part, ast.Constant) and isinstance(part.value, float) and 0 < part.value <= ROUNDING:
+                yield from _constant(node, part, False)
+        return
     yield from _at(parent, node, index)
     for field, value in ast.iter_fields(node):
         parts = value if isinstance(value, list) else [value]
@@ -266,21 +273,31 @@ def _inside(parent: Any, node: ast.expr, index: bool = False) -> Iterator[Edit]:
                                 (part, "ifs", [x for x in part.ifs if x is not test]))  # fmt: skip
                     yield from _inside(part, test)
             elif isinstance(part, ast.expr):
+                if isinstance(node, ast.Call) and _is_count_of_samples(node, part):
+                    continue
                 inner = isinstance(node, ast.Subscript) and field == "slice"
                 yield from _inside(
                     node, part, inner or (index and isinstance(node, ast.Tuple | ast.Slice | ast.UnaryOp))
                 )
 
 
+def _is_count_of_samples(call: ast.Call, part: ast.expr) -> bool:
+    name = ast.unparse(call.func).split(".")[-1]
+    return name in SAMPLES and isinstance(part, ast.Constant) and isinstance(part.value, int) and part.value >= 8
+
+
 def _at(parent: Any, node: ast.expr, index: bool) -> Iterator[Edit]:
     if isinstance(node, ast.BinOp):
         flipped = _other_sign(node.op)
+        if flipped is not None and _is_shape(node):
+            return
         if flipped is not None and not index:
             yield _edit("sign", node, f"other sign in {_text(node)}", (node, "op", flipped))
         elif isinstance(node.op, ast.Mult | ast.Div):
-            if not _allows(node):
-                off = ast.BinOp(node, ast.Mult(), ast.Constant(SMALL))
-                yield _edit("factor", node, f"{SMALL} times {_text(node)}", _replacing(parent, node, off))
+            off = ast.BinOp(node, ast.Mult(), ast.Constant(SMALL))
+            yield _edit("factor", node, f"{SMALL} times {_text(node)}", _replacing(parent, node, off))
+            if _is_shape(node):
+                return
             other: ast.operator = ast.Div() if isinstance(node.op, ast.Mult) else ast.Mult()
             yield _edit("factor", node, f"{type(other).__name__} in {_text(node)}", (node, "op", other))
         elif isinstance(node.op, ast.BitAnd | ast.BitOr):
@@ -309,6 +326,12 @@ def _at(parent: Any, node: ast.expr, index: bool) -> Iterator[Edit]:
         yield from _elements(node)
     elif isinstance(node, ast.Call):
         yield from _call(node)
+
+
+def _is_shape(node: ast.BinOp) -> bool:
+    """Whether zeros are added or ones are multiplied with, which gives an array its shape."""
+    wanted = ("np.zeros", "np.zeros_like") if isinstance(node.op, ast.Add | ast.Sub) else ("np.ones",)
+    return any(isinstance(x, ast.Call) and ast.unparse(x.func) in wanted for x in (node.left, node.right))
 
 
 def _allows(node: ast.expr) -> bool:

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 SYMMETRIC_GAP = "the difference of two headings is the same seen from either agent"
 ANY_LENGTH = "numpy reads every negative length as the one that fits"
 NO_HEADINGS = "the count serves only where there are no headings, which is refused"
+GRID = "a wider bracket holds the maximum too, and the largest slope of the grid is taken besides"
 EQUAL_MASSES = "equal masses give the same mean, whatever they are"
 RULES: tuple[tuple[str, str, str], ...] = (
     ("nets.adjacency", "index: [(i, j)] turned round", SYMMETRIC_GAP),
@@ -24,8 +25,24 @@ RULES: tuple[tuple[str, str, str], ...] = (
     ("observables.mean_", "constant: 3 for 1 in ", EQUAL_MASSES),
     ("observables.mean_", "constant: 1.05 for 1 in ", EQUAL_MASSES),
     ("diagrams.pair_potentials", "[(0, 1)] turned round", "the adjacency matrix of two agents is symmetric"),
-    ("Bump.steepest", "for 1 in best - 1", "a wider bracket about the best point of the grid holds the maximum too"),
+    ("Bump.steepest", "best", GRID),
+    ("Bump.steepest", "len(grid) - 1", GRID),
     ("Bump.steepest", "without method = 'bounded'", "the method that scipy takes where bounds are given"),
+    ("translational_energy", "leader.at(0.0)", "sinks and constant velocities are the same at all times"),
+    ("Track.balance", "swap: arguments of zip(", "the factors of a scalar product may change places"),
+    ("diagrams.beta_agent", "other sign in places['alpha'] +", "a circle about a point is its own mirror image"),
+    *(
+        ("system.obstacle_scenario", f"without {name} = ", "the paper's number is the default of the term")
+        for name in ("damping_gain", "offset", "repulsion_gain", "attraction", "onset")
+    ),
+    ("passage.gap_width", "OBSTACLES = with 105 at 0", "the gap lies between the last two obstacles"),
+    ("pictures.passage", "in o.outline(8)", "the mean of the corners of a regular polygon is its centre"),
+    ("Fixed.random_connected", "in range(100000)", "the number of draws before it is refused"),
+    ("Fixed.random_connected", "in upper[0]", "both arrays of the indices of pairs have the same length"),
+    ("theorems.longest_path", "50", "the upper end of the bracket need only lie beyond the root"),
+    ("Equilibrium.force_scale", "without minlength", "agents without links add nothing to a maximum"),
+    ("Equilibrium.force_scale", "without initial", "the array has an entry for each agent"),
+    ("Equilibrium._look", "in np.where(self.r > 0", "the direction of a pair at one place is 0, whatever divides it"),
     ("diagrams.neighbourhoods", "other sign in headings[0] +", "the first agent heads along x, at an angle of 0"),
     ("diagrams._neighbours", "without arrows = False", "the agents of Fig. 1 are at rest and have no arrows"),
     ("diagrams._neighbours", "True for False in a keyword", "the agents of Fig. 1 are at rest and have no arrows"),

@@ -6,6 +6,7 @@ import ast
 import dis
 import importlib
 import inspect
+import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -17,6 +18,9 @@ from typing import Any
 import numpy as np
 
 from tests.papers.broken.edits import LARGE, ROUNDING, SMALL, Edit, edits_of, edits_of_defaults, raising
+
+LIMITS = re.compile(r"^(PAGE|COLUMN|MOST_\w+|LAST_FIGURE)$")
+"""Names of sizes of pages, and of limits beyond which a function refuses."""
 
 
 @dataclass(frozen=True)
@@ -299,7 +303,7 @@ def _numbers(part: Part, ran: set[int], absent: set[str]) -> list[Mutant]:
             name, value = node.id, space.get(node.id)
         else:
             continue
-        if not name.isupper() or name in seen or name in ("PAGE", "COLUMN"):
+        if not name.isupper() or name in seen or LIMITS.match(name):
             continue
         seen.add(name)
         for new, what in _off(value):

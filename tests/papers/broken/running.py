@@ -109,6 +109,9 @@ def _forget(home: str) -> str | None:
         for thing in list(vars(module).values()):
             if hasattr(thing, "cache_clear") and getattr(thing, "__name__", "") != "_generation":
                 thing.cache_clear()
+        for kept in ("_modules", "_known"):
+            if isinstance(vars(module).get(kept), dict):
+                vars(module)[kept].clear()
     if changes_runs(home):
         _RUNS.clear()
         import numba

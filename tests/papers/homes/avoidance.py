@@ -14,6 +14,7 @@ from flocking.model.graphs import Proximity
 from flocking.model.law import Law
 from flocking.model.leaders import Velocity
 from flocking.model.obstacles import Ball, Wall
+from flocking.model.potentials import Potential
 from flocking.model.state import State
 
 CENTRE, RADIUS, DRIFT = np.array([1.0, -2.0]), 1.5, np.array([0.4, -0.3])
@@ -129,7 +130,9 @@ def defaults():
     assert_allclose(
         plain.attraction.slope(np.array([7.0, 9.0])), [phi_gamma(0.0), phi_gamma(2.0)], rtol=1e-10, atol=1e-12
     )
-    assert plain.kinks()
+    assert_allclose(plain.kinks(), [0.0, R0 * 5 / 6], rtol=1e-12)
+    kinked = avoid(repulsion=Potential("where(r < 1, 2 - r, 1/r)"))
+    assert_allclose(kinked.kinks(), [0.0, 1.0, K0 * R0], rtol=1e-9)
     terms = (avoid(), avoid(gamma_agents=False))
     assert [t.leader is not None for t in terms] == [True, True]
 

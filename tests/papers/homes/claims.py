@@ -11,7 +11,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from flocking.papers import paper
-from flocking.study.claims import Origin
+from flocking.study.claims import Basis, Origin, Verdict
 
 KEPT = "energy energy-falls velocities-agree linked-apart all-apart stationary minimal local-minimum speed-bound"
 LINKED = "energy energy-falls energy-bound energy-per-link new-links connected links-kept linked-apart all-apart"
@@ -49,6 +49,17 @@ NOT_STATED = {
     "zhou-2015-leader": {"leader-offset": Origin.OWN},
 }
 """What the papers assume, and questions they do not answer."""
+REFUTED = {
+    "olfati-saber-2003-sink": {"realization", "flocking"},
+    "olfati-saber-2003-free": {"decreasing"},
+    "tanner-2003-fixed": {"all-apart", "minimal"},
+    "tanner-2003-fixed-complete": {"minimal"},
+    "tanner-2003-dynamic": {"connected", "minimal", "links-kept"},
+    "zhou-2015": {"coincide", "one-length"},
+    "zhou-2015-leader": {"coincide", "one-length", "leader-met"},
+    **{f"shi-2009{kind}": {"minimal"} for kind in ("", "-all-informed", "-uniform", "-velocity-only")},
+}
+"""What has a counter-example."""
 
 
 def listed(key: str) -> None:
@@ -63,8 +74,17 @@ def listed(key: str) -> None:
             assert claim.statement.endswith(".")
             assert not claim.source.endswith(".") or claim.source[-2].isdigit()
             assert claim.key != claim.source
+        for claim in claims.values():
+            # A counter-example is one of the scenario, or of a group made for it.
+            assert (claim.counterexample is not None) == (claim.basis is Basis.COUNTEREXAMPLE)
+            if claim.counterexample is not None:
+                assert claim.expected is Verdict.FAILS
+                led = len(claim.counterexample().law.leaders)
+                assert led == len(found.scenarios()[name](0).law.leaders)
         unstated = {c.key: c.origin for c in claims.values() if c.origin is not Origin.PAPER}
         assert unstated == NOT_STATED.get(name, {})
+        assert {c.key for c in claims.values() if c.expected is Verdict.FAILS} == REFUTED.get(name, set())
+        assert {c.key for c in claims.values() if c.reason} == REFUTED.get(name, set())
         assert all(" " not in claim.key for claim in claims.values())
 
 

@@ -18,7 +18,7 @@ from flocking.model.leaders import Sink, Velocity
 from flocking.model.observables import headings, mean_position, mean_velocity
 from flocking.model.potentials import Potential
 from flocking.model.state import Agents, State
-from flocking.model.terms import SYMMETRIES, Consensus, Gradient
+from flocking.model.terms import SYMMETRIES, Consensus, Gradient, PairTerm
 from flocking.model.tracking import Compensate, Track
 from flocking.study.equilibrium import Equilibrium
 from flocking.study.state_energy import agent_energies, total_energy
@@ -120,9 +120,23 @@ def gradient():
             assert_allclose(float(term.storage(x).subs(r, at)), a * value(at), rtol=1e-12)
         assert term.parameters == {"k": 2.0}
         assert term.kinks() == ()
+        pulling = SimpleNamespace(**vars(x), radial=sympy.Rational(3, 10))
+        for at in (0.5, 2.5):
+            # With a psi stored, what moves the weight of a weighted force is supplied.
+            moved = -0.2 * value(at) * 0.3 if weighting == "force" else 0.0
+            assert_allclose(float(term.supply(pulling).subs(r, at)), moved, rtol=1e-12)
+        kept = SimpleNamespace(**{**vars(pulling), "fade": SimpleNamespace(integral=lambda at: 7 * at)})
+        assert term.supply(kept) == 0
+        assert_allclose(float(term.storage(kept).subs(r, 2.5)), 0.5 * value(2.5) + 17.5, rtol=1e-12)
     assert Gradient(PSI).weighting == "energy"
     assert Gradient(PSI).over is None
     assert_allclose(Gradient(Potential("where(r < 2, r**2, 4)")).kinks(), [2.0])
+    from flocking.model.smooth_graphs import Smooth
+
+    assert Gradient(PSI, weighting="force").fall(Smooth(R, 0.5)) is not None
+    for term in (Gradient(PSI), Gradient(PSI, weighting="force", stored="potential")):
+        assert term.fall(Smooth(R, 0.5)) is None
+    assert Gradient(PSI, weighting="force").fall(Proximity(R)) is None
     forces_of_a_group()
 
 
@@ -180,6 +194,28 @@ def track():
     assert (alone.position_gain, alone.velocity_gain, alone.acceleration_gain) == (0.0, 1.0, 0.0)
     assert (alone.per_mass, alone.shared, alone.saturated) == (False, False, False)
     scheduled()
+    pushed()
+
+
+class Pushed(Track):
+    """A tracking term with a constant push of its own."""
+
+    def force(self, x):
+        return [f + c for f, c in zip(super().force(x), (0.5, -0.25), strict=True)]
+
+
+def pushed():
+    """What a subclass adds to the force is supplied as it stands."""
+    p, frame_p, lp = RNG.normal(size=(3, 2))
+    x = SimpleNamespace(
+        q=p, p=p, mass=1.0, mean_q=p, mean_p=p, frame_q=p, frame_p=frame_p, leader_q=p, leader_p=lp, leader_a=0 * p,
+        parameter={"velocity_gain": 1.9}.__getitem__,
+    )  # fmt: skip
+    plain, more = Track(Velocity(lp), velocity_gain=1.9), Pushed(Velocity(lp), velocity_gain=1.9)
+    spent, given = (float(e) for e in more.balance(x))
+    was_spent, was_given = (float(e) for e in plain.balance(x))
+    assert_allclose(spent, was_spent, rtol=1e-12)
+    assert_allclose(given - was_given, (p - frame_p) @ [0.5, -0.25], rtol=1e-10)
 
 
 def scheduled():
@@ -285,7 +321,56 @@ def first_order():
     assert_allclose(evaluate(pulled, State(Q), agents=Agents(order=1)).u, u - 0.7 * (Q - [0.3, -0.2]), rtol=1e-10)
     scale = [sum(abs(slope(d)) for i, _, d, _ in near_pairs() if i == k) for k in range(N)]
     assert_allclose(flow.pair_force_sum, scale, rtol=1e-10)
+    # Feedback of the mean of first-order agents.
+    shared = Law(Proximity(R), (Gradient(PSI), Track(Sink((0.3, -0.2)), 0.7, 0.4, shared=True)))
+    for energy in (Energy(), Energy("centre of mass")):
+        found = evaluate(shared, State(Q), agents=Agents(MASSES, order=1), energy=energy)
+        step = 1e-6
+        stored = [evaluate(shared, State(Q + h * found.u), agents=Agents(MASSES, order=1), energy=energy).storage
+                  for h in (step, -step)]  # fmt: skip
+        assert_allclose((stored[0] - stored[1]) / (2 * step), found.supply - found.dissipation, rtol=1e-5)
     functionals()
+    uneven()
+
+
+class Radial(PairTerm):
+    """Damping along the line of a pair, other for each agent."""
+
+    def __init__(self, gain):
+        self.gain = np.asarray(gain)
+
+    over = None
+
+    @property
+    def parameters(self):
+        return {"gain": self.gain}
+
+    @property
+    def structure(self):
+        return ("Radial of a test",)
+
+    def along(self, x):
+        return x.parameter("gain") * x.radial
+
+
+def uneven():
+    """Forces that are not opposite have powers in every frame; agents at one place have no direction."""
+    gains = np.array([0.3, 1.0, 2.0, 0.7, 1.4])
+    law = Law(Proximity(R), (Gradient(PSI), Radial(gains), Consensus(gains[::-1].copy())))
+    u = np.zeros((N, 2))
+    for i, j, d, n in near_pairs():
+        u[i] += slope(d) * n + gains[i] * float(n @ (P[j] - P[i])) * n + gains[::-1][i] * (P[j] - P[i])
+    for energy in (Energy(), Energy("centre of mass"), Energy("leader", leader=Velocity(GUIDE))):
+        found = evaluate(law, STATE, energy=energy)
+        assert_allclose(found.u, u, rtol=1e-10)
+        step = 1e-6
+        ends = [evaluate(law, State(Q + h * P, P + h * u), energy=energy) for h in (step, -step)]
+        rate = (ends[0].storage + ends[0].kinetic - ends[1].storage - ends[1].kinetic) / (2 * step)
+        assert_allclose(rate, found.supply - found.dissipation, rtol=1e-6, atol=1e-7)
+    together = Law(Proximity(R), (Consensus(), Gradient(Potential("(r - 1)**2"))))
+    met = State(np.array([[0.0, 0.0], [0.0, 0.0], [0.5, 0.0]]), np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 1.0]]))
+    pull = np.array([[-1.0, 0.0], [-1.0, 0.0], [2.0, 0.0]]) + [[-2.0, 1.0], [1.0, 1.0], [1.0, -2.0]]
+    assert_allclose(control(together, met), pull, rtol=1e-10)
 
 
 def functionals():

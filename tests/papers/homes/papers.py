@@ -266,6 +266,7 @@ def fixed_scenario():
         expected = sorted({*np.arange(0, 100.5, 0.5), 2.22842, 5.21464, 22.8931, 55.0766})
         assert_allclose(found.frame_times, expected, rtol=1e-12)
         assert (found.energy.frame, found.energy.unlinked) == ("lab", 0.0)
+    assert_allclose(fixed.scenario().start.q, by_hand.ball_start(0)[0], rtol=1e-12)
     whole = fixed.scenario(seed=1, complete=True, speed=2.0)
     assert len(whole.law.graph.edges) == 45
     assert whole.name == fixed.COMPLETE
@@ -285,6 +286,7 @@ def dynamic_scenario():
         assert_allclose(found.frame_times, np.arange(0, 100.5, 0.5), rtol=1e-12)
         assert_allclose(found.energy.unlinked, 1 / 4 + math.log(4.0), rtol=1e-12)
         assert (found.energy.frame, found.energy.name) == ("lab", "Q")
+    assert_allclose(dynamic.scenario().start.q, by_hand.ball_start(0, range_of_sight=2.0)[0], rtol=1e-12)
     other = dynamic.scenario(seed=2, speed=3.0, start_radius=1.0).start
     q, p = by_hand.ball_start(2, radius=1.0, speed=3.0, range_of_sight=2.0)
     assert_allclose(other.q, q, rtol=1e-12)
@@ -293,7 +295,7 @@ def dynamic_scenario():
 
 def longest_path():
     potential = fixed.potential()
-    for links, c in ((9, 2.0), (1, 1.5), (4, 6.0), (3, 30.0)):
+    for links, c in ((9, 2.0), (1, 1.5), (4, 6.0), (3, 30.0), (2, 1.0001)):
         # V(s) = c on the branch where V rises.
         low, high = 1.0, math.exp(c)
         for _ in range(200):

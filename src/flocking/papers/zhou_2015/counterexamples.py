@@ -72,7 +72,7 @@ def coinciding_goal() -> Demonstration:
 
 def equal_lengths() -> Demonstration:
     """(23) and property (i): not all links end at the distance r/2 where the potential is least."""
-    lengths = examples.coming_together_of(1.0)
+    lengths, _ = examples.coming_together_of(1.0)
     off = float(np.abs(lengths - system.RADIUS / 2).max())
     return Demonstration(0.0, off, 1e-3, "largest difference between a link's final length and r/2")
 

@@ -22,6 +22,7 @@ from flocking.model.terms import Consensus, Gradient, PairTerm
 from flocking.model.tracking import Track
 from flocking.papers import examples
 from flocking.papers.zhou_2015 import system, theorems
+from flocking.study.claims import Measure
 from flocking.study.equilibrium import Equilibrium
 from flocking.study.evidence import Evidence
 from flocking.study.judgement import Judgement
@@ -251,13 +252,15 @@ def led_theorem_of(gain: float) -> dict[str, Judgement]:
     return theorem_of(gain, leader=True)
 
 
-def coming_together_of(scale: float) -> Array:
-    """Link lengths in the limit of the second start, the radius of the potential and the graph scaled."""
+def coming_together_of(scale: float) -> tuple[Array, float]:
+    """Link lengths in the limit of the second start, the radius of the potential and the graph scaled, and by how much
+    they miss having one length.
+    """
     radius = system.RADIUS * scale
     scenario = system.scenario(seed=1)
     changed = Law(system.graph(radius), (Gradient(system.potential(radius)), Consensus(1.0)))
     run = simulate(scenario.with_(law=changed, name=""), progress=False)
-    return np.sort(Equilibrium(changed, run.state(-1)).r)
+    return np.sort(Equilibrium(changed, run.state(-1)).r), theorems.links_have_one_length(Evidence(run)).margin
 
 
 def definition_of(scale: float) -> tuple[float, tuple[tuple[bool | None, ...], ...]]:
@@ -270,14 +273,14 @@ def definition_of(scale: float) -> tuple[float, tuple[tuple[bool | None, ...], .
     return least, examples.meets(system.KEY, system.RADIUS, *shown)
 
 
-def mean_velocity_of(scale: float) -> Array:
-    """Mean velocity of the led group after one second, the leader's gain scaled."""
+def mean_velocity_of(scale: float) -> tuple[Array, Measure]:
+    """Mean velocity of the led group after one second, the leader's gain scaled, and (34) held against the run."""
     scenario = system.scenario(seed=0, leader=True)
     pair_terms = [t for t in scenario.law.terms if not isinstance(t, Track)]
     pull = Track(scenario.law.leaders[0], velocity_gain=system.LEADER_GAIN * scale)
     changed = Law(scenario.law.graph, (*pair_terms, pull))
     run = simulate(scenario.with_(law=changed, t_end=1.0, frames=2, name=""), progress=False)
-    return np.asarray(run.p[-1].mean(axis=0))
+    return np.asarray(run.p[-1].mean(axis=0)), theorems.mean_velocity_decays(Evidence(run))
 
 
 def start_of(scale: float) -> State:
