@@ -245,3 +245,24 @@ def test_errors_of_a_run_survive_json() -> None:
     assert run.accuracy is not None
     data = json.loads(json.dumps(accuracy_data(run.accuracy), allow_nan=False))
     assert data["known_until"] == run.accuracy.known_until
+
+
+def test_a_session_in_the_middle_of_a_step_knows_what_happened_until_then() -> None:
+    """Free agents: one step to the end, within which a link breaks, and distances and doubts go on changing."""
+    law = fk.Law(fk.Proximity(2.0), [fk.Consensus(0.0)])
+    start = fk.State([[0.0, 0.0], [1.0, 0.0]], [[0.0, 0.0], [1.0, 0.0]])
+    session = fk.start(fk.Scenario(law, start, t_end=10.0))
+    session.advance(3.0)
+    assert session._segment.t1 > 3.0
+    run, bits = session.run(), pack(session)
+    assert run.certain.all()
+    assert len(run.switches) == 1
+    assert run.accuracy is not None
+    assert run.accuracy.largest["diameter"].value == pytest.approx(4.0)
+    assert run.closest_unlinked.distance == pytest.approx(2.0)
+    assert session.run().accuracy is not run.accuracy
+    assert pack(session) == bits
+    other = fk.start(fk.Scenario(law, start, t_end=10.0))
+    other.advance(10.0)
+    session.advance(10.0)
+    assert_same(session.run(), other.run())

@@ -158,8 +158,8 @@ def watched(experiment, times):
     return history
 
 
-def words(history):
-    run = history.run((Closest(1.0, 0.0, (0, 1)), Closest()))
+def words(history, experiment):
+    run = history.run((Closest(1.0, 0.0, (0, 1), 0.0), Closest()), experiment.session.accuracy)
     return {lamp.claim.key: lamp for lamp in lamps(run, claims_of(run.scenario.name))}
 
 
@@ -167,7 +167,7 @@ def test_lamps_agree_with_the_audit_of_the_same_run():
     scenario = zhou()
     experiment = Experiment(scenario)
     history = watched(experiment, np.linspace(0.01, 20.0, 150))
-    run = history.run(experiment.session.recorder.closest_pairs)
+    run = history.run(experiment.session.closest_pairs, experiment.session.accuracy)
     lit = {x.claim.key: x.word for x in lamps(run, claims_of(scenario.name))}
     report = fk.audit(fk.simulate(scenario.with_(frames=np.linspace(0.0, 20.0, 150).tolist()), progress=False))
     said = {r.claim.key: str(r.verdict) for r in report.results}
@@ -181,7 +181,7 @@ def test_a_lamp_names_the_agents_that_left_and_an_intervention_begins_anew():
     start = fk.State([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], [[0.0, 0.0], [0.0, 0.0], [0.0, 1.0]])
     experiment = Experiment(fk.Scenario(law, start, t_end=10.0))
     history = watched(experiment, np.linspace(0.1, 3.0, 30))
-    found = words(history)
+    found = words(history, experiment)
     assert found["connected"].word == "fails"
     assert found["connected"].culprit.agents == (2,)
     assert found["connected"].culprit.time == pytest.approx(1.0, abs=1e-6)
@@ -194,8 +194,8 @@ def test_a_lamp_names_the_agents_that_left_and_an_intervention_begins_anew():
         experiment.advance(t)
         history.take(clock._look())
     assert history.span == (3.1, 3.4)
-    assert words(history)["connected"].word == "hypothesis not met"
-    assert words(history)["connected"].culprit.agents == (2,)
+    assert words(history, experiment)["connected"].word == "hypothesis not met"
+    assert words(history, experiment)["connected"].culprit.agents == (2,)
 
 
 def test_a_claim_about_the_end_has_not_failed_before_it():
@@ -203,11 +203,11 @@ def test_a_claim_about_the_end_has_not_failed_before_it():
 
     scenario = zhou_2015.scenario(seed=0)
     experiment = Experiment(scenario)
-    early = words(watched(experiment, np.linspace(0.1, 1.0, 10)))
+    early = words(watched(experiment, np.linspace(0.1, 1.0, 10)), experiment)
     assert early["coincide"].word == "not yet"
     assert early["coincide"].color == "orange"
     assert early["energy"].word == "holds"
-    late = words(watched(experiment, np.linspace(1.5, scenario.t_end, 60)))
+    late = words(watched(experiment, np.linspace(1.5, scenario.t_end, 60)), experiment)
     assert late["coincide"].word == "fails"
 
 

@@ -10,7 +10,6 @@ from itertools import zip_longest
 import numpy as np
 
 import flocking as fk
-from flocking.study.evidence import Evidence
 from tests.validation.draws import Draw
 from tests.validation.judge.motion import Judge
 from tests.validation.truths import SURE, Truth, starts_connected, truth
@@ -141,8 +140,7 @@ def _worst(found: Finding, name: str, ratio: float) -> None:
 
 def _compare_approach(run: fk.Run, known: Truth, found: Finding) -> None:
     """Closest approach of all pairs against the error that the run states."""
-    stated = getattr(run.closest, "error", None)
-    stated = float(Evidence(run).approach_error) if stated is None else float(stated)
+    stated = run.closest.error
     true = min(known.motion.closest_linked.distance, known.motion.closest_unlinked.distance)
     off = abs(run.closest.distance - true) if math.isfinite(true) else 0.0
     if stated > 0:

@@ -16,7 +16,7 @@ from flocking.engine.companion import NODES, Difference
 from flocking.engine.exact import ExactSession
 from flocking.engine.origin import Origin
 from flocking.engine.recorder import Recorder
-from flocking.engine.run import Run
+from flocking.engine.run import Closest, Largest, Run
 from flocking.engine.segment import Segment
 from flocking.engine.snapshot import Snapshot
 from flocking.engine.solution_error import ErrorMemory
@@ -108,6 +108,10 @@ def _pack_exact(session: ExactSession) -> tuple[dict[str, Any], Arrays]:
         "origin": snapshot.origin.packed(), "momentum": snapshot.momentum.tolist(),
         "sliding": [[*map(int, pair), *values] for pair, values in snapshot.sliding.items()],
         "doubts": [list(row) for row in snapshot.recorder.doubts],
+        "closest": [[c.distance, c.time, list(c.pair), c.error] for c in snapshot.recorder.extremes.closest],
+        "largest": {
+            name: [x.value, x.time, list(x.agents), x.error] for name, x in snapshot.recorder.extremes.largest.items()
+        },
     }  # fmt: skip
     arrays: Arrays = {
         "y": snapshot.stepper.y,
@@ -137,7 +141,7 @@ def _restore_exact(numbers: dict[str, Any], arrays: dict[str, Any], records: Run
         [Crossing(watch, arrays[f"pending{k}"]) for k, watch in enumerate(numbers["pending"])],
         ([arrays[f"links{k}"] for k in range(numbers["graphs"])],
          [arrays[f"near{k}"] for k in range(numbers["watches"])]),
-        recorder_of(records, [tuple(row) for row in numbers.get("doubts", [])]),
+        recorder_of(records, numbers),
         numbers["energy"], numbers["jumped"], numbers["steps"],
         arrays.get("tolerance"),
         {(w, i, j): (time, speed, count) for w, i, j, time, speed, count in numbers["sliding"]}, plant,
@@ -147,13 +151,13 @@ def _restore_exact(numbers: dict[str, Any], arrays: dict[str, Any], records: Run
     return ExactSession.resume(snapshot)
 
 
-def recorder_of(run: Run, doubts: list[tuple[Any, ...]]) -> Recorder:
+def recorder_of(run: Run, numbers: dict[str, Any]) -> Recorder:
     """A recorder that holds the records of a run and goes on with them.
 
     Parameters
     ----------
-    doubts
-        Switches in doubt until then, rows of `flocking.engine.run.DOUBT_FIELDS`.
+    numbers
+        Those of the checkpoint: what was in doubt, and the extreme values, at the last whole step.
     """
     scenario: Scenario = run.scenario
     recorder = Recorder(scenario)
@@ -162,11 +166,17 @@ def recorder_of(run: Run, doubts: list[tuple[Any, ...]]) -> Recorder:
     recorder.switches = run.switches.tolist()
     recorder.trace = run.trace.tolist()
     recorder.extremes.closest = (run.closest_linked, run.closest_unlinked)
-    recorder.doubts = doubts
+    if "closest" in numbers:
+        linked, unlinked = (Closest(d, t, (pair[0], pair[1]), e) for d, t, pair, e in numbers["closest"])
+        recorder.extremes.closest = (linked, unlinked)
+    recorder.extremes.largest = {
+        name: Largest(value, time, tuple(agents), error)
+        for name, (value, time, agents, error) in numbers.get("largest", {}).items()
+    }
+    recorder.doubts = [tuple(row) for row in numbers.get("doubts", [])]
     recorder.errors = [(np.inf, np.inf)] * len(recorder.t)
     if run.accuracy is not None:
         recorder.errors = [(q, p) for q, p in run.accuracy.frames.tolist()]
-        recorder.extremes.largest = dict(run.accuracy.largest)
     return recorder
 
 

@@ -14,7 +14,7 @@ from flocking.engine.origin import may_have, momentum, origin_of
 from flocking.engine.precision import Precision
 from flocking.engine.provenance import provenance
 from flocking.engine.recorder import Recorder
-from flocking.engine.run import Accuracy, Run
+from flocking.engine.run import Accuracy, Closest, Run
 from flocking.engine.segment import Segment
 from flocking.engine.snapshot import Snapshot as Snapshot
 from flocking.engine.solution_error import SolutionError
@@ -389,12 +389,23 @@ class ExactSession:
     @property
     def accuracy(self) -> Accuracy:
         """What is known of the errors of what was computed so far."""
-        return self.recorder.accuracy(
-            self._error.open_rows(self._origin.own_time(self.time), self._links), self._error.known_until
+        return self._extreme_values()[1]
+
+    @property
+    def closest_pairs(self) -> tuple[Closest, Closest]:
+        """Closest linked and unlinked pair until now."""
+        return self._extreme_values()[0]
+
+    def _extreme_values(self) -> tuple[tuple[Closest, Closest], Accuracy]:
+        rows, extremes = self._error.until_now(
+            self._segment, self._origin.own_time(self.time), self._links, self._origin
         )
+        return extremes.closest, self.recorder.accuracy(rows, extremes.largest, self._error.known_until)
 
     def run(self, status: str = "finished") -> Run:
         """What was computed so far."""
+        (linked, unlinked), accuracy = self._extreme_values()
         return Run(
-            self.scenario, status=status, provenance=self.about, accuracy=self.accuracy, **self.recorder.tables()
-        )
+            self.scenario, status=status, provenance=self.about, closest_linked=linked, closest_unlinked=unlinked,
+            accuracy=accuracy, **self.recorder.tables(),
+        )  # fmt: skip

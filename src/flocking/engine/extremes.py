@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import replace
 
 import numpy as np
@@ -46,6 +47,12 @@ class Extremes:
         self.largest: dict[str, Largest] = {}
         self.closest = (Closest(), Closest())
 
+    def copy(self) -> Extremes:
+        """One that goes on by itself."""
+        other = copy.copy(self)
+        other.largest = dict(self.largest)
+        return other
+
     def follow(self, segment: Segment, linked: Links, error: StateError, origin: Origin) -> None:
         """Take in a step.
 
@@ -80,7 +87,15 @@ class Extremes:
                     self._take(name, segment, value, x, (int(i),), 2 * off if name == "spread" else off)
 
     def add_to_ledger(self, segment: Segment, unexplained: float) -> None:
-        """Add what the integration error leaves the energy ledger unable to explain on a step."""
+        """Add what the integration error leaves the energy ledger unable to explain on a step.
+
+        Parameters
+        ----------
+        segment
+            The step.
+        unexplained
+            Energy by which the books of this step may be open for that reason alone.
+        """
         value = self.largest.get("ledger", Largest(0.0)).value + unexplained
         self.largest["ledger"] = Largest(value, segment.t1 + self._base)
 

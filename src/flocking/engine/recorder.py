@@ -10,7 +10,7 @@ import numpy as np
 from flocking.engine.appending import NewRecords
 from flocking.engine.extremes import Extremes
 from flocking.engine.origin import Origin
-from flocking.engine.run import DOUBT_FIELDS, SWITCH_FIELDS, TRACE_FIELDS, Accuracy, Closest, FineSamples
+from flocking.engine.run import DOUBT_FIELDS, SWITCH_FIELDS, TRACE_FIELDS, Accuracy, FineSamples, Largest
 from flocking.engine.segment import Segment
 from flocking.model.checks import Array
 from flocking.model.connectivity import Links
@@ -84,11 +84,6 @@ class Recorder:
         return {}
 
     @property
-    def closest_pairs(self) -> tuple[Closest, Closest]:
-        """Closest linked and unlinked pair until now."""
-        return self.extremes.closest
-
-    @property
     def layout(self) -> dict[str, Any]:
         """How the records are stored on disk, as options of `RunWriter.create`."""
         return {"with_links": True, "with_errors": True}
@@ -137,7 +132,7 @@ class Recorder:
         return FineSamples(np.array(t), np.array(q), np.array(p))
 
     def tables(self) -> dict[str, Any]:
-        """All records as arrays, by the names of `Run`."""
+        """Frames, switches and ledger as arrays, by the names of `Run`."""
         shape = (0, self.n, self.m)
         count = len(self.t)
         return {
@@ -147,23 +142,23 @@ class Recorder:
             "links": np.array(self.links[:count]) if count else np.zeros((0, self.n, self.n), dtype=bool),
             "switches": np.array(self.switches, dtype=SWITCH_FIELDS),
             "trace": np.array(self.trace, dtype=TRACE_FIELDS),
-            "closest_linked": self.extremes.closest[0],
-            "closest_unlinked": self.extremes.closest[1],
             "fine": self._fine_samples(),
         }
 
-    def accuracy(self, open_doubts: list[tuple[Any, ...]], known_until: float) -> Accuracy:
+    def accuracy(self, doubts: list[tuple[Any, ...]], largest: dict[str, Largest], known_until: float) -> Accuracy:
         """What is known of the errors.
 
         Parameters
         ----------
-        open_doubts
-            Rows of `DOUBT_FIELDS` that are not settled yet.
+        doubts
+            Rows of `DOUBT_FIELDS`.
+        largest
+            Largest values.
         known_until
             Since when nothing is known.
         """
         count = len(self.t)
         return Accuracy(
-            np.array(self.errors[:count]).reshape(count, 2), np.array([*self.doubts, *open_doubts], dtype=DOUBT_FIELDS),
-            dict(self.extremes.largest), known_until,
+            np.array(self.errors[:count]).reshape(count, 2), np.array(doubts, dtype=DOUBT_FIELDS), dict(largest),
+            known_until,
         )  # fmt: skip

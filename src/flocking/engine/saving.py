@@ -129,8 +129,8 @@ class Saving:
         session = self._session
         self._writer.commit(
             status,
-            closest=session.recorder.closest_pairs,
-            accuracy=getattr(session, "accuracy", None),
+            closest=session.closest_pairs,
+            accuracy=session.accuracy,
             provenance=session.about,
             checkpoint=(lambda file: write_checkpoint(session, file)) if resumable else None,
         )

@@ -10,6 +10,7 @@ import numpy as np
 from flocking.engine.companion import ROUNDING, SAFETY, Companion, Difference, StateError
 from flocking.engine.doubts import Doubts, Settled
 from flocking.engine.dynamics import LEDGER, Dynamics
+from flocking.engine.extremes import Extremes
 from flocking.engine.origin import Origin
 from flocking.engine.recorder import Recorder
 from flocking.engine.segment import Segment
@@ -244,12 +245,36 @@ class SolutionError:
 
     def abandon(self, t: float, links: LinkState) -> None:
         """Put on record what is in doubt now: the watches of ``links`` are given up."""
-        self._recorder.doubts += self.open_rows(t, links)
+        self._recorder.doubts += self._told(self._doubts.open_rows(t, links))
         self._doubts = Doubts()
 
-    def open_rows(self, t: float, links: LinkState) -> list[tuple[Any, ...]]:
-        """What is in doubt now, as rows of `flocking.engine.run.DOUBT_FIELDS`."""
-        return self._told(self._doubts.open_rows(t, links))
+    def until_now(
+        self, segment: Segment, t: float, links: LinkState, origin: Origin
+    ) -> tuple[list[tuple[Any, ...]], Extremes]:
+        """Switches in doubt and extreme values until time ``t`` on the step followed last, which goes on.
+
+        Rows of `flocking.engine.run.DOUBT_FIELDS`; nothing is put on record.
+
+        Parameters
+        ----------
+        segment
+            The step followed last.
+        t
+            Until when, on that step or at its end.
+        links
+            Links on it.
+        origin
+            What its time and coordinates are relative to.
+        """
+        doubts, extremes = Doubts(), self._recorder.extremes.copy()
+        doubts.recall(self._doubts.memory())
+        part = segment.until(t)
+        rows = list(self._recorder.doubts)
+        if part.t1 > part.t0:
+            error = self.over(segment)
+            extremes.follow(part, links.links[0], error, origin)
+            rows += self._told([settled.row for settled in doubts.follow(part, links, error)])
+        return rows + self._told(doubts.open_rows(t, links)), extremes
 
     def _told(self, rows: list[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
         """Rows with the user's times in place of the session's own."""

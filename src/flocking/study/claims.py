@@ -66,6 +66,8 @@ class Measure:
         them, can refute it and not show it. False for what one moment decides.
     somewhere
         Whether it speaks of something that happens at some moment, so that samples can show it and not refute it.
+    decided
+        When it was decided, for good: what came later does not matter. The end of the run for most.
     """
 
     margin: float
@@ -74,11 +76,12 @@ class Measure:
     unsettled: str = ""
     everywhere: bool = True
     somewhere: bool = False
+    decided: float = math.inf
 
     @property
     def holds(self) -> bool | None:
         """True or false, or None when the margin is within the error or not a number."""
-        if math.isnan(self.margin) or abs(self.margin) < self.error:
+        if math.isnan(self.margin) or math.isnan(self.error) or abs(self.margin) < self.error:
             return None
         return self.margin > 0
 
@@ -217,6 +220,8 @@ class Claim:
 
     def _verdict(self, e: Evidence, measured: Measure, unsettled: str) -> tuple[Verdict, str]:
         """The verdict that a measured conclusion allows, and why it is not surer."""
+        if self.dynamic and measured.decided >= e.known_until < math.inf:
+            return Verdict.NOT_RESOLVED, e.loss_note
         if unsettled:
             return Verdict.NOT_YET, unsettled
         if measured.holds is None:

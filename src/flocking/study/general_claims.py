@@ -10,6 +10,7 @@ from flocking.study.conclusions.approach import (
     linked_apart,
 )
 from flocking.study.conclusions.energy import (
+    at_most,
     energy_continuous,
     energy_rise,
     ledger_residual,
@@ -75,6 +76,7 @@ __all__ = [
     "STATIONARY",
     "agents_at_their_minimum",
     "all_apart",
+    "at_most",
     "crossings_transversal",
     "distances_settle",
     "energy_continuous",

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from flocking.apps.lab.clock import Frame
-from flocking.engine.run import SWITCH_FIELDS, TRACE_FIELDS, Closest, Run
+from flocking.engine.run import SWITCH_FIELDS, TRACE_FIELDS, Accuracy, Closest, Run
 from flocking.model.state import State
 
 MOST_FRAMES = 400
@@ -78,13 +79,15 @@ class History:
         """From when until when."""
         return (self.frames[0].t, self.frames[-1].t) if self.frames else (0.0, 0.0)
 
-    def run(self, closest: tuple[Closest, Closest]) -> Run | None:
+    def run(self, closest: tuple[Closest, Closest], accuracy: Accuracy | None = None) -> Run | None:
         """What happened as a run; None before there are three frames.
 
         Parameters
         ----------
         closest
             Closest linked and unlinked pairs, which frames cannot tell.
+        accuracy
+            What is known of the errors of the session, where anything is.
         """
         frames = self.frames
         if len(frames) < 3:
@@ -94,12 +97,18 @@ class History:
         for name in CUMULATIVE:
             if len(trace):
                 trace[name] -= trace[name][0]
+        known = accuracy
+        if known is not None:
+            # A largest value of the whole session that was reached since then is the largest since then.
+            doubts = known.doubts[known.doubts["end"] >= frames[0].t]
+            largest = {name: x for name, x in known.largest.items() if x.time >= frames[0].t}
+            known = replace(known, frames=np.full((len(frames), 2), np.nan), doubts=doubts, largest=largest)
         return Run(
             self._scenario, np.array([s.t for s in frames]), np.array([s.q for s in frames]),
             np.array([s.p for s in frames]),
             np.array([s.links for s in frames]) if with_links else np.zeros((len(frames), 0, 0), dtype=bool),
             np.array(self._switches, dtype=SWITCH_FIELDS), trace, *closest, "running",
-            {"engine": "lab", "tolerance": self._scenario.tolerance},
+            {"engine": "lab", "tolerance": self._scenario.tolerance}, accuracy=known,
         )  # fmt: skip
 
 

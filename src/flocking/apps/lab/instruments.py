@@ -149,10 +149,10 @@ class Instruments:
         from flocking.engine.run import Closest
 
         experiment = self._clock.experiments[0]
-        records = experiment.session.recorder if experiment.engine == "exact" else None
-        closest = records.closest_pairs if records else (Closest(), Closest())
+        session = experiment.session
+        closest = session.closest_pairs if experiment.engine == "exact" else (Closest(), Closest())
         with self._lock:
-            return self.history.run(closest)
+            return self.history.run(closest, session.accuracy)
 
     def judge(self, frame: Frame) -> None:
         """Light the lamps."""

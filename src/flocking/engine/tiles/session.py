@@ -15,7 +15,7 @@ from flocking.engine.layout import Layout
 from flocking.engine.passing import singular_reach
 from flocking.engine.plants import check_plant
 from flocking.engine.provenance import provenance
-from flocking.engine.run import Run
+from flocking.engine.run import Closest, Run
 from flocking.engine.step_checks import step_too_large
 from flocking.engine.tiles import automatic_step, checks
 from flocking.engine.tiles.crowd import Crowd
@@ -378,6 +378,14 @@ class TilesSession:
             "precision": o.precision, "rebuilds": self._crowd.rebuilds, "switches": "not recorded",
             "farthest": self.farthest, **(self.law_gaps.about if o.ledger else {}),
         }  # fmt: skip
+
+    accuracy: None = None
+    """Nothing is known of the errors of fixed steps."""
+
+    @property
+    def closest_pairs(self) -> tuple[Closest, Closest]:
+        """Closest linked and unlinked pair until now."""
+        return self.records.closest_pairs
 
     def run(self, status: str = "finished") -> Run:
         """What was computed so far."""

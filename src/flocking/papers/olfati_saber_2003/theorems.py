@@ -131,12 +131,17 @@ def connected_since(e: Evidence) -> float:
     """Time from which on the net is connected; infinite when it is not at the end."""
     from flocking.model.connectivity import is_connected
 
-    since = np.inf
-    for time, links in reversed(e.link_history):
-        if not is_connected(links):
-            break
-        since = time
-    return float(since)
+    found = []
+    for history in e.possible_histories:
+        since = np.inf
+        for time, links in reversed(history):
+            if not is_connected(links):
+                break
+            since = time
+        found.append(float(since))
+    if found[0] != found[1]:
+        raise NotResolvable(e.doubt_note())
+    return found[0]
 
 
 def becomes_connected(e: Evidence) -> Measure:
@@ -300,7 +305,10 @@ def link_energy() -> float:
 
 def some_switch(e: Evidence) -> Measure:
     """At least two switches."""
-    return happens(above(len(e.link_switches), 1.5, f"{len(e.link_switches)} switches"))
+    fewest = int(e.link_certain.sum())
+    if fewest < 2 <= fewest + len(e.link_doubts):
+        raise NotResolvable(e.doubt_note())
+    return happens(above(fewest, 1.5, f"{len(e.link_switches)} switches"))
 
 
 def energy_falls_from_switch_to_switch(e: Evidence) -> Measure:

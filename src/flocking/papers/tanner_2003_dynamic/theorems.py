@@ -10,7 +10,7 @@ from flocking.papers.grounds import grounded
 from flocking.papers.tanner_2003_dynamic.grounds import grounds
 from flocking.papers.tanner_2003_dynamic.system import KEY
 from flocking.study import general_claims as general
-from flocking.study.claims import Claim, Measure, Origin, Verdict, above, below
+from flocking.study.claims import Claim, Measure, Origin, Verdict, above
 from flocking.study.evidence import Evidence
 
 THEOREM = "Theorem VI.2"
@@ -19,14 +19,14 @@ THEOREM = "Theorem VI.2"
 def distances_bounded(e: Evidence) -> Measure:
     """Largest distance against (N-1) R, the longest path of links."""
     bound = (e.run.n - 1) * float(np.max(np.asarray(e.law.graph.break_radius)))
-    return below(float(e.diameter.max()), bound, f"largest distance {e.diameter.max():.3g}, bound {bound:.3g}")
+    return general.at_most(e, "diameter", float(e.diameter.max()), bound)
 
 
 def kept_apart(e: Evidence) -> Measure:
     """Closest pair ever against the distance at which one pair alone would hold the whole initial Q."""
     found, least = e.closest, forbidden_distance(e)
     note = f"closest {found.distance:.4g} at t = {found.time:.3g}; Q(0) allows no pair below {least:.2g}"
-    return above(found.distance, least, note)
+    return above(found.distance, least, note, e.error_of(found))
 
 
 def forbidden_distance(e: Evidence) -> float:

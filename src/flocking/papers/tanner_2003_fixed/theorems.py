@@ -9,7 +9,7 @@ from flocking.papers.grounds import grounded
 from flocking.papers.tanner_2003_fixed.grounds import grounds
 from flocking.papers.tanner_2003_fixed.system import COMPLETE, KEY
 from flocking.study import general_claims as general
-from flocking.study.claims import Claim, Measure, Origin, Verdict, below
+from flocking.study.claims import Claim, Measure, Origin, Verdict
 from flocking.study.evidence import Evidence
 from flocking.study.potential_minimum import distance_of
 
@@ -24,7 +24,7 @@ def longest_path(potential: Potential, links: int, c: float) -> float:
 def distances_bounded(e: Evidence) -> Measure:
     """Largest distance against (N-1) V^-1(c), the larger branch of the inverse, along a path of links."""
     bound = longest_path(e.potential, e.run.n - 1, float(e.trace["energy"][0]))
-    return below(float(e.diameter.max()), bound, f"largest distance {e.diameter.max():.3g}, bound {bound:.3g}")
+    return general.at_most(e, "diameter", float(e.diameter.max()), bound)
 
 
 def claims(scenario: str = KEY) -> Sequence[Claim]:
@@ -77,4 +77,4 @@ def unlinked_keep_distance(e: Evidence) -> Measure:
     found = e.closest_unlinked
     i, j = found.pair
     note = f"unlinked agents {i}, {j} at {found.distance:.2g}; linked ones never below {forbidden:.2g}"
-    return Measure(found.distance - forbidden, 0.0, note)
+    return Measure(found.distance - forbidden, e.error_of(found), note)

@@ -39,7 +39,10 @@ def new_links_bounded(e: Evidence) -> Measure:
     most = most_new_links(e.run.n)
     if e.seen_created > most and not e.switches_known:
         return below(e.seen_created, most + 0.5, f"at least {e.seen_created} created, at most {most}")
-    return below(e.links_created, most + 0.5, f"{e.links_created} created, at most {most}")
+    fewest, possible = e.numbers("appear")
+    if fewest <= most < possible:
+        return Measure(most - fewest + 0.5, np.inf, e.doubt_note("appear"))
+    return below(fewest, most + 0.5, f"{e.links_created} created, at most {most}")
 
 
 def new_links_cost_the_same(e: Evidence) -> Measure:
@@ -55,14 +58,13 @@ def new_links_cost_the_same(e: Evidence) -> Measure:
 def speeds_bounded(e: Evidence) -> Measure:
     """Largest speed against sqrt(2 Q_max), after (18)."""
     bound = float(np.sqrt(2 * largest_energy(e)))
-    largest = float(e.speeds.max())
-    return below(largest, bound, f"largest speed {largest:.3g}, bound {bound:.3g}")
+    return general.at_most(e, "speed", float(e.speeds.max()), bound)
 
 
 def distances_bounded(e: Evidence) -> Measure:
     """Largest distance against (N-1) r, after (18)."""
     bound = (e.run.n - 1) * float(np.max(np.asarray(e.law.graph.break_radius)))
-    return below(float(e.diameter.max()), bound, f"largest distance {e.diameter.max():.3g}, bound {bound:.3g}")
+    return general.at_most(e, "diameter", float(e.diameter.max()), bound)
 
 
 def unlinked_apart(e: Evidence) -> Measure:
@@ -217,5 +219,4 @@ def relative_speeds_bounded(e: Evidence) -> Measure:
     """Largest speed relative to the leader against sqrt(2 U_max)."""
     goal = tracking(e).leader.at(float(e.t[0]))[1]
     bound = float(np.sqrt(2 * largest_energy(e)))
-    largest = float(np.linalg.norm(e.p - goal, axis=2).max())
-    return below(largest, bound, f"largest relative speed {largest:.3g}, bound {bound:.3g}")
+    return general.at_most(e, "relative speed", float(np.linalg.norm(e.p - goal, axis=2).max()), bound)

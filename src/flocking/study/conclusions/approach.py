@@ -16,7 +16,7 @@ def linked_apart(e: Evidence) -> Measure:
     c = e.closest_linked
     if not np.isfinite(c.distance):
         return Measure(np.inf, 0.0, "no linked pair")
-    error = e.approach_error
+    error = e.error_of(c)
     return above(
         c.distance, 0.0, f"closest {c.distance:.4g} at t = {c.time:.3g} (agents {c.pair[0]}, {c.pair[1]})", error
     )
@@ -27,7 +27,7 @@ def all_apart(e: Evidence) -> Measure:
     if e.coincidences:
         return _at_one_point(*e.coincidences[0])
     c = e.closest
-    error = e.approach_error
+    error = e.error_of(c)
     if c.pair[0] < 0:
         return above(c.distance, 0.0, f"no pair closer than {c.distance:.4g}", error)
     return above(

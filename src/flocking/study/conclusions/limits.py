@@ -21,7 +21,7 @@ STATIONARY = 1e-3
 
 def velocities_agree(e: Evidence) -> Measure:
     """Velocity spread at the end against the largest of the run."""
-    most = float(e.velocity_spread.max())
+    most = e.largest_spread
     ratios = e.velocity_spread / most if most > 0 else np.zeros_like(e.velocity_spread)
     return limit_of_series(e.spread_times, ratios, SETTLED, lambda r: f"spread fell to {r:.1e} of its maximum")
 
@@ -29,7 +29,7 @@ def velocities_agree(e: Evidence) -> Measure:
 def distances_settle(e: Evidence) -> Measure:
     """Fastest change of a pair distance at the end against the largest velocity spread of the run."""
     e.need_few()
-    most = 2 * float(e.velocity_spread.max())
+    most = 2 * e.largest_spread
 
     def ratio(frame: int) -> float:
         return e.distance_rate_at(frame) / most if most > 0 else 0.0
@@ -44,8 +44,11 @@ def switching_stops(e: Evidence) -> Measure:
     then. Switching goes on for good where it is no rarer in the last tenth than before and the velocity spread stays.
     """
     start, end = float(e.t[0]), float(e.t[-1])
-    quiet = (end - e.last_switch) / (end - start) if end > start else 1.0
-    measured = above(quiet, LAST, f"last switch at t = {e.last_switch:.4g}")
+    first, last = e.quiet_since if e.law.graph.moves else (e.last_switch, e.last_switch)
+    quiet, possible = ((end - t) / (end - start) if end > start else 1.0 for t in (first, last))
+    if quiet > LAST >= possible:
+        return Measure(quiet - LAST, np.inf, e.doubt_note())
+    measured = above(quiet, LAST, f"last switch at t = {first:.4g}")
     if not e.law.graph.moves:
         return measured
     agreement = velocities_agree(e)

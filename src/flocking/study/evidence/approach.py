@@ -8,23 +8,31 @@ import numpy as np
 
 from flocking.engine.run import Closest
 from flocking.study.evidence.basis import NotMeasurable, NotResolvable
-from flocking.study.evidence.links import LinkEvidence
+from flocking.study.evidence.doubts import DoubtEvidence
 from flocking.study.evidence.motion import MotionEvidence
 
 
-class ApproachEvidence(LinkEvidence, MotionEvidence):
+class ApproachEvidence(DoubtEvidence, MotionEvidence):
     """Closest approaches, between frames too where the engine looked there."""
 
-    @property
-    def approach_error(self) -> float:
-        """How much closer than recorded two agents may have come."""
+    def error_of(self, found: Closest) -> float:
+        """How much closer than recorded two agents may have come.
+
+        Parameters
+        ----------
+        found
+            The closest approach that was recorded.
+        """
         if self.sampled:
             return self.told("gap")
         if "farthest" in self.run.provenance:
             return self.told("farthest")
         if "closest" in self.run.provenance:
             raise NotMeasurable(f"agents' distances were looked at only {self.run.provenance['closest']}")
-        return 10 * self.run.scenario.tolerance * max(1.0, float(self.diameter[0]))
+        self.accuracy  # noqa: B018
+        if np.isnan(found.error) and np.isfinite(found.distance):
+            raise NotResolvable("the error of the closest approach is not known")
+        return found.error if np.isfinite(found.distance) else 0.0
 
     @property
     def closest_linked(self) -> Closest:

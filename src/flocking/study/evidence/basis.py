@@ -115,13 +115,16 @@ class RunEvidence:
 
     @cached_property
     def p(self) -> Array:
-        """Velocities at the frames, shape (F, N, m); raises as `q` does."""
+        """Velocities at the frames, shape (F, N, m); raises as `q` does, and where agents of order 1 keep none."""
+        if self.run.scenario.agents.order == 1:
+            raise NotResolvable("frames of agents of order 1 hold no velocities")
         return self._usable("velocities", self.run.p)
 
     @property
     def checked(self) -> Run:
         """The run, when its frames can be computed with; raises as `q` does where they cannot."""
-        self.q, self.p  # noqa: B018
+        self.q  # noqa: B018
+        self._usable("velocities", self.run.p)
         return self.run
 
     def state(self, frame: int) -> State:

@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from flocking.engine.run import Largest
 from flocking.model.checks import Array
 from flocking.model.potentials import Potential
 from flocking.study.equilibrium import Equilibrium
@@ -42,6 +43,22 @@ class MotionEvidence(RunEvidence):
     def speeds(self) -> Array:
         """Largest speed at each frame, shape (F,)."""
         return np.asarray(np.linalg.norm(self.p, axis=2).max(axis=1))
+
+    @property
+    def largest_spread(self) -> float:
+        """Largest |p_i - mean| of the run: between the frames too, where that is known."""
+        found = self.largest("spread")
+        return max(float(self.velocity_spread.max()), -np.inf if found is None else found.value)
+
+    def largest(self, name: str) -> Largest | None:
+        """Largest value of a quantity over the whole run, between frames too; None where that is not known.
+
+        Parameters
+        ----------
+        name
+            As in `flocking.engine.run.Accuracy`.
+        """
+        return None if self.run.accuracy is None else self.run.accuracy.largest.get(name)
 
     @cached_property
     def diameter(self) -> Array:

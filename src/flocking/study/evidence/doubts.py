@@ -1,0 +1,225 @@
+"""What the error of the integration leaves open of links: switches in doubt, and what they could change."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.run import Accuracy
+from flocking.model.connectivity import Links, is_connected
+from flocking.study.evidence.basis import NotResolvable
+from flocking.study.evidence.links import LinkEvidence
+
+Span = tuple[float, float, int, int, int]
+"""While it is not known whether a pair is linked: begin, end, the pair, and the number of its switch or -1."""
+
+
+class DoubtEvidence(LinkEvidence):
+    """Links and their switches, with what is certain of them."""
+
+    @property
+    def accuracy(self) -> Accuracy:
+        """What is known of the errors of the run.
+
+        Raises
+        ------
+        NotResolvable
+            When nothing is.
+        """
+        if self.run.accuracy is None:
+            raise NotResolvable("the errors of the run are not known; they are where this version computed it")
+        return self.run.accuracy
+
+    @property
+    def known_until(self) -> float:
+        """Since when nothing is known any more; infinite where the whole run is known."""
+        return np.inf if self.run.accuracy is None else self.run.accuracy.known_until
+
+    @cached_property
+    def link_doubts(self) -> np.ndarray[Any, Any]:
+        """Switches in doubt of links of the law's own graph, fields `flocking.engine.run.DOUBT_FIELDS`.
+
+        Raises
+        ------
+        NotResolvable
+            As `link_switches` does, or when the errors of the run are not known.
+        """
+        rows = self.run.switches[:0]
+        if not self.law.graph.moves:
+            return rows
+        # Runs that locate no switches say so first.
+        self.link_switches  # noqa: B018
+        doubts = self.accuracy.doubts
+        return np.asarray(doubts[(doubts["graph"] == 0) & ((doubts["what"] == "appear") | (doubts["what"] == "break"))])
+
+    @cached_property
+    def link_certain(self) -> np.ndarray[Any, Any]:
+        """Which of `link_switches` are certain, shape (K,); raises as `link_doubts` does."""
+        rows, doubts = self.link_switches, self.link_doubts
+        if not len(rows):
+            return np.zeros(0, dtype=bool)
+        doubtful = {_key(row) for row in doubts if row["kind"] == "switch"}
+        known = rows["time"] < self.known_until
+        return np.asarray(known & np.array([_key(row) not in doubtful for row in rows], dtype=bool))
+
+    def numbers(self, kind: str) -> tuple[int, float]:
+        """Fewest and most links that appeared or broke; raises as `link_doubts` does.
+
+        Parameters
+        ----------
+        kind
+            ``"appear"`` or ``"break"``.
+        """
+        rows = self.link_switches
+        missed = [row for row in self.link_doubts if row["kind"] == "near miss" and row["what"] == kind]
+        most = float((rows["kind"] == kind).sum()) + len(missed) if self.known_until == np.inf else np.inf
+        return int((self.link_certain & (rows["kind"] == kind)).sum()), most
+
+    @cached_property
+    def quiet_since(self) -> tuple[float, float]:
+        """Time of the last certain switch, the start when there was none, and of the last possible one."""
+        rows, begin = self.link_switches, float(self.t[0])
+        certain = rows["time"][self.link_certain]
+        first = float(certain[-1]) if len(certain) else begin
+        if self.known_until < np.inf:
+            return first, np.inf
+        ends = [*rows["time"].tolist(), *self.link_doubts["end"].tolist()]
+        return first, max([begin, *ends])
+
+    def doubt_note(self, what: str = "") -> str:
+        """Which pairs are in doubt, in words.
+
+        Parameters
+        ----------
+        what
+            ``"appear"`` or ``"break"``, where doubts of that kind alone matter.
+        """
+        rows = [row for row in self.link_doubts if not what or row["what"] == what]
+        found = [_described(row) for row in rows[:2]]
+        if len(rows) > 2:
+            found.append(f"{len(rows) - 2} more in doubt")
+        return "; ".join([*found, self.loss_note] if self.loss_note else found)
+
+    @property
+    def loss_note(self) -> str:
+        """Since when nothing is known, and why, in words; empty where the whole run is known."""
+        if self.known_until == np.inf:
+            return ""
+        doubts = self.accuracy.doubts
+        why = [_described(row) for row in doubts if row["begin"] == self.known_until]
+        reason = why[0] if why else "the error is as large as the group"
+        return f"nothing is known after t = {self.known_until:.4g}: {reason}"
+
+    @property
+    def end_links(self) -> Links:
+        """Link matrix at the end, shape (N, N); raises as that of `LinkEvidence`, and when a pair is in doubt then."""
+        if self.run.accuracy is not None and self.switches_known and self.law.graph.moves:
+            still = self.link_doubts[self.link_doubts["end"] >= self.run.t[-1]]
+            if len(still) or self.known_until < np.inf:
+                raise NotResolvable(_described(still[0]) if len(still) else self.loss_note)
+        return super().end_links
+
+    @cached_property
+    def possible_histories(self) -> tuple[list[tuple[float, Links]], list[tuple[float, Links]]]:
+        """`link_history` with every pair in doubt not linked, and linked, as long as it is in doubt."""
+        doubts = self.link_doubts
+        if not len(doubts):
+            return self.link_history, self.link_history
+        times = sorted(
+            {t for t, _ in self.link_history} | {float(x) for name in ("begin", "end") for x in doubts[name]}
+        )
+        low, high = [], []
+        for t in times:
+            if t < self.link_history[0][0]:
+                continue
+            links = next(found for since, found in reversed(self.link_history) if since <= t)
+            fewer, more = links.copy(), links.copy()
+            for row in doubts[(doubts["begin"] <= t) & (t < doubts["end"])]:
+                self._set(fewer, int(row["i"]), int(row["j"]), value=False)
+                self._set(more, int(row["i"]), int(row["j"]), value=True)
+            low.append((t, fewer))
+            high.append((t, more))
+        return low, high
+
+    @cached_property
+    def connection(self) -> tuple[float, bool]:
+        """First time at which the graph is certainly not connected, and whether it may be so at some other time.
+
+        Pairs whose switch is in doubt, and pairs within the error of the time of their switch, count both as linked
+        and as not.
+        """
+        links = np.array(self.frame_links[0])
+        if not is_connected(links):
+            return float(self.t[0]), False
+        certain, doubtful = np.inf, self.known_until < np.inf
+        for cluster in _clusters(self._spans()):
+            begin, switches = cluster[0][0], [span[4] for span in cluster if span[4] >= 0]
+            if begin >= self.known_until:
+                break
+            low, high = links.copy(), links.copy()
+            for _, _, i, j, _ in cluster:
+                self._set(low, i, j, value=False)
+                self._set(high, i, j, value=True)
+            for k in sorted(switches):
+                row = self.link_switches[k]
+                self._set(links, int(row["i"]), int(row["j"]), value=bool(row["kind"] == "appear"))
+            alone = len(cluster) == 1 and len(switches) == 1
+            split = not is_connected(high) or (self._settled(cluster) and not is_connected(links))
+            if split:
+                certain = min(certain, float(self.link_switches[switches[-1]]["time"]) if switches else begin)
+                break
+            doubtful = doubtful or (not alone and not is_connected(low))
+        return certain, doubtful
+
+    def _spans(self) -> list[Span]:
+        """Times while it is not known whether some pair is linked."""
+        spans: list[Span] = []
+        in_doubt = {_key(row): row for row in self.link_doubts if row["kind"] == "switch"}
+        for k, row in enumerate(self.link_switches):
+            time, late = float(row["time"]), float(row["time_error"])
+            begin, end = time - late, time + late
+            if (doubt := in_doubt.get(_key(row))) is not None:
+                begin, end = min(begin, float(doubt["begin"])), max(end, float(doubt["end"]))
+            spans.append((begin, end, int(row["i"]), int(row["j"]), k))
+        for row in self.link_doubts:
+            if row["kind"] == "near miss":
+                spans.append((float(row["begin"]), float(row["end"]), int(row["i"]), int(row["j"]), -1))
+        return sorted(spans)
+
+    def _settled(self, cluster: list[Span]) -> bool:
+        """Whether what was in doubt came to its end before the run did."""
+        last = self.run.scenario.t_end if self.run.finished else float(self.t[-1])
+        return len(cluster) == 1 or max(span[1] for span in cluster) < last
+
+    def _set(self, links: Links, i: int, j: int, *, value: bool) -> None:
+        links[i, j] = value
+        if not self.law.graph.directed:
+            links[j, i] = value
+
+
+def _key(row: Any) -> tuple[float, int, int]:
+    return float(row["time"]), int(row["i"]), int(row["j"])
+
+
+def _clusters(spans: list[Span]) -> list[list[Span]]:
+    """Spans that overlap, together; ``spans`` are sorted by their begin."""
+    found: list[list[Span]] = []
+    last = -np.inf
+    for span in spans:
+        if found and span[0] <= last:
+            found[-1].append(span)
+        else:
+            found.append([span])
+        last = max(last, span[1])
+    return found
+
+
+def _described(row: Any) -> str:
+    who, when = f"agents {row['i']} and {row['j']}", f"t = {row['time']:.4g}"
+    if row["kind"] == "switch":
+        what = "lose their link" if row["what"] == "break" else "are linked"
+        return f"{who} {what} at {when}, but go no further than the error, {row['error']:.1e}"
+    what = "losing their link" if row["what"] == "break" else "being linked"
+    return f"{who} come within {row['margin']:.1e} of {what} at {when}, less than the error, {row['error']:.1e}"
