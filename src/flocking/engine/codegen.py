@@ -25,10 +25,10 @@ RATES = ("work", "dissipated", "supplied")
 def compiled_kernels(layout: Layout, dimension: int, order: int) -> ModuleType:
     """Numba kernels of a law.
 
-    Functions of the module: ``rhs(t, y, n, senders, sensed, offsets, pieces, spans, P, A, W, S)`` gives dy/dt of
-    the exact engine's state vector; ``control(t, q, p, ..., u, rates)`` fills the forces and the `RATES`;
-    ``energies(t, q, p, ...)`` gives pair storage, body storage and kinetic energy in the frame of the energy;
-    ``stages(...)`` computes stages of a Runge-Kutta step, see `flocking.engine.dynamics.Dynamics.stages`. Row
+    Functions of the module: ``control(t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S, u, rates)`` fills
+    the forces and the `RATES`; ``energies(t, q, p, ...)`` gives pair storage, body storage and kinetic energy in the
+    frame of the energy; ``stages(...)`` computes the slope of the exact engine's state vector at stages of a
+    Runge-Kutta step, see `flocking.engine.dynamics.Dynamics.stages`. Row
     ``pieces[e]`` of ``spans`` says which piece of a piecewise formula is in force for pair ``e``, see `limits`;
     ``shape0(r, side, reach, P, A, W)``... are those formulas of each graph in plain Python, ``shape_obstacles0``...
     those of each group of obstacles. ``shape0.reads`` numbers the slots of P, A and W that such a function reads,
@@ -108,30 +108,33 @@ ARGUMENTS = "t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S"
 
 
 _STAGES = """
-
 @numba.njit(cache=True, error_model="numpy", nogil=True)
-def stages(first, last, kept, t, y, h, K, nodes, weights, n, *law):
+def stages(first, last, kept, t, y, h, K, nodes, weights, n, senders, sensed, offsets, pieces, spans, P, A, W, S):
     found = np.empty_like(y)
     z = np.empty_like(y)
+    u = np.empty((n, {m}))
     for s in range(first, max(last, kept + 1)):
-        z[:] = y
+        for c in range(y.shape[0]):
+            z[c] = y[c]
         for k in range(s):
             if weights[s, k] != 0.0:
                 factor = h * weights[s, k]
                 for c in range(y.shape[0]):
                     z[c] += factor * K[k, c]
         if s == kept:
-            found[:] = z
+            for c in range(y.shape[0]):
+                found[c] = z[c]
         if s < last:
-            K[s] = rhs(t + nodes[s] * h, z, n, *law)
-    return found
+            dy = K[s]
+{slope}    return found
 """
+# Loops in place of assignments of whole arrays: to compile the checks of those takes longer than all else here.
 
 
 def _scalar_module(formulas: LawFormulas, order: int) -> str:
     m = formulas.dimension
-    source = _HEADER + _control_source(formulas, order) + _energies_source(formulas, order) + _rhs_source(m, order)
-    return source + _STAGES + _shapes_source(formulas)
+    source = _HEADER + _control_source(formulas, order) + _energies_source(formulas, order)
+    return source + _STAGES.format(m=m, slope=_slope_source(m, order)) + _shapes_source(formulas)
 
 
 def _shapes_source(formulas: LawFormulas) -> str:
@@ -304,23 +307,22 @@ def _energies_source(formulas: LawFormulas, order: int) -> str:
     return source + "    return pairs, bodies, kinetic\n\n\n"
 
 
-def _rhs_source(m: int, order: int) -> str:
-    source = '@numba.njit(cache=True, error_model="numpy", nogil=True)\n'
-    source += "def rhs(t, y, n, senders, sensed, offsets, pieces, spans, P, A, W, S):\n"
-    lines = ["dy = np.empty_like(y)", f"q = y[: n * {m}].reshape(n, {m})"]
+def _slope_source(m: int, order: int) -> str:
+    """Lines that put the slope at the state ``z``, at a stage, into ``dy``."""
+    lines = [f"q = z[: n * {m}].reshape(n, {m})"]
     if order == 2:
-        lines += [f"p = y[n * {m} : 2 * n * {m}].reshape(n, {m})"]
+        lines += [f"p = z[n * {m} : 2 * n * {m}].reshape(n, {m})"]
     else:
         lines += [f"p = np.zeros((n, {m}))"]
-    lines += [f"u = np.empty((n, {m}))", f"rates = dy[n * {m * order} :]"]
-    lines += ["control(t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S, u, rates)"]
+    lines += [f"rates = dy[n * {m * order} :]"]
+    lines += ["control(t + nodes[s] * h, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S, u, rates)"]
     lines += ["for i in range(n):", f"    for k in range({m}):"]
     if order == 2:
         lines += [f"        dy[i * {m} + k] = p[i, k]"]
         lines += [f"        dy[(n + i) * {m} + k] = (u[i, k] - A[1, i] * p[i, k]) / A[0, i]"]
     else:
         lines += [f"        dy[i * {m} + k] = u[i, k]"]
-    return source + _indented([*lines, "return dy"], 1)
+    return _indented(lines, 3)
 
 
 def _array_module(formulas: LawFormulas) -> str:

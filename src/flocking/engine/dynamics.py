@@ -20,6 +20,9 @@ from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 
 LEDGER = len(RATES)
+
+_START = np.zeros(1), np.zeros((1, 1))
+"""Nodes and weights of the method whose only stage is where it starts."""
 """Number of integrated quantities of the ledger."""
 
 
@@ -183,7 +186,9 @@ class Dynamics:
     def _slope(self, t: float, y: Array) -> Array:
         self._locate(y)
         t = t + self.base
-        dy: Array = self._kernels.rhs(t, y, self.n, *self.pairs, *self._slots, self._functionals)
+        dy = np.zeros_like(y)
+        given = (0, 1, -1, t, y, 0.0, dy[None], *_START, self.n, *self.pairs, *self._slots, self._functionals)
+        self._kernels.stages(*given)
         if not self._places and self._ledger is None:
             return dy
         tail = self.order * self.n * self.m
