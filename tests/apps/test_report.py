@@ -108,6 +108,22 @@ def test_claims_that_name_a_figure_stand_beside_it():
     assert picture_of(split, ["7"]) == "connectivity"
 
 
+def test_a_caption_names_the_seeds_of_all_runs_that_are_drawn():
+    from types import SimpleNamespace
+
+    from flocking.apps.report import figures_of, seeds_of
+
+    module = paper("shi-2009")
+    runs = {name: SimpleNamespace(scenario=SimpleNamespace(seed=k)) for k, name in enumerate(module.scenarios())}
+    numbers = [str(runs[f"shi-2009-{name}"].scenario.seed) for name in ("velocity-only", "position")]
+    figures = module.figures()
+    assert seeds_of(figures[7], runs) == f" Seed {numbers[0]}."
+    assert seeds_of(figures[9], runs) == f" Seeds {numbers[0]} and {numbers[1]}."
+    assert seeds_of(figures[1], runs) == "", "a potential shows no run"
+    assert {"7", "9"} <= set(figures_of(module, "shi-2009-velocity-only"))
+    assert {"8", "9"} <= set(figures_of(module, "shi-2009-position"))
+
+
 def test_pictures_of_claims_speak_of_claims_there_are():
     known = {c.key for key in KEYS for name in paper(key).scenarios() for c in paper(key).claims(name)}
     assert set(SPEAKS_OF) | {"net"} == set(CAPTIONS)

@@ -9,10 +9,11 @@ from numpy.testing import assert_allclose
 
 
 def figure(scenarios, check):
-    """Check of a figure among the declared ones, given by the scenario each of them shows."""
+    """Check of a figure among the declared ones, given by the scenarios each of them shows."""
+    expected = {number: (names,) if isinstance(names, str) else names for number, names in scenarios.items()}
 
     def whole(found):
-        assert {number: scenario for number, (_, _, scenario) in found.declared.items()} == scenarios
+        assert {number: names for number, (_, _, names) in found.declared.items()} == expected
         for number, (own, caption, _) in found.declared.items():
             assert own == number
             assert caption.endswith(".")

@@ -132,7 +132,7 @@ def among(checks, scenarios):
 
 
 CHECKS = {
-    FIXED: among(TANNER_FIXED, {str(k): "" for k in range(2, 9)}),
-    DYNAMIC: among(TANNER_DYNAMIC, {str(k): "" for k in range(2, 8)}),
+    FIXED: among(TANNER_FIXED, {str(k): FIXED if k > 2 else "" for k in range(2, 9)}),
+    DYNAMIC: among(TANNER_DYNAMIC, {str(k): DYNAMIC if k > 2 else "" for k in range(2, 8)}),
     ZHOU: among(zhou(), {str(k): ZHOU if k < 8 else f"{ZHOU}-leader" for k in range(1, 15)}),
 }

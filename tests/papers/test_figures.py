@@ -91,3 +91,11 @@ def test_every_figure_has_a_caption_and_its_number(key: str) -> None:
     for number, declared in paper(key).figures().items():
         assert declared.number == str(number)
         assert declared.caption.endswith(".")
+
+
+def test_a_figure_of_two_scenarios_is_drawn_from_a_run_of_each() -> None:
+    run = run_of("tanner-2003-fixed")
+    with pytest.raises(fk.InvalidInput, match="a run of each of shi-2009-velocity-only and shi-2009-position"):
+        paper("shi-2009").figure(9, run)
+    with pytest.raises(fk.InvalidInput, match="must be one run"):
+        paper("shi-2009").figure(7, run, run)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from html import escape
 from pathlib import Path
 from types import ModuleType
@@ -18,6 +19,7 @@ from flocking.apps.report_tables import head_row, table
 from flocking.engine.run import Run
 from flocking.model.potentials import Potential
 from flocking.model.terms import Gradient
+from flocking.show.declaration import Figure
 from flocking.study.claims import Origin, Verdict
 from flocking.study.equations import Fault
 from flocking.study.judgement import Judgement
@@ -63,8 +65,23 @@ def write_report(found: Reproduction, modules: dict[str, ModuleType], out: Path)
     return path
 
 
+def seeds_of(figure: Figure, runs: Mapping[str, Run]) -> str:
+    """Sentence for a figure's caption: which seeds the runs it shows have; empty where it shows none.
+
+    Parameters
+    ----------
+    figure
+        The figure.
+    runs
+        The runs that are drawn, by the names of their scenarios.
+    """
+    names = figure.scenarios("") if figure.scenario else ()
+    seeds = dict.fromkeys(runs[name].scenario.seed for name in names if name in runs)
+    return f" Seed{'s' * (len(seeds) > 1)} {' and '.join(map(str, seeds))}." if seeds else ""
+
+
 def figures_of(module: ModuleType, name: str) -> dict[str, str]:
-    """Captions of the figures that are drawn from a scenario, by number.
+    """Captions of the figures that are drawn from a scenario, alone or beside others, by number.
 
     Parameters
     ----------
@@ -74,7 +91,7 @@ def figures_of(module: ModuleType, name: str) -> dict[str, str]:
         Name of the scenario.
     """
     first = next(iter(module.scenarios()))
-    return {str(k): f.caption for k, f in module.figures().items() if (f.scenario or first) == name}
+    return {str(k): f.caption for k, f in module.figures().items() if name in f.scenarios(first)}
 
 
 def _page(body: str) -> str:
@@ -181,17 +198,18 @@ def _paper(key: str, module: ModuleType, found: Reproduction, out: Path) -> str:
     parts = [f'<h2 id="{escape(key)}">{escape(module.TITLE)}</h2>\n<p class="dim">{about}</p>\n']
     parts.append(_formulas(found, module))
     drawn = {p.stem.removeprefix("figure-"): p for p in found.figures if p.parent.name == key and p.suffix == ".svg"}
+    captions = {str(k): f.caption + seeds_of(f, found.runs) for k, f in module.figures().items()}
     told: set[str] = set()
     for name in module.scenarios():
         judgements = found.judgements[name]
         seed = f" Seed {found.runs[name].scenario.seed}." if name in found.runs else ""
-        figures = {n: (drawn[n], caption + seed) for n, caption in figures_of(module, name).items() if n in drawn}
+        figures = {n: (drawn[n], captions[n]) for n in figures_of(module, name) if n in drawn}
         told |= cited(judgements, figures)
         beside = claims_beside_pictures(name, judgements, out / key / CLAIMS, figures, seed)
         parts.append(f'<h3>{escape(name)}</h3>\n<div class="groups">\n{beside}</div>\n')
     filmed = next(iter(module.scenarios())) in found.runs
     rest = {n: path for n, path in drawn.items() if n not in told}
-    parts.append(_figures(module, rest, film_in(out / key) if filmed else None))
+    parts.append(_figures(captions, rest, film_in(out / key) if filmed else None))
     parts.append(errata_tables(found.errata.get(key, [])))
     parts.append(equation_table(module))
     return "".join(parts)
@@ -207,9 +225,8 @@ def _formulas(found: Reproduction, module: ModuleType) -> str:
     return "".join(f'<div class="formula">{formulas(psi)}</div>\n' for psi in shown.values())
 
 
-def _figures(module: ModuleType, drawn: dict[str, Path], film: Path | None) -> str:
+def _figures(captions: dict[str, str], drawn: dict[str, Path], film: Path | None) -> str:
     """The paper's figures that stand beside no claim, and the film."""
-    captions = {str(number): f.caption for number, f in module.figures().items()}
     cards = [
         card(embedded(drawn[number], "image/svg+xml"), f"Fig. {number}. {caption}")
         for number, caption in captions.items()

@@ -276,18 +276,20 @@ def _json(data: object) -> str:
 
 def _drawings(
     modules: dict[str, ModuleType], runs: dict[str, Run], out: Path
-) -> Iterator[tuple[str, str | None, Run, Path]]:
-    """What is to be drawn: a paper, what of it (see `draw`), the run, the folder."""
+) -> Iterator[tuple[str, str | None, tuple[Run, ...], Path]]:
+    """What is to be drawn: a paper, what of it (see `draw`), the runs, the folder."""
     for key, module in modules.items():
         first = next(iter(module.scenarios()))
-        wanted: list[tuple[str | None, str]] = [(None, first)]
-        wanted += [(number, figure.scenario or first) for number, figure in module.figures().items()]
-        wanted += [(CLAIMS, name) for name in module.scenarios()]
-        yield from ((key, what, runs[name], out / key) for what, name in wanted if name in runs)
+        wanted: list[tuple[str | None, tuple[str, ...]]] = [(None, (first,))]
+        wanted += [(number, figure.scenarios(first)) for number, figure in module.figures().items()]
+        wanted += [(CLAIMS, (name,)) for name in module.scenarios()]
+        for what, names in wanted:
+            if all(name in runs for name in names):
+                yield key, what, tuple(runs[name] for name in names), out / key
 
 
-def draw(key: str, what: str | None, run: Run, folder: Path) -> list[Path]:
-    """Draw something of a paper from a run; return the files of figures.
+def draw(key: str, what: str | None, runs: tuple[Run, ...], folder: Path) -> list[Path]:
+    """Draw something of a paper from a run, or from several; return the files of figures.
 
     Parameters
     ----------
@@ -295,12 +297,12 @@ def draw(key: str, what: str | None, run: Run, folder: Path) -> list[Path]:
         Key of the paper.
     what
         Number of a figure, ``"claims"`` for the pictures beside the claims of the run's scenario, None for the film.
-    run
-        The run.
+    runs
+        The run; runs of all scenarios that a figure shows.
     folder
         Folder of the paper.
     """
-    module = paper(key)
+    module, run = paper(key), runs[0]
     if what is None:
         if len(run.t) >= 2:
             write_film(run, folder)
@@ -313,7 +315,7 @@ def draw(key: str, what: str | None, run: Run, folder: Path) -> list[Path]:
         return []
     from flocking.show.style import save
 
-    return list(save(module.figures()[what].draw(run), folder / f"figure-{what}"))
+    return list(save(module.figures()[what].draw(*runs), folder / f"figure-{what}"))
 
 
 class _Steps:

@@ -99,16 +99,19 @@ class Pictured:
     panels
         What it holds.
     declared
-        Number, caption and scenario of every figure of the paper, by number.
+        Number, caption and scenarios of every figure of the paper, by number.
     """
 
     run: Run | None
     panels: tuple[PanelContents, ...]
-    declared: dict[str, tuple[str, str, str]]
+    declared: dict[str, tuple[str, str, tuple[str, ...]]]
 
 
 def pictured(
-    figures: Callable[[], Mapping[Any, Figure]], number: int | str, make: Callable[[], Scenario] | None = None
+    figures: Callable[[], Mapping[Any, Figure]],
+    number: int | str,
+    make: Callable[[], Scenario] | None = None,
+    *beside: Callable[[], Scenario],
 ) -> Callable[[float], Pictured]:
     """Builder of what a figure shows, everything horizontal scaled.
 
@@ -120,6 +123,8 @@ def pictured(
         Number of the figure.
     make
         The scenario whose run it shows; absent for figures of no run.
+    beside
+        The further scenarios whose runs it shows.
     """
 
     def build(scale: float) -> Pictured:
@@ -127,8 +132,8 @@ def pictured(
 
         run: Any = None if make is None else shown(make)
         known = figures()
-        declared = {str(name): (f.number, f.caption, f.scenario) for name, f in known.items()}
-        return Pictured(run, contents(known[number].draw(run), scale), declared)
+        declared = {str(name): (f.number, f.caption, f.scenarios("")) for name, f in known.items()}
+        return Pictured(run, contents(known[number].draw(run, *map(shown, beside)), scale), declared)
 
     return build
 

@@ -16,8 +16,8 @@ from flocking.show.style import COLUMN, PAGE
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Picture
 
-Draw = Callable[[Run], "Picture"]
-"""What draws a figure from a run."""
+Draw = Callable[..., "Picture"]
+"""What draws a figure from a run, or from the runs of several scenarios in turn."""
 
 
 @dataclass(frozen=True)
@@ -31,9 +31,11 @@ class Figure:
     caption
         What it shows, in the project's own words.
     draw
-        Draws it from a run.
+        Draws it from a run, and from the runs of the scenarios ``beside``, in this order.
     scenario
-        Name of the paper's scenario it shows; the paper's first when empty.
+        Name of the paper's scenario it shows. Empty for drawings that show no run: they are drawn from any.
+    beside
+        Names of further scenarios it shows.
 
     Raises
     ------
@@ -45,6 +47,7 @@ class Figure:
     caption: str
     draw: Draw
     scenario: str = ""
+    beside: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("number", "caption"):
@@ -53,6 +56,16 @@ class Figure:
                 raise InvalidInput("Figure", name, "must be a text that is not empty", value)
         if not callable(self.draw):
             raise InvalidInput("Figure", "draw", "must be a function of a run", self.draw, "Use snapshot(time).")
+
+    def scenarios(self, otherwise: str) -> tuple[str, ...]:
+        """Names of the scenarios it is drawn from.
+
+        Parameters
+        ----------
+        otherwise
+            Name of the scenario that drawings which show no run are drawn from.
+        """
+        return (self.scenario or otherwise, *self.beside)
 
 
 def snapshot(time: float | None = None, **options: Any) -> Draw:
@@ -113,8 +126,8 @@ def _per_axis(function: Callable[..., Any], axis: int | Sequence[int], options: 
     return draw
 
 
-def drawn_figure(known: Mapping[Any, Figure], number: int | str, run: Run) -> Picture:
-    """Draw one of a paper's figures from a run.
+def drawn_figure(known: Mapping[Any, Figure], number: int | str, run: Run, *beside: Run) -> Picture:
+    """Draw one of a paper's figures from a run, or from runs of all scenarios it shows.
 
     Parameters
     ----------
@@ -124,13 +137,20 @@ def drawn_figure(known: Mapping[Any, Figure], number: int | str, run: Run) -> Pi
         Number of the figure.
     run
         A run of the scenario the figure shows.
+    beside
+        Runs of the further scenarios it shows.
 
     Raises
     ------
     InvalidInput
-        When there is no such figure.
+        When there is no such figure, or it shows another number of scenarios.
     """
     for name, shown in known.items():
         if str(name) == str(number):
-            return shown.draw(run)
+            if len(beside) != len(shown.beside):
+                names = " and ".join([shown.scenario or "any scenario", *shown.beside])
+                rule = f"must be a run of each of {names}" if shown.beside else f"must be one run, of {names}"
+                given = ", ".join(r.scenario.name or "a run without a name" for r in (run, *beside))
+                raise InvalidInput("figure", "run", rule, given, "Give the runs one after the other.")
+            return shown.draw(run, *beside)
     raise InvalidInput("figure", "number", f"must be one of {', '.join(map(str, known))}", number)

@@ -274,14 +274,14 @@ def beginning(name: str) -> Callable[[], Scenario]:
     return lambda: system.scenario(seed=0, name=name).with_(t_end=FIGURE_SECONDS, frames=61, name="")
 
 
-def picture(number: int, name: str = "") -> Callable[[float], examples.Pictured]:
+def picture(number: int, *names: str) -> Callable[[float], examples.Pictured]:
     """Builder: a figure as it is drawn.
 
     Parameters
     ----------
     number
         Its number.
-    name
-        The setting it shows; absent for figures of no run.
+    names
+        The settings it shows; none for figures of no run.
     """
-    return examples.pictured(known_figures, number, beginning(name) if name else None)
+    return examples.pictured(known_figures, number, *map(beginning, names))

@@ -42,9 +42,17 @@ def _panels(run: Run) -> Any:
     )
 
 
+def _about_centre(*runs: Run) -> Any:
+    panels = [panel(series.velocity_errors, run, axis, about="mean") for run in runs for axis in (0, 1)]
+    return sheet(panels, columns=2, width=PAGE, ratio=0.75)
+
+
 def figures() -> dict[int, Figure]:
-    """All figures by number. Those of simulations name the scenario they show."""
-    about_centre = {"9": f"{KEY}-velocity-only", "12": f"{KEY}-partial"}
+    """All figures by number. Those of simulations name the scenarios they show."""
+    about_centre = {
+        "9": (f"{KEY}-velocity-only", f"{KEY}-position"),
+        "12": (f"{KEY}-partial", f"{KEY}-partial-disconnected"),
+    }
     found = [
         Figure(
             "1",
@@ -52,13 +60,13 @@ def figures() -> dict[int, Figure]:
             declaration.potential(potential(1.0, 1.0, 2.0), radius=2.0),
         ),
         Figure("2", "The desired velocity along both axes.", _desired),
-        Figure("3", "Initial state: links and velocities.", declaration.initial()),
+        Figure("3", "Initial state: links and velocities.", declaration.initial(), KEY),
         *(
             Figure(
                 s.figure,
                 f"Velocity errors, centre of mass, and final state: law ({s.law}), velocity known to {s.velocity}, "
-                f"acceleration to {s.acceleration}; the paper's own start, "
-                f"{'connected at all times' if s.connected else 'not always connected'}.",
+                f"acceleration to {s.acceleration}, from the paper's own start. Table 1 lists it for graphs that "
+                f"{'stay connected' if s.connected else 'do not stay connected'}.",
                 _panels,
                 scenario=name,
             )
@@ -68,18 +76,20 @@ def figures() -> dict[int, Figure]:
         *(
             Figure(
                 number,
-                "Velocity errors about the centre of mass.",
-                declaration.velocity_errors(about="mean"),
-                scenario=name,
+                f"Velocity errors about the centre of mass: (a) and (b) of the run of Fig. {SETTINGS[first].figure}, "
+                f"(c) and (d) of that of Fig. {SETTINGS[second].figure}.",
+                _about_centre,
+                scenario=first,
+                beside=(second,),
             )
-            for number, name in about_centre.items()
+            for number, (first, second) in about_centre.items()
         ),
     ]
     return {int(f.number): f for f in sorted(found, key=lambda f: int(f.number))}
 
 
-def figure(number: int, run: Run) -> Any:
-    """Draw one figure from a run.
+def figure(number: int, run: Run, *beside: Run) -> Any:
+    """Draw one figure from a run; Fig. 9 and 12 from the runs of two scenarios.
 
     Parameters
     ----------
@@ -87,10 +97,12 @@ def figure(number: int, run: Run) -> Any:
         Its number, 1 to 12.
     run
         A run of the scenario it shows.
+    beside
+        A run of the second scenario that Fig. 9 and 12 show: those of Fig. 8 and 11.
 
     Raises
     ------
     InvalidInput
-        When there is no such figure.
+        When there is no such figure, or it shows another number of scenarios.
     """
-    return drawn_figure(figures(), number, run)
+    return drawn_figure(figures(), number, run, *beside)

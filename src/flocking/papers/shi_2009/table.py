@@ -290,7 +290,7 @@ def equations() -> Sequence[Row]:
             "figure",
             "velocity errors about the centre of mass",
             figures,
-            examples.picture(9, f"{KEY}-velocity-only"),
+            examples.picture(9, f"{KEY}-velocity-only", f"{KEY}-position"),
         ),
         *(
             row(f"Fig. {k}", "figure", "errors when some know a0", figures, examples.picture(int(k), n))
@@ -302,7 +302,7 @@ def equations() -> Sequence[Row]:
             "figure",
             "velocity errors about the centre of mass",
             figures,
-            examples.picture(12, f"{KEY}-partial"),
+            examples.picture(12, f"{KEY}-partial", f"{KEY}-partial-disconnected"),
         ),
     )
 

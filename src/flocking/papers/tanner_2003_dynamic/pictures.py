@@ -26,14 +26,17 @@ def times() -> dict[int, float]:
 
 def figures() -> dict[int, Figure]:
     """Figures of the paper by number; Fig. 1 is a sketch of the forces."""
-    shown = {number: Figure(str(number), CAPTIONS[number], snapshot(t, trails=True)) for number, t in times().items()}
+    shown = {
+        number: Figure(str(number), CAPTIONS[number], snapshot(t, trails=True), system.KEY)
+        for number, t in times().items()
+    }
     return {
         2: Figure(
             "2",
             "The potential, constant from the radius on.",
             potential(system.inner_potential(), radius=system.RADIUS, outside=system.boundary_value()),
         ),
-        3: Figure("3", "Initial configuration.", initial()),
+        3: Figure("3", "Initial configuration.", initial(), system.KEY),
         **shown,
     }
 

@@ -27,10 +27,13 @@ def times() -> dict[int, float]:
 
 def figures() -> dict[int, Figure]:
     """Figures of the paper by number; Fig. 1 is a sketch of the forces."""
-    shown = {number: Figure(str(number), CAPTIONS[number], snapshot(t, trails=True)) for number, t in times().items()}
+    shown = {
+        number: Figure(str(number), CAPTIONS[number], snapshot(t, trails=True), system.KEY)
+        for number, t in times().items()
+    }
     return {
         2: Figure("2", "The potential between two agents.", potential(system.potential())),
-        3: Figure("3", "Initial configuration.", initial()),
+        3: Figure("3", "Initial configuration.", initial(), system.KEY),
         **shown,
     }
 
