@@ -17,6 +17,7 @@ k = sympy.Symbol("P0", real=True)
         (k * (r - 2) ** 2, 4 * k), (sympy.sin(k * r) / r, k), ((1 - sympy.cos(r)) / r**2, sympy.Rational(1, 2)),
         (r * sympy.log(r), 0), (sympy.exp(-1 / r), 0), (1 / r - sympy.cos(r) / r, 0),
         (1 / r, None), (sympy.log(r), None),
+        (sympy.exp(sympy.exp(sympy.exp(1 / r))), None), (sympy.exp(-sympy.exp(sympy.exp(1 / r))), 0),
         (1 / sympy.sqrt(r), None), (sympy.log(r) ** 2 + k, None), (sympy.sqrt(r - 1), None),
         (sympy.Piecewise((k * sympy.sin(r) / r, r < 1), (0, True)), k),
         (sympy.Piecewise((1, r < 1), (0, True)) * sympy.sin(r) / r, 1),

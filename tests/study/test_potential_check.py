@@ -10,9 +10,9 @@ from mpmath import mpf
 import flocking as fk
 from flocking.errors import InvalidInput
 from flocking.formula.grammar import Formula
+from flocking.formula.precise import evaluator
 from flocking.study.potential_check import check_potential
 from flocking.study.potential_shape import shape_of
-from flocking.study.precise import evaluator
 from tests.formula.test_grammar import expressions
 from tests.model.test_potentials import SHI, TANNER, ZHOU
 

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from flocking.formula.precise import evaluator, wide_context
+
 if TYPE_CHECKING:
     import sympy
 
@@ -95,12 +97,9 @@ def _removable(expression: sympy.Expr, r: sympy.Symbol) -> sympy.Expr | None:
 
     primes = (sympy.Rational(sympy.prime(k + 5), 10) for k in range(1000))
     known = dict(zip(sorted(expression.free_symbols - {r}, key=str), primes, strict=False))
-    inner, far = (
-        sympy.N(expression.xreplace({**known, r: sympy.Float(10, 200) ** -places}), 50, maxn=400) for places in _PROBES
-    )
-    if not all(x.is_number and x.is_real and x.is_finite for x in (inner, far)):
-        return None
-    if abs(far - inner) > 1e-6 * max(1.0, abs(float(inner))):
+    at, finite = evaluator(expression, r, known), wide_context().isfinite
+    inner, far = (at(wide_context().mpf(10) ** -places) for places in _PROBES)
+    if not (finite(inner) and finite(far)) or abs(far - inner) > 1e-6 * max(1.0, abs(inner)):
         return None
     try:
         found = _finite(sympy.limit(expression, r, 0))
@@ -108,9 +107,8 @@ def _removable(expression: sympy.Expr, r: sympy.Symbol) -> sympy.Expr | None:
         return None
     if found is None or found.has(r):
         return None
-    value = sympy.N(found.xreplace(known))
-    same = value.is_number and value.is_real and abs(value - far) <= 1e-6 * max(1.0, abs(float(far)))
-    return found if same else None
+    value = evaluator(found, r, known)(0)
+    return found if finite(value) and abs(value - far) <= 1e-6 * max(1.0, abs(far)) else None
 
 
 def defined_at_contact(expression: sympy.Expr, r: sympy.Symbol) -> sympy.Expr:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flocking.formula.precise import Number, evaluator, wide_context
 from flocking.model.checks import Array
 from flocking.model.potentials import Potential
-from flocking.study.precise import Number, evaluator, wide_context
 
 if TYPE_CHECKING:
     import sympy

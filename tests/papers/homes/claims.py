@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.testing import assert_allclose
 
+from flocking.engine.run import Largest
 from flocking.papers import paper
 from flocking.study.claims import Basis, Origin, Verdict
 
@@ -92,7 +93,9 @@ def tanner(key: str) -> None:
     """The bound sqrt(2 c) that follows from W or Q: printed as sqrt(c)."""
     listed(key)
     bound = {c.key: c for c in paper(key).claims(key)}["speed-bound"]
-    seen = SimpleNamespace(trace={"energy": np.array([3.0])}, speeds=np.array([[1.0]]))
+    seen = SimpleNamespace(
+        trace={"energy": np.array([3.0])}, speeds=np.array([[1.0]]), largest={"speed": Largest(1.0)}.__getitem__
+    )
     assert_allclose(bound.conclusion(seen).margin, math.sqrt(6.0) - 1.0, rtol=1e-12)  # type: ignore[arg-type]
 
 

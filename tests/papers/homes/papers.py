@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+from flocking.engine.run import Largest
 from flocking.model.avoidance import Avoid
 from flocking.model.graphs import Fixed, Hysteresis, Proximity
 from flocking.model.law import Law
@@ -313,6 +314,8 @@ def evidence(**given):
     given.setdefault("potential", rest.potentials[0] if rest is not None else None)
     for name in ("t", "trace"):
         given.setdefault(name, getattr(run, name, None))
+    series = {"speed": given.get("speeds"), "diameter": given.get("diameter")}
+    given.setdefault("largest", lambda name: Largest(float(np.max(series[name]))))
     return SimpleNamespace(**given)
 
 

@@ -162,13 +162,19 @@ class DoubtEvidence(LinkEvidence):
             for _, _, i, j, _ in cluster:
                 self._set(low, i, j, value=False)
                 self._set(high, i, j, value=True)
+            # The switches of one pair come one after the other, however close their times.
+            alone = len({span[2:4] for span in cluster}) == 1 and all(
+                k >= 0 and self.link_certain[k] for *_, k in cluster
+            )
+            since = None if is_connected(high) else begin
             for k in sorted(switches):
                 row = self.link_switches[k]
                 self._set(links, int(row["i"]), int(row["j"]), value=bool(row["kind"] == "appear"))
-            alone = len(cluster) == 1 and len(switches) == 1
-            split = not is_connected(high) or (self._settled(cluster) and not is_connected(links))
-            if split:
-                certain = min(certain, float(self.link_switches[switches[-1]]["time"]) if switches else begin)
+                last = k == max(switches)
+                if since is None and (alone or (last and self._settled(cluster))) and not is_connected(links):
+                    since = float(row["time"])
+            if since is not None:
+                certain = since
                 break
             doubtful = doubtful or (not alone and not is_connected(low))
         return certain, doubtful
@@ -191,7 +197,7 @@ class DoubtEvidence(LinkEvidence):
     def _settled(self, cluster: list[Span]) -> bool:
         """Whether what was in doubt came to its end before the run did."""
         last = self.run.scenario.t_end if self.run.finished else float(self.t[-1])
-        return len(cluster) == 1 or max(span[1] for span in cluster) < last
+        return max(span[1] for span in cluster) < last
 
     def _set(self, links: Links, i: int, j: int, *, value: bool) -> None:
         links[i, j] = value

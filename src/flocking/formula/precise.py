@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -27,15 +27,27 @@ def wide_context() -> Any:
     return context
 
 
-def evaluator(expression: sympy.Expr, symbol: sympy.Symbol) -> Callable[[Number], Number]:
+def evaluator(
+    expression: sympy.Expr, symbol: sympy.Symbol, known: Mapping[sympy.Symbol, Number] | None = None
+) -> Callable[[Number], Number]:
     """Function of ``symbol`` that evaluates ``expression`` with `DIGITS` digits.
 
     No value takes long: arguments too large for a function give an infinity or NaN instead.
+
+    Parameters
+    ----------
+    expression
+        What is evaluated.
+    symbol
+        Its variable.
+    known
+        Values of its other symbols.
     """
     import sympy
 
     context = wide_context()
     nan, inf, zero = context.nan, context.inf, context.mpf(0)
+    given = {name: context.mpf(value) for name, value in (known or {}).items()}
 
     def large(x: Number, bits: int) -> bool:
         return bool(context.isinf(x)) or (x != 0 and int(context.mag(x)) > bits)
@@ -65,8 +77,14 @@ def evaluator(expression: sympy.Expr, symbol: sympy.Symbol) -> Callable[[Number]
             return (context.pi / 2 if name == "atan" else context.mpf(1)) * (1 if x > 0 else -1)
         return getattr(context, name)(x)
 
+    def other(function: Any, inside: list[Number]) -> Number:
+        if any(large(x, 60) for x in inside):
+            return nan
+        value = function(*(sympy.Float(x, DIGITS) for x in inside)).evalf(DIGITS)
+        return context.mpf(value._to_mpmath(context.prec)) if value.is_Float or value.is_Rational else nan
+
     def at(value: Number) -> Number:
-        known: dict[Any, Any] = {symbol: context.mpf(value)}
+        found: dict[Any, Any] = {**given, symbol: context.mpf(value)}
 
         def holds(condition: Any) -> bool:
             if condition in (sympy.true, sympy.false):
@@ -83,9 +101,9 @@ def evaluator(expression: sympy.Expr, symbol: sympy.Symbol) -> Callable[[Number]
             return (all if isinstance(condition, sympy.And) else any)(holds(a) for a in condition.args)
 
         def compute(node: Any) -> Number:
-            if node not in known:
-                known[node] = fresh(node)
-            return known[node]
+            if node not in found:
+                found[node] = fresh(node)
+            return found[node]
 
         def fresh(node: Any) -> Number:
             if node.is_Rational:
@@ -104,18 +122,23 @@ def evaluator(expression: sympy.Expr, symbol: sympy.Symbol) -> Callable[[Number]
             if isinstance(node, sympy.Piecewise):
                 return next((compute(v) for v, condition in node.args if holds(condition)), nan)
             name = node.func.__name__
-            inside = compute(node.args[0])
-            if context.isnan(inside):
+            inside = [compute(a) for a in node.args]
+            if any(context.isnan(x) for x in inside):
                 return nan
+            if name in {"Max", "Min"}:
+                return (max if name == "Max" else min)(inside)
+            first = inside[0]
             if name == "exp":
-                return growth(inside)
+                return growth(first)
             if name == "log":
-                return context.log(inside) if inside > 0 else -inf if inside == 0 else nan
+                return context.log(first) if first > 0 else -inf if first == 0 else nan
             if name in {"sin", "cos", "tan"}:
-                return wave(name, inside)
+                return wave(name, first)
             if name in {"atan", "tanh", "sinh", "cosh"}:
-                return bend(name, inside)
-            return nan
+                return bend(name, first)
+            if name in {"Abs", "sign"}:
+                return abs(first) if name == "Abs" else context.sign(first)
+            return other(node.func, inside)
 
         return compute(expression)
 
