@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import io
-import json
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
+from flocking.engine.archive import UNREADABLE, Arrays, read_archive, write_archive
 from flocking.engine.columns import GROWING
 from flocking.engine.companion import NODES, Difference
 from flocking.engine.exact import ExactSession
+from flocking.engine.exact_form import check_exact
 from flocking.engine.origin import Origin
 from flocking.engine.recorder import Recorder
 from flocking.engine.run import Closest, Largest, Run
@@ -28,16 +28,11 @@ from flocking.model.law import Law, Scenario
 if TYPE_CHECKING:
     from flocking.engine.tiles.session import TilesSession
 
-Arrays = dict[str, np.ndarray[Any, Any]]
-"""Arrays of a checkpoint by name."""
-
 
 def write_checkpoint(session: ExactSession | TilesSession, file: BinaryIO) -> None:
     """Write the state of a session as an ``.npz`` file: arrays, and one JSON text of numbers."""
-    numbers, arrays = _FORMS[session.engine](session)
-    text = json.dumps({"engine": session.engine, **numbers}, default=lambda x: x.item()).encode()
-    whole: dict[str, Any] = {"numbers": np.frombuffer(text, dtype=np.uint8), **arrays}
-    np.savez(file, **whole)
+    numbers, arrays = _PACKERS[session.engine](session)
+    write_archive(file, {"engine": session.engine, **numbers}, arrays)
 
 
 def pack(session: ExactSession | TilesSession) -> bytes:
@@ -79,17 +74,16 @@ def unpack(
         When the data are no checkpoint.
     """
     try:
-        with np.load(io.BytesIO(data) if isinstance(data, bytes) else data, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-        numbers = json.loads(arrays.pop("numbers").tobytes())
+        numbers, arrays = read_archive(data)
         if numbers["engine"] == "tiles":
             from flocking.engine.tiles.memory import restore_tiles
 
             counts = stored or dict.fromkeys(GROWING, 0)
             return restore_tiles(numbers, arrays, records.scenario, counts, threads, plant)
+        check_exact(numbers, arrays, records.scenario, plant)
         return _restore_exact(numbers, arrays, records, plant)
-    except (ValueError, KeyError, TypeError, IndexError, OSError, EOFError, zipfile.BadZipFile) as error:
-        raise StorageError(f"{where}: no checkpoint this version can go on from ({error}).") from None
+    except UNREADABLE as error:
+        raise StorageError(f"{where}: no checkpoint this version can go on from ({str(error)[:200]}).") from None
 
 
 def _pack_tiles(session: TilesSession) -> tuple[dict[str, Any], Arrays]:
@@ -180,5 +174,5 @@ def recorder_of(run: Run, numbers: dict[str, Any]) -> Recorder:
     return recorder
 
 
-_FORMS: dict[str, Callable[[Any], tuple[dict[str, Any], Arrays]]] = {"exact": _pack_exact, "tiles": _pack_tiles}
+_PACKERS: dict[str, Callable[[Any], tuple[dict[str, Any], Arrays]]] = {"exact": _pack_exact, "tiles": _pack_tiles}
 """How the sessions of each engine are packed."""

@@ -6,16 +6,15 @@ LAMMPS's own restart files lose agents that have left its box since it last look
 from __future__ import annotations
 
 import io
-import json
-import zipfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from flocking.engine.archive import UNREADABLE, read_archive, write_archive
+from flocking.engine.forms import And, Names, Real, Row, Table, Whole, Word
 from flocking.engine.lammps.options import LammpsOptions
 from flocking.errors import StorageError
+from flocking.model.law import Scenario
 from flocking.model.state import State
 
 
@@ -45,25 +44,44 @@ class Restart:
 def packed(restart: Restart, options: LammpsOptions) -> bytes:
     """A restart and the options of its session as the bytes of an ``.npz`` file."""
     numbers = {"engine": "lammps", "time": restart.time, "steps": restart.steps, "plan": restart.plan}
-    text = json.dumps({**numbers, "options": asdict(options)})
     file = io.BytesIO()
-    np.savez(file, numbers=np.frombuffer(text.encode(), dtype=np.uint8), agents=restart.agents)
+    write_archive(file, {**numbers, "options": asdict(options)}, {"agents": restart.agents})
     return file.getvalue()
 
 
-def unpacked(data: bytes, where: Path) -> tuple[Restart, LammpsOptions]:
+def unpacked(data: bytes, where: Path, scenario: Scenario) -> tuple[Restart, LammpsOptions]:
     """The restart and the options that were packed.
 
     Raises
     ------
     StorageError
-        When the data are no restart.
+        When the data are no restart of a session of this scenario.
     """
     try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as file:
-            numbers = json.loads(file["numbers"].tobytes())
-            plan = tuple(numbers["plan"])
-            restart = Restart(file["agents"], numbers["time"], numbers["steps"], plan)
-        return restart, LammpsOptions(**numbers["options"])
-    except (ValueError, KeyError, TypeError, OSError, EOFError, zipfile.BadZipFile) as error:
-        raise StorageError(f"{where}: no checkpoint this version can go on from ({error}).") from None
+        numbers, arrays = read_archive(data)
+        _form(scenario).check(numbers, "")
+        Names({"agents": Table("f8", (scenario.start.n, 9))}).check(arrays, "")
+        restart = Restart(arrays["agents"], numbers["time"], numbers["steps"], tuple(numbers["plan"]))
+        return restart, stored_options(numbers["options"])
+    except UNREADABLE as error:
+        raise StorageError(f"{where}: no checkpoint this version can go on from ({str(error)[:200]}).") from None
+
+
+def stored_options(data: dict[str, Any]) -> LammpsOptions:
+    """The options of a run on disk; LAMMPS's own log is not written again, for whoever made the run chose its path.
+
+    Raises
+    ------
+    InvalidInput, TypeError
+        When they are none.
+    """
+    return LammpsOptions(**{**data, "keep_log": None})
+
+
+def _form(scenario: Scenario) -> Names:
+    slack = 1e-9 * max(1.0, abs(scenario.start.t), abs(scenario.t_end))
+    time = Real(scenario.start.t - slack, scenario.t_end + slack)
+    plan = And(Row([time, time, Whole(1), Whole()]), "lead forward", lambda x: bool(x[0] <= x[1] and x[3] <= x[2]))
+    return Names(
+        {"engine": Word(("lammps",)), "time": time, "steps": Whole(), "plan": plan, "options": Names({}, others=True)}
+    )

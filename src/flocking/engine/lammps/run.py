@@ -14,7 +14,7 @@ from flocking.engine.durable import told
 from flocking.engine.lammps import library
 from flocking.engine.lammps.options import LammpsOptions
 from flocking.engine.lammps.ranks import Ranks
-from flocking.engine.lammps.restart import Restart, packed, unpacked
+from flocking.engine.lammps.restart import Restart, packed, stored_options, unpacked
 from flocking.engine.lammps.session import LammpsSession
 from flocking.engine.progress import Progress, stops
 from flocking.engine.run import OBSERVED_FIELDS, SWITCH_FIELDS, TRACE_FIELDS, Run
@@ -132,7 +132,7 @@ def resume_on_ranks(folder: str | Path, *, scenario: Scenario | None, progress: 
         if isinstance(data, LammpsOptions):
             session = LammpsSession(records.scenario, data)
         else:
-            restart, options = unpacked(data, folder)
+            restart, options = unpacked(data, folder, records.scenario)
             session = LammpsSession(records.scenario, options, restart=restart)
             session.records.recall(records, session.whole_state())
     except BaseException:
@@ -152,7 +152,7 @@ def _last_commit(
         return records, None
     kept = writer.record["checkpoint"]
     if kept is None and writer.record["commits"] == 0:
-        return records, LammpsOptions(**writer.record["session"]["options"])
+        return records, stored_options(writer.record["session"]["options"])
     if kept is None:
         raise StorageError(f"{folder}: this run cannot go on, it has no checkpoint: {records.status}")
     with told(folder, "read the checkpoint"):

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flocking.engine.tiles.form import check_crowd
+
 if TYPE_CHECKING:
     from flocking.engine.tiles.crowd import Crowd
 
@@ -38,7 +40,14 @@ class CrowdMemory:
         return cls(copy.deepcopy(kept) if copied else kept)
 
     def put_back(self, crowd: Crowd) -> None:
-        """Make ``crowd`` go on from here."""
+        """Make ``crowd`` go on from here.
+
+        Raises
+        ------
+        MalformedError
+            When this is no memory of such a crowd.
+        """
+        check_crowd(self.fields, crowd)
         for name in KEPT:
             setattr(crowd, name, copy.deepcopy(self.fields[name]))
         if crowd.obstacles is not None:

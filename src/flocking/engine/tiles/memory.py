@@ -7,9 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from flocking.engine.archive import PLAIN, Arrays
+from flocking.engine.forms import MalformedError
 from flocking.engine.law_gaps import LawGaps
 from flocking.engine.run import Closest
 from flocking.engine.tiles.crowd_memory import CrowdMemory
+from flocking.engine.tiles.form import check_session
 from flocking.engine.tiles.instability import Instability
 from flocking.engine.tiles.lists import TileLists
 from flocking.engine.tiles.records import Records
@@ -21,8 +24,6 @@ PARTS: dict[str, type[Any]] = {
     part.__name__: part for part in (Books, Closest, CrowdMemory, Instability, LawGaps, TileLists)
 }
 """Classes that memory may hold."""
-
-Arrays = dict[str, np.ndarray[Any, Any]]
 
 
 def flattened(value: Any, arrays: Arrays) -> Any:
@@ -64,13 +65,18 @@ def restored(data: Any, arrays: Arrays) -> Any:
     if "array" in data:
         return arrays[data["array"]]
     if "scalar" in data:
-        return np.dtype(data["type"]).type(data["scalar"])
+        kind = np.dtype(data["type"])
+        if kind.kind not in PLAIN:
+            raise MalformedError(f"a number cannot be of type {kind}")
+        return kind.type(data["scalar"])
     if "list" in data:
         return [restored(x, arrays) for x in data["list"]]
     if "tuple" in data:
         return tuple(restored(x, arrays) for x in data["tuple"])
     if "dict" in data:
         return {name: restored(x, arrays) for name, x in data["dict"].items()}
+    if data["part"] not in PARTS:
+        raise MalformedError(f"memory holds no part called {str(data['part'])[:40]}")
     return PARTS[data["part"]](**{name: restored(x, arrays) for name, x in data["of"].items()})
 
 
@@ -107,6 +113,7 @@ def restore_tiles(
     """
     options = TilesOptions(**numbers["options"])
     kept = restored(numbers["session"], arrays)
+    check_session(kept, Books, CrowdMemory, scenario)
     records = Records(scenario, options.precision, keep_frames=options.keep_frames, observe=options.observe)
     records.recall(kept["records"], stored)
     snapshot = TilesSnapshot(

@@ -1,0 +1,315 @@
+"""What data read from disk must look like before anything computes with them."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+
+def squarable(kind: Any) -> float:
+    """Largest number of a type whose square, and a sum of some such, does not overflow.
+
+    Parameters
+    ----------
+    kind
+        A floating-point type.
+    """
+    return float(np.sqrt(np.finfo(kind).max)) / 1024
+
+
+class MalformedError(ValueError):
+    """Data that do not have the form they must have; the message names them."""
+
+
+class Form(ABC):
+    """What a value must be."""
+
+    @abstractmethod
+    def check(self, value: Any, name: str) -> None:
+        """Refuse a value that has another form.
+
+        Parameters
+        ----------
+        value
+            What was read.
+        name
+            What it is called, for the message.
+
+        Raises
+        ------
+        MalformedError
+            When it has another form.
+        """
+
+
+def _refuse(name: str, rule: str, found: Any) -> MalformedError:
+    text = repr(found)
+    return MalformedError(f"{name} must {rule}, not {text if len(text) <= 60 else text[:57] + '...'}")
+
+
+@dataclass(frozen=True)
+class Table(Form):
+    """An array of one type and shape.
+
+    Parameters
+    ----------
+    kind
+        Its type, such as ``"f8"``.
+    shape
+        Its shape; None for a length that may be any.
+    least, most
+        Bounds on the entries, which must be finite; ``finite=False`` admits any number.
+    ordered
+        Whether rows must follow each other in memory.
+    """
+
+    kind: Any
+    shape: tuple[int | None, ...]
+    least: float = -math.inf
+    most: float = math.inf
+    finite: bool = True
+    ordered: bool = True
+
+    def check(self, value: Any, name: str) -> None:
+        """Refuse another array, see `Form.check`."""
+        if not isinstance(value, np.ndarray):
+            raise _refuse(name, "be an array", value)
+        if value.dtype != np.dtype(self.kind):
+            raise MalformedError(f"{name} must be of type {np.dtype(self.kind)}, not {value.dtype}")
+        if len(value.shape) != len(self.shape) or any(
+            k not in (None, n) for k, n in zip(self.shape, value.shape, strict=True)
+        ):
+            wanted = tuple("any" if k is None else k for k in self.shape)
+            raise MalformedError(f"{name} must have the shape {wanted}, not {value.shape}")
+        if self.ordered and not value.flags.c_contiguous:
+            raise MalformedError(f"{name} must be stored row by row")
+        if not value.size or value.dtype.kind == "b":
+            return
+        if self.finite and value.dtype.kind == "f" and not np.isfinite(value).all():
+            raise MalformedError(f"{name} must hold finite numbers")
+        if self.least > -math.inf and value.min() < self.least:
+            raise MalformedError(f"{name} must not hold values below {self.least:g}, such as {value.min()}")
+        if self.most < math.inf and value.max() > self.most:
+            raise MalformedError(f"{name} must not hold values above {self.most:g}, such as {value.max()}")
+
+
+@dataclass(frozen=True)
+class Real(Form):
+    """A number.
+
+    Parameters
+    ----------
+    least, most
+        Its bounds.
+    finite
+        Whether it must be finite; otherwise anything within the bounds, and NaN.
+    """
+
+    least: float = -math.inf
+    most: float = math.inf
+    finite: bool = True
+
+    def check(self, value: Any, name: str) -> None:
+        """Refuse another value, see `Form.check`."""
+        if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+            raise _refuse(name, "be a number", value)
+        try:
+            number = float(value)
+        except OverflowError:
+            raise _refuse(name, "be a number of double precision", value) from None
+        if not math.isfinite(number) and self.finite:
+            raise _refuse(name, "be finite", number)
+        if number < self.least or number > self.most:
+            raise _refuse(name, f"lie between {self.least:g} and {self.most:g}", number)
+
+
+@dataclass(frozen=True)
+class Whole(Form):
+    """A whole number.
+
+    Parameters
+    ----------
+    least, most
+        Its bounds.
+    """
+
+    least: int = 0
+    most: int = 2**62
+
+    def check(self, value: Any, name: str) -> None:
+        """Refuse another value, see `Form.check`."""
+        if isinstance(value, bool) or not isinstance(value, int | np.integer):
+            raise _refuse(name, "be a whole number", value)
+        if not self.least <= value <= self.most:
+            raise _refuse(name, f"lie between {self.least} and {self.most}", value)
+
+
+@dataclass(frozen=True)
+class Flag(Form):
+    """True or False."""
+
+    def check(self, value: Any, name: str) -> None:
+        """Refuse another value, see `Form.check`."""
+        if not isinstance(value, bool | np.bool_):
+            raise _refuse(name, "be True or False", value)
+
+
+@dataclass(frozen=True)
+class Word(Form):
+    """One of some words.
+
+    Parameters
+    ----------
+    choices
+        The words; any word when empty.
+    """
+
+    choices: tuple[str, ...] = ()
+
+    def check(self, value: Any, name: str) -> None:
+        """Refuse another value, see `Form.check`."""
+        if not isinstance(value, str) or (self.choices and value not in self.choices):
+            raise _refuse(name, f"be one of {', '.join(self.choices)}" if self.choices else "be text", value)
+
+
+@dataclass(frozen=True)
+class Maybe(Form):
+    """A value, or None.
+
+    Parameters
+    ----------
+    form
+        The form of the value.
+    """
+
+    form: Form
+
+    def check(self, value: Any, name: str) -> None:
+        """Refuse another value, see `Form.check`."""
+        if value is not None:
+            self.form.check(value, name)
+
+
+@dataclass(frozen=True)
+class Row(Form):
+    """Values in a fixed order.
+
+    Parameters
+    ----------
+    forms
+        The form of each.
+    """
+
+    forms: Sequence[Form]
+
+    def check(self, value: Any, name: str) -> None:
+        """Refuse another value, see `Form.check`."""
+        if not isinstance(value, list | tuple) or len(value) != len(self.forms):
+            raise _refuse(name, f"be a list of {len(self.forms)}", value)
+        for k, (form, x) in enumerate(zip(self.forms, value, strict=True)):
+            form.check(x, f"{name}[{k}]")
+
+
+@dataclass(frozen=True)
+class Many(Form):
+    """Any number of values of one form.
+
+    Parameters
+    ----------
+    form
+        The form of each.
+    """
+
+    form: Form
+
+    def check(self, value: Any, name: str) -> None:
+        """Refuse another value, see `Form.check`."""
+        if not isinstance(value, list | tuple):
+            raise _refuse(name, "be a list", value)
+        for k, x in enumerate(value):
+            self.form.check(x, f"{name}[{k}]")
+
+
+@dataclass(frozen=True)
+class Names(Form):
+    """Values by name.
+
+    Parameters
+    ----------
+    forms
+        The form of each value that must be there.
+    optional
+        The form of each value that may be there.
+    others
+        Whether values of other names may be there too.
+    """
+
+    forms: Mapping[str, Form]
+    optional: Mapping[str, Form] = field(default_factory=dict)
+    others: bool = False
+
+    def check(self, value: Any, name: str) -> None:
+        """Refuse another value, see `Form.check`."""
+        if not isinstance(value, dict):
+            raise _refuse(name, "hold values by name", value)
+        for key in self.forms:
+            if key not in value:
+                raise MalformedError(f"{name} must hold {key!r}")
+        for key, x in value.items():
+            form = self.forms.get(key) or self.optional.get(key)
+            if form is not None:
+                form.check(x, f"{name}: {key}" if name else key)
+            elif not self.others:
+                raise MalformedError(f"{name} must not hold {str(key)[:40]!r}")
+
+
+@dataclass(frozen=True)
+class Part(Form):
+    """An object of a class, with fields of given forms.
+
+    Parameters
+    ----------
+    kind
+        The class.
+    forms
+        The form of each of its fields.
+    """
+
+    kind: type[Any]
+    forms: Mapping[str, Form]
+
+    def check(self, value: Any, name: str) -> None:
+        """Refuse another value, see `Form.check`."""
+        if type(value) is not self.kind:
+            raise _refuse(name, f"be of the kind {self.kind.__name__}", value)
+        Names(self.forms).check(vars(value), name)
+
+
+@dataclass(frozen=True)
+class And(Form):
+    """A form, and a rule beside it.
+
+    Parameters
+    ----------
+    form
+        The form.
+    rule
+        What must hold, in words that follow "must".
+    holds
+        Whether it does, of a value that has the form.
+    """
+
+    form: Form
+    rule: str
+    holds: Callable[[Any], bool]
+
+    def check(self, value: Any, name: str) -> None:
+        """Refuse another value, see `Form.check`."""
+        self.form.check(value, name)
+        if not self.holds(value):
+            raise MalformedError(f"{name} must {self.rule}")
