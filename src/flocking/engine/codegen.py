@@ -134,7 +134,7 @@ def stages(first, last, kept, t, y, h, K, nodes, weights, n, senders, sensed, of
 def _scalar_module(formulas: LawFormulas, order: int) -> str:
     m = formulas.dimension
     source = _HEADER + _control_source(formulas, order) + _energies_source(formulas, order)
-    return source + _STAGES.format(m=m, slope=_slope_source(m, order)) + _shapes_source(formulas)
+    return source + _stages_source(m, order) + _shapes_source(formulas)
 
 
 def _shapes_source(formulas: LawFormulas) -> str:
@@ -307,8 +307,8 @@ def _energies_source(formulas: LawFormulas, order: int) -> str:
     return source + "    return pairs, bodies, kinetic\n\n\n"
 
 
-def _slope_source(m: int, order: int) -> str:
-    """Lines that put the slope at the state ``z``, at a stage, into ``dy``."""
+def _stages_source(m: int, order: int) -> str:
+    """Stages of a Runge-Kutta step; the lines put in give ``dy``, the slope at the state ``z`` of a stage."""
     lines = [f"q = z[: n * {m}].reshape(n, {m})"]
     if order == 2:
         lines += [f"p = z[n * {m} : 2 * n * {m}].reshape(n, {m})"]
@@ -322,7 +322,7 @@ def _slope_source(m: int, order: int) -> str:
         lines += [f"        dy[(n + i) * {m} + k] = (u[i, k] - A[1, i] * p[i, k]) / A[0, i]"]
     else:
         lines += [f"        dy[i * {m} + k] = u[i, k]"]
-    return _indented(lines, 3)
+    return _STAGES.format(m=m, slope=_indented(lines, 3))
 
 
 def _array_module(formulas: LawFormulas) -> str:

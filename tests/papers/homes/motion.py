@@ -28,15 +28,21 @@ def double_integrators():
     for m in (1, 2, 3):
         for order in (1, 2):
             space = {"np": np, "numba": quiet, "control": control}
-            exec(codegen._rhs_source(m, order), space)
+            exec(codegen._stages_source(m, order), space)
             y = rng.normal(size=order * N * m + 3)
             A = rng.uniform(0.5, 2.0, (2, N))
-            rhs = space["rhs"]
-            names = rhs.__code__.co_varnames[3 : rhs.__code__.co_argcount]
+            stages = space["stages"]
+            names = stages.__code__.co_varnames[10 : stages.__code__.co_argcount]
             given = {name: A if name == "A" else object() for name in names}
-            dy = rhs(0.7, y, N, **given)
+            K, nodes, weights = np.zeros((2, len(y))), np.array([0.0, 0.5]), np.array([[0.0, 0.0], [0.5, 0.0]])
+            K[0] = rng.normal(size=len(y))
+            before = y.copy()
+            found = stages(1, 2, 1, 0.7, y, 0.2, K, nodes, weights, N, **given)
+            assert_allclose(y, before, rtol=0)
+            y, dy = y + 0.1 * K[0], K[1]
+            assert_allclose(found, y, rtol=1e-14)
             q, p = y[: N * m].reshape(N, m), y[N * m : 2 * N * m].reshape(N, m) if order == 2 else np.zeros((N, m))
-            assert seen["t"] == 0.7
+            assert_allclose(seen["t"], 0.8)
             assert_allclose(seen["q"], q)
             assert_allclose(seen["p"], p)
             assert all(x is y for x, y in zip(seen["rest"], given.values(), strict=True))
@@ -45,4 +51,4 @@ def double_integrators():
             assert_allclose(dy, np.concatenate([*(r.ravel() for r in rows), powers]), rtol=1e-12)
 
 
-HOMES = {"flocking.engine.codegen._rhs_source": double_integrators}
+HOMES = {"flocking.engine.codegen._stages_source": double_integrators}

@@ -24,8 +24,8 @@ def equations() -> tuple[Row, ...]:
     """Every numbered statement of the paper."""
     pictures = f"{HERE}.pictures.figures"
     return (
-        row("(1a)", "equation", "dr_i/dt = v_i", "flocking.engine.codegen._rhs_source", examples.displacement_of),
-        row("(1b)", "equation", "dv_i/dt = u_i", "flocking.engine.codegen._rhs_source",
+        row("(1a)", "equation", "dr_i/dt = v_i", "flocking.engine.codegen._stages_source", examples.displacement_of),
+        row("(1b)", "equation", "dv_i/dt = u_i", "flocking.engine.codegen._stages_source",
             examples.velocity_change_of),
         row("(2)", "equation", "heading angle of an agent", f"{MODEL}.observables.headings", examples.headings_of,
             reading="arctan of two arguments: the angle of the vector, in (-pi, pi]."),

@@ -48,7 +48,7 @@ def _problem() -> tuple[Row, ...]:
             reading="(u, v) is (i, j).", fault=Fault.MISPRINT),
         row("(3)", "equation", "z^T L z as a sum of squares", f"{MODEL}.terms.Consensus.dissipation",
             examples.sum_of_squares_of, reading=ORDERED),
-        row("(4)", "equation", "double integrators", "flocking.engine.codegen._rhs_source",
+        row("(4)", "equation", "double integrators", "flocking.engine.codegen._stages_source",
             examples.displacement_of),
         row("(5)", "equation", "stacked positions and velocities", f"{MODEL}.state.State", examples.stacked_of),
         row("sec. 2.2", "problem", "final formation s_1 = ... = s_N", f"{HERE}.theorems.links_have_one_length",
