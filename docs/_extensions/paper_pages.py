@@ -140,7 +140,11 @@ def paper_page(key: str) -> str:
             shown = formulas
         lines.append(table(("claim", "source", "statement", "expected"), claim_rows(module, name)))
     lines.append("## How it is read\n\n" + errata_sections(rows, 3))
-    listed = [(plain(r.number), plain(r.kind), plain(r.title), code(r.home), plain(r.verdict()[0])) for r in rows]
+    listed = [
+        (plain(r.number), plain(r.kind), plain(" ".join(filter(None, (f"{r.title}.", r.note)))), code(r.home),
+         plain(r.verdict()[0]))
+        for r in rows
+    ]  # fmt: skip
     lines.append("## Equation table\n\n" + table(("number", "kind", "statement", "home", "verdict"), listed))
     return "".join(lines)
 

@@ -8,6 +8,19 @@ from numpy.testing import assert_allclose
 from flocking.model.tracking import Track
 from flocking.papers.shi_2009.system import SETTINGS
 from tests.papers import shi_figures
+from tests.papers.shi_closed_forms import (
+    any_gains,
+    decay,
+    eigenvectors_1,
+    eigenvectors_2,
+    example_1,
+    example_2,
+    example_3,
+    leading,
+    limit,
+    steady,
+    theorem_3,
+)
 
 A = B = 0.05
 R = 4.0
@@ -258,48 +271,27 @@ def centre_motion(pair):
     assert_allclose(velocity, np.einsum("i,fik->fk", w, run.p), atol=1e-7)
 
 
-def decay(pair):
-    t, error = pair
-    assert_allclose(error, np.exp(-2.0 * t), rtol=1e-10)
+def positive(found):
+    least, refused = found
+    assert_allclose(least, 0.3 * np.log(1.005), rtol=1e-6)
+    assert 0.3 * (1 + np.log(0.995 / np.e)) < 0
+    assert refused
 
 
-def example_1(pair):
-    t, v = pair
-    assert_allclose(v, 2.0 + (-0.3 - 2.0) * np.exp(-t), atol=1e-8)
+def bounded_speeds(found):
+    scenario, bounds, speeds = found
+    q, p, n, m, *_ = pieces(scenario)
+    v0 = np.array([0.0, 1.0])
+    pairs = sum(V(np.linalg.norm(q[i] - q[j])) for i in range(n) for j in range(i))
+    c = pairs + 0.5 * sum(m[i] * (p[i] - v0) @ (p[i] - v0) for i in range(n))
+    assert_allclose(bounds, np.sqrt(2 * c / m), rtol=1e-9)
+    assert (speeds < bounds).all()
 
 
-def example_2(found):
-    t, x, v, (place, velocity) = found
-    assert_allclose(x, place, rtol=1e-6, atol=1e-6)
-    assert_allclose(v, velocity, rtol=1e-6, atol=1e-6)
-    alpha, h = 0.7, 1.3
-    decayed = 1 - np.exp(-h * t)
-    assert_allclose(v, alpha * t - 0.3 * np.exp(-h * t) - alpha / h * decayed, atol=1e-7)
-    expected = 0.4 + alpha / 2 * t**2 - alpha / h * t + (-0.3 / h + alpha / h**2) * decayed
-    assert_allclose(x, expected, atol=1e-6)
-    assert_allclose(v[-1] - alpha * t[-1], -alpha / h, rtol=1e-8)
-
-
-def example_3(r0, found):
-    t, x, v, (place, velocity) = found
-    assert_allclose(x, place, rtol=1e-6, atol=1e-6)
-    assert_allclose(v, velocity, rtol=1e-6, atol=1e-6)
-    h, alpha = 1.2, 0.5
-    late = t > 11.5
-    if abs(h * h - 4 * r0) > 1e-12:
-        ratio = (alpha * h**2 + r0) / ((alpha**2 + alpha) * h**2 + r0)
-    else:
-        ratio = (4 * alpha + 1) / (2 * alpha + 1) ** 2
-    growth = np.exp(alpha * h * t)
-    assert_allclose(v[late], ratio * growth[late], rtol=1e-4)
-    assert_allclose(x[late], ratio / (alpha * h) * growth[late] - 1 / (alpha * h), rtol=1e-4)
-    assert v[-1] < growth[-1]
-
-
-def steady(law, pair):
-    found, h = pair
-    expected = 1 / np.sqrt(1 + h**2) if law == 12 else 1 / np.sqrt((2.0 - 1) ** 2 + h**2)
-    assert_allclose(found, expected, rtol=1e-12)
+def bounded_distances(found):
+    bound, chain = found
+    assert_allclose(found, [9 * R, 9 * R], rtol=1e-12)
+    assert chain <= bound
 
 
 def supply(pair):
@@ -311,10 +303,6 @@ def supply(pair):
 
 def unequal(rate):
     assert_allclose(rate, (-1.0 * 1.0 - 2.0 * -1.0) / 2, rtol=1e-12)
-
-
-def limit(value):
-    assert_allclose(value, 1.0 + 3.0 / 2.0, rtol=1e-12)
 
 
 def numbers(found):
@@ -341,6 +329,10 @@ CHECKS = {
     "(7)": in_leader_frame,
     "Theorem 2": audit_as_expected,
     "J": energy_leader,
+    "(N-1)R": bounded_distances,
+    "sqrt(2c/m_i)": bounded_speeds,
+    "e^i e^j": bounded_speeds,
+    "b > a/e": positive,
     "dJ": dissipation,
     "Remark 1": audit_as_expected,
     "Remark 2": without_alignment,
@@ -349,7 +341,8 @@ CHECKS = {
     "x*, v*": centre,
     "(9)": centre_motion,
     "after (9)": decay,
-    "Theorem 3": limit,
+    "before Theorem 3": limit,
+    "Theorem 3": theorem_3,
     "(10)": kinetic_centre,
     "(11)": energy_centre,
     "Remark 4": unequal,
@@ -363,8 +356,12 @@ CHECKS = {
     "(15)": law_row,
     "J of (15)": energy_position,
     "(16)": centre_motion,
-    "Example 3 (i)": lambda found: example_3(0.8, found),
-    "Example 3 (ii)": lambda found: example_3(0.36, found),
+    "Example 3": example_3,
+    "Example 3 (i)": eigenvectors_1,
+    "Example 3 (ii)": eigenvectors_2,
+    "leading part of Example 3 (i)": lambda found: leading(0.8, found),
+    "leading part of Example 3 (ii)": lambda found: leading(0.36, found),
+    "after Theorem 5": any_gains,
     "steady error (12)": lambda pair: steady(12, pair),
     "steady error (15)": lambda pair: steady(15, pair),
     "Remark 5": supply,

@@ -159,6 +159,24 @@ def rates(found):
     assert found.high <= 0
 
 
+def both_rates(found):
+    leaving, entering = found
+    rates(leaving)
+    # -co{...} of (10) for either direction: the form is even in the velocities. The empty set lies in it.
+    assert entering.empty
+    assert not leaving.empty
+
+
+def vanishing(u):
+    near(u, np.zeros((4, 2)), 1e-9)
+
+
+def level_set(found):
+    distances, speeds = found
+    distance_margin(distances)
+    speed_margin(speeds)
+
+
 def power(found):
     near(found, by_hand.laplacian_form(P, NEIGHBOURS))
 
@@ -237,6 +255,7 @@ CHECKS = {
     "(4)": control,
     "Definition V.1": filippov,
     "(5)": filippov,
+    "after Definition V.1": filippov,
     "Definition V.2": generalized_derivatives,
     "Definition V.3": gradient,
     "Theorem V.4": gradient,
@@ -246,15 +265,15 @@ CHECKS = {
     "Assumption VI.1": first_loss,
     "Theorem VI.2": theorem,
     "(6)": energy,
-    "after (6)": speed_margin,
-    "(7)": distance_margin,
+    "after (6), distances": distance_margin,
+    "after (6), speeds": speed_margin,
+    "(7)": level_set,
     "Lemma VI.3": regularity,
     "Corollary VI.4": gradient,
-    "(8)": gradient,
     "Lemma VI.5": partial_gradient,
-    "(9)": partial_gradient,
-    "(10)": rates,
-    "(11)": incidence_forces,
+    "(10)": both_rates,
+    "before (11)": incidence_forces,
+    "(11)": vanishing,
     "sec. VII": start,
     "Fig. 1": control,
     **net_figures.CHECKS["tanner-2003-dynamic"],

@@ -113,9 +113,24 @@ def incidence_forces(found):
     near(found.sum(axis=0), np.zeros(2), 1e-8)
 
 
-def no_alignment_for_equal_velocities(u):
-    near(u, by_hand.alignment(P, NEIGHBOURS))
-    near(by_hand.alignment(np.tile([0.3, -0.7], (5, 1)), NEIGHBOURS), np.zeros((5, 2)))
+def level_set(found):
+    from scipy.optimize import brentq
+
+    speeds, distances = found
+    speed_margin(speeds)
+    # One link, 1 long, and W = 3.
+    near(distances, brentq(lambda r: by_hand.tanner(r) - 3.0, 1.0, 100.0) - 1.0, 1e-9)
+
+
+def equal_accelerations(found):
+    balanced, other = found
+    # (12): both components in span{1}; with (11), which (10) gives, they vanish.
+    for u in balanced.T:
+        near(u, np.full(4, u.mean()), 1e-9)
+        near(u, np.zeros(4), 1e-9)
+    # Where velocities are equal for an instant alone, accelerations are those of the potentials, and differ.
+    near(other, by_hand.potential_force(Q, NEIGHBOURS, by_hand.tanner_slope))
+    assert np.ptp(other, axis=0).min() > 0.1
 
 
 def verdicts(judged):
@@ -165,15 +180,16 @@ CHECKS = {
     "(4)": agent_potentials,
     "(5)": control,
     "W": energy,
-    "(6)": speed_margin,
-    "after (6)": longest_path,
+    "(6)": level_set,
+    "after (6), distances": longest_path,
+    "after (6), speeds": speed_margin,
     "(7)": opposite_forces,
     "Theorem IV.4": theorem,
     "(8)": rate_of_energy,
     "(9)": laplacian_power,
     "(10)": incidence_forces,
     "(11)": incidence_forces,
-    "(12)": no_alignment_for_equal_velocities,
+    "(12)": equal_accelerations,
     "Remark IV.5": remark,
     "sec. V": start,
     "Fig. 1": control,

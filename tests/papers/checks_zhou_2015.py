@@ -162,13 +162,96 @@ def bound_with(about):
     return start + M * (1 / (r - EPS) + 1 / EPS)
 
 
-def bound(found):
-    near(found, bound_with(np.zeros(2)))
+M = 10 * 9 / 2 - 9
 
 
-def led_bound(found):
-    near(found, bound_with(LEADER))
-    assert 0.5 * 10**2 - 1.5 * 10 + 1 == 10 * 9 / 2 - 9
+def first_phase(found):
+    """(13)."""
+    near(found.bound, bound_with(np.zeros(2)))
+    first = found.energies[0]
+    assert len(first) > 2
+    assert found.bound >= first[0] >= first.max()
+
+
+def every_phase(found, about=(0.0, 0.0)):
+    """(15), (30)."""
+    near(found.bound, bound_with(np.array(about)))
+    assert len(found.energies) == len(found.new) + 1 > 10
+    for energies in found.energies:
+        assert found.bound > energies[0] >= energies.max() - 1e-7 * energies[0]
+
+
+def new_links(found):
+    """(16), and the sum."""
+    most_new_links(found.most)
+    assert all(0 < n <= M for n in found.new)
+    assert sum(found.new) <= M
+
+
+def after_switches(found):
+    """(17), with equality but for what is dissipated between switches."""
+    near(found.price, 1 / (r - EPS) + 1 / EPS)
+    made = 0
+    for n, energies, before in zip(found.new, found.energies[1:], found.energies, strict=False):
+        made += n
+        assert energies[0] <= found.energies[0][0] + made * found.price
+        near(energies[0], before[-1] + n * found.price, 1e-6)
+
+
+def inside(found, about=(0.0, 0.0)):
+    """(18), (31)."""
+    every_phase(found, about)
+    assert max(energies.max() for energies in found.energies) <= found.bound
+    assert 0 < found.linked[0] < found.linked[1] < r
+    assert M == 0.5 * 10**2 - 1.5 * 10 + 1
+
+
+def distance_margin(found):
+    q, _ = by_hand.box_start(0)
+    near(found, 9 * r - max(math.dist(a, b) for a in q for b in q))
+
+
+def speed_margin(found):
+    _, p = by_hand.box_start(0)
+    near(found, math.sqrt(2 * bound_with(np.zeros(2))) - max(math.hypot(*v) for v in p))
+
+
+def limit_rate(found):
+    """(19): the rate tends to zero; on the way it is the printed form."""
+    powers = []
+    for state, power in (found[:2], found[2:]):
+        links = by_hand.close_pairs(state.q, r)
+        near(power, 0.5 * sum(float(((state.p[j] - state.p[i]) ** 2).sum()) for i in links for j in links[i]), 1e-9)
+        powers.append(power)
+    assert powers[1] < 1e-3 * powers[0]
+
+
+def balance(found):
+    """(23) with L-hat as it is printed, for agents that are not together."""
+    state, forces = found
+    hat = np.zeros((4, 4))
+    for i in range(4):
+        for j in range(4):
+            d = math.dist(state.q[i], state.q[j])
+            if i != j and d < r:
+                hat[i, j] = by_hand.zhou_slope(d) / d
+                hat[i, i] -= hat[i, j]
+    near(-hat @ state.q, np.zeros((4, 2)), 1e-9)
+    near(forces, np.zeros((4, 2)), 1e-9)
+    assert min(math.dist(a, b) for k, a in enumerate(state.q) for b in state.q[:k]) > 1.0
+
+
+def no_position(found):
+    u, far = found
+    led_control(u)
+    near(far, u)
+
+
+def numbers(found):
+    expected = {"agents": 10, "r": 4, "eps": 0.1, "s_gamma": 10, "v_gamma": 3, "w": 1, "c1": 1, "duration": 100}
+    assert set(found) == set(expected)
+    for name, value in expected.items():
+        near(found[name], value, 1e-12)
 
 
 def most_new_links(found):
@@ -265,37 +348,41 @@ CHECKS = {
     "(6)": control,
     "(7)": led_control,
     "(8)": control,
-    "psi (i)": definition,
+    "psi (i), (ii)": definition,
     "(9)": potential,
     "(10)": energy,
     "(11)": means,
     "Theorem 1": theorem,
     "(12)": rate,
-    "(13)": bound,
+    "(13)": first_phase,
     "(14)": dissipation,
     "t_k": most_new_links,
-    "(15)": bound,
-    "(16)": most_new_links,
-    "(17)": bound,
-    "(18)": bound,
-    "(19)": dissipation,
+    "(15)": every_phase,
+    "(16)": new_links,
+    "(17)": after_switches,
+    "(18)": inside,
+    "after (18), distances": distance_margin,
+    "after (18), speeds": speed_margin,
+    "(19)": limit_rate,
     "(20)": rate,
     "(21)": mean_control,
     "(22)": potential_forces,
-    "(23)": potential_forces,
-    "after (23)": final_lengths,
+    "(23)": balance,
+    "after (23)": balance,
     "(24)": led_control,
+    "abstract": no_position,
     "(25)": led_energy,
     "Theorem 2": led_theorem,
     "(26)": relative_control,
     "(27)": relative_control,
     "(28)": led_energy,
     "(29)": led_dissipation,
-    "(30)": led_bound,
-    "(31)": led_bound,
+    "(30)": lambda found: every_phase(found, LEADER),
+    "(31)": lambda found: inside(found, LEADER),
     "(32)": led_rate,
     "(33)": led_mean_control,
     "(34)": mean_after_one_second,
+    "sec. 4": numbers,
     **net_figures.CHECKS["zhou-2015"],
 }
 

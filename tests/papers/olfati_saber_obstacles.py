@@ -84,7 +84,68 @@ def rate(pair):
         h = hat(q)
         d = math.dist(h, q)
         expected.append(L * float(p @ (h - q) / d) / (L + d) ** 2)
-    assert_allclose(found, expected, rtol=1e-6)
+    assert_allclose(found, expected, rtol=1e-10)
+    step = 1e-6
+    along = [(s_of(q + step * p) - s_of(q - step * p)) / (2 * step) for q, p in zip(state.q, state.p, strict=True)]
+    assert_allclose(found, along, rtol=1e-6)
+
+
+def fading(triple):
+    state, rest, pushed = triple
+    when_near(lambda q, p: pull(q) + C4 * (p_hat(q, p) - p))((state, rest))
+    when_near(lambda q, p: push(q))((state, pushed))
+    # One of the agents is where rho is neither 0 nor 1.
+    assert any(0 < rho(math.dist(hat(q), q) / R0) < 1 for q in state.q)
+
+
+def matching(pair):
+    q, links = pair
+    bodies = [(np.array([200.0, -5.0]), 20.0), (np.array([200.0, 50.0]), 20.0)]
+    expected = [[math.dist(x, b) - radius <= 7.55 for b, radius in bodies] for x in q]
+    assert expected == [[True, True], [False, True], [True, False], [False, False]]
+    assert (links == expected).all()
+    assert links.sum() == 4 < 4**2, "as many edges as beta-agents"
+
+
+def alone(pair):
+    from scipy.integrate import solve_ivp
+
+    def rate(_, y, gamma):
+        q, p = y[:2], y[2:]
+        u = -10.0 * (p - [10.0, 0.0])
+        for x, y0, radius in zip(*MATRIX, strict=True):
+            b = np.array([x, y0], dtype=float)
+            if near(q, b, radius):
+                u = u + push(q, b, radius) + C4 * (p_hat(q, p, b, radius) - p)
+                u = u + (pull(q, b + [1.0, 0.0]) if gamma else 0.0)
+        return [*p, *u]
+
+    for found, gamma in zip(pair, (False, True), strict=True):
+        end = solve_ivp(rate, (0, 4), [80.0, 27.0, 10.0, 0.0], "DOP853", rtol=1e-7, atol=1e-7, max_step=0.02,
+                        args=(gamma,)).y[:2, -1]  # fmt: skip
+        assert_allclose(found, end, atol=2e-3)
+    assert pair[0][0] > 110, "past the obstacle without a gamma-agent"
+
+
+def priority(found):
+    state, pushes, weak, rest = found
+    feels = 0
+    outweighed = 0
+    for q, strong, small, other in zip(state.q, pushes, weak, rest, strict=True):
+        expected = np.zeros(2)
+        for x, y, radius in zip(*MATRIX, strict=True):
+            b = np.array([x, y], dtype=float)
+            if near(q, b, radius):
+                expected = expected + push(q, b, radius)
+        assert_allclose(strong, expected, rtol=1e-8, atol=1e-8)
+        d = math.dist(hat(q), q)
+        if d < 5 / 6 * R0:
+            feels += 1
+            outward = (q - B) / math.dist(q, B)
+            assert float((strong + other) @ outward) > 0, "whatever else it is told, it is pushed away"
+            outweighed += float((small + other) @ outward) < 0
+    assert feels >= 7
+    assert outweighed > 0, "for c_3 = 1 other tasks come first"
 
 
 def moving(triple):
@@ -148,7 +209,12 @@ CHECKS = {
     "(53)": each(lambda q, p: hat(q)),
     "beta-agent": lambda found: assert_allclose(found, [True, True, True, False]),
     "gamma-agent": when_near(lambda q, p: pull(q)),
-    "beta term of (54)": when_near(lambda q, p: push(q)),
+    "phi_beta": when_near(lambda q, p: push(q)),
+    "x_i of (54)": when_near(lambda q, p: pull(q)),
+    "rho of (54)": fading,
+    "K_n_beta": matching,
+    "gamma-agents are necessary": alone,
+    "c_3 >> 1": priority,
     "(54)": when_near(avoid),
     "(55)": contraction,
     "(56)": each(p_hat),

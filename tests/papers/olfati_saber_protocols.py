@@ -149,6 +149,32 @@ def together(triple):
     assert kept
 
 
+def converse(found):
+    together, turning, other, met, parts = found
+    assert [conditions for conditions, _, _ in found] == [
+        (True, True, True), (True, True, False), (True, True, True), (True, False, True), (False, True, True),
+    ]  # fmt: skip
+    # Distances that keep, with a) to c): one velocity. Without c) a net may turn.
+    assert_allclose(together[1:], 0.0, atol=1e-12)
+    assert_allclose(turning[1], 0.0, atol=1e-12)
+    assert turning[2] > 1
+    assert min(other[1:]) > 0.1
+    assert met[1:] == parts[1:] == (0.0, 0.0)
+
+
+def line(found):
+    net, state, forces = found
+    # Balance: the force of the neighbour and that of the far end cancel.
+    near, far = math.dist(state.q[0], state.q[1]), math.dist(state.q[0], state.q[2])
+    assert_allclose(phi(near - D) + phi(far - D), 0.0, atol=1e-9)
+    assert_allclose(forces, 0.0, atol=1e-9)
+    assert far < 2.5 * D
+    # The middle one aside: both short links grow, and store less.
+    longer = math.hypot(near, 0.1)
+    assert 2 * psi(longer - D) < 2 * psi(near - D)
+    assert phi(near - D) < 0
+
+
 def distance_rates(triple):
     state, found, none = triple
     expected = []
@@ -374,6 +400,12 @@ def controller(sink):
     return check
 
 
+def both_controllers(triple):
+    state, to_sink, to_velocity = triple
+    controller(True)((state, to_sink))
+    controller(False)((state, to_velocity))
+
+
 def pursuit(pair):
     state, u = pair
     u_alpha = protocol(state.q, state.p, smooth=True, a=50.0, b=250.0)
@@ -460,13 +492,16 @@ CHECKS = {
     "(60)": energy,
     "(61)": rate,
     "A.2": judged("distances-settle"),
+    "A.2, limit": line,
+    "converse of Proposition 2 ii)": converse,
     "sum of u": invariant,
     "(48)": separated,
     "(49)": translational,
     "Proposition 6 i)": independent,
     "Proposition 6 ii)": tracking_rate(True),
     "Proposition 6": total,
-    "Remark 6": lambda pair: assert_allclose(pair, [1 + C2, C2], rtol=1e-9),
+    "Remark 6": both_controllers,
+    "after (66)": lambda pair: assert_allclose(pair, [1 + C2, C2], rtol=1e-9),
     "(50)": pursuit,
     "(51)": relative_pursuit,
     "u-bar of (51)": mean_pursuit,

@@ -71,14 +71,18 @@ def equation_table(module: ModuleType) -> str:
     """
     rows = [row.as_dict() for row in module.equations()]
     counts = Counter(row["verdict"] for row in rows)
-    body = "".join(
-        f"<tr><td>{escape(r['number'])}</td><td>{escape(r['title'])}</td><td>{escape(r['verdict'])}</td>"
-        f"<td><code>{escape(r['home'].removeprefix('flocking.'))}</code></td></tr>"
-        for r in rows
-    )
+    body = "".join(map(_equation, rows))
     told = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
     return (
         f"<details><summary>Equation table: {len(rows)} rows ({escape(told)})</summary>"
         f"<div class='scroll'><table><thead>{head_row('number', 'statement', 'verdict', 'home')}</thead>"
         f"<tbody>{body}</tbody></table></div></details>\n"
+    )
+
+
+def _equation(row: dict[str, Any]) -> str:
+    note = f'<br><span class="dim">{escape(row["note"])}</span>' if row["note"] else ""
+    return (
+        f"<tr><td>{escape(row['number'])}</td><td>{escape(row['title'])}{note}</td><td>{escape(row['verdict'])}</td>"
+        f"<td><code>{escape(row['home'].removeprefix('flocking.'))}</code></td></tr>"
     )

@@ -48,6 +48,25 @@ def example_state(n: int = 5, *, spread: float = 1.5, seed: int = 7) -> State:
     return State(rng.normal(size=(n, 2)) * spread, rng.normal(size=(n, 2)))
 
 
+def balanced_square(potential: Potential, best: float = 1.0) -> Array:
+    """Four agents in a square, all linked, at the side for which sides and diagonals balance; shape (4, 2).
+
+    Parameters
+    ----------
+    potential
+        Potential of every pair.
+    best
+        Distance at which it is least: below it repels, above it attracts.
+    """
+    from scipy.optimize import brentq
+
+    def outward(side: float) -> float:
+        return float(np.sqrt(2.0) * potential.slope(side) + potential.slope(np.sqrt(2.0) * side))
+
+    side = brentq(outward, 0.5 * best, best, xtol=1e-15, rtol=1e-15)
+    return side * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+
+
 def check_figure(figure: int | None, last: int) -> None:
     """Check that a paper with figures 1 to ``last`` has this one.
 

@@ -52,9 +52,9 @@ def _obstacles(seed: int, *, length: float | None = None, **options: Any) -> Sce
 
 def _certified_zhou(e: Evidence) -> float:
     """Distance at which one pair alone would hold the largest energy of (16)-(18)."""
-    from flocking.papers.zhou_2015.theorems import largest_energy
+    from flocking.papers.zhou_2015.theorems import energy_limit
 
-    return _distance_holding(e, largest_energy(e))
+    return _distance_holding(e, energy_limit(e))
 
 
 def _certified_by_start(e: Evidence) -> float:
@@ -77,9 +77,9 @@ def _distance_holding(e: Evidence, most: float) -> float:
 
 
 def _energy_bound(e: Evidence) -> float:
-    from flocking.papers.zhou_2015.theorems import largest_energy
+    from flocking.papers.zhou_2015.theorems import energy_limit
 
-    return largest_energy(e)
+    return energy_limit(e)
 
 
 ZHOU_MEASURES = {

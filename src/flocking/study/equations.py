@@ -10,7 +10,8 @@ from enum import StrEnum
 from typing import Any
 
 KINDS = ("equation", "definition", "assumption", "lemma", "proposition", "theorem", "corollary", "remark", "example",
-         "figure", "table", "problem", "protocol")  # fmt: skip
+         "figure", "table", "problem", "protocol", "consequence")  # fmt: skip
+"""Kinds of rows; a consequence follows from what a paper prints, and is not printed itself."""
 
 
 class Fault(StrEnum):
@@ -86,6 +87,10 @@ class Row:
         What is the matter with the printed form. A reading alone means an ambiguity or a missing value, unless it says
         `Fault.MISPRINT`: one sensible reading of a slip, under which the paper's argument stands. `Fault.FALSE` is a
         statement that stays wrong under every sensible reading, and needs a counter-example.
+    note
+        A remark that finds no fault: what else is known of the statement, or what it does not say.
+    also
+        Further numbers of the paper that the row states.
 
     Raises
     ------
@@ -102,6 +107,8 @@ class Row:
     reading: str = ""
     demonstration: Callable[[], Demonstration] | None = None
     fault: Fault = Fault.NONE
+    note: str = ""
+    also: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.fault is Fault.NONE and self.reading and self.demonstration is None:
@@ -138,6 +145,7 @@ class Row:
             "test": self.test,
             "verdict": str(verdict),
             "reason": self.reading,
+            "note": self.note,
             "demonstration": shown.as_dict() if shown else None,
         }
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from tests.papers.homes import avoidance, claims, laws, motion, nets, papers, shapes, structure
+from tests.papers.homes import avoidance, claims, laws, measures, motion, nets, papers, shapes, shi, structure
 
 HOMES: dict[str, Callable[[], None]] = {
     **nets.HOMES, **structure.HOMES, **laws.HOMES, **avoidance.HOMES,
-    **papers.HOMES, **claims.HOMES, **shapes.HOMES, **motion.HOMES,
+    **papers.HOMES, **shi.HOMES, **measures.HOMES, **claims.HOMES, **shapes.HOMES, **motion.HOMES,
 }  # fmt: skip

@@ -16,6 +16,7 @@ from flocking.model.leaders import Velocity
 from flocking.model.obstacles import Ball, Wall
 from flocking.model.potentials import Potential
 from flocking.model.state import State
+from flocking.study.obstacle_links import beta_links
 
 CENTRE, RADIUS, DRIFT = np.array([1.0, -2.0]), 1.5, np.array([0.4, -0.3])
 Q = np.array([[3.0, -1.5], [1.2, 0.2], [-1.8, -3.0], [1.0, 1.2], [6.0, 6.0], [1.3, -1.7]])
@@ -137,8 +138,26 @@ def defaults():
     assert [t.leader is not None for t in terms] == [True, True]
 
 
+def links():
+    """Within r0, its edge included; obstacles that move are where they are at the time."""
+    moving = Ball(Velocity((2.0, 0.0), start=(10.0, 0.0)), 1.0)
+    term = Avoid((Ball(CENTRE, RADIUS), moving), range=R0, gamma_agents=False)
+    for t in (0.0, 1.5):
+        ends = [(CENTRE, RADIUS), (np.array([10.0 + 2.0 * t, 0.0]), 1.0)]
+        q = np.array([b + [0.0, f * (radius + R0)] for b, radius in ends for f in (0.3, 0.99, 1.01)])
+        expected = [[math.dist(x, b) - radius <= R0 for b, radius in ends] for x in q]
+        found = beta_links(term, q, t)
+        assert (found == expected).all()
+        assert found.shape == (6, 2)
+        assert 0 < found.sum() < 12
+    assert (beta_links(term, q) == beta_links(term, q, 0.0)).all()
+    edge = Avoid((Ball((0.0, 0.0), 1.0),), range=1.0, gamma_agents=False)
+    assert beta_links(edge, np.array([[2.0, 0.0]])).all()
+
+
 MODEL = "flocking.model"
 HOMES = {
+    "flocking.study.obstacle_links.beta_links": links,
     f"{MODEL}.avoidance.Avoid": avoided,
     f"{MODEL}.obstacles.Obstacle.distance": geometry,
     f"{MODEL}.obstacles.Obstacle.project": geometry,

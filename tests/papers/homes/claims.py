@@ -10,7 +10,6 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.testing import assert_allclose
 
-from flocking.engine.run import Largest
 from flocking.papers import paper
 from flocking.study.claims import Basis, Origin, Verdict
 
@@ -47,7 +46,8 @@ NOT_STATED = {
     "tanner-2003-fixed": {"all-apart": Origin.OWN, "momentum": Origin.OWN},
     "tanner-2003-fixed-complete": {"momentum": Origin.OWN},
     "tanner-2003-dynamic": {"connected": Origin.ASSUMPTION, "links-kept": Origin.OWN, "momentum": Origin.OWN},
-    "zhou-2015-leader": {"leader-offset": Origin.OWN},
+    "zhou-2015": {"one-length": Origin.OWN},
+    "zhou-2015-leader": {"leader-offset": Origin.OWN, "one-length": Origin.OWN},
 }
 """What the papers assume, and questions they do not answer."""
 REFUTED = {
@@ -93,10 +93,9 @@ def tanner(key: str) -> None:
     """The bound sqrt(2 c) that follows from W or Q: printed as sqrt(c)."""
     listed(key)
     bound = {c.key: c for c in paper(key).claims(key)}["speed-bound"]
-    seen = SimpleNamespace(
-        trace={"energy": np.array([3.0])}, speeds=np.array([[1.0]]), largest={"speed": Largest(1.0)}.__getitem__
-    )
-    assert_allclose(bound.conclusion(seen).margin, math.sqrt(6.0) - 1.0, rtol=1e-12)  # type: ignore[arg-type]
+    between = {"speed": SimpleNamespace(value=1.25, error=0.0, time=0.5)}
+    seen = SimpleNamespace(trace={"energy": np.array([3.0])}, speeds=np.array([[1.0]]), largest=between.get)
+    assert_allclose(bound.conclusion(seen).margin, math.sqrt(6.0) - 1.25, rtol=1e-12)  # type: ignore[arg-type]
 
 
 HOMES: dict[str, Callable[[], None]] = {

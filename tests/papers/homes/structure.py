@@ -13,7 +13,7 @@ from flocking.model.smooth_graphs import PerAgentRadii, Smooth
 from flocking.model.state import State
 from flocking.model.structural import structural_potential
 from flocking.model.views import Cone
-from flocking.study import structure
+from flocking.study import rigid_motion, structure
 
 A, B, D, R = 2.0, 5.0, 3.0, 4.5
 Q = np.array([[0.0, 0.0], [2.5, 0.4], [0.3, 3.4], [-2.8, 1.0], [1.9, 3.9], [-8.0, -8.0]])
@@ -253,11 +253,44 @@ def slopes():
             assert_allclose(BUMPS[name].steepest(k0), value / (1 - k0), rtol=1e-8)
 
 
+def converse():
+    """Conditions a) to c), one at a time, and the rate of the distance that changes fastest."""
+    q = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.5]])
+    spin = 0.4 * np.stack([-q[:, 1], q[:, 0]], axis=1)
+    apart = np.array([[0.0, 0.0], [1.0, 0.0], [9.0, 9.0]])
+    closing = np.array([[0.3, 0.1], [-0.2, 0.1], [0.3, 0.1]])
+    cases = (
+        (q, np.tile([1.0, 2.0], (3, 1)), (True, True, True), 0.0),
+        (q, spin, (True, True, False), 0.0),
+        (q, closing, (True, True, False), 0.5),
+        (q[:2], closing[:2], (True, True, True), 0.5),
+        (q[:2], np.array([[0.0, 0.0], [0.0, 1e-12]]), (True, True, False), 0.0),
+        (q, np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1e-10]]), (True, True, True), 1.0),
+        (apart, np.tile([1.0, 2.0], (3, 1)), (False, True, True), 0.0),
+        (q[[0, 0]], np.array([[1.0, 0.0], [0.0, 0.0]]), (True, False, False), 1.0),
+        (q[[0, 0, 1]], np.zeros((3, 2)), (True, False, True), 0.0),
+        (q[:1], np.ones((1, 2)), (True, True, True), 0.0),
+    )
+    for places, velocities, conditions, rate in cases:
+        state = State(places, velocities)
+        assert rigid_motion.converse_conditions(Proximity(2.0), state) == conditions
+        assert_allclose(rigid_motion.largest_distance_rate(state), rate, atol=1e-9)
+    spinning = State(q, spin + 1e-3 * q)
+    assert rigid_motion.converse_conditions(Proximity(2.0), spinning)[2]
+    assert not rigid_motion.converse_conditions(Proximity(2.0), spinning, tolerance=0.1)[2]
+    directed = PerAgentRadii(np.array([2.0, 1.2, 2.0]))
+    assert rigid_motion.converse_conditions(directed, State(q, spin))[0] is False
+    links = np.zeros((3, 3), dtype=bool)
+    links[0, 1] = links[1, 0] = True
+    assert rigid_motion.converse_conditions(Proximity(2.0), State(q, spin, links=links))[0] is False
+
+
 MODEL, STUDY = "flocking.model", "flocking.study.structure"
 HOMES = {
     f"{MODEL}.structural.structural_potential": potentials,
     f"{MODEL}.bumps.Bump": bumps,
     f"{MODEL}.bumps.Bump.steepest": slopes,
+    "flocking.study.rigid_motion.converse_conditions": converse,
     f"{STUDY}.structural_energy": energy,
     f"{STUDY}.vote_weights": weights,
     f"{STUDY}.vote": votes,

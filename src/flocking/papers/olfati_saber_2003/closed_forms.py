@@ -1,4 +1,4 @@
-"""Functions of Olfati-Saber's section 10 that no part of a law states: translational and gathering energy."""
+"""Functions of Olfati-Saber's sections 10 and 11 that no part of a law states: energies, and contractions of balls."""
 
 from __future__ import annotations
 
@@ -32,3 +32,46 @@ def gathering_energy(q: Array, p: Array) -> float:
         Positions and velocities, shape (N, m).
     """
     return float(((q - q.mean(axis=0)) ** 2).sum() + ((p - p.mean(axis=0)) ** 2).sum())
+
+
+def contraction(q: Array, centre: Array, radius: float) -> Array:
+    """Factor s = l/(l + |qhat - q|) of (55), with which qhat = s q + (1 - s) b is the beta-agent on a ball.
+
+    Parameters
+    ----------
+    q
+        Positions outside the ball, shape (N, m).
+    centre
+        b, shape (m,).
+    radius
+        l.
+
+    Returns
+    -------
+    Array
+        Factors, shape (N,), between 0 and 1.
+    """
+    away = np.linalg.norm(np.asarray(q) - centre, axis=1) - radius
+    return np.asarray(radius / (radius + away))
+
+
+def contraction_rate(q: Array, p: Array, centre: Array, radius: float) -> Array:
+    """Rate ds/dt = l p^T n/(l + |qhat - q|)^2 of the contraction, n the unit vector from q to qhat (57).
+
+    Parameters
+    ----------
+    q, p
+        Positions outside the ball, and velocities, shape (N, m) each.
+    centre
+        b, shape (m,), at rest.
+    radius
+        l.
+
+    Returns
+    -------
+    Array
+        Rates, shape (N,).
+    """
+    inward = centre - np.asarray(q)
+    distance = np.linalg.norm(inward, axis=1)
+    return np.asarray(radius * (p * inward).sum(axis=1) / distance**3)

@@ -8,12 +8,13 @@ from flocking.engine.reference import control
 from flocking.engine.simulate import simulate
 from flocking.model.bumps import BUMPS
 from flocking.model.checks import Array
-from flocking.model.graphs import Proximity, pair_distances
+from flocking.model.graphs import Graph, Proximity, pair_distances
 from flocking.model.law import Law
 from flocking.model.smooth_graphs import Smooth
 from flocking.model.state import State
 from flocking.model.structural import structural_potential
 from flocking.model.terms import Gradient
+from flocking.model.views import Cone, FieldOfView, SmoothCone
 from flocking.papers.olfati_saber_2003 import examples_energy as energies
 from flocking.papers.olfati_saber_2003 import examples_nets as examples
 from flocking.papers.olfati_saber_2003 import examples_obstacles as obstacles
@@ -37,24 +38,34 @@ def one_way_links(net: Array) -> float:
     return float(((net > 0) & (net.T == 0)).sum())
 
 
+def directed_nets(graph: Graph) -> float:
+    """Of a hundred drawn clusters of six agents, those whose net has a link without a link back.
+
+    Parameters
+    ----------
+    graph
+        The graph.
+    """
+    rng = np.random.default_rng(18)
+    drawn = [(10 * rng.random((6, 2)), 2 * np.pi * rng.random(6)) for _ in range(100)]
+    return float(sum(one_way_links(nets.adjacency(graph, q, headings)) > 0 for q, headings in drawn))
+
+
 def undirected_cone() -> Demonstration:
-    """(5): the condition on headings is symmetric, against the text that calls the net directed."""
+    """After (6): the condition of (5) on headings is symmetric, so that no uniform net of its kind is directed."""
+    assert directed_nets(FieldOfView(system.RADIUS, np.pi / 3)) == 100
     return Demonstration(
-        one_way_links(examples.cone(1.0)),
-        one_way_links(examples.field_of_view()),
-        0.5,
-        "one-way links among six agents: as printed, and with the field of view of Fig. 1(b)",
-    )
+        100.0, directed_nets(Cone(system.RADIUS, 1.0)), 0.5,
+        "directed nets among those of (5) for a hundred clusters: all in general position, and counted",
+    )  # fmt: skip
 
 
 def undirected_smooth_cone() -> Demonstration:
     """(18): likewise."""
     return Demonstration(
-        one_way_links(examples.smooth_cone(1.0)),
-        one_way_links(examples.field_of_view()),
-        0.5,
-        "one-way links among six agents: as printed, and with the field of view of Fig. 1(b)",
-    )
+        100.0, directed_nets(SmoothCone(system.RADIUS, system.ONSET, 1.0)), 0.5,
+        "directed nets among those of (18) for a hundred clusters: all in general position, and counted",
+    )  # fmt: skip
 
 
 def in_degree() -> Demonstration:
@@ -232,6 +243,20 @@ def crushed() -> Demonstration:
     )
 
 
+def saddle() -> Demonstration:
+    """A.2: three agents that rest in a line, all linked and in balance, are in their own limit; V falls to the side."""
+    net, state, forces = energies.line_in_balance(1.0)
+    assert np.abs(forces).max() < 1e-12
+    aside = np.array(state.q)
+    aside[1, 1] = 0.1
+    psi = energies.potential()
+    here, there = (structure.structural_energy(net, psi, State(q)).potential for q in (state.q, aside))
+    return Demonstration(
+        0.0, there - here, 1e-9, "change of V as the middle one of three agents in balance moves 0.1 aside: 0 or"
+        " more, and computed",
+    )  # fmt: skip
+
+
 # -- obstacles ------------------------------------------------------------------------------------------
 
 
@@ -246,6 +271,13 @@ def bracket() -> Demonstration:
         1e-9,
         "push at distance 2: phi_beta(2) - d_beta as printed, and phi_beta(2 - d_beta)",
     )
+
+
+def passes_alone() -> Demonstration:
+    """Sec. 11: an agent off the axis gets around an obstacle that has no gamma-agent."""
+    without, _ = obstacles.passing_alone(1.0)
+    behind = float(without[0] > obstacles.CENTRE[0] + obstacles.SIZE)
+    return Demonstration(0.0, behind, 0.5, "agents of one, without a gamma-agent, that are past the obstacle after 4 s")
 
 
 def rows_for_columns() -> Demonstration:

@@ -11,7 +11,7 @@ import numpy as np
 
 from flocking.engine.reference import control, evaluate
 from flocking.model.checks import Array
-from flocking.model.graphs import Graph
+from flocking.model.graphs import Graph, Proximity
 from flocking.model.law import Law
 from flocking.model.observables import mean_position, mean_velocity
 from flocking.model.potentials import Potential
@@ -20,6 +20,8 @@ from flocking.model.state import State
 from flocking.model.structural import structural_potential
 from flocking.model.terms import Gradient
 from flocking.papers.olfati_saber_2003 import system
+from flocking.study.equilibrium import Equilibrium
+from flocking.study.rigid_motion import converse_conditions, largest_distance_rate
 from flocking.study.structure import Defect, defect, is_quasi_realization, structural_energy
 
 EXAMPLE_AGENTS = 12
@@ -119,6 +121,39 @@ def moving_together(scale: float) -> tuple[float, Array, bool]:
     net = system.hard_net()
     kinetic = structural_energy(net, potential(), State(q, p)).relative_kinetic
     return kinetic, rates, bool((net.initial(q) == net.initial(q + 100.0 * p)).all())
+
+
+def converse(scale: float) -> list[tuple[tuple[bool, bool, bool], float, float]]:
+    """For agents at one velocity, that of the first off by ``scale``, for a net that turns, for the example state, for
+    two agents that meet and for a net in two parts: conditions a) to c), the largest rate of a distance, and K_r.
+    """
+    q = hexagonal(EXAMPLE_AGENTS, spacing=system.DISTANCE, seed=0).q
+    together = np.tile([3.0, 2.0], (EXAMPLE_AGENTS, 1))
+    together[0] *= scale
+    turning = 0.3 * np.stack([-q[:, 1], q[:, 0]], axis=1)
+    met, parts = np.array(q), np.array(q)
+    met[1] = met[0]
+    parts[0] += 1000.0
+    still = np.zeros_like(q)
+    states = (State(q, together), State(q, turning), example_state(), State(met, still), State(parts, still))
+    net = system.hard_net()
+    return [
+        (converse_conditions(net, s), largest_distance_rate(s),
+         structural_energy(net, potential(), s).relative_kinetic)
+        for s in states
+    ]  # fmt: skip
+
+
+def line_in_balance(scale: float) -> tuple[Graph, State, Array]:
+    """Net of radius 2.5 d_alpha; three agents in a line, all linked, in balance, their distances off by ``scale``; and
+    the forces on them.
+    """
+    from scipy.optimize import brentq
+
+    psi, net = potential(), Proximity(2.5 * system.DISTANCE, closed=True)
+    step = brentq(lambda s: float(psi.slope(s) + psi.slope(2 * s)), 0.5 * system.DISTANCE, system.DISTANCE, xtol=1e-15)
+    state = State(scale * step * np.array([[-1.0, 0.0], [0.0, 0.0], [1.0, 0.0]]))
+    return net, state, Equilibrium(Law(net, (Gradient(psi),)), state).forces
 
 
 def no_energy(scale: float) -> tuple[float, Array, Array]:

@@ -5,11 +5,13 @@ Every function takes the factor by which its decisive number is off; 1 is the pa
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from flocking.engine.reference import control
+from flocking.engine.simulate import simulate
 from flocking.model.avoidance import Avoid
 from flocking.model.checks import Array
 from flocking.model.law import Law
@@ -17,7 +19,8 @@ from flocking.model.leaders import Velocity
 from flocking.model.obstacles import Ball
 from flocking.model.state import State
 from flocking.model.structural import structural_potential
-from flocking.papers.olfati_saber_2003 import passage, system
+from flocking.papers.olfati_saber_2003 import closed_forms, passage, system
+from flocking.study.obstacle_links import beta_links
 
 CENTRE, SIZE = (100.0, 20.0), 10.0
 """The first obstacle of (59)."""
@@ -81,11 +84,56 @@ def protocol_54(scale: float) -> tuple[State, Array]:
     return nearby(), avoided(damping_gain=system.BETA_DAMPING * scale)
 
 
+def fading(scale: float) -> tuple[State, Array, Array]:
+    """Agents near the obstacle, their control (54) without the push of beta-agents, and that push, c4 and c3 off by
+    ``scale``.
+    """
+    rest = avoided(repulsion_gain=0.0, damping_gain=system.BETA_DAMPING * scale)
+    return nearby(), rest, beta_push(scale)[1]
+
+
+def two_obstacles(scale: float) -> tuple[Array, np.ndarray[Any, np.dtype[np.bool_]]]:
+    """Four agents about the gap between the last two obstacles, and who has a beta-agent on which of them when r0 is
+    7.55 times ``scale``.
+    """
+    q = np.array([[200.0, 22.5], [200.0, 22.6], [200.0, 15.0], [160.0, 22.5]])
+    term = Avoid(system.obstacles()[4:], range=7.55 * scale, gamma_agents=False)
+    return q, beta_links(term, q)
+
+
+def passing_alone(scale: float) -> tuple[Array, Array]:
+    """Where one agent is after 4 s that heads for the first obstacle 7 off its axis under (58), without the pull of
+    gamma-agents and with it; c2 off by ``scale``.
+    """
+    scenario = system.obstacle_scenario(0, agents=1, tracking_gain=system.TRACKING_GAIN * scale)
+    start = State(np.array([[80.0, 27.0]]), np.array([system.DESIRED_VELOCITY]))
+
+    def end(law: Law) -> Array:
+        run = simulate(scenario.with_(law=law, start=start, t_end=4.0, frames=2, name=""), progress=False)
+        return np.asarray(run.q[-1, 0])
+
+    nothing = structural_potential(system.GAMMA_DISTANCE, 1e-13, 5e-13)
+    *others, avoid = scenario.law.terms
+    assert isinstance(avoid, Avoid)
+    # A potential that pulls by nothing: the law keeps its form, and its kernel serves for both.
+    return end(Law(scenario.law.graph, (*others, replace(avoid, attraction=nothing)))), end(scenario.law)
+
+
+def priority(scale: float) -> tuple[State, Array, Array, Array]:
+    """Agents among the obstacles, the push of their beta-agents for c3 and for c3/100, both off by ``scale``, and all
+    the rest of (58).
+    """
+    whole = system.obstacle_scenario(0, agents=2).law
+    rest = Law(whole.graph, tuple(replace(t, repulsion_gain=0.0) if isinstance(t, Avoid) else t for t in whole.terms))
+    push = control(whole, crowd()) - control(rest, crowd())
+    return crowd(), scale * push, scale * push / 100, control(rest, crowd())
+
+
 def contraction(scale: float) -> tuple[State, Array, Array]:
-    """Agents near the obstacle, s = l/(l + |qhat - q|), and qhat, the obstacle's radius off by ``scale``."""
+    """Agents near the obstacle, s of (55), and qhat, the obstacle's radius off by ``scale``."""
     q = nearby().q
-    ball = first_obstacle(scale)
-    return nearby(), ball.radius / (ball.radius + ball.distance(q)), ball.project(q)
+    s = closed_forms.contraction(q, np.array(CENTRE), SIZE * scale)
+    return nearby(), s, s[:, None] * q + (1 - s)[:, None] * np.array(CENTRE)
 
 
 def beta_velocity(scale: float) -> tuple[State, Array]:
@@ -94,14 +142,8 @@ def beta_velocity(scale: float) -> tuple[State, Array]:
 
 
 def contraction_rate(scale: float) -> tuple[State, Array]:
-    """Agents near the obstacle and ds/dt by differences along their motion, the radius off by ``scale``."""
-    state, step = nearby(), 1e-6
-    ball = first_obstacle(scale)
-
-    def s(time: float) -> Array:
-        return np.asarray(ball.radius / (ball.radius + ball.distance(state.q + time * state.p)))
-
-    return state, (s(step) - s(-step)) / (2 * step)
+    """Agents near the obstacle and ds/dt of (57), the radius off by ``scale``."""
+    return nearby(), closed_forms.contraction_rate(nearby().q, nearby().p, np.array(CENTRE), SIZE * scale)
 
 
 def moving_beta_velocity(scale: float) -> tuple[State, Array, Array]:

@@ -269,6 +269,12 @@ def velocity_controller(scale: float) -> tuple[State, Array]:
     return controller(False, scale)
 
 
+def both_controllers(scale: float) -> tuple[State, Array, Array]:
+    """Example state and the controllers (64) and (66) alone, c2 off by ``scale``."""
+    state, to_sink = sink_controller(scale)
+    return state, to_sink, velocity_controller(scale)[1]
+
+
 def largest_feedback(scale: float) -> tuple[float, float]:
     """|u-bar| of (64) and (66) far away at great speed, c2 off by ``scale``."""
     far = State(np.full((1, 2), 1e9), np.full((1, 2), 1e9))

@@ -13,12 +13,15 @@ from flocking.study.equations import Fault, Row
 MODEL, STUDY, HERE = "flocking.model", "flocking.study", "flocking.papers.olfati_saber_2003"
 CLOSED = "Up to and including r; the support of the smooth adjacency (17) is r open."
 SYMMETRIC = (
-    "|theta_j - theta_i| is the same seen from either agent, so the net is undirected as printed. The directed one is"
-    " the field of view of Fig. 1(b): the bearing of x_j - x_i against the heading of i."
+    "|theta_j - theta_i| is the same seen from either agent: with one radius and one opening for all, the net is"
+    " undirected. The directed one is the field of view of Fig. 1(b): the bearing of x_j - x_i against i's heading."
 )
 COLUMN = "In-degree is the column sum, over all j; N_i holds who is seen by i."
-VIEWS = "Holds for spherical shells and for (5) as printed, not for fields of view."
-PROOF_COLUMN = "The column sums are out-degree minus in-degree; the conclusion stands."
+VIEWS = (
+    "True of the nets of (5) and (8). Not of fields of view as in Fig. 1(b), which the text calls uniform and directed;"
+    " the example is one."
+)
+PROOF_COLUMN = "The column sums of L are out-degree minus in-degree, not the reverse; the conclusion stands."
 WEIGHTED = "With smooth a_ij: omega_i = sum_j a_ij (theta_j - theta_i), so that omega = -L theta."
 DIAGONAL = "a_ii = 0 here too; a_ij > 0 only for distances below r."
 REGULAR = "Convex with corners apart: regular for n >= 4 and k below the shortest diagonal; equal sides do not suffice."
@@ -35,7 +38,7 @@ def net_rows() -> tuple[Row, ...]:
     adjacency, graphs, views = f"{STUDY}.nets.adjacency", f"{MODEL}.smooth_graphs", f"{MODEL}.views"
     return (
         row("(1)", "equation", "spherical neighbourhood", f"{graphs}.PerAgentRadii", examples.ball),
-        row("(2)", "equation", "spatial adjacency matrix", adjacency, examples.directed_net, reading=CLOSED),
+        row("(2)", "equation", "spatial adjacency matrix", adjacency, examples.directed_net, note=CLOSED),
         row("(3)", "equation", "neighbours of a node", adjacency, examples.neighbours),
         row(
             "after (3)",
@@ -51,7 +54,7 @@ def net_rows() -> tuple[Row, ...]:
             "conic neighbourhood",
             f"{views}.Cone",
             examples.cones_of_their_own,
-            reading="Angles are real numbers as printed; wrapped ones are an option.",
+            note="Angles are real numbers as printed; wrapped ones are an option.",
         ),
         row(
             "(5)",
@@ -59,9 +62,6 @@ def net_rows() -> tuple[Row, ...]:
             "adjacency of a uniform conic net",
             f"{views}.Cone",
             examples.cone,
-            reading=SYMMETRIC,
-            fault=Fault.FALSE,
-            demonstration=wrong.undirected_cone,
         ),
         row(
             "Remark 1",
@@ -76,6 +76,16 @@ def net_rows() -> tuple[Row, ...]:
             "distance of rotations, trace(I - R^T R_i)/2",
             f"{views}.heading_gaps",
             examples.attitude_cone,
+        ),
+        row(
+            "after (6)",
+            "remark",
+            "a uniform net of conic shells is in general directed",
+            f"{views}.Cone",
+            examples.cone,
+            reading=SYMMETRIC,
+            fault=Fault.FALSE,
+            demonstration=wrong.undirected_cone,
         ),
         row(
             "Definition 1", "definition", "flock: weakly connected net", f"{STUDY}.nets.flock_members", examples.flocks
@@ -95,7 +105,7 @@ def net_rows() -> tuple[Row, ...]:
             "adjacency of a uniform net",
             f"{MODEL}.graphs.Proximity",
             examples.uniform_net,
-            reading=CLOSED,
+            note=CLOSED,
         ),
         row(
             "(9)",
@@ -124,13 +134,20 @@ def net_rows() -> tuple[Row, ...]:
             f"{STUDY}.nets.is_balanced",
             examples.uniform_balance,
             reading=VIEWS,
-            fault=Fault.FALSE,
+            fault=Fault.READING,
             demonstration=wrong.unbalanced_view,
         ),
         row(
             "Proposition 1 ii)",
             "proposition",
             "balanced exactly where 1^T L = 0",
+            f"{STUDY}.nets.laplacian",
+            examples.column_sums,
+        ),
+        row(
+            "proof of Proposition 1 ii)",
+            "equation",
+            "the column sums of L are deg_in - deg_out",
             f"{STUDY}.nets.laplacian",
             examples.column_sums,
             reading=PROOF_COLUMN,
@@ -173,7 +190,7 @@ def net_rows() -> tuple[Row, ...]:
         row(
             "(18)",
             "equation",
-            "smooth conic adjacency",
+            "smooth adjacency of the directed net of conic shells",
             f"{views}.SmoothCone",
             examples.smooth_cone,
             reading=SYMMETRIC,
@@ -225,7 +242,7 @@ def structure_rows() -> tuple[Row, ...]:
             "number f(n, k) of conformations",
             f"{shapes}.count",
             examples.counts_over_ratio,
-            reading="Solved for n <= 4, with coordinates.",
+            note="An open problem of the paper; solved here for n <= 4, with coordinates.",
         ),
         row("Lemma 3", "lemma", "f(n, k) <= 2^(n (n - 1)/2)", f"{shapes}.upper_bound", examples.upper_bounds),
         row(

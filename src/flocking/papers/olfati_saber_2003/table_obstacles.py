@@ -5,14 +5,24 @@ from __future__ import annotations
 from flocking.papers.olfati_saber_2003 import counterexamples as wrong
 from flocking.papers.olfati_saber_2003 import examples_obstacles as examples
 from flocking.papers.olfati_saber_2003 import examples_runs as runs
-from flocking.papers.olfati_saber_2003.table_nets import HERE, MODEL, row
+from flocking.papers.olfati_saber_2003.table_nets import HERE, MODEL, STUDY, row
 from flocking.study.equations import Fault, Row
 
-BRACKET = (
-    "phi_beta(|qhat - q| - d_beta), at most 0 and between -2 and 0: z/sqrt(1 + z^2) - 1. rho multiplies the beta term"
-    " only, as printed; x_i is x_k."
+BRACKET = "phi_beta(|qhat - q| - d_beta), as in (34): the printed bracket subtracts d_beta from the force."
+REPELLING = (
+    "phi_beta is called a repelling force and not given: z/sqrt(1 + z^2) - 1, between -2 and 0. Nor is d_beta: r0."
 )
-SHARED_PLACE = "The place of a gamma-agent is x_k = b_k + lambda_d n_d; (54) calls it x_i."
+FADES = "As printed rho multiplies the beta term alone: the gamma-agent's pull and the damping begin at r0 with a jump."
+SHARED_PLACE = "The place of a gamma-agent is x_k = b_k + lambda_d n_d; (54) and the line above it call it x_i."
+MATCHING = (
+    "K_(n,n) is the usual sign of the complete bipartite graph; meant is the one with n_beta edges, one for each"
+    " beta-agent. An agent near two obstacles has two."
+)
+NECESSARY = (
+    "Agents may be held back without it, as the text goes on; not every agent is. The one of the example passes an"
+    " obstacle without a gamma-agent."
+)
+PRIORITY = "How much c3 exceeds 1 is not given: 100."
 OUTSIDE = "Outside the obstacle. Inside, where the printed argmin is the agent itself, distances count negative."
 COLUMNS = "The columns are (b_k, l_k)."
 ALONG_X = "p_d = (10, 0): the gap of 15 between the last two obstacles is along y."
@@ -23,7 +33,7 @@ MISSING = "r0 = d_beta = 4.2, c3 = 100, c4 = 2, lambda_d = 1, d_gamma = 7, start
 def obstacle_rows() -> tuple[Row, ...]:
     """Section 11."""
     obstacle, avoid = f"{MODEL}.obstacles.Obstacle", f"{MODEL}.avoidance.Avoid"
-    claims, figures = f"{HERE}.theorems.claims", f"{HERE}.pictures.figures"
+    claims, figures, forms = f"{HERE}.theorems.claims", f"{HERE}.pictures.figures", f"{HERE}.closed_forms"
     return (
         row("d(q, O)", "definition", "distance from an obstacle", f"{obstacle}.distance", examples.distance),
         row(
@@ -39,23 +49,29 @@ def obstacle_rows() -> tuple[Row, ...]:
         row(
             "gamma-agent",
             "definition",
-            "its place in the obstacle",
+            "its place x_k = b_k + lambda_d n_d in the obstacle",
             avoid,
             examples.gamma_pull,
-            reading=SHARED_PLACE,
-            fault=Fault.MISPRINT,
+        ),
+        row(
+            "K_n_beta",
+            "definition",
+            "bipartite graph of agents and their beta-agents",
+            f"{STUDY}.obstacle_links.beta_links",
+            examples.two_obstacles,
+            reading=MATCHING,
+        ),
+        row(
+            "gamma-agents are necessary",
+            "remark",
+            "a gamma-agent is necessary to steer an agent around an obstacle",
+            avoid,
+            examples.passing_alone,
+            reading=NECESSARY,
+            fault=Fault.READING,
+            demonstration=wrong.passes_alone,
         ),
         row("Fig. 6", "figure", "an alpha-, a beta- and a gamma-agent", figures, runs.picture("6")),
-        row(
-            "beta term of (54)",
-            "equation",
-            "repulsion by the beta-agent",
-            avoid,
-            examples.beta_push,
-            reading=BRACKET,
-            fault=Fault.MISPRINT,
-            demonstration=wrong.bracket,
-        ),
         row(
             "(54)",
             "protocol",
@@ -66,17 +82,40 @@ def obstacle_rows() -> tuple[Row, ...]:
             fault=Fault.MISPRINT,
             demonstration=wrong.bracket,
         ),
-        row("(55)", "equation", "beta-agent by contraction", f"{obstacle}.project", examples.contraction),
+        row(
+            "x_i of (54)",
+            "equation",
+            "(x_i, 0) are place and velocity of a gamma-agent",
+            avoid,
+            examples.gamma_pull,
+            reading=SHARED_PLACE,
+            fault=Fault.MISPRINT,
+        ),
+        row("phi_beta", "equation", "repulsion by the beta-agent", avoid, examples.beta_push, reading=REPELLING),
+        row(
+            "rho of (54)", "equation", "what fades at r0: the beta-agent's push", avoid, examples.fading, reading=FADES
+        ),
+        row("(55)", "equation", "beta-agent by contraction", f"{forms}.contraction", examples.contraction),
         row(
             "(56)",
             "equation",
             "velocity of the beta-agent",
             f"{obstacle}.geometry",
             examples.beta_velocity,
-            reading=OUTSIDE,
+            note="Outside obstacles; inside, the velocity of the boundary takes its place.",
         ),
-        row("(57)", "equation", "rate of the contraction", f"{obstacle}.geometry", examples.contraction_rate),
+        row(
+            "(57)", "equation", "rate ds/dt of the contraction", f"{forms}.contraction_rate", examples.contraction_rate
+        ),
         row("Remark 7", "remark", "moving obstacles", f"{obstacle}.geometry", examples.moving_beta_velocity),
+        row(
+            "c_3 >> 1",
+            "remark",
+            "c_3 >> 1 gives avoiding obstacles the highest priority",
+            avoid,
+            examples.priority,
+            reading=PRIORITY,
+        ),
         row(
             "(58)",
             "protocol",

@@ -14,7 +14,11 @@ TWICE = "d/dt |q_j - q_i|^2 is twice the product; the conclusions need only wher
 UNWEIGHTED = (
     "Damping without a_ij, as printed: the law jumps at r, where pairs may slide. Weighted damping is an option."
 )
-NONSMOOTH = "Holds with the nonsmooth V of (28); with the smooth one the bound fails just within r."
+NONSMOOTH = "V is the nonsmooth one of (28), without a_ij; with the V of (30) the bound fails just within r."
+LOCAL = (
+    "LaSalle's principle gives stationary points of V. Three agents in a line, all linked, rest in balance for ever at"
+    " a saddle."
+)
 REPELLED = "|phi_alpha(-d_alpha)| < b pushes agents apart that meet; phi_alpha(d_alpha) < a."
 CLOSE = "A negative vote says too close, not far."
 ORDERED = "E lists ordered pairs here, every link twice; |E| in (47) counts links once."
@@ -42,6 +46,14 @@ def energy_rows() -> tuple[Row, ...]:
         row("Fig. 4", "figure", "potential and action function for a = 1, b = 5", figures, runs.picture("4")),
         row("Proposition 2 i)", "proposition", "V = 0 exactly for realizations", energy, energies.zero_energy),
         row("Proposition 2 ii)", "proposition", "K_r = 0 keeps all distances", energy, energies.moving_together),
+        row(
+            "converse of Proposition 2 ii)",
+            "proposition",
+            "where all distances keep and a) to c) hold, K_r = 0",
+            f"{STUDY}.rigid_motion.converse_conditions",
+            energies.converse,
+            note="Condition c) excludes rotations, which keep all distances; a) and b) are not needed.",
+        ),
         row("Proposition 2 iii)", "proposition", "K_r = 0 keeps the topology", energy, energies.moving_together),
         row(
             "A.1",
@@ -90,7 +102,7 @@ def protocol_rows() -> tuple[Row, ...]:
             "(34) asks all links for one length",
             f"{HERE}.system.alpha_terms",
             protocols.common_length,
-            reading="The protocol it is compared with is not printed: checked is the length that (34) asks for.",
+            note="The protocol it is compared with is not printed: checked is the length that (34) asks for.",
         ),
         row("n_ij", "definition", "unit vector from i to j", gradient, protocols.unit_vectors),
         row(
@@ -116,7 +128,7 @@ def protocol_rows() -> tuple[Row, ...]:
             f"{MODEL}.bumps.Bump.steepest",
             protocols.approximation_error,
             reading=NONSMOOTH,
-            fault=Fault.FALSE,
+            fault=Fault.READING,
             demonstration=wrong.smooth_bound,
         ),
         row("(38)", "equation", "weights w_ij", f"{STUDY}.structure.vote_weights", protocols.weights),
@@ -213,9 +225,19 @@ def dissipation_rows() -> tuple[Row, ...]:
             "distances keep in the limit",
             claims,
             runs.free,
-            reading=TWICE + " LaSalle's principle gives stationary points of V, not its local minima.",
+            reading=TWICE,
             fault=Fault.MISPRINT,
             demonstration=wrong.distance_rate,
+        ),
+        row(
+            "A.2, limit",
+            "proposition",
+            "the limit is a local minimum of V",
+            "flocking.study.equilibrium.Equilibrium",
+            energies.line_in_balance,
+            reading=LOCAL,
+            fault=Fault.FALSE,
+            demonstration=wrong.saddle,
         ),
     )
 
@@ -243,7 +265,13 @@ def separation_rows() -> tuple[Row, ...]:
             reading=TILDE,
             fault=Fault.MISPRINT,
         ),
-        row("Remark 6", "remark", "the feedbacks are bounded by 1 + c2 and c2", track, protocols.largest_feedback),
+        row(
+            "Remark 6",
+            "remark",
+            "the proof of Proposition 6 holds the tracking controllers",
+            track,
+            protocols.both_controllers,
+        ),
         row(
             "(50)",
             "protocol",
@@ -295,4 +323,5 @@ def separation_rows() -> tuple[Row, ...]:
             demonstration=wrong.velocity_without_bar,
         ),
         row("(66)", "equation", "bounded feedback towards a velocity", track, protocols.velocity_controller),
+        row("after (66)", "equation", "the feedbacks are at most 1 + c2 and c2", track, protocols.largest_feedback),
     )

@@ -1,4 +1,4 @@
-"""Closed forms for the centre of mass: (9), (13), (16) with v0 = (sin t, cos t), and Examples 1-3.
+"""Closed forms for the centre of mass: (9), (13), (16) with v0 = (sin t, cos t), and Examples 1-3, for any gains.
 
 All follow from one linear equation for the centre of mass, (16) with an acceleration feed-forward g:
 x'' = -h0 (x' - v0) - r0 (x - x0) + g a0. It is solved exactly by superposing the homogeneous solution and,
@@ -40,8 +40,12 @@ def _response(h0: float, r0: float, g: float) -> complex:
     return complex(s * (g * s + h0 + r0 / s) / (s * s + h0 * s + r0))
 
 
-def centre_motion(law: int, t: Array, x_start: Array, v_start: Array) -> tuple[Array, Array]:
+def centre_motion(
+    law: int, t: Array, x_start: Array, v_start: Array, h0: float | None = None, r0: float | None = None
+) -> tuple[Array, Array]:
     """Position and velocity of the centre of mass for v0 = (sin t, cos t), start at t = 0 and x0(0) = 0.
+
+    Solution of (9) under law (8), of (13) under (12), and of (16) under (15).
 
     Parameters
     ----------
@@ -51,13 +55,17 @@ def centre_motion(law: int, t: Array, x_start: Array, v_start: Array) -> tuple[A
         Times, shape (F,).
     x_start, v_start
         Where it starts and how fast, shape (2,) each.
+    h0, r0
+        Gains; those of the simulations when absent.
 
     Returns
     -------
     tuple of Array
         Positions and velocities, shape (F, 2) each.
     """
-    h0, r0, g = feedback(law)
+    h_of, r_of, g = feedback(law)
+    h0 = h_of if h0 is None else h0
+    r0 = r_of if r0 is None else r0
     # sin t = Re(-i e^{it}), cos t = Re(e^{it}); x0 = (1 - cos t, sin t) has a constant part (1, 0).
     phases = np.array([-1j, 1.0])
     turning = np.exp(1j * t)[:, None] * phases
@@ -133,6 +141,54 @@ def ramp_motion(h0: float, slope: float, t: Array, x: float, v: float) -> tuple[
     return place[:, 0] + slope * t**2 / 2 - lag * t, speed[:, 0] + slope * t - lag
 
 
+def jordan_form(h0: float, r0: float) -> tuple[Array, Array]:
+    """P and J with A = P J P^-1, A = ((0, 1), (-r0, -h0)) the matrix of (16) for n = 1: Example 3 (i) and (ii).
+
+    Where the eigenvalues l1, l2 of A differ, J is diagonal and the columns of P are the eigenvectors (1, l1) and
+    (1, l2). Where they are equal, (1, l1) is the only eigenvector; the second column (1, 1 + l1) is a generalized one,
+    (A - l1) (1, 1 + l1) = (1, l1), and J is a Jordan block.
+
+    Parameters
+    ----------
+    h0, r0
+        Gains.
+
+    Returns
+    -------
+    tuple of Array
+        P and J, shape (2, 2) each; complex where the eigenvalues are.
+    """
+    discriminant = h0 * h0 / 4 - r0
+    if abs(discriminant) <= 4 * np.finfo(float).eps * h0 * h0:
+        both = -h0 / 2
+        return np.array([[1.0, 1.0], [both, 1.0 + both]]), np.array([[both, 1.0], [0.0, both]])
+    root = np.sqrt(discriminant) if discriminant > 0 else 1j * np.sqrt(-discriminant)
+    values = np.array([-h0 / 2 + root, -h0 / 2 - root])
+    return np.array([np.ones(2), values]), np.diag(values)
+
+
+def exponential_leading_part(h0: float, r0: float, growth: float, t: Array) -> tuple[Array, Array]:
+    """What is left of `exponential_motion` in the long run, wherever it starts: Example 3 (i) and (ii).
+
+    Parameters
+    ----------
+    h0, r0, growth
+        Gains, and alpha.
+    t
+        Times, shape (F,).
+
+    Returns
+    -------
+    tuple of Array
+        Positions and velocities, shape (F,) each.
+    """
+    rate = growth * h0
+    # x = c exp(rate t) - 1/rate solves x'' = -h0 (x' - v0) - r0 (x - x0), x0 = (exp(rate t) - 1)/rate.
+    share = (rate * h0 + r0) / (rate**2 + rate * h0 + r0)
+    grown = np.exp(rate * np.asarray(t))
+    return (share * grown - 1.0) / rate, share * grown
+
+
 def exponential_motion(h0: float, r0: float, growth: float, t: Array, x: float, v: float) -> tuple[Array, Array]:
     """Centre of mass under (15) after a leader with v0 = exp(alpha h0 t) that starts at 0: Example 3.
 
@@ -150,9 +206,7 @@ def exponential_motion(h0: float, r0: float, growth: float, t: Array, x: float, 
     tuple of Array
         Positions and velocities, shape (F,) each.
     """
-    rate = growth * h0
-    # x = c exp(rate t) - 1/rate solves x'' = -h0 (x' - v0) - r0 (x - x0), x0 = (exp(rate t) - 1)/rate.
-    share = (rate * h0 + r0) / (rate**2 + rate * h0 + r0)
-    place, speed = free_motion(h0, r0, t, np.array([x - (share - 1.0) / rate]), np.array([v - share]))
-    grown = np.exp(rate * t)
-    return place[:, 0] + (share * grown - 1.0) / rate, speed[:, 0] + share * grown
+    (place,), (speed,) = exponential_leading_part(h0, r0, growth, np.zeros(1))
+    left_place, left_speed = free_motion(h0, r0, t, np.array([x - place]), np.array([v - speed]))
+    leading_place, leading_speed = exponential_leading_part(h0, r0, growth, t)
+    return leading_place + left_place[:, 0], leading_speed + left_speed[:, 0]

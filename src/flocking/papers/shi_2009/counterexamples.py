@@ -22,8 +22,10 @@ from flocking.model.tracking import Track
 from flocking.papers.shi_2009 import system
 from flocking.papers.shi_2009.closed_forms import (
     centre_motion,
+    exponential_leading_part,
     exponential_motion,
     free_motion,
+    jordan_form,
     ramp_motion,
     steady_velocity_error,
 )  # fmt: skip
@@ -118,6 +120,62 @@ def limit_difference(scale: float) -> float:
     return float(free_motion(2.0, 0.0, t, np.ones(1), np.full(1, 3.0 * scale))[0][-1, 0])
 
 
+def theorem_3(scale: float) -> tuple[Array, Array, Array, Array]:
+    """Times, and under (8) the velocity error and the position difference of the centre of mass for h_0 = 2 times
+    ``scale``; and the largest velocity error of one that starts with the velocity of the leader.
+    """
+    t = np.linspace(0.0, 20.0, 201)
+    leader_q = np.stack([1 - np.cos(t), np.sin(t)], axis=1)
+    leader_p = np.stack([np.sin(t), np.cos(t)], axis=1)
+    start = np.array([0.4, -0.3])
+    place, velocity = centre_motion(8, t, start, np.array([3.0, 0.0]), h0=2.0 * scale)
+    _, same = centre_motion(8, t, start, leader_p[0], h0=2.0 * scale)
+    return t, velocity - leader_p, place - leader_q, np.abs(same - leader_p).max()
+
+
+def centre_for_gains(scale: float) -> list[tuple[Array, Array]]:
+    """Centre of mass under (8), (12) and (15) for h_0 = 0.6 times ``scale``, r_0 = 2.5, at times 0, 1, ... 8."""
+    t, x, v = np.arange(9.0), np.array([0.4, -0.3]), np.array([1.0, 2.0])
+    return [centre_motion(law, t, x, v, 0.6 * scale, 2.5 if law == 15 else 0.0) for law in (8, 12, 15)]
+
+
+def decomposed(*, distinct: bool) -> Callable[[float], tuple[Array, Array, Array]]:
+    """Builder: A of (16) for h_0 = 1.2, and P and J of Example 3 for h_0 times ``scale``.
+
+    Parameters
+    ----------
+    distinct
+        Whether the eigenvalues differ, r_0 = 0.2; else r_0 = h_0^2/4.
+    """
+
+    def build(scale: float) -> tuple[Array, Array, Array]:
+        h0 = 1.2
+        r0 = 0.2 if distinct else h0 * h0 / 4
+        A = np.array([[0.0, 1.0], [-r0, -h0]])
+        return A, *jordan_form(h0 * scale, r0 if distinct else r0 * scale**2)
+
+    return build
+
+
+def leading_part(*, distinct: bool) -> Callable[[float], tuple[Array, Array, Array, tuple[Array, Array]]]:
+    """Builder: late times, position and velocity after v0 = exp(alpha h_0 t) under (15), and the leading part for r_0
+    off by ``scale``.
+
+    Parameters
+    ----------
+    distinct
+        As for `example_3`.
+    """
+
+    def build(scale: float) -> tuple[Array, Array, Array, tuple[Array, Array]]:
+        t, x, v, _ = example_3(distinct=distinct)(1.0)
+        late = t > 11.5
+        r0 = 0.8 if distinct else 0.36
+        return t[late], x[late], v[late], exponential_leading_part(1.2, r0 * scale, 0.5, t[late])
+
+    return build
+
+
 def steady(law: int) -> Callable[[float], tuple[float, float]]:
     """Builder: steady error for h_0 = 0.7 times ``scale`` and r_0 = 2."""
     return lambda scale: (steady_velocity_error(law, 0.7 * scale, 2.0 if law == 15 else 0.0), 0.7)
@@ -179,6 +237,37 @@ def time_constant() -> Demonstration:
 def offset_divided() -> Demonstration:
     """Before Theorem 3: the limit is x*(0) + (v* - v0)/h_0; printed once as a product."""
     return Demonstration(1.0 + 3.0 * 2.0, limit_difference(1.0), 1e-9, "limit for h_0 = 2, offset 1, velocity error 3")
+
+
+def no_eigenvector() -> Demonstration:
+    """Example 3 (ii): (1, 1 + l1) is no eigenvector of A."""
+    h0 = 1.2
+    A, both, w = np.array([[0.0, 1.0], [-h0 * h0 / 4, -h0]]), -h0 / 2, np.array([1.0, 1.0 - h0 / 2])
+    return Demonstration(
+        0.0, float(np.linalg.norm(A @ w - both * w)), 1e-9, "|A w - l1 w| for w = (1, 1 + l1), h_0 = 1.2, r_0 = h_0^2/4"
+    )
+
+
+def position_left_behind() -> Demonstration:
+    """Example 2: alpha/h_0 is how far the velocity lags; the position difference grows for ever."""
+    t, alpha, h0 = np.array([100.0]), 0.7, 1.3
+    place, _ = ramp_motion(h0, alpha, t, 0.0, 0.0)
+    return Demonstration(
+        -alpha / h0, float(place[0] - alpha * t[0] ** 2 / 2), 1e-6, "e_p* after 100 s for alpha = 0.7, h_0 = 1.3"
+    )
+
+
+def product_of_errors() -> Demonstration:
+    """Proof of Theorem 2: e_v^i e_v^j of two agents is not bounded by 2 c/m_i; |e_v^i|^2 is."""
+    heavy, light, c = 1.0, 0.05, 1.0
+    # Half of c in either agent, the velocity errors parallel; nothing in the potential.
+    product = np.sqrt(c / heavy) * np.sqrt(c / light)
+    return Demonstration(
+        2 * c / heavy,
+        float(product),
+        1e-9,
+        "bound 2 c/m_i of e_v^i e_v^j, and the product for masses 1 and 0.05, c = 1",
+    )
 
 
 def wrong_index() -> Demonstration:

@@ -15,7 +15,9 @@ import numpy as np
 from flocking.engine.reference import Evaluation, control, evaluate
 from flocking.engine.run import Run
 from flocking.engine.simulate import simulate
+from flocking.errors import InvalidInput
 from flocking.model.checks import Array
+from flocking.model.connectivity import is_connected
 from flocking.model.energy import Energy
 from flocking.model.graphs import Fixed, Proximity
 from flocking.model.law import Law, Scenario
@@ -25,9 +27,10 @@ from flocking.model.state import Agents, State
 from flocking.model.terms import Consensus, Gradient, Term
 from flocking.model.tracking import Track
 from flocking.papers import examples
-from flocking.papers.shi_2009 import system
+from flocking.papers.shi_2009 import bounds, system
 from flocking.papers.shi_2009.theorems import claims
 from flocking.study.audit import Report, audit
+from flocking.study.potential_minimum import smallest_value
 
 if TYPE_CHECKING:
     from flocking.show.declaration import Figure
@@ -126,6 +129,35 @@ def definition(scale: float) -> tuple[float, tuple[tuple[bool | None, ...], ...]
     r = np.linspace(system.SENSING_RADIUS / scale, 2 * system.SENSING_RADIUS, 500)
     shown = system.potential(), Potential("(r - 1)**2"), Potential("-1/r")
     return float(np.abs(system.potential().slope(r)).max()), examples.meets(KEY, system.SENSING_RADIUS, *shown)
+
+
+def least_value(scale: float) -> tuple[float, bool]:
+    """Smallest value of (3) for a = 0.3 and b = 1.005 a/e, b off by ``scale``; and whether 0.995 a/e is refused."""
+    a = 0.3
+    psi = system.potential(a, 1.005 * scale * a / np.e, 2.0)
+    try:
+        system.potential(a, 0.995 * a / np.e, 2.0)
+    except InvalidInput:
+        return smallest_value(psi, 2.0)[1], True
+    return smallest_value(psi, 2.0)[1], False
+
+
+def bounded_speeds(scale: float) -> tuple[Scenario, Array, Array]:
+    """A run under (4), the bounds sqrt(2 c/m_i) for c = J at its start, the masses off by ``scale``, and the largest
+    speeds relative to the leader at its frames.
+    """
+    run = examples.shown(beginning(f"{KEY}-all-informed"))
+    masses = np.multiply(run.scenario.agents.masses, scale)
+    leader = np.stack([np.sin(run.t), np.cos(run.t)], axis=1)
+    speeds = np.linalg.norm(run.p - leader[:, None], axis=2).max(axis=0)
+    return run.scenario, bounds.speed_bounds(float(run.trace["energy"][0]), masses), speeds
+
+
+def bounded_distances(scale: float) -> tuple[float, float]:
+    """The bound (N-1) R for ten agents, R off by ``scale``, and the length of a chain of ten that is linked by R."""
+    q = np.stack([4.0 * np.arange(10), np.zeros(10)], axis=1)
+    assert is_connected(system.scenario().law.graph.initial(q))
+    return bounds.distance_bound(10, system.SENSING_RADIUS * scale), float(np.linalg.norm(q[-1] - q[0]))
 
 
 def well_depth(scale: float) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -9,6 +10,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from flocking.errors import InvalidInput
 from flocking.model import starts
 from flocking.model.checks import Array, one_of
 from flocking.model.energy import Energy
@@ -45,7 +47,24 @@ LEADER_VELOCITY = ("sin(t)", "cos(t)")
 
 
 def potential(a: float = STRENGTH, b: float = STRENGTH, R: float = SENSING_RADIUS) -> Potential:
-    """Potential (3): singular at 0, smallest at sqrt(b/a), a cosine well out to R, constant beyond."""
+    """Potential (3): singular at 0, smallest at sqrt(b/a), a cosine well out to R, constant beyond.
+
+    Parameters
+    ----------
+    a, b
+        Its numbers; b > a/e keeps the smallest value a (1 + ln(b/a)) positive, as Definition 2 asks.
+    R
+        Sensing radius, above sqrt(b/a).
+
+    Raises
+    ------
+    InvalidInput
+        When a condition is not met.
+    """
+    if not (a > 0 and b > a / math.e):
+        raise InvalidInput("potential", "b", f"must be above a/e = {a / math.e:.6g}, and a above 0", b)
+    if not math.sqrt(b / a) < R:
+        raise InvalidInput("potential", "R", f"must be above sqrt(b/a) = {math.sqrt(b / a):.6g}", R)
     inner = "a*log(r**2) + b/r**2"
     well = "a*(1 + log(b/a)) + cos((1 + (r**2 - b/a)/(R**2 - b/a))*pi) + 1"
     return Potential(f"where(r <= sqrt(b/a), {inner}, where(r <= R, {well}, a*(1 + log(b/a)) + 2))", a=a, b=b, R=R)

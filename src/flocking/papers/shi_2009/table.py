@@ -22,6 +22,7 @@ def equations() -> Sequence[Row]:
     forms = f"{PAPER}.closed_forms"
     claims, figures = f"{PAPER}.theorems.claims", f"{PAPER}.pictures.figures"
     stationary = "The argument shows that the forces balance: the limit is stationary, V^i need not be at its minimum."
+    constant = "The time constant is 1/h_0."
     beta = "The alignment term is -sum w_ij (v^i - v^j); the printed sign drives velocities apart."
     table = [
         row(
@@ -58,11 +59,18 @@ def equations() -> Sequence[Row]:
             "the potential",
             f"{PAPER}.system.potential",
             examples.potential,
-            reading="C1 only: the curvature jumps at sqrt(b/a) and at R. The cosine well is 2 deep whatever a is.",
+            note="Differentiable once: the curvature jumps at sqrt(b/a) and at R.",
+        ),
+        row(
+            "b > a/e",
+            "assumption",
+            "it keeps (3) positive",
+            f"{PAPER}.system.potential",
+            examples.least_value,
         ),
         row(
             "depth of (3)",
-            "remark",
+            "consequence",
             "the well of (3) is 2 deep, whatever a is",
             f"{PAPER}.system.potential",
             examples.well_depth,
@@ -106,6 +114,30 @@ def equations() -> Sequence[Row]:
         ),
         row("J", "equation", "J in the leader's frame", energy, examples.energy_leader),
         row(
+            "(N-1)R",
+            "equation",
+            "on a level set of J no distance exceeds (N-1) R",
+            f"{PAPER}.bounds.distance_bound",
+            examples.bounded_distances,
+        ),
+        row(
+            "sqrt(2c/m_i)",
+            "equation",
+            "on a level set of J no velocity error exceeds sqrt(2 c/m_i)",
+            f"{PAPER}.bounds.speed_bounds",
+            examples.bounded_speeds,
+        ),
+        row(
+            "e^i e^j",
+            "equation",
+            "e_v^i e_v^j is at most 2 c/m_i",
+            f"{PAPER}.bounds.speed_bounds",
+            examples.bounded_speeds,
+            reading="The product is e_v^iT e_v^i, of one agent with itself.",
+            fault=Fault.MISPRINT,
+            demonstration=counterexamples.product_of_errors,
+        ),
+        row(
             "dJ",
             "equation",
             "dJ/dt = -e^T (L + H) e",
@@ -118,7 +150,7 @@ def equations() -> Sequence[Row]:
             "with every h_i > 0 no connectivity is needed",
             claims,
             examples.theorem(f"{KEY}-disconnected"),
-            reading="Proved by Barbalat's lemma: J falls at rate e^T H e at least.",
+            note="No proof is given. Barbalat's lemma is one: J falls at rate e^T H e at least.",
         ),
         row(
             "Remark 2", "remark", "alignment may be left out when all are informed", claims, examples.without_alignment
@@ -154,22 +186,32 @@ def equations() -> Sequence[Row]:
         row(
             "after (9)",
             "equation",
-            "v* approaches v0 as exp(-h_0 t)",
+            "v* approaches v0 as exp(-h_0 t), with a time constant of h_0",
             f"{forms}.free_motion",
             counterexamples.decay,
-            reading="The time constant is 1/h_0, not h_0.",
+            reading=constant,
             fault=Fault.MISPRINT,
             demonstration=counterexamples.time_constant,
         ),
         row(
-            "Theorem 3",
-            "theorem",
-            "limit of the position difference",
-            f"{forms}.centre_motion",
+            "before Theorem 3",
+            "equation",
+            "the position difference tends to x* + (v* - v0) h_0",
+            f"{forms}.free_motion",
             counterexamples.limit_difference,
-            reading="The offset is (v* - v0)/h_0; one line prints a product.",
+            reading="The offset is (v* - v0)/h_0, as the line before it and Theorem 3 have it.",
             fault=Fault.MISPRINT,
             demonstration=counterexamples.offset_divided,
+        ),
+        row(
+            "Theorem 3",
+            "theorem",
+            "v* tends to v0 with a time constant of h_0, the position difference to x* + (v* - v0)/h_0",
+            f"{forms}.centre_motion",
+            counterexamples.theorem_3,
+            reading=constant,
+            fault=Fault.MISPRINT,
+            demonstration=counterexamples.time_constant,
         ),
         row("(10)", "equation", "error dynamics in the centre-of-mass frame", energy, examples.centre_frame_kinetic),
         row("(11)", "equation", "J in the centre-of-mass frame", energy, examples.energy_centre),
@@ -194,6 +236,13 @@ def equations() -> Sequence[Row]:
         row(
             "(13)", "equation", "centre of mass under (12)", f"{forms}.centre_motion", counterexamples.centre_under(12)
         ),
+        row(
+            "after Theorem 5",
+            "equation",
+            "solutions of (13); here with those of (9) and (16) for v0 = (sin t, cos t) and any gains",
+            f"{forms}.centre_motion",
+            counterexamples.centre_for_gains,
+        ),
         row("(14)", "equation", "(12) in the centre-of-mass frame", law, examples.law_in_centre_frame),
         row(
             "Theorem 5",
@@ -208,9 +257,12 @@ def equations() -> Sequence[Row]:
         row(
             "Example 1",
             "example",
-            "a constant leader is tracked under (12)",
+            "a constant leader is tracked under (12), with a time constant of h_0",
             f"{forms}.free_motion",
             counterexamples.example_1,
+            reading=constant,
+            fault=Fault.MISPRINT,
+            demonstration=counterexamples.time_constant,
         ),
         row(
             "Example 2",
@@ -218,8 +270,9 @@ def equations() -> Sequence[Row]:
             "v0 = alpha t is not tracked under (12)",
             f"{forms}.ramp_motion",
             counterexamples.example_2,
-            reading="The limit alpha/h_0 is that of e_v*; the text prints e_p*.",
+            reading="The limit -alpha/h_0 is that of e_v*; the text prints e_p*.",
             fault=Fault.MISPRINT,
+            demonstration=counterexamples.position_left_behind,
         ),
         row("(15)", "equation", "law with the leader's position", law, examples.law_15),
         row("J of (15)", "equation", "J with r_0 m |e_p|^2", energy, examples.energy_position),
@@ -227,29 +280,53 @@ def equations() -> Sequence[Row]:
             "(16)", "equation", "centre of mass under (15)", f"{forms}.centre_motion", counterexamples.centre_under(15)
         ),
         row(
-            "Example 3 (i)",
+            "Example 3",
             "example",
-            "exponential leader, distinct eigenvalues",
+            "motion after an exponential leader",
             f"{forms}.exponential_motion",
             counterexamples.example_3(distinct=True),
         ),
         row(
+            "Example 3 (i)",
+            "example",
+            "distinct eigenvalues: A = P diag(l1, l2) P^-1",
+            f"{forms}.jordan_form",
+            counterexamples.decomposed(distinct=True),
+        ),
+        row(
             "Example 3 (ii)",
             "example",
-            "exponential leader, equal eigenvalues",
-            f"{forms}.exponential_motion",
-            counterexamples.example_3(distinct=False),
+            "equal eigenvalues: eigenvectors (1, l1) and (1, 1 + l1), A = P J_0 P^-1",
+            f"{forms}.jordan_form",
+            counterexamples.decomposed(distinct=False),
+            reading="(1, 1 + l1) is a generalized eigenvector: (A - l1) (1, 1 + l1) = (1, l1). P and J_0 are right.",
+            fault=Fault.MISPRINT,
+            demonstration=counterexamples.no_eigenvector,
+        ),
+        row(
+            "leading part of Example 3 (i)",
+            "equation",
+            "x* and v* in the long run; both errors tend to minus infinity",
+            f"{forms}.exponential_leading_part",
+            counterexamples.leading_part(distinct=True),
+        ),
+        row(
+            "leading part of Example 3 (ii)",
+            "equation",
+            "the same for equal eigenvalues",
+            f"{forms}.exponential_leading_part",
+            counterexamples.leading_part(distinct=False),
         ),
         row(
             "steady error (12)",
-            "equation",
+            "consequence",
             "|v* - v0| -> 1/sqrt(1 + h_0^2)",
             f"{forms}.steady_velocity_error",
             counterexamples.steady(12),
         ),
         row(
             "steady error (15)",
-            "equation",
+            "consequence",
             "|v* - v0| -> 1/sqrt((r_0 - 1)^2 + h_0^2)",
             f"{forms}.steady_velocity_error",
             counterexamples.steady(15),
@@ -268,7 +345,8 @@ def equations() -> Sequence[Row]:
             "numbers of the simulations",
             f"{PAPER}.scenario",
             examples.numbers,
-            reading="Masses from [0.05, 1]; five of ten informed; a compact start of radius 3 besides the paper's.",
+            reading="Not given: the damping k_i, here from [0, 1); how masses are drawn from (0, 1], here evenly from"
+            " [0.05, 1]; how many agents are informed, here five.",
         ),
         *table,
         row("Fig. 1", "figure", "the potential for a = b = 1, R = 2", figures, examples.picture(1)),

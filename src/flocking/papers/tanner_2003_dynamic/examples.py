@@ -68,6 +68,12 @@ def switching_pair() -> State:
     return State(q, np.array([[-0.4, 0.1], [0.3, -0.2], [0.2, 0.5]]))
 
 
+def entering_pair() -> State:
+    """Three agents; the first two are exactly R apart and approach each other."""
+    state = switching_pair()
+    return State(state.q, -state.p)
+
+
 def displacement_of(scale: float) -> Array:
     """How far the simulated agents move within a scaled instant."""
     return examples.displacement(system.scenario(seed=0), examples.STEP * scale)
@@ -176,9 +182,25 @@ def rates_of(scale: float) -> nonsmooth.Rates:
     return nonsmooth.energy_rates(law(scale), system.potential(), switching_pair())
 
 
+def both_rates_of(scale: float) -> tuple[nonsmooth.Rates, nonsmooth.Rates]:
+    """Set-valued rates of Q where a pair leaves the radius and where one enters it, the gain scaled."""
+    return rates_of(scale), nonsmooth.energy_rates(law(scale), system.potential(), entering_pair())
+
+
 def dissipation_of(scale: float) -> float:
     """Power dissipated at the example state, the gain scaled."""
     return evaluate(law(scale), example_state()).dissipation
+
+
+def invariant_set_of(scale: float) -> Array:
+    """Control (4) of four agents in balance that all have one velocity, their distances scaled."""
+    still = scale * examples.balanced_square(system.inner_potential())
+    return evaluate(law(), State(still, np.tile((0.3, -0.7), (4, 1)))).u
+
+
+def level_set_of(scale: float) -> tuple[float, float]:
+    """Margins of the bounds (N-1) R for the first start, the radius scaled, and sqrt(2 c) for a pair."""
+    return distance_margin_of(scale), speed_margin_of(1.0)
 
 
 def potential_forces_of(scale: float) -> Array:

@@ -75,9 +75,19 @@ def forces_of_law(scale: float) -> Array:
     return evaluate(law(scale, scale), examples.example_state()).u
 
 
-def alignment_of(scale: float) -> Array:
-    """Alignment part of the control of the example state, its gain scaled."""
-    return evaluate(Law(Fixed(5, EDGES), (Consensus(scale),)), examples.example_state()).u
+COMMON_VELOCITY = (0.3, -0.7)
+"""Velocity of all agents in the examples of (12)."""
+
+
+def invariant_set_of(scale: float) -> tuple[Array, Array]:
+    """Control (5) of agents that all have one velocity: of four in balance, all linked, their distances scaled, which
+    is a state of an invariant set; and of the five example agents, which are not in balance.
+    """
+    together = Law(Fixed.complete(4), law().terms)
+    still = scale * examples.balanced_square(system.potential())
+    balanced = evaluate(together, State(still, np.tile(COMMON_VELOCITY, (4, 1)))).u
+    other = State(examples.example_state().q, np.tile(COMMON_VELOCITY, (5, 1)))
+    return balanced, evaluate(law(), other).u
 
 
 def laplacian_of(scale: float) -> Array:
@@ -156,6 +166,12 @@ def speed_limit_of(scale: float) -> float:
 
     evidence = _moving_pair(2.0 * scale)
     return speeds_bounded(2.0)(evidence).margin
+
+
+def level_set_of(scale: float) -> tuple[float, float]:
+    """Margins of the bounds sqrt(2 c) and (N-1) V^-1(c) for the pair of which one agent moves at the scaled speed 2."""
+    evidence = _moving_pair(2.0 * scale)
+    return speed_limit_of(scale), theorems.distances_bounded(evidence).margin
 
 
 def distance_limit_of(scale: float) -> float:

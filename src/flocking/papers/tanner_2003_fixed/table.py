@@ -12,6 +12,8 @@ MODEL, STUDY, HERE = "flocking.model", "flocking.study", "flocking.papers.tanner
 SPEED = "From W <= c follows v^T v <= 2 c; the printed bound sqrt(c) forgets the factor 1/2 of W."
 DISTANCE = ("Each link is at most V^-1(c) long (the larger branch), so that a path is at most (N-1) V^-1(c); the"
             " printed V^-1(c (N-1)) is too small where V grows faster than linearly.")  # fmt: skip
+INVARIANT = ("True of an invariant set, as it is printed: with (11) the forces vanish there. Equal velocities at one"
+             " instant do not suffice.")  # fmt: skip
 STATIONARY = "The argument shows that the forces balance: the limit is stationary, V_i need not be at its minimum."
 
 
@@ -28,7 +30,7 @@ def equations() -> tuple[Row, ...]:
         row("(1b)", "equation", "dv_i/dt = u_i", "flocking.engine.codegen._stages_source",
             examples.velocity_change_of),
         row("(2)", "equation", "heading angle of an agent", f"{MODEL}.observables.headings", examples.headings_of,
-            reading="arctan of two arguments: the angle of the vector, in (-pi, pi]."),
+            note="arctan of two arguments is the angle of the vector, in (-pi, pi]."),
         row("(3)", "equation", "u_i = a_i + alpha_i", f"{MODEL}.law.Law", examples.forces_of_law),
         row("L(G)", "equation", "Laplacian L = B B^T", f"{STUDY}.nets.laplacian", examples.laplacian_of),
         row("Definition IV.1", "definition", "neighbouring graph", f"{MODEL}.graphs.Fixed", examples.drawn_edges),
@@ -41,11 +43,15 @@ def equations() -> tuple[Row, ...]:
         row("(5)", "equation", "the control law", f"{MODEL}.law.Law", examples.forces_of_law),
         row("W", "equation", "W = (1/2) sum (V_i + v_i^T v_i)", f"{STUDY}.state_energy.total_energy",
             examples.energy_of),
-        row("(6)", "equation", "level sets of W bound the speeds by sqrt(c)", f"{STUDY}.general_claims.speeds_bounded",
-            examples.speed_limit_of, reading=SPEED, fault=Fault.FALSE, demonstration=wrong.speed_bound),
-        row("after (6)", "equation", "level sets of W bound the distances by V^-1(c (N-1))",
+        row("(6)", "equation", "level sets of W are compact: they bound speeds and distances",
+            f"{STUDY}.general_claims.speeds_bounded", examples.level_set_of,
+            note="For a connected graph, with the bounds sqrt(2 c) and (N-1) V^-1(c)."),
+        row("after (6), distances", "equation", "level sets of W bound the distances by V^-1(c (N-1))",
             f"{HERE}.theorems.longest_path", examples.distance_limit_of, reading=DISTANCE,
             fault=Fault.FALSE, demonstration=wrong.distance_bound),
+        row("after (6), speeds", "equation", "level sets of W bound the speeds by sqrt(c)",
+            f"{STUDY}.general_claims.speeds_bounded", examples.speed_limit_of, reading=SPEED,
+            fault=Fault.FALSE, demonstration=wrong.speed_bound),
         row("(7)", "equation", "gradients of V_ij are opposite", f"{MODEL}.terms.Gradient", examples.pair_forces_of),
         row("Theorem IV.4", "theorem", "flocking in a fixed network, all V_i minimal", f"{HERE}.theorems.claims",
             examples.theorem_of, reading=STATIONARY, fault=Fault.FALSE, demonstration=wrong.minimises),
@@ -57,8 +63,8 @@ def equations() -> tuple[Row, ...]:
             examples.potential_forces_of),
         row("(11)", "equation", "forces are orthogonal to span{1}", f"{STUDY}.equilibrium.Equilibrium",
             examples.potential_forces_of),
-        row("(12)", "equation", "equal velocities feel no alignment force", f"{MODEL}.terms.Consensus",
-            examples.alignment_of),
+        row("(12)", "equation", "in an invariant set of equal velocities accelerations are equal",
+            f"{MODEL}.law.Law", examples.invariant_set_of, note=INVARIANT),
         row("Remark IV.5", "remark", "a complete graph keeps all agents apart", f"{HERE}.theorems.claims",
             examples.remark_of),
         row("sec. V", "example", "the simulated start", f"{HERE}.system.scenario", examples.start_of,

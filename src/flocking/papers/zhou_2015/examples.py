@@ -21,7 +21,7 @@ from flocking.model.state import State
 from flocking.model.terms import Consensus, Gradient, PairTerm
 from flocking.model.tracking import Track
 from flocking.papers import examples
-from flocking.papers.zhou_2015 import system, theorems
+from flocking.papers.zhou_2015 import bounds, system, theorems
 from flocking.study.claims import Measure
 from flocking.study.equilibrium import Equilibrium
 from flocking.study.evidence import Evidence
@@ -215,19 +215,62 @@ def start_evidence(gap: float = system.GAP, *, leader: bool = False) -> Evidence
     return Evidence(simulate(changed, progress=False))
 
 
-def bound_of(scale: float) -> float:
-    """Q_max of the simulated start, eps scaled."""
-    return theorems.largest_energy(start_evidence(system.GAP * scale))
-
-
-def led_bound_of(scale: float) -> float:
-    """U_max of the simulated start, eps scaled."""
-    return theorems.largest_energy(start_evidence(system.GAP * scale, leader=True))
-
-
 def new_links_of(scale: float) -> int:
     """M for a hundred agents, their number scaled."""
-    return theorems.most_new_links(round(100 * scale))
+    return bounds.most_new_links(round(100 * scale))
+
+
+def distance_margin_of(scale: float) -> float:
+    """Margin of the bound (N-1) r at the simulated start, r scaled."""
+    scenario = system.scenario(seed=0)
+    wider = scenario.with_(law=Law(system.graph(system.RADIUS * scale), scenario.law.terms), t_end=0.0, frames=1)
+    return theorems.distances_bounded(Evidence(simulate(wider.with_(name=""), progress=False))).margin
+
+
+def speed_margin_of(scale: float) -> float:
+    """Margin of the bound sqrt(2 Q_max) at the simulated start, eps scaled."""
+    return theorems.speeds_bounded(start_evidence(system.GAP * scale)).margin
+
+
+def limit_rate_of(scale: float) -> tuple[State, float, State, float]:
+    """First and last state of the simulation, each with the power that (14) dissipates there, the gain scaled."""
+    run = examples.shown(alone)
+    declared = Law(system.graph(), (Gradient(system.potential()), Consensus(scale)))
+    first, last = run.state(0), run.state(-1)
+    return first, evaluate(declared, first).dissipation, last, evaluate(declared, last).dissipation
+
+
+def balance_of(scale: float) -> tuple[State, Array]:
+    """Four linked agents in balance at one velocity, their distances scaled, and the forces of the potentials."""
+    square = scale * examples.balanced_square(system.potential(), system.RADIUS / 2)
+    state = State(square, np.tile((0.3, -0.7), (4, 1)))
+    return state, Equilibrium(Law(system.graph(), (Gradient(system.potential()), Consensus(1.0))), state).forces
+
+
+def moved_control_of(scale: float) -> tuple[Array, Array]:
+    """Control (24) of the example state, the leader's gain scaled, and of the same state far from the leader."""
+    state = example_state()
+    return led_control_of(scale), evaluate(law(pull=scale), State(state.q + 1000.0, state.p)).u
+
+
+def numbers_of(scale: float) -> dict[str, float]:
+    """Numbers of the simulations as the scenario has them, lengths, gains and times off by ``scale``."""
+    scenario = system.scenario(seed=0, leader=True)
+    net, (_, consensus, track) = scenario.law.graph, scenario.law.terms
+    assert isinstance(net, Hysteresis)
+    assert isinstance(consensus, Consensus)
+    assert isinstance(track, Track)
+    place, velocity, _ = track.leader.at(0.0)
+    return {
+        "agents": scenario.start.n,
+        "r": net.radius * scale,
+        "eps": net.gap * scale,
+        "s_gamma": float(place[0]) * scale,
+        "v_gamma": float(velocity[1]) * scale,
+        "w": float(np.asarray(consensus.gain)) * scale,
+        "c1": float(np.asarray(track.velocity_gain)) * scale,
+        "duration": scenario.t_end * scale,
+    }
 
 
 def theorem_of(gain: float, *, leader: bool = False) -> dict[str, Judgement]:

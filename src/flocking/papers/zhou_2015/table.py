@@ -6,6 +6,7 @@ from typing import Any
 
 from flocking.papers.zhou_2015 import counterexamples as wrong
 from flocking.papers.zhou_2015 import examples, system
+from flocking.papers.zhou_2015 import examples_phases as phases
 from flocking.study.equations import Erratum, Fault, Row, errata_of
 
 MODEL, STUDY, HERE = "flocking.model", "flocking.study", "flocking.papers.zhou_2015"
@@ -14,17 +15,27 @@ SIGMA = (
 )
 NOW = "(ii) and (iii) speak of s(t), not s(0). eps_0 is never used."
 ORDERED = "E lists ordered pairs, every edge twice, as E(t) is defined."
-TOGETHER = "Distances tend to fixed values; the agents do not come together, nor do all links get the length r/2."
+TOGETHER = (
+    "psi' has both signs: L-hat is no Laplacian of a graph with positive weights, and its kernel holds the positions"
+    " of the formation besides. Agents do not come together: psi is infinite there."
+)
 SIGN = "Q = (1/2) (sum_i sum_j psi + sum_i v_i^T v_i): no minus, and the velocities inside the sum over i."
 CANCEL = "Both gradients are with respect to s_i and cancel; L is the Laplacian of the weights w_ij."
 LAPLACIAN = "L is the Laplacian of the weights w_ij; that of (2) serves only where all weights are 1."
-GROWTH = "Holds until the first new link: each one adds psi(r - eps). Q_max = Q_0 + M psi(r - eps)."
+LARGEST = "Q_max is not defined: Q_0 + M psi(r - eps), as U_max below (31)."
+OFFSETS = (
+    "The goals exclude each other: fixed offsets s_i - s_j -> k_ij without collisions, and s_1 = ... = s_N. The first"
+    " is taken."
+)
+INVARIANT = (
+    "S itself is not invariant: where velocities are equal for an instant, forces may part them. What is meant, and"
+    " gives the conclusion, is the largest invariant set within S."
+)
 MINUS = "dQ/dt = -(1/2) sum over ordered pairs of w_ij |v_j - v_i|^2."
-VELOCITY_ONLY = "Only the leader's velocity is fed back: the group keeps its distance from the leader's position."
+VELOCITY_ONLY = "(24) feeds back the leader's velocity alone: the group keeps its distance from the leader's position."
+NOT_GIVEN = "Not given: w_ij and c_1, here 1; the duration, here 100."
 MEAN = "The c_1 term belongs inside the sum, with a minus, and c_1 is the same for all agents."
-ALL_INFORMED = 'Needs c_1 the same for all agents; "otherwise c_1 = 0" contradicts it.'
-KERNEL = ("psi' has both signs: L-hat is no Laplacian of a graph with positive weights, and its kernel holds the"
-          " positions of the formation. The balance of forces is what follows.")  # fmt: skip
+ALL_INFORMED = "c_1 = 1 for all agents. Where it is 0 for some, as below (24), the mean obeys no such equation."
 
 
 def row(number: str, kind: str, title: str, home: str, build: Any, **more: Any) -> Row:
@@ -47,24 +58,25 @@ def _problem() -> tuple[Row, ...]:
         row("(2)", "equation", "adjacency matrix and Laplacian", f"{STUDY}.nets.laplacian", examples.laplacian_of,
             reading="(u, v) is (i, j).", fault=Fault.MISPRINT),
         row("(3)", "equation", "z^T L z as a sum of squares", f"{MODEL}.terms.Consensus.dissipation",
-            examples.sum_of_squares_of, reading=ORDERED),
+            examples.sum_of_squares_of, note=ORDERED),
         row("(4)", "equation", "double integrators", "flocking.engine.codegen._stages_source",
             examples.displacement_of),
         row("(5)", "equation", "stacked positions and velocities", f"{MODEL}.state.State", examples.stacked_of),
-        row("sec. 2.2", "problem", "final formation s_1 = ... = s_N", f"{HERE}.theorems.links_have_one_length",
-            examples.coming_together_of, reading=TOGETHER, fault=Fault.FALSE, demonstration=wrong.coinciding_goal),
+        row("sec. 2.2", "problem", "fixed offsets k_ij, and the final formation s_1 = ... = s_N",
+            f"{HERE}.theorems.links_have_one_length", examples.coming_together_of, reading=OFFSETS,
+            fault=Fault.READING, demonstration=wrong.coinciding_goal),
         row("(6)", "equation", "u_i = f_i + h_i", f"{MODEL}.law.Law", examples.control_of),
         row("(7)", "equation", "u_i = f_i + h_i + gamma_i", f"{MODEL}.law.Law", examples.led_control_of),
     )  # fmt: skip
 
 
 def _without_leader() -> tuple[Row, ...]:
-    energy = f"{STUDY}.state_energy.total_energy"
+    energy, bound = f"{STUDY}.state_energy.total_energy", f"{HERE}.bounds.largest_energy"
     dissipation = f"{MODEL}.terms.Consensus.dissipation"
     return (
         row("(8)", "protocol", "control without a leader", f"{MODEL}.law.Law", examples.control_of),
-        row("psi (i)", "definition", "least at one distance", f"{STUDY}.potential_check.check_potential",
-            examples.definition_of),
+        row("psi (i), (ii)", "definition", "least at one distance, infinite at 0 and r",
+            f"{STUDY}.potential_check.check_potential", examples.definition_of),
         row("(9)", "equation", "potential infinite at 0 and r", f"{MODEL}.potentials.Potential", examples.potential_of),
         row("(10)", "equation", "energy Q", energy, examples.energy_of, reading=SIGN,
             fault=Fault.MISPRINT, demonstration=wrong.energy_sign),
@@ -72,39 +84,45 @@ def _without_leader() -> tuple[Row, ...]:
         row("Theorem 1", "theorem", "flocking without a leader", f"{HERE}.theorems.claims", examples.theorem_of),
         row("(12)", "equation", "dQ/dt, line by line", energy, examples.rate_of, reading=CANCEL,
             fault=Fault.MISPRINT, demonstration=wrong.gradient_rate),
-        row("(13)", "equation", "Q(t) <= Q_0", f"{HERE}.theorems.largest_energy", examples.bound_of, reading=GROWTH),
+        row("(13)", "equation", "Q(t) <= Q_0 <= Q_max until the first new link", bound, phases.phases_of,
+            reading=LARGEST),
         row("(14)", "equation", "dQ/dt = -v^T (L x I) v", dissipation, examples.dissipation_of, reading=LAPLACIAN,
             fault=Fault.MISPRINT, demonstration=wrong.weighted_rate),
-        row("t_k", "equation", "the graph switches at t_k, k = 1, ..., N", f"{HERE}.theorems.most_new_links",
+        row("t_k", "equation", "the graph switches at t_k, k = 1, ..., N", f"{HERE}.bounds.most_new_links",
             examples.new_links_of, reading="k = 1, 2, ...: at most M times.", fault=Fault.MISPRINT,
             demonstration=wrong.many_switches),
-        row("(15)", "equation", "Q(t) stays below Q_max between switches", f"{HERE}.theorems.largest_energy",
-            examples.bound_of, reading="Q_max = Q_0 + M psi(r - eps).", fault=Fault.MISPRINT),
-        row("(16)", "equation", "M bounds the number of new links", f"{HERE}.theorems.most_new_links",
-            examples.new_links_of, reading="M bounds the sum of all n_k.", fault=Fault.MISPRINT),
-        row("(17)", "equation", "Q after k switches", f"{HERE}.theorems.largest_energy", examples.bound_of,
-            reading="psi at the number r - eps; between switches Q falls as well."),
-        row("(18)", "equation", "invariant set Q <= Q_max", f"{HERE}.theorems.largest_energy", examples.bound_of,
-            reading="Only linked pairs enter D_g; Q is finite only for distances inside (0, r)."),
-        row("(19)", "equation", "limit set dQ/dt = 0", dissipation, examples.dissipation_of),
+        row("(15)", "equation", "Q(t) <= Q(t_(k-1)) < Q_max between switches", bound, phases.phases_of,
+            reading=LARGEST),
+        row("(16)", "equation", "0 < n_k <= M links are new at t_k", f"{HERE}.bounds.most_new_links",
+            phases.phases_of, note="The proof needs that M bounds the sum of all n_k, which holds: no link is lost."),
+        row("(17)", "equation", "Q(t_k) <= Q_0 + (n_1 + ... + n_k) psi(r - eps)", bound, phases.phases_of),
+        row("(18)", "equation", "the set Q <= Q_max with linked distances in [0, r] is invariant", bound,
+            phases.phases_of, reading=LARGEST),
+        row("after (18), distances", "equation", "distances are at most (N-1) r", f"{HERE}.theorems.distances_bounded",
+            examples.distance_margin_of),
+        row("after (18), speeds", "equation", "speeds are at most sqrt(2 Q_max)", f"{HERE}.theorems.speeds_bounded",
+            examples.speed_margin_of),
+        row("(19)", "equation", "solutions tend to the invariant set S where dQ/dt = 0", dissipation,
+            examples.limit_rate_of, reading=INVARIANT, fault=Fault.MISPRINT, demonstration=wrong.not_invariant),
         row("(20)", "equation", "dQ/dt as a sum of squares", energy, examples.rate_of, reading=MINUS,
             fault=Fault.MISPRINT, demonstration=wrong.rate_sign),
         row("(21)", "equation", "the mean of the controls vanishes", f"{MODEL}.terms.Consensus.symmetries",
             examples.mean_control_of),
         row("(22)", "equation", "control in the steady state", f"{STUDY}.equilibrium.Equilibrium",
             examples.potential_forces_of, reading="Only where all velocities agree."),
-        row("(23)", "equation", "L-hat s = 0, so that all s_i are equal", f"{STUDY}.equilibrium.Equilibrium",
-            examples.potential_forces_of, reading=KERNEL, fault=Fault.FALSE, demonstration=wrong.kernel_of_limit),
-        row("after (23)", "equation", "all links get the desired length", f"{HERE}.theorems.links_have_one_length",
-            examples.coming_together_of, reading=TOGETHER, fault=Fault.FALSE, demonstration=wrong.equal_lengths),
+        row("(23)", "equation", "L-hat s = 0 in the stable state: forces balance", f"{STUDY}.equilibrium.Equilibrium",
+            examples.balance_of),
+        row("after (23)", "equation", "from L-hat s = 0 follows s_1 = ... = s_N", f"{STUDY}.equilibrium.Equilibrium",
+            examples.balance_of, reading=TOGETHER, fault=Fault.FALSE, demonstration=wrong.kernel_in_balance),
     )  # fmt: skip
 
 
 def _with_leader() -> tuple[Row, ...]:
     energy, track = f"{STUDY}.state_energy.total_energy", f"{MODEL}.tracking.Track"
-    bound = f"{HERE}.theorems.largest_energy"
+    bound = f"{HERE}.bounds.largest_energy"
     return (
-        row("(24)", "protocol", "control with a leader, whom all agents approach", track, examples.led_control_of,
+        row("(24)", "protocol", "control with a leader", track, examples.led_control_of),
+        row("abstract", "remark", "all agents approach the virtual leader", track, examples.moved_control_of,
             reading=VELOCITY_ONLY, fault=Fault.FALSE, demonstration=wrong.no_position),
         row("(25)", "equation", "energy U in the leader's frame", f"{MODEL}.energy.Energy", examples.led_energy_of),
         row("Theorem 2", "theorem", "flocking with a leader", f"{HERE}.theorems.claims", examples.led_theorem_of),
@@ -115,15 +133,17 @@ def _with_leader() -> tuple[Row, ...]:
             reading="The kinetic part belongs inside the sum over i.", fault=Fault.MISPRINT),
         row("(29)", "equation", "dU/dt", f"{MODEL}.tracking.Track.balance", examples.led_dissipation_of,
             reading="L of the weights w_ij; \"U(t) <= 0\" below it means dU/dt.", fault=Fault.MISPRINT),
-        row("(30)", "equation", "U(t) stays below U_max between switches", bound, examples.led_bound_of),
-        row("(31)", "equation", "invariant set U <= U_max", bound, examples.led_bound_of,
-            reading="(1/2) N^2 - (3/2) N + 1 is M of (16)."),
+        row("(30)", "equation", "U(t) <= U(t_(k-1)) < U_max between switches", bound, phases.led_phases_of),
+        row("(31)", "equation", "the set U <= U_max is invariant", bound, phases.led_phases_of,
+            note="(1/2) N^2 - (3/2) N + 1 is M of (16)."),
         row("(32)", "equation", "limit set dU/dt = 0", energy, examples.led_rate_of,
             reading="(L + c_1 I_N) x I_n: the bracket closes before the product.", fault=Fault.MISPRINT),
         row("(33)", "equation", "the mean acceleration", track, examples.led_mean_control_of, reading=MEAN,
             fault=Fault.MISPRINT, demonstration=wrong.leader_sign),
         row("(34)", "equation", "the mean velocity decays exponentially", f"{HERE}.theorems.mean_velocity_decays",
-            examples.mean_velocity_of, reading=ALL_INFORMED, fault=Fault.FALSE, demonstration=wrong.some_informed),
+            examples.mean_velocity_of, reading=ALL_INFORMED, fault=Fault.READING, demonstration=wrong.some_informed),
+        row("sec. 4", "example", "numbers of the simulations", f"{HERE}.system.scenario", examples.numbers_of,
+            reading=NOT_GIVEN),
     )  # fmt: skip
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from flocking.model.tracking import Track
 from flocking.papers.grounds import grounded
+from flocking.papers.zhou_2015.bounds import largest_energy, most_new_links
 from flocking.papers.zhou_2015.grounds import grounds
 from flocking.papers.zhou_2015.system import KEY, LEADER
 from flocking.study import general_claims as general
@@ -16,21 +17,15 @@ from flocking.study.evidence import Evidence, NotMeasurable
 from flocking.study.settling import limit_of, limit_of_series, of_configuration
 
 
-def most_new_links(n: int) -> int:
-    """M of (16): links that can still be added to a connected graph of n agents."""
-    return n * (n - 1) // 2 - (n - 1)
-
-
-def largest_energy(e: Evidence) -> float:
-    """Q_max = Q_0 + M psi(r - eps), or U_max likewise (16)-(18), (31)."""
-    psi = e.potential
+def energy_limit(e: Evidence) -> float:
+    """Q_max or U_max of a run, from its start (16)-(18), (31)."""
     new = float(np.max(np.asarray(e.law.graph.appear_radius)))
-    return float(e.trace["energy"][0]) + most_new_links(e.run.n) * float(psi(new))
+    return largest_energy(float(e.trace["energy"][0]), e.run.n, e.potential, new)
 
 
 def energy_bounded(e: Evidence) -> Measure:
     """Largest energy of the run against its bound."""
-    largest, bound = float(e.trace["energy"].max()), largest_energy(e)
+    largest, bound = float(e.trace["energy"].max()), energy_limit(e)
     return below(largest, bound, f"largest {largest:.4g}, bound {bound:.4g}")
 
 
@@ -57,7 +52,7 @@ def new_links_cost_the_same(e: Evidence) -> Measure:
 
 def speeds_bounded(e: Evidence) -> Measure:
     """Largest speed against sqrt(2 Q_max), after (18)."""
-    bound = float(np.sqrt(2 * largest_energy(e)))
+    bound = float(np.sqrt(2 * energy_limit(e)))
     return general.at_most(e, "speed", float(e.speeds.max()), bound)
 
 
@@ -188,8 +183,9 @@ def _stated(scenario: str) -> Sequence[Claim]:
         Claim("distance-bound", "after (18)", "No distance exceeds (N-1) r.", distances_bounded, start),
         Claim("coincide", "(23), sec. 2.2", "All agents come together at one point.", agents_coincide, start,
               expected=fails, reason="The potential is infinite there; L-hat has entries of both signs."),
-        Claim("one-length", "(9), (23)", "All links get the length r/2 at which the potential is least.",
-              links_have_one_length, start, expected=fails, reason="Ten agents in a plane cannot all be r/2 apart."),
+        Claim("one-length", "not stated", "All links get the length r/2 at which the potential is least.",
+              links_have_one_length, start, expected=fails, reason="Ten agents in a plane cannot all be r/2 apart.",
+              origin=Origin.OWN),
     )  # fmt: skip
     if not led:
         return (
@@ -218,5 +214,5 @@ def _stated(scenario: str) -> Sequence[Claim]:
 def relative_speeds_bounded(e: Evidence) -> Measure:
     """Largest speed relative to the leader against sqrt(2 U_max)."""
     goal = tracking(e).leader.at(float(e.t[0]))[1]
-    bound = float(np.sqrt(2 * largest_energy(e)))
+    bound = float(np.sqrt(2 * energy_limit(e)))
     return general.at_most(e, "relative speed", float(np.linalg.norm(e.p - goal, axis=2).max()), bound)

@@ -1,0 +1,55 @@
+"""Bounds of Zhou, Zhou and Zeng on the energy and on the number of links."""
+
+from __future__ import annotations
+
+from flocking.model.checks import integer, number
+from flocking.model.potentials import Potential
+
+
+def most_new_links(n: int) -> int:
+    """M of (16): links that can still be added to a connected graph of n agents, N(N-1)/2 - (N-1).
+
+    Parameters
+    ----------
+    n
+        Number of agents N, at least 1.
+
+    Raises
+    ------
+    InvalidInput
+        When n is no whole number from 1 on.
+    """
+    count = integer("most_new_links", "n", n, least=1)
+    return count * (count - 1) // 2 - (count - 1)
+
+
+def largest_energy(initial: float, n: int, potential: Potential, appear_radius: float) -> float:
+    """Q_max = Q_0 + M psi(r - eps), the bound of (13)-(18), and U_max of (31) likewise.
+
+    No link is lost and each of at most M new links adds psi(r - eps); between switches the energy never rises.
+    Q_max is used in (13)-(18) and defined only for the leader's case, as U_max below (31).
+
+    Parameters
+    ----------
+    initial
+        Q_0 or U_0, the energy of the start (10), (25).
+    n
+        Number of agents N.
+    potential
+        psi as a function of the distance.
+    appear_radius
+        r - eps, the distance below which a new link appears.
+
+    Returns
+    -------
+    float
+        The bound, in the units of the energy.
+
+    Raises
+    ------
+    InvalidInput
+        When a value is out of range.
+    """
+    start = number("largest_energy", "initial", initial)
+    radius = number("largest_energy", "appear_radius", appear_radius, above=0.0)
+    return start + most_new_links(n) * float(potential(radius))
