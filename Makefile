@@ -101,7 +101,8 @@ TIER_quick := not slow
 TIER_slow := slow or not slow
 robustness: $(CLUSTER_READY)
 	$(BIN)/python -m pytest -m "($(TIER_$(TIER))) and not mpi and not browser" -n $(WORKERS) --dist loadfile \
-		tests/engine/test_storage.py tests/engine/test_storage_kill.py tests/engine/test_crafted_checkpoints.py tests/engine/tiles/test_saving.py \
+		tests/engine/test_storage.py tests/engine/test_storage_kill.py tests/engine/test_crafted_checkpoints.py \
+		tests/engine/test_foreign_runs.py tests/engine/test_formats.py tests/engine/tiles/test_saving.py \
 		tests/study/test_sweep_kills.py tests/study/test_sweep_store.py tests/fuzz tests/cluster $(PYTEST_ARGS)
 
 lint: $(READY)

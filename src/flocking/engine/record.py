@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from flocking.engine.durable import put, settle
+from flocking.engine.forms import MalformedError
+from flocking.engine.metadata import check_metadata
 from flocking.errors import StorageError
 
 FORMAT = 2
@@ -36,7 +38,7 @@ def read_record(folder: str | Path) -> dict[str, Any]:
         raise StorageError(f"{folder}: no run here. A run is a folder with a {RECORD}.") from None
     except OSError as error:
         raise StorageError(f"{folder}: cannot read the run: {error.strerror}.") from None
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         raise StorageError(f"{path}: no record of a run: the file was damaged or comes from elsewhere.") from None
     if not isinstance(record, dict) or not isinstance(record.get("format"), int):
         raise StorageError(f"{path}: no record of a run: the file was damaged or comes from elsewhere.")
@@ -47,6 +49,10 @@ def read_record(folder: str | Path) -> dict[str, Any]:
         )
     if record.pop("seal", None) != _seal(root):
         raise StorageError(f"{path}: the record of the run does not match its checksum; the file was damaged.")
+    try:
+        check_metadata(root, record)
+    except MalformedError as error:
+        raise StorageError(f"{path}: no run that this version can read: {error}.") from None
     return record
 
 

@@ -25,6 +25,7 @@ from flocking.engine.columns import (
     switch_columns,
 )
 from flocking.engine.durable import durable_store, only_writer, put, settle, sweep, told
+from flocking.engine.metadata import checkpoint_name
 from flocking.engine.record import FORMAT, RECORD, SCENARIO, UNFINISHED, read_provenance, read_record, write_record
 from flocking.engine.run import Accuracy, Closest
 from flocking.engine.run_errors import accuracy_data, json_number
@@ -149,10 +150,15 @@ class RunWriter:
         import zarr
 
         sweep(self.folder)
+        read_record(self.folder)
         committed = json.loads((self.folder / RECORD).read_bytes())["consolidated_metadata"]["metadata"]
         for name, metadata in committed.items():
+            if (self.folder / name).is_symlink():
+                raise StorageError(
+                    f"{self.folder / name}: a link to another place; a run is written in its own folder."
+                )
             put(self.folder / name / RECORD, json.dumps(metadata).encode(), lasting=False)
-        return {name: zarr.open_array(self._store, path=name, mode="r+") for name in committed}
+        return {name: zarr.open_array(self._store, path=name, mode="r+", zarr_format=3) for name in committed}
 
     def append(self, t: Any, q: Any, p: Any, links: Any = None, errors: Any = None) -> None:
         """Append frames: times (F,), positions and velocities (F, N, m), links (F, N, N), errors (F, 2).
@@ -258,7 +264,7 @@ class RunWriter:
         }  # fmt: skip
         with told(self.folder, "commit to the run"):
             if checkpoint is not None:
-                name = f"checkpoint-{number:06d}.npz"
+                name = checkpoint_name(number)
                 record["checkpoint"] = {"file": name, "checksum": put(self.folder / name, checkpoint)}
             settle(self._store.touched | {self.folder})
             self._provenance = dict(provenance or {})

@@ -28,6 +28,7 @@ from flocking.engine.columns import (
 )
 from flocking.engine.durable import read_soundly, told
 from flocking.engine.record import SCENARIO, read_record
+from flocking.engine.record_checks import check_records
 from flocking.engine.run import Closest, Run
 from flocking.engine.run_errors import accuracy_of
 from flocking.engine.run_writer import RunWriter
@@ -106,7 +107,7 @@ def _read_run(folder: Path, scenario: Scenario | None, frames: int | None, last:
     with told(folder, "read the run"):
         import zarr
 
-        group = zarr.open_group(str(folder), mode="r", use_consolidated=True)
+        group = zarr.open_group(str(folder), mode="r", use_consolidated=True, zarr_format=3)
         arrays = {name: group[name] for name in group.attrs["flocking"]["arrays"]}
     count = record["counts"]["time"] if frames is None else min(frames, record["counts"]["time"])
     first = 0 if last is None else max(0, count - last)
@@ -123,6 +124,7 @@ def _read_run(folder: Path, scenario: Scenario | None, frames: int | None, last:
     for name, values in tables.items():
         if len(values) and zlib.crc32(values.tobytes()) != record["checksums"].get(name):
             raise StorageError(f"{folder}: the table {name!r} does not match its checksum; the file was damaged.")
+    check_records(folder, scenario, record, parts, tables)
     errors = tables.get(FRAME_ERROR)
     provenance = dict(group.attrs["provenance"])
     linked, unlinked = (_closest_of(c) for c in record["closest"])
