@@ -1,12 +1,18 @@
-"""The test of a row notices when the row's home is broken; ``python -m tests.papers.broken`` lists what survives."""
+"""The tests of rows notice when their homes are broken; ``python -m tests.papers.broken`` lists what survives."""
 
 from __future__ import annotations
 
 import ast
+import os
 import textwrap
+from contextlib import suppress
 
+import pytest
+
+from flocking.study.equations import Row
+from tests.papers.broken.__main__ import homes, outcomes, told
 from tests.papers.broken.edits import edits_of
-from tests.papers.broken.running import break_row
+from tests.papers.broken.running import break_home
 from tests.papers.rows import ROWS, identity
 
 FUNCTION = """
@@ -44,16 +50,35 @@ def test_checks_of_arguments_are_left_alone() -> None:
                and "return 1.0" not in source)  # fmt: skip
 
 
-def row(name: str):
-    return next(r for r in ROWS if identity(r) == name)
+HOME = "flocking.study.nets.degree_matrix"
 
 
 def test_a_test_that_looks_at_nothing_lets_every_fault_live() -> None:
-    found = break_row(row("olfati-saber-2003 (10)"), test=lambda r: r.build(1.0) is None)
+    found = break_home(HOME, test=lambda r: r.build(1.0) is None, check=lambda: None)
+    assert found.rows == ("olfati-saber-2003 (10)",)
     assert found.tried >= 4
     assert len(found.survivors) >= found.tried - 2, "only faults that raise may be noticed"
 
 
-def test_a_home_that_is_never_run_is_a_survivor() -> None:
-    found = break_row(row("olfati-saber-2003 (10)"), test=lambda r: None)
-    assert found.survivors == ("the row's test does not run its home",)
+def test_a_row_that_never_runs_its_home_is_a_survivor() -> None:
+    (survivor,) = break_home(HOME, most=1, test=lambda r: None).survivors
+    assert survivor == "olfati-saber-2003 (10): its test does not run its home"
+
+
+def test_a_row_that_passes_while_its_home_raises_is_a_survivor() -> None:
+    def careless(row: Row) -> None:
+        with suppress(RuntimeError):
+            row.build(1.0)
+
+    assert break_home(HOME, most=1, test=careless).survivors == (
+        "olfati-saber-2003 (10): its test passes when its home raises",
+    )
+
+
+@pytest.mark.slow
+def test_no_fault_of_any_home_goes_unnoticed() -> None:
+    found = list(outcomes(homes(), processes=min(2, os.cpu_count() or 1)))
+    assert {row for outcome in found for row in outcome.rows} == {identity(row) for row in ROWS}
+    print(f"\n{len(found)} homes, {sum(o.tried for o in found)} faults, {sum(o.seconds for o in found):.0f} s")
+    alive = [told(outcome) for outcome in found if outcome.survivors]
+    assert not alive, "\n".join(alive)

@@ -1,63 +1,67 @@
-"""Break the homes of rows from the command line: ``python -m tests.papers.broken [--paper KEY] [--row NUMBER]``."""
+"""Break the homes of rows from the command line: ``python -m tests.papers.broken [--paper KEY] [--home NAME]``."""
 
 from __future__ import annotations
 
 import argparse
 import multiprocessing
+import os
 import sys
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
+from functools import partial
 
-from tests.papers.broken.running import Outcome, break_row, warmed
+from tests.papers.broken.running import Outcome, break_home, warmed
 from tests.papers.rows import ROWS
 
 
-def _one(given: tuple[int, int | None]) -> Outcome:
-    position, most = given
-    return break_row(ROWS[position], most=most)
+def homes(paper: str = "", part: str = "") -> list[str]:
+    """Homes of the rows of the papers whose keys begin so, those with this part in their names."""
+    return list(dict.fromkeys(r.home for r in ROWS if r.paper.startswith(paper) and part in r.home))
 
 
-def outcomes(positions: Iterable[int], most: int | None, processes: int = 2) -> Iterator[Outcome]:
-    """What became of the faults of some rows, given by their positions in the list of all rows."""
+def outcomes(wanted: Sequence[str], most: int | None = None, processes: int = 2) -> Iterator[Outcome]:
+    """What became of the faults of some homes, in the order in which they are done."""
     warmed()
-    work = [(k, most) for k in positions]
+    work = partial(break_home, most=most)
     if processes == 1:
-        yield from map(_one, work)
+        yield from map(work, wanted)
         return
     with multiprocessing.get_context("fork").Pool(processes) as pool:
-        yield from pool.imap(_one, work, chunksize=4)
+        yield from pool.imap_unordered(work, wanted)
+
+
+def told(outcome: Outcome) -> str:
+    """What became of the faults of a home, in words."""
+    head = (
+        f"{outcome.home.removeprefix('flocking.')} ({len(outcome.rows)} rows): {len(outcome.survivors)} of "
+        f"{outcome.tried} survive, {len(outcome.by_a_row)} noticed by a row alone, {len(outcome.equivalent)} "
+        f"equivalent, {outcome.possible} known, {outcome.seconds:.1f} s"
+    )
+    return "\n      ".join([head, *outcome.survivors])
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--paper", default="", help="key of a paper, or its beginning")
-    parser.add_argument("--row", action="append", help="number of a row, or its beginning")
-    parser.add_argument("--home", help="part of the homes' names")
-    parser.add_argument("--once", action="store_true", help="one row for each home")
-    parser.add_argument("--most", type=int, help="faults to try for each row")
-    parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--quiet", action="store_true", help="list rows with survivors only")
+    parser.add_argument("--home", default="", help="part of the homes' names")
+    parser.add_argument("--most", type=int, help="faults to try for each home")
+    parser.add_argument("--processes", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--quiet", action="store_true", help="list homes with survivors only")
+    parser.add_argument("--equivalent", action="store_true", help="list the faults that change nothing")
     given = parser.parse_args()
-    wanted = [
-        k
-        for k, row in enumerate(ROWS)
-        if row.paper.startswith(given.paper) and (not given.row or any(row.number.startswith(n) for n in given.row))
-    ]
-    wanted = [k for k in wanted if not given.home or given.home in ROWS[k].home]
-    if given.once:
-        wanted = list({ROWS[k].home: k for k in wanted}.values())
-    began, alive, tried = time.perf_counter(), 0, 0
+    wanted = homes(given.paper, given.home)
+    began, alive, tried, spent = time.perf_counter(), 0, 0, 0.0
     for outcome in outcomes(wanted, given.most, given.processes):
         alive += len(outcome.survivors)
         tried += outcome.tried
+        spent += outcome.seconds
         if outcome.survivors or not given.quiet:
-            print(f"{outcome.row} ({outcome.home.removeprefix('flocking.')}): "
-                  f"{len(outcome.survivors)} of {outcome.tried} survive, {len(outcome.equivalent)} equivalent, "
-                  f"{outcome.possible} known, {outcome.seconds:.1f} s")  # fmt: skip
-            for line in outcome.survivors:
-                print("    ", line)
+            print(told(outcome))
+            for line in outcome.equivalent if given.equivalent else ():
+                print("     ", line)
             sys.stdout.flush()
-    print(f"{len(wanted)} rows, {tried} faults, {alive} survivors, {time.perf_counter() - began:.0f} s")
+    print(f"{len(wanted)} homes, {tried} faults, {alive} survivors, {time.perf_counter() - began:.0f} s, "
+          f"{spent:.0f} s of processor time")  # fmt: skip
     return 1 if alive else 0
 
 

@@ -80,6 +80,10 @@ class Mutant:
     where: str
     install: Callable[[], None]
 
+    @property
+    def key(self) -> tuple[str, str, str]:
+        return self.kind, self.what, self.where
+
 
 def found(home: str) -> tuple[Any, Any]:
     """The object of a dotted name and what holds it."""
@@ -136,14 +140,20 @@ def part_of(function: FunctionType) -> Part | None:
     return Part(function, *known) if known else None
 
 
+def _own_functions(home: str) -> list[FunctionType]:
+    thing, _ = found(home)
+    things = vars(thing).values() if isinstance(thing, type) else [thing]
+    return [f for f in map(_plain, things) if f is not None]
+
+
+def names_of(home: str) -> set[str]:
+    """Names of the functions of a home, without their helpers."""
+    return {p.name for p in map(part_of, _own_functions(home)) if p is not None}
+
+
 def parts_of(home: str) -> list[Part]:
     """All functions of a home: itself, the methods of a class, and the private helpers these call in their module."""
-    thing, holder = found(home)
-    if isinstance(thing, type):
-        functions = [f for f in map(_plain, vars(thing).values()) if f is not None]
-    else:
-        plain = _plain(thing)
-        functions = [plain] if plain is not None else []
+    functions = _own_functions(home)
     if home.endswith((".pictures.figures", ".pictures.figure")):
         package = home.split(".pictures.")[0]
         names = [f"{package}.pictures", f"{package}.diagrams", "flocking.show.declaration"]
@@ -240,6 +250,11 @@ def _runs(span: Any, ran: list[Any]) -> bool:
     )
 
 
+@cache
+def _edits(node: ast.FunctionDef) -> list[Edit]:
+    return edits_of(node)
+
+
 def mutants_of(parts: list[Part], lines: set[tuple[str, Any]]) -> list[Mutant]:
     """All mutants of a home at places that run."""
     result = []
@@ -249,7 +264,7 @@ def mutants_of(parts: list[Part], lines: set[tuple[str, Any]]) -> list[Mutant]:
         ran = [place for name, place in lines if name == file and place and first <= place[0][0] <= last]
         if not ran:
             continue
-        for edit in [raising(part.node), *edits_of(part.node)]:
+        for edit in [raising(part.node), *_edits(part.node)]:
             if edit.kind == "return" or _runs(edit.span, ran):
                 result.append(_mutant(part, edit))
         unset = f"{file} {part.function.__code__.co_qualname} "

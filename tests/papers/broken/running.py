@@ -1,10 +1,11 @@
-"""Runs the test of a row while its home is broken, each fault in a process of its own."""
+"""Runs the tests of rows while their home is broken, each fault in a process of its own."""
 
 from __future__ import annotations
 
 import os
 import pickle
 import random
+import resource
 import shutil
 import signal
 import sys
@@ -12,51 +13,82 @@ import tempfile
 import time
 import traceback
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 from flocking.study.equations import Row
 from tests.papers.broken.equivalent import reason
-from tests.papers.broken.homes import Mutant, mutants_of, parts_of, traced
-from tests.papers.rows import ROWS, examine, identity, statement
+from tests.papers.broken.homes import Mutant, Part, mutants_of, names_of, parts_of, traced
+from tests.papers.homes import HOMES
+from tests.papers.rows import ROWS, identity, statement
 
-FEW, MANY = 6, 40
-"""Least and largest number of faults tried for a row."""
-SECONDS = 4.0
-"""Time for the faults of a row beyond the first few."""
+MOST = 60
+"""Largest number of faults tried for a home."""
+SLOW, FEW = 1.0, 30
+"""Where the test takes longer than so many seconds of processor time, only so many faults are tried."""
+LEAST_SECONDS = 8.0
+"""Processor time after which a test that goes on is taken to have noticed: at least so much, or ten times its own."""
+
+Test = Callable[[Row], None]
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of the faults of one row.
+    """What became of the faults of one home.
 
     Parameters
     ----------
-    row, home
-        The row and its home.
+    home
+        The home.
+    rows
+        The rows that live there.
     possible, tried
         Number of faults known, and of those tried.
     survivors
-        Faults that the row's test did not notice.
+        Faults that no test of these rows noticed, rows whose test does not run the home, or passes while it raises.
     equivalent
         Faults that change nothing, with the rule that says so.
+    by_a_row
+        Faults that the check of the home did not notice, but the statement of a row, with this row.
     seconds
-        Time it took.
+        Processor time it took.
     """
 
-    row: str
     home: str
+    rows: tuple[str, ...]
     possible: int
     tried: int
     survivors: tuple[str, ...]
     equivalent: tuple[str, ...]
+    by_a_row: tuple[str, ...]
     seconds: float
 
 
-def floor_of(home: str) -> str:
-    return home.split(".")[1]
+@dataclass(frozen=True)
+class Sound:
+    """A test that passes on the sound home.
+
+    Parameters
+    ----------
+    name
+        Identity of the row; empty for the check of the home.
+    run
+        Runs it.
+    places
+        What of the home it runs, see `tests.papers.broken.homes.traced`.
+    known
+        Keys of the faults at these places.
+    seconds
+        Processor time it takes.
+    """
+
+    name: str
+    run: Callable[[], None]
+    places: set[Any]
+    known: set[tuple[str, str, str]]
+    seconds: float
 
 
 def changes_runs(home: str) -> bool:
@@ -127,19 +159,27 @@ def _forget(home: str) -> str | None:
     return folder
 
 
-def _in_child(work: Callable[[], Any], limit: float) -> tuple[str, Any]:
-    """Result of ``work`` in a forked process: ("done", result), ("raised", text) or ("time", None)."""
+# -- one fault ----------------------------------------------------------------------------------------------------
+
+
+def _in_child(home: str, work: Callable[[], Any], limit: float) -> tuple[str, Any]:
+    """Result of ``work`` in a forked process that forgot the home: ("done", result), ("raised", text), ("time", None).
+
+    The limit is of processor time, so that a busy machine does not decide.
+    """
     out, into = os.pipe()
     child = os.fork()
     if child == 0:
         os.close(out)
         status: tuple[str, Any]
+        folder = None
         try:
-            signal.signal(signal.SIGALRM, signal.SIG_DFL)
-            signal.setitimer(signal.ITIMER_REAL, limit)
+            signal.signal(signal.SIGPROF, signal.SIG_DFL)
+            signal.setitimer(signal.ITIMER_PROF, limit)
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, 1)
             os.dup2(nowhere, 2)
+            folder = _forget(home)
             status = ("done", work())
         except BaseException as error:
             status = ("raised", "".join(traceback.format_exception_only(error))[:200])
@@ -147,6 +187,8 @@ def _in_child(work: Callable[[], Any], limit: float) -> tuple[str, Any]:
             with os.fdopen(into, "wb") as pipe:
                 pickle.dump(status, pipe)
         finally:
+            if folder:
+                shutil.rmtree(folder, ignore_errors=True)
             os._exit(0)
     os.close(into)
     with os.fdopen(out, "rb") as pipe:
@@ -155,21 +197,32 @@ def _in_child(work: Callable[[], Any], limit: float) -> tuple[str, Any]:
     return pickle.loads(data) if data else ("time", None)
 
 
-def _examined(row: Row, home: str, mutant: Mutant | None, test: Callable[[Row], None]) -> Any:
-    folder = _forget(home)
-    try:
-        if mutant is not None:
-            mutant.install()
-            test(row)
-            return None
-        parts = parts_of(home)
-        start = time.perf_counter()
-        with traced(parts) as lines:
-            test(row)
-        return lines, time.perf_counter() - start
-    finally:
-        if folder:
-            shutil.rmtree(folder, ignore_errors=True)
+def _sound(home: str, parts: list[Part], name: str, run: Callable[[], None]) -> Sound | str:
+    """The test on the sound home, or the words of its failure."""
+
+    def look() -> tuple[set[Any], float]:
+        began = time.process_time()
+        run()
+        plain = time.process_time() - began
+        with traced(parts) as places:
+            run()
+        return places, plain
+
+    state, result = _in_child(home, look, 300.0)
+    if state != "done":
+        return f"{name or 'the check of the home'} fails on the sound home: {state} {str(result).strip()}"
+    places, seconds = result
+    return Sound(name, run, places, {m.key for m in mutants_of(parts, places)}, seconds)
+
+
+def _notices(home: str, test: Sound, faults: Sequence[Mutant]) -> bool:
+    def work() -> None:
+        for fault in faults:
+            fault.install()
+        test.run()
+
+    state, _ = _in_child(home, work, max(LEAST_SECONDS, 10 * test.seconds))
+    return state != "done"
 
 
 def chosen(mutants: list[Mutant], count: int, seed: str) -> list[Mutant]:
@@ -189,55 +242,82 @@ def chosen(mutants: list[Mutant], count: int, seed: str) -> list[Mutant]:
     return found[:count]
 
 
-def break_row(row: Row, *, most: int | None = None, few: int = FEW, test: Callable[[Row], None] = examine) -> Outcome:
-    """Break the home of a row in several ways and put the row to its ``test`` each time."""
-    began, home = time.perf_counter(), row.home
+# -- one home -----------------------------------------------------------------------------------------------------
+
+
+def rows_at(home: str) -> list[Row]:
+    return [row for row in ROWS if row.home == home]
+
+
+def break_home(
+    home: str, *, most: int | None = None, test: Test = statement, check: Callable[[], None] | None = None
+) -> Outcome:
+    """Break a home in several ways and put the check of the home, and its rows, to the test each time.
+
+    Every row's test must run its home, and fail when it raises. A fault must be noticed by the check of the home,
+    which belongs to the test of every row, or by the statement of a row that runs the place of the fault.
+    """
+    began = _processor_time()
     remember_runs()
-    try:
-        test(row)
-    except Exception as error:
-        text = "".join(traceback.format_exception_only(error)).strip().splitlines()[0]
-        return Outcome(identity(row), home, 0, 0, (f"the sound home fails: {text}",), (), 0.0)
-    parts = parts_of(home)
-    state, result = _in_child(lambda: _examined(row, home, None, test), 120.0)
-    if state != "done":
-        return Outcome(identity(row), home, 0, 0, (f"the sound home fails: {state} {result}",), (), 0.0)
-    lines, seconds = result
-    if test is examine:
-        state, own = _in_child(lambda: _examined(row, home, None, statement), 120.0)
-        lines = lines if state == "done" and own[0] else set()
-    mutants = mutants_of(parts, lines)
-    if not mutants:
-        note = "the row's test does not run its home" if not lines else "nothing to break in its home"
-        return Outcome(identity(row), home, 0, 0, (note,), (), time.perf_counter() - began)
-    count = MANY if most is None else most
-    if most is None:
-        count = max(few, min(MANY, int(SECONDS / max(seconds, 1e-3))))
-    survivors, equivalent = [], []
-    tried = chosen(mutants, count, identity(row))
-    for mutant in tried:
-        state, result = _in_child(lambda m=mutant: _examined(row, home, m, test), max(10.0, 10 * seconds))
-        if state == "done":
-            words = f"{mutant.kind}: {mutant.what} [{mutant.where.removeprefix('flocking.')}]"
-            why = reason(row, mutant)
-            if not why and row.kind == "figure" and test is examine and _seen_by_others(row, mutant, seconds):
+    rows = rows_at(home)
+    check = HOMES.get(home) if check is None else check
+    survivors, tests = [], []
+    if not changes_runs(home):
+        # What it leaves behind, runs above all, serves every process that is forked from here.
+        for work in [*([check] if check else []), *(lambda r=row: test(r) for row in rows)]:
+            try:
+                work()
+            except Exception:
                 continue
-            if why:
-                equivalent.append(f"{words} -- {why}")
-            else:
-                survivors.append(words)
-    took = time.perf_counter() - began
-    return Outcome(identity(row), home, len(mutants), len(tried), tuple(survivors), tuple(equivalent), took)
+    try:
+        parts, own = parts_of(home), names_of(home)
+    except AttributeError:
+        return Outcome(home, tuple(map(identity, rows)), 0, 0, ("there is no such home",), (), (), 0.0)
+    whole = _sound(home, parts, "", check) if check is not None else None
+    for row in rows:
+        found = _sound(home, parts, identity(row), lambda r=row: test(r))
+        if isinstance(found, str):
+            survivors.append(found)
+        elif not found.places:
+            survivors.append(f"{identity(row)}: its test does not run its home")
+        else:
+            tests.append(found)
+    if isinstance(whole, str):
+        survivors.append(whole)
+        whole = None
+    everything = [whole, *tests] if whole else tests
+    mutants = mutants_of(parts, set().union(*(t.places for t in everything)))
+    if not mutants and not survivors:
+        survivors.append("nothing to break in this home")
+    for one in tests:
+        raising = [m for m in mutants if m.what == "raises" and m.where.split(":")[0] in own]
+        if not _notices(home, one, raising):
+            survivors.append(f"{one.name}: its test passes when its home raises")
+    slow = bool(everything) and min(t.seconds for t in everything) > SLOW
+    tried = chosen(mutants, most if most is not None else FEW if slow else MOST, home)
+    equivalent, by_a_row = [], []
+    tests.sort(key=lambda t: t.seconds)
+    for mutant in tried:
+        if whole and mutant.key in whole.known and _notices(home, whole, [mutant]):
+            continue
+        words = f"{mutant.kind}: {mutant.what} [{mutant.where.removeprefix('flocking.')}]"
+        why = reason(mutant)
+        if why:
+            equivalent.append(f"{words} -- {why}")
+            continue
+        seen = next((t for t in tests if mutant.key in t.known and _notices(home, t, [mutant])), None)
+        if seen is None:
+            survivors.append(words)
+        elif whole:
+            by_a_row.append(f"{words}: {seen.name}")
+    names = tuple(identity(row) for row in rows)
+    took = _processor_time() - began
+    return Outcome(home, names, len(mutants), len(tried), tuple(survivors), tuple(equivalent), tuple(by_a_row), took)
 
 
-def _seen_by_others(row: Row, mutant: Mutant, seconds: float) -> bool:
-    """Whether the row of another figure of the paper notices: one table lists all of them, each fault is about some."""
-    siblings = [other for other in ROWS if other.home == row.home and other is not row]
-    for other in siblings:
-        state, _ = _in_child(lambda o=other: _examined(o, row.home, mutant, examine), max(60.0, 20 * seconds))
-        if state != "done":
-            return True
-    return False
+def _processor_time() -> float:
+    own, children = resource.getrusage(resource.RUSAGE_SELF), resource.getrusage(resource.RUSAGE_CHILDREN)
+    return own.ru_utime + own.ru_stime + children.ru_utime + children.ru_stime
 
 
 @cache
