@@ -105,9 +105,15 @@ class Equilibrium:
 
     @cached_property
     def hessian(self) -> Array:
-        """Second derivative of the total potential, one psi per link, shape (N m, N m)."""
+        """Second derivative of the total potential, one psi per link, shape (N m, N m).
+
+        Where agents coincide, psi'(r) / r tends to psi''(0) if psi'(0) = 0. Otherwise there is no second derivative:
+        psi'(0) stands for it, whose sign tells whether the potential falls.
+        """
         n, m = self.state.q.shape
-        curvature, tension = self._sum("curvature"), self._sum("slope") / np.where(self.r > 0, self.r, 1.0)
+        curvature, slope = self._sum("curvature"), self._sum("slope")
+        tension = np.where(slope == 0, curvature, slope)
+        np.divide(slope, self.r, out=tension, where=self.r > 0)
         across = np.eye(m)[None] - self.direction[:, :, None] * self.direction[:, None, :]
         along = self.direction[:, :, None] * self.direction[:, None, :]
         blocks = curvature[:, None, None] * along + tension[:, None, None] * across

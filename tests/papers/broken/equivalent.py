@@ -37,6 +37,12 @@ RULES: tuple[tuple[str, str, str], ...] = (
     ("pictures.passage", "in o.outline(8)", "the mean of the corners of a regular polygon is its centre"),
     ("Fixed.random_connected", "in range(100000)", "the number of draws before it is refused"),
     ("Fixed.random_connected", "in upper[0]", "both arrays of the indices of pairs have the same length"),
+    (
+        "tanner_2003_dynamic.system.scenario",
+        "without frames = frame_times()",
+        "the times of the snapshots are among the even times that a scenario has by itself",
+    ),
+    ("tanner_2003_dynamic.pictures.times", "SNAPSHOT_TIMES = with 0.05 at 0", "the first time is left out"),
     ("theorems.longest_path", "50", "the upper end of the bracket need only lie beyond the root"),
     ("Equilibrium.force_scale", "without minlength", "agents without links add nothing to a maximum"),
     ("Equilibrium.force_scale", "without initial", "the array has an entry for each agent"),

@@ -26,8 +26,6 @@ from tests.papers.rows import ROWS, identity, statement
 
 MOST = 60
 """Largest number of faults tried for a home."""
-SLOW, FEW = 1.0, 30
-"""Where the test takes longer than so many seconds of processor time, only so many faults are tried."""
 LEAST_SECONDS = 8.0
 """Processor time after which a test that goes on is taken to have noticed: at least so much, or ten times its own."""
 
@@ -81,7 +79,7 @@ class Sound:
     known
         Keys of the faults at these places.
     seconds
-        Processor time it takes.
+        Processor time it takes while it is watched.
     """
 
     name: str
@@ -201,12 +199,11 @@ def _sound(home: str, parts: list[Part], name: str, run: Callable[[], None]) -> 
     """The test on the sound home, or the words of its failure."""
 
     def look() -> tuple[set[Any], float]:
+        # Once: a second time caches would answer.
         began = time.process_time()
-        run()
-        plain = time.process_time() - began
         with traced(parts) as places:
             run()
-        return places, plain
+        return places, time.process_time() - began
 
     state, result = _in_child(home, look, 300.0)
     if state != "done":
@@ -293,8 +290,7 @@ def break_home(
         raising = [m for m in mutants if m.what == "raises" and m.where.split(":")[0] in own]
         if not _notices(home, one, raising):
             survivors.append(f"{one.name}: its test passes when its home raises")
-    slow = bool(everything) and min(t.seconds for t in everything) > SLOW
-    tried = chosen(mutants, most if most is not None else FEW if slow else MOST, home)
+    tried = chosen(mutants, MOST if most is None else most, home)
     equivalent, by_a_row = [], []
     tests.sort(key=lambda t: t.seconds)
     for mutant in tried:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from functools import partial
 from types import SimpleNamespace
@@ -61,6 +62,8 @@ REFUTED = {
     **{f"shi-2009{kind}": {"minimal"} for kind in ("", "-all-informed", "-uniform", "-velocity-only")},
 }
 """What has a counter-example."""
+ENERGIES = {"zhou-2015": ("(14)", "(16)-(18)", "Q"), "zhou-2015-leader": ("(29)", "(31)", "U")}
+"""Where the paper states the rate of the energy and its bound, and what it calls it."""
 
 
 def listed(key: str) -> None:
@@ -82,6 +85,12 @@ def listed(key: str) -> None:
                 assert claim.expected is Verdict.FAILS
                 led = len(claim.counterexample().law.leaders)
                 assert led == len(found.scenarios()[name](0).law.leaders)
+        if name in ENERGIES:
+            rate, bound, letter = ENERGIES[name]
+            assert [claims[k].source for k in ("energy", "energy-falls", "energy-bound")] == [rate, rate, bound]
+            for about in ("energy", "energy-falls", "energy-bound"):
+                assert re.search(rf"\b{letter}\b", claims[about].statement)
+            assert f"sqrt(2 {letter}_max)" in claims["speed-bound"].statement
         unstated = {c.key: c.origin for c in claims.values() if c.origin is not Origin.PAPER}
         assert unstated == NOT_STATED.get(name, {})
         assert {c.key for c in claims.values() if c.expected is Verdict.FAILS} == REFUTED.get(name, set())

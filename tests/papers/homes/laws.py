@@ -478,6 +478,8 @@ def equilibrium():
     assert_allclose(kept.agent_potentials, [value(math.dist(Q[0], Q[1]))] * 2 + [0.0] * (N - 2), rtol=1e-10)
     apart = Equilibrium(Law(Proximity(0.01), (Gradient(PSI),)), state)
     assert apart.force_scale == 0.0
+    slight = Equilibrium(Law(Proximity(R), (Gradient(Potential("0.001*r")),)), state).force_scale
+    assert_allclose(slight, 0.001 * max(sum(i == k for i, *_ in near_pairs()) for k in range(N)), rtol=1e-10)
     other = Equilibrium(Law(Proximity(R), (Gradient(PSI, over=Fixed.complete(N)), Consensus())), state)
     assert_allclose(other.forces, 0.0, atol=1e-15)
     assert other.potentials == []
@@ -493,7 +495,16 @@ def equilibrium():
     coinciding = State(np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.0]]))
     smooth = Equilibrium(Law(Proximity(R), (Gradient(Potential("(r - 1)**2")),)), coinciding)
     assert_allclose(smooth.direction[smooth.r == 0], 0.0, atol=1e-15)
-    assert np.isfinite(smooth.hessian).all()
+    apart = np.diag([2.0, 0.0])
+    for formula, together in (("(r - 1)**2", -2.0 * np.eye(2)), ("r**2", 2.0 * np.eye(2)), ("r**2 + r**4", 2.0)):
+        found = Equilibrium(Law(Proximity(1.0), (Gradient(Potential(formula)),)), coinciding).hessian.reshape(
+            3, 2, 3, 2
+        )
+        assert_allclose(found[0, :, 1], -together * np.eye(2), atol=1e-12)
+        assert_allclose(found[0, :, 0], together * np.eye(2), atol=1e-12)
+        assert_allclose(found[0, :, 2], 0.0, atol=1e-12)
+    near = Equilibrium(Law(Proximity(R), (Gradient(Potential("(r - 1)**2")),)), coinciding)
+    assert_allclose(near.hessian.reshape(3, 2, 3, 2)[2, :, 0], -apart, atol=1e-12)
 
 
 # -- measures of a state ----------------------------------------------------------------------------------

@@ -206,12 +206,20 @@ def one_length():
         seen = evidence(law=law, t=np.linspace(0.0, 10.0, 101), equilibrium=still, equilibrium_at=lambda _, s=still: s)
         found = zhou_theorems.links_have_one_length(seen)
         off = max(abs(x - 2.0) for x in lengths)
-        assert_allclose(found.margin, general_claims.SETTLED * 2.0 - off, atol=1e-6)
+        assert_allclose(found.margin, 0.01 * 2.0 - off, atol=1e-6)
         # A run whose last lengths are others than the first.
         early = SimpleNamespace(potentials=[price], r=np.array([2.0]))
         moved = dict.fromkeys(range(40), early)
         seen.equilibrium_at = lambda frame, s=still, m=moved: m.get(frame, s)
         assert_allclose(zhou_theorems.links_have_one_length(seen).margin, found.margin, atol=1e-6)
+    one, none = (SimpleNamespace(potentials=[price], r=np.array(r)) for r in ([2.05], []))
+    seen = evidence(law=law, t=np.linspace(0.0, 10.0, 101), equilibrium=one)
+    seen.equilibrium_at = lambda frame: none if frame < 40 else one
+    assert_allclose(zhou_theorems.links_have_one_length(seen).margin, 0.02 - 0.05, atol=1e-6)
+    links = np.zeros((3, 3), dtype=bool)
+    seen = evidence(law=law, equilibrium=none, t=seen.t, end_links=links, frame_links=[links] * len(seen.t))
+    found = zhou_theorems.links_have_one_length(seen)
+    assert (found.margin, found.error, found.note) == (math.inf, 0.0, "no links")
 
 
 def mean_velocity():

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import inspect
 import itertools
 import math
+from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 
 from flocking.engine.simulate import simulate
@@ -15,7 +18,7 @@ from flocking.model.potentials import Potential
 from flocking.model.state import State
 from flocking.model.terms import Consensus, Gradient
 from flocking.study import nonsmooth
-from flocking.study.evidence import Evidence
+from flocking.study.evidence import Evidence, NotResolvable
 from flocking.study.potential_check import check_potential
 
 R = 2.0
@@ -187,6 +190,10 @@ def distance_rate():
         assert_allclose(seen.distance_rate, expected, rtol=1e-12)
 
 
+def first_disconnected_of(evidence):
+    return inspect.getattr_static(Evidence, "first_disconnected").func(evidence)
+
+
 def first_disconnected():
     """Three agents part one after the other; the graph falls apart with the first."""
     law = Law(Proximity(R), (Consensus(0.0),))
@@ -200,6 +207,14 @@ def first_disconnected():
     away = np.array([[0.0, 0.0], [9.0, 0.0]])
     apart = Evidence(simulate(Scenario(law, State(away), t_end=1.0), progress=False))
     assert apart.first_disconnected == 0.0
+    # Looked at now and then: what was seen counts, and nothing else is known.
+    for seen, switches_known in ((3.0, False), (3.0, True), (math.inf, True)):
+        few = SimpleNamespace(seen_disconnected=seen, switches_known=switches_known, sampled=True, looks=7)
+        assert first_disconnected_of(few) == seen
+    for sampled, words in ((True, "between$"), (False, "between; engine='exact' locates every switch$")):
+        few = SimpleNamespace(seen_disconnected=math.inf, switches_known=False, sampled=sampled, looks=7)
+        with pytest.raises(NotResolvable, match=f"each of 7 frames, nothing is known {words}"):
+            first_disconnected_of(few)
 
 
 MODEL, STUDY = "flocking.model.potentials", "flocking.study"
