@@ -14,9 +14,10 @@ from tests.papers.broken.running import Outcome, break_home, warmed
 from tests.papers.rows import ROWS
 
 
-def homes(paper: str = "", part: str = "") -> list[str]:
-    """Homes of the rows of the papers whose keys begin so, those with this part in their names."""
-    return list(dict.fromkeys(r.home for r in ROWS if r.paper.startswith(paper) and part in r.home))
+def homes(paper: str = "", part: str = "", numbers: Sequence[str] = ("",)) -> list[str]:
+    """Homes of the rows whose papers and numbers begin so, those with this part in their names."""
+    chosen = (r for r in ROWS if r.paper.startswith(paper) and r.number.startswith(tuple(numbers)))
+    return list(dict.fromkeys(r.home for r in chosen if part in r.home))
 
 
 def outcomes(wanted: Sequence[str], most: int | None = None, processes: int = 2) -> Iterator[Outcome]:
@@ -43,13 +44,14 @@ def told(outcome: Outcome) -> str:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--paper", default="", help="key of a paper, or its beginning")
+    parser.add_argument("--row", action="append", help="number of a row, or its beginning")
     parser.add_argument("--home", default="", help="part of the homes' names")
     parser.add_argument("--most", type=int, help="faults to try for each home")
     parser.add_argument("--processes", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--quiet", action="store_true", help="list homes with survivors only")
     parser.add_argument("--equivalent", action="store_true", help="list the faults that change nothing")
     given = parser.parse_args()
-    wanted = homes(given.paper, given.home)
+    wanted = homes(given.paper, given.home, given.row or ("",))
     began, alive, tried, spent = time.perf_counter(), 0, 0, 0.0
     for outcome in outcomes(wanted, given.most, given.processes):
         alive += len(outcome.survivors)
