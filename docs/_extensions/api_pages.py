@@ -57,6 +57,23 @@ def public_names() -> str:
     return "\n".join(lines) + "\n\n"
 
 
+def paper_names() -> str:
+    """A table of what the package of each paper gives."""
+    from flocking.papers import KEYS, paper
+
+    text = ""
+    for key in KEYS:
+        module = paper(key)
+        given = [(n, getattr(module, n)) for n in module.__all__ if callable(getattr(module, n))]
+        text += title(f"fk.papers.{module.__name__.rpartition('.')[2]}", "~")
+        text += "\n".join([".. list-table::", "   :widths: 25 75", ""]) + "\n"
+        for name, value in given:
+            target = f"{value.__module__}.{value.__qualname__}"
+            text += f"   * - :py:obj:`{name} <{target}>`\n     - {first_sentence(value)}\n"
+        text += "\n"
+    return text
+
+
 def write_pages(app: Any) -> None:
     """Write all pages anew."""
     folder = Path(app.srcdir) / "api"
@@ -67,6 +84,7 @@ def write_pages(app: Any) -> None:
         body = f".. automodule:: {name}\n   :members:\n   :ignore-module-all:\n   :show-inheritance:\n"
         (folder / f"{name}.rst").write_text(title(name) + body)
     text = title("The library by name") + "Everything ``import flocking as fk`` gives:\n\n" + public_names()
+    text += title("The papers by name", "-") + "What the package of each paper gives:\n\n" + paper_names()
     text += title("The library by floor", "-") + "Imports go down only.\n\n"
     for floor, purpose in FLOORS.items():
         mine = [n for n in names if n.split(".")[1] == floor]

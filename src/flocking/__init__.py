@@ -76,6 +76,8 @@ if TYPE_CHECKING:
     from flocking.study.potential_check import check_potential as check_potential
     from flocking.study.scenario_file import read_scenario as read_scenario
     from flocking.study.scenario_file import write_scenario as write_scenario
+    from flocking.study.state_energy import agent_energies as agent_energies
+    from flocking.study.state_energy import total_energy as total_energy
     from flocking.study.sweeps.sampling import Sample as Sample
     from flocking.study.sweeps.sweep import read_sweep as read_sweep
     from flocking.study.sweeps.sweep import sweep as sweep
@@ -94,13 +96,14 @@ _HOMES = {
     "Run": "engine.run", "Sample": "study.sweeps.sampling", "Scenario": "model.law", "Schedule": "model.schedules",
     "SimulationError": "errors", "Sink": "model.leaders", "Smooth": "model.smooth_graphs", "SmoothCone": "model.views",
     "State": "model.state", "StorageError": "errors", "Track": "model.tracking", "Velocity": "model.leaders",
-    "Wall": "model.obstacles", "animate": "show.animate", "audit": "papers.auditing",
-    "check_potential": "study.potential_check", "control": "engine.reference", "control_of": "engine.reference",
-    "evaluate": "engine.reference", "export_run": "engine.exchange", "first_difference": "engine.compare",
-    "lab": "apps.lab.server", "plot": "show.plot", "read_run": "engine.storage", "read_scenario": "study.scenario_file",
-    "read_start": "engine.start_files", "read_sweep": "study.sweeps.sweep", "resume": "engine.resuming",
-    "simulate": "engine.simulate", "start": "engine.starting", "structural_potential": "model.structural",
-    "sweep": "study.sweeps.sweep", "write_run": "engine.storage", "write_scenario": "study.scenario_file",
+    "Wall": "model.obstacles", "agent_energies": "study.state_energy", "animate": "show.animate",
+    "audit": "papers.auditing", "check_potential": "study.potential_check", "control": "engine.reference",
+    "control_of": "engine.reference", "evaluate": "engine.reference", "export_run": "engine.exchange",
+    "first_difference": "engine.compare", "lab": "apps.lab.server", "plot": "show.plot", "read_run": "engine.storage",
+    "read_scenario": "study.scenario_file", "read_start": "engine.start_files", "read_sweep": "study.sweeps.sweep",
+    "resume": "engine.resuming", "simulate": "engine.simulate", "start": "engine.starting",
+    "structural_potential": "model.structural", "sweep": "study.sweeps.sweep", "total_energy": "study.state_energy",
+    "write_run": "engine.storage", "write_scenario": "study.scenario_file",
 }  # fmt: skip
 
 __all__ = [*sorted(_HOMES), "papers"]

@@ -25,6 +25,12 @@ def total_energy(law: Law, state: State, energy: Energy | None = None, *, agents
         Frame, and energy of a pair that is not linked; the lab frame and zero when absent.
     agents
         Masses and headings; unit masses when absent.
+
+    Returns
+    -------
+    float
+        Kinetic energy, what links and bodies store, and that of every pair that is not linked, in units of mass times
+        velocity squared.
     """
     energy, agents = energy or Energy(), agents or Agents()
     found = evaluate(law, state, agents=agents, energy=energy)
@@ -46,6 +52,11 @@ def agent_energies(law: Law, state: State, energy: Energy | None = None) -> Arra
         The state.
     energy
         Energy of a pair that is not linked; zero when absent.
+
+    Returns
+    -------
+    Array
+        V_i or U_i, shape (N,), in the units of the potential. Their sum is twice the potential energy.
     """
     equilibrium = Equilibrium(law, state)
     degree = np.bincount(equilibrium.i, minlength=state.n)

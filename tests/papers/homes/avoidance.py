@@ -150,7 +150,9 @@ def links():
         assert (found == expected).all()
         assert found.shape == (6, 2)
         assert 0 < found.sum() < 12
-    assert (beta_links(term, q) == beta_links(term, q, 0.0)).all()
+    behind = np.array([[10.0 - 1.0 - R0 + 0.02, 0.0]])
+    assert [bool(beta_links(term, behind, t)[0, 1]) for t in (0.0, 0.02)] == [True, False]
+    assert beta_links(term, behind)[0, 1]
     edge = Avoid((Ball((0.0, 0.0), 1.0),), range=1.0, gamma_agents=False)
     assert beta_links(edge, np.array([[2.0, 0.0]])).all()
 

@@ -93,6 +93,11 @@ def jordan():
         assert_allclose(P[1], [J[0, 0], J[1, 1] + equal], atol=1e-12)
         assert (J[0, 0].real, J[0, 0].imag) >= (J[1, 1].real, J[1, 1].imag)
         assert np.iscomplexobj(P) == (r0 > h0 * h0 / 4 * (1 + 1e-14))
+    # Eigenvalues count as equal where they differ by rounding: h0^2/4 - r0 up to 4 eps h0^2, here 31.84 steps of r0.
+    h0, step = math.sqrt(4 * 1.99), np.finfo(float).eps
+    for steps, joined in ((31, 1.0), (32, 0.0), (-31, 1.0), (-32, 0.0)):
+        _, J = shi_forms.jordan_form(h0, h0 * h0 / 4 + steps * step)
+        assert J[0, 1] == joined
 
 
 def shi_bounds():

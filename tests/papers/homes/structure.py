@@ -278,6 +278,9 @@ def converse():
     spinning = State(q, spin + 1e-3 * q)
     assert rigid_motion.converse_conditions(Proximity(2.0), spinning)[2]
     assert not rigid_motion.converse_conditions(Proximity(2.0), spinning, tolerance=0.1)[2]
+    leaning = State(q[:2], np.array([[0.0, 0.0], [0.1, math.sqrt(0.99)]]))
+    assert rigid_motion.converse_conditions(Proximity(2.0), leaning, tolerance=0.099)[2]
+    assert not rigid_motion.converse_conditions(Proximity(2.0), leaning, tolerance=0.101)[2]
     directed = PerAgentRadii(np.array([2.0, 1.2, 2.0]))
     assert rigid_motion.converse_conditions(directed, State(q, spin))[0] is False
     links = np.zeros((3, 3), dtype=bool)

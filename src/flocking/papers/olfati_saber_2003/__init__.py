@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+from flocking.papers.olfati_saber_2003.closed_forms import (
+    contraction,
+    contraction_rate,
+    gathering_energy,
+    translational_energy,
+)
 from flocking.papers.olfati_saber_2003.pictures import figure, figures
 from flocking.papers.olfati_saber_2003.system import KEY, scenario, scenarios
 from flocking.papers.olfati_saber_2003.table import equations, errata
@@ -17,10 +23,14 @@ __all__ = [
     "TITLE",
     "YEAR",
     "claims",
+    "contraction",
+    "contraction_rate",
     "equations",
     "errata",
     "figure",
     "figures",
+    "gathering_energy",
     "scenario",
     "scenarios",
+    "translational_energy",
 ]

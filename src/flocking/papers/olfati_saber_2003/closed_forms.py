@@ -17,7 +17,13 @@ def translational_energy(q: Array, p: Array, leader: Leader) -> float:
         Mean position and velocity, shape (m,).
     leader
         A `Sink`, where V_tr = sqrt(1 + |q - q_d|^2) - 1, or a desired velocity, where V_tr = 0.
+
+    Returns
+    -------
+    float
+        Energy of a unit mass.
     """
+    q, p = np.asarray(q, dtype=np.float64), np.asarray(p, dtype=np.float64)
     place, velocity, _ = leader.at(0.0)
     stored = np.sqrt(1.0 + np.sum((q - place) ** 2)) - 1.0 if isinstance(leader, Sink) else 0.0
     return float(stored + 0.5 * np.sum((p - velocity) ** 2))
@@ -30,7 +36,13 @@ def gathering_energy(q: Array, p: Array) -> float:
     ----------
     q, p
         Positions and velocities, shape (N, m).
+
+    Returns
+    -------
+    float
+        Twice the energy of N unit masses tied to their mean by springs of stiffness 1.
     """
+    q, p = np.asarray(q, dtype=np.float64), np.asarray(p, dtype=np.float64)
     return float(((q - q.mean(axis=0)) ** 2).sum() + ((p - p.mean(axis=0)) ** 2).sum())
 
 

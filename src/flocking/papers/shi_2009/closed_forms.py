@@ -9,12 +9,29 @@ from __future__ import annotations
 
 import numpy as np
 
-from flocking.model.checks import Array
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array, array, number
 from flocking.papers.shi_2009.system import POSITION_GAIN, VELOCITY_GAIN
+
+LAWS = (8, 12, 15)
+"""Numbers of the control laws under which the centre of mass moves by itself."""
 
 
 def feedback(law: int) -> tuple[float, float, float]:
-    """Gains (h0, r0, g) of the centre of mass under law (8), (12) or (15)."""
+    """Gains (h0, r0, g) of the simulations for the centre of mass under law (8), (12) or (15).
+
+    Parameters
+    ----------
+    law
+        8, 12 or 15; g is 1 where the acceleration a0 is known.
+
+    Raises
+    ------
+    InvalidInput
+        When the law is another.
+    """
+    if law not in LAWS:
+        raise InvalidInput("closed form", "law", "must be 8, 12 or 15", law)
     return VELOCITY_GAIN, POSITION_GAIN if law == 15 else 0.0, 1.0 if law == 8 else 0.0
 
 
@@ -26,12 +43,35 @@ def steady_velocity_error(law: int, h0: float | None = None, r0: float | None = 
     law
         8, 12 or 15.
     h0, r0
-        Gains; those of the simulations when absent.
+        Gains on the velocity and the position error, in 1/s and 1/s^2; those of the simulations when absent.
+
+    Returns
+    -------
+    float
+        The error, in the units of velocity. It does not follow where h0 = 0 < r0: the motion does not settle.
+
+    Raises
+    ------
+    InvalidInput
+        When the law is no number of these, or a gain is negative.
     """
-    h, r, g = feedback(law)
-    h = h if h0 is None else h0
-    r = r if r0 is None else r0
+    h, r, g = _gains("steady_velocity_error", law, h0, r0)
     return float(abs(_response(h, r, g) - 1.0))
+
+
+def _gains(owner: str, law: int, h0: float | None, r0: float | None) -> tuple[float, float, float]:
+    h, r, g = feedback(law)
+    h = h if h0 is None else number(owner, "h0", h0, least=0.0)
+    r = r if r0 is None else number(owner, "r0", r0, least=0.0)
+    return h, r, g
+
+
+def _vectors(owner: str, *given: tuple[str, Array]) -> list[Array]:
+    found = [array(owner, name, value, ndim=1) for name, value in given]
+    for (name, value), vector in zip(given, found, strict=True):
+        if vector.shape != found[0].shape:
+            raise InvalidInput(owner, name, f"must have as many components as {given[0][0]}, {len(found[0])}", value)
+    return found
 
 
 def _response(h0: float, r0: float, g: float) -> complex:
@@ -56,16 +96,23 @@ def centre_motion(
     x_start, v_start
         Where it starts and how fast, shape (2,) each.
     h0, r0
-        Gains; those of the simulations when absent.
+        Gains on the velocity and the position error, in 1/s and 1/s^2; those of the simulations when absent.
 
     Returns
     -------
     tuple of Array
         Positions and velocities, shape (F, 2) each.
+
+    Raises
+    ------
+    InvalidInput
+        When the law is no number of these, a gain is negative, or a shape is another.
     """
-    h_of, r_of, g = feedback(law)
-    h0 = h_of if h0 is None else h0
-    r0 = r_of if r0 is None else r0
+    h0, r0, g = _gains("centre_motion", law, h0, r0)
+    t = array("centre_motion", "t", t, ndim=1)
+    x_start, v_start = _vectors("centre_motion", ("x_start", x_start), ("v_start", v_start))
+    if len(x_start) != 2:
+        raise InvalidInput("centre_motion", "x_start", "must be a point of the plane", list(x_start))
     # sin t = Re(-i e^{it}), cos t = Re(e^{it}); x0 = (1 - cos t, sin t) has a constant part (1, 0).
     phases = np.array([-1j, 1.0])
     turning = np.exp(1j * t)[:, None] * phases
@@ -105,7 +152,7 @@ def free_motion(h0: float, r0: float, t: Array, x: Array, v: Array) -> tuple[Arr
     Parameters
     ----------
     h0, r0
-        Gains.
+        Gains on the velocity and the position, in 1/s and 1/s^2.
     t
         Times, shape (F,).
     x, v
@@ -115,8 +162,16 @@ def free_motion(h0: float, r0: float, t: Array, x: Array, v: Array) -> tuple[Arr
     -------
     tuple of Array
         Positions and velocities, shape (F, m) each.
+
+    Raises
+    ------
+    InvalidInput
+        When a gain is negative or a shape is another.
     """
-    return _free_motion(h0, r0, t, x, v)
+    h = number("free_motion", "h0", h0, least=0.0)
+    r = number("free_motion", "r0", r0, least=0.0)
+    place, velocity = _vectors("free_motion", ("x", x), ("v", v))
+    return _free_motion(h, r, array("free_motion", "t", t, ndim=1), place, velocity)
 
 
 def ramp_motion(h0: float, slope: float, t: Array, x: float, v: float) -> tuple[Array, Array]:

@@ -3,7 +3,15 @@
 from __future__ import annotations
 
 from flocking.papers.tanner_2003_dynamic.pictures import figure, figures
-from flocking.papers.tanner_2003_dynamic.system import KEY, potential, scenario, scenarios
+from flocking.papers.tanner_2003_dynamic.system import (
+    KEY,
+    boundary_value,
+    energy,
+    inner_potential,
+    potential,
+    scenario,
+    scenarios,
+)
 from flocking.papers.tanner_2003_dynamic.table import equations, errata
 from flocking.papers.tanner_2003_dynamic.theorems import claims
 
@@ -16,11 +24,14 @@ __all__ = [
     "KEY",
     "TITLE",
     "YEAR",
+    "boundary_value",
     "claims",
+    "energy",
     "equations",
     "errata",
     "figure",
     "figures",
+    "inner_potential",
     "potential",
     "scenario",
     "scenarios",

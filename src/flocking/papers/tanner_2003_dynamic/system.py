@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from flocking.model import starts
+from flocking.model.checks import number
 from flocking.model.energy import Energy
 from flocking.model.graphs import Proximity
 from flocking.model.law import Law, Scenario
@@ -24,22 +25,34 @@ SNAPSHOT_TIMES = (0.0, 2.0, 5.0, 25.0, 100.0)
 
 
 def inner_potential() -> Potential:
-    """Fig. 2 inside the radius: the part of U_ij that linked agents feel."""
+    """Fig. 2 inside the radius: 1/r^2 + log r^2, the part of U_ij that linked agents feel; r in metres."""
     return Potential("1/r**2 + log(r**2)")
 
 
 def potential(radius: float = RADIUS) -> Potential:
-    """U_ij: the inner potential, and from ``radius`` on the constant V_R that makes it continuous."""
+    """U_ij (Fig. 2): the inner potential, and from ``radius`` R on the constant V_R that makes it continuous."""
     return inner_potential().capped(radius)
 
 
 def boundary_value(radius: float = RADIUS) -> float:
-    """V_R = 1/R^2 + log R^2, by continuity."""
+    """V_R = 1/R^2 + log R^2, the value of U_ij from R on, by continuity (Definition IV.2, Lemma VI.3).
+
+    Parameters
+    ----------
+    radius
+        R, above 0, in metres.
+
+    Raises
+    ------
+    InvalidInput
+        When the radius is not above 0.
+    """
+    radius = number("boundary_value", "radius", radius, above=0.0)
     return float(inner_potential()(radius))
 
 
 def energy(radius: float = RADIUS) -> Energy:
-    """Q of (6): linked pairs store U_ij, every other pair V_R."""
+    """The energy Q of (6): linked pairs store U_ij, every other pair V_R, that of the ``radius`` R."""
     return Energy(unlinked=boundary_value(radius), name="Q")
 
 

@@ -17,7 +17,22 @@ THEOREM = "Theorem IV.4"
 
 
 def longest_path(potential: Potential, links: int, c: float) -> float:
-    """Length of a path of ``links`` links none of which stores more than ``c``: links times V^-1(c), larger branch."""
+    """Length of a path of ``links`` links none of which stores more than ``c``: links times V^-1(c), after (6).
+
+    Parameters
+    ----------
+    potential
+        V as a function of the distance, radially unbounded.
+    links
+        Number of links, at most N-1 between agents of a connected graph.
+    c
+        Level of W, in the units of the potential.
+
+    Returns
+    -------
+    float
+        The length for the larger branch of the inverse.
+    """
     return links * distance_of(potential, c, 0.0, 50.0 + c)
 
 

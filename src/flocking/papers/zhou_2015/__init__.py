@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from flocking.papers.zhou_2015.bounds import largest_energy, most_new_links
 from flocking.papers.zhou_2015.pictures import figure, figures
 from flocking.papers.zhou_2015.system import KEY, potential, scenario, scenarios
 from flocking.papers.zhou_2015.table import equations, errata
@@ -21,6 +22,8 @@ __all__ = [
     "errata",
     "figure",
     "figures",
+    "largest_energy",
+    "most_new_links",
     "potential",
     "scenario",
     "scenarios",
