@@ -96,6 +96,7 @@ FAULTS = {
     Fault.FALSE: "False statements",
     Fault.MISPRINT: "Misprints",
     Fault.READING: "Ambiguities and missing values",
+    Fault.OWN: "Not printed: questions of our own",
 }
 
 
@@ -112,7 +113,7 @@ def errata_sections(rows: list[Row], level: int) -> str:
 def erratum_row(row: Row, shown: Demonstration | None) -> tuple[str, ...]:
     """One row of a table of errata."""
     example = ("", "", "") if shown is None else (plain(shown.example), number(shown.printed), number(shown.true))
-    return (plain(row.number), plain(row.title), plain(row.reading), *example)
+    return (plain(row.number), plain(row.title), plain(row.reading or row.note), *example)
 
 
 ERRATUM_HEAD = ("number", "statement", "reading", "example", "as printed", "computed")
@@ -152,10 +153,11 @@ def paper_page(key: str) -> str:
 def errata_page() -> str:
     """All counter-examples of all papers."""
     lines = [
-        "# Errata of the papers\n\nThree kinds are kept apart. A *false statement* is refuted by a counter-example "
+        "# Errata of the papers\n\nFour kinds are kept apart. A *false statement* is refuted by a counter-example "
         "under every sensible reading. A *misprint* has one sensible reading, under which the paper's argument stands; "
         "where a counter-example to the printed form helps, it is shown. An *ambiguity or missing value* is a choice "
-        "that the paper leaves open. Both sides of every counter-example were computed when this page was built.\n\n"
+        "that the paper leaves open. What is *not printed* is a question of our own.\n\n"
+        "Both sides of every counter-example were computed when this page was built.\n\n"
     ]
     for key in KEYS:
         module = paper(key)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 import flocking as fk
 from flocking.papers import KEYS, paper
-from flocking.study.equations import Fault
+from flocking.study.claims import Origin
+from flocking.study.equations import Fault, fault_counts
 
 LAST = {"olfati-saber-2003": 9, "tanner-2003-fixed": 8, "tanner-2003-dynamic": 7, "zhou-2015": 14, "shi-2009": 12}
 
@@ -23,6 +26,18 @@ def test_a_paper_has_the_common_names(key: str) -> None:
 def test_errata_are_the_rows_that_are_wrong(key: str) -> None:
     wrong = {f"{r.number}: {r.title}" for r in paper(key).equations() if r.fault in (Fault.FALSE, Fault.MISPRINT)}
     assert wrong == {erratum.statement for erratum in paper(key).errata()}
+
+
+def test_the_readme_counts_faults_of_every_kind() -> None:
+    text = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    table = text[text.index("| paper | false statements |") :].split("\n\n")[0].splitlines()[2:]
+    counted = []
+    for key in KEYS:
+        module = paper(key)
+        faults = fault_counts(module.equations())
+        asked = sum(c.origin is Origin.OWN for name in module.scenarios() for c in module.claims(name))
+        counted.append([faults[Fault.FALSE], faults[Fault.MISPRINT], faults[Fault.READING], faults[Fault.OWN] + asked])
+    assert [[int(cell) for cell in line.split("|")[2:6]] for line in table] == counted
 
 
 @pytest.mark.parametrize("key", KEYS)
@@ -49,4 +64,4 @@ def test_the_theorems_of_one_conclusion_have_one_verdict() -> None:
     rows = {r.number: r for r in fk.papers.shi_2009.equations()}
     kept = [rows[f"Theorem {k}"] for k in (1, 2, 4, 5)]
     assert all(row.verdict()[0] is Fault.FALSE and row.reading for row in kept)
-    assert rows["depth of (3)"].verdict()[0] == "as printed"
+    assert rows["depth of (3)"].verdict()[0] == "not printed"

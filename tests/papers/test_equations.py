@@ -40,8 +40,8 @@ def test_numbers_are_unique_within_a_paper() -> None:
     assert len(names) == len(set(names))
 
 
-def _made(**fields) -> Row:
-    return Row("paper", "(1)", "equation", "title", "home", float, **fields)
+def _made(kind: str = "equation", **fields) -> Row:
+    return Row("paper", "(1)", kind, "title", "home", float, **fields)
 
 
 def _shown(true: float) -> Demonstration:
@@ -58,6 +58,22 @@ def test_a_false_statement_needs_its_counter_example() -> None:
         _made(reading="so", fault=Fault.FALSE)
     with pytest.raises(ValueError, match="reading"):
         _made(fault=Fault.MISPRINT)
+
+
+def test_what_is_not_printed_is_a_question_of_our_own_and_has_no_fault() -> None:
+    own = _made(kind="consequence", note="so")
+    assert own.verdict() == (Fault.OWN, None)
+    assert own.as_dict()["verdict"] == "not printed"
+    for given in ({"reading": "so"}, {"demonstration": lambda: _shown(2.0)}):
+        with pytest.raises(ValueError, match="not printed"):
+            _made(kind="consequence", **given)
+    with pytest.raises(ValueError, match="fault"):
+        _made(fault=Fault.OWN, reading="so")
+
+
+def test_a_note_finds_no_fault() -> None:
+    assert _made(note="so").verdict() == (Fault.NONE, None)
+    assert _made(note="so").as_dict()["note"] == "so"
 
 
 def test_a_counter_example_that_refutes_nothing_is_no_more_than_a_reading() -> None:

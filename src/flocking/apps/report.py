@@ -37,6 +37,7 @@ COUNTED = (
     "false statements",
     "misprints",
     "ambiguous or missing",
+    "own questions",
 )
 """What the summary counts for each paper."""
 
@@ -111,17 +112,19 @@ def _summary(found: Reproduction, modules: dict[str, ModuleType]) -> str:
     judged = _all(found)
     counts = Counter(j.verdict for j in judged)
     faults = Counter(row["verdict"] for rows in found.errata.values() for row in rows)
-    own = sum(j.claim.origin is not Origin.PAPER for j in judged)
+    origins = Counter(j.claim.origin for j in judged)
     numbers = [
         (str(len(judged)), "claims judged"),
         (str(counts[Verdict.HOLDS]), "hold"),
         (str(counts[Verdict.FAILS]), "fail"),
         (str(counts[Verdict.OBSERVED]), "observed, with a rate"),
         (str(len(judged) - sum(counts[v] for v in (Verdict.HOLDS, Verdict.FAILS, Verdict.OBSERVED))), "undecided"),
-        (str(own), "of these our own questions or assumptions"),
+        (str(origins[Origin.ASSUMPTION]), "of these assumed by a paper"),
+        (str(origins[Origin.OWN]), "of these our own questions"),
         (str(faults[Fault.FALSE]), "false statements"),
         (str(faults[Fault.MISPRINT]), "misprints"),
         (str(faults[Fault.READING]), "ambiguities or missing values"),
+        (str(faults[Fault.OWN]), "rows of our own"),
         (str(max((j.tried for j in judged), default=0)), "seeds a scenario"),
         (f"{found.seconds:.0f} s", "computing time"),
     ]
@@ -156,7 +159,8 @@ def _paper_row(key: str, module: ModuleType, found: Reproduction) -> str:
     undecided = len(judged) - holds - fails - seen
     counted = (len(judged), holds, fails, seen, undecided, sum(j.as_expected for j in judged))
     faults = Counter(row["verdict"] for row in found.errata.get(key, []))
-    cells = (*counted, faults[Fault.FALSE], faults[Fault.MISPRINT], faults[Fault.READING])
+    own = faults[Fault.OWN] + sum(j.claim.origin is Origin.OWN for j in judged)
+    cells = (*counted, faults[Fault.FALSE], faults[Fault.MISPRINT], faults[Fault.READING], own)
     counts = "".join(f'<td class="count" data-name="{name}">{n}</td>' for name, n in zip(COUNTED, cells, strict=True))
     return f'<tr><td><a href="#{escape(key)}">{escape(_name(module))}</a></td>{counts}</tr>'
 

@@ -15,6 +15,7 @@ HEADINGS = {
     Fault.FALSE: "False statements, each with a computed counter-example",
     Fault.MISPRINT: "Misprints, and how they are read",
     Fault.READING: "Ambiguities and missing values, and what is chosen here",
+    Fault.OWN: "Not printed: questions of our own",
 }
 """Headings of the tables of errata; only the first speaks against the mathematics of a paper."""
 
@@ -46,7 +47,7 @@ def _fault(fault: Fault, row: dict[str, Any], shown: bool) -> str:
     colour = "wrong" if fault is Fault.FALSE else "other"
     text = (
         f'<tr><td class="verdict {colour}">{escape(row["number"])}</td><td>{escape(row["title"])}'
-        f'<br><span class="dim">{escape(row["reason"])}</span></td>'
+        f'<br><span class="dim">{escape(row["reason"] or row["note"])}</span></td>'
     )
     if shown:
         found = row["demonstration"] or {"printed": "", "true": "", "example": ""}

@@ -11,16 +11,17 @@ from typing import Any
 
 KINDS = ("equation", "definition", "assumption", "lemma", "proposition", "theorem", "corollary", "remark", "example",
          "figure", "table", "problem", "protocol", "consequence")  # fmt: skip
-"""Kinds of rows; a consequence follows from what a paper prints, and is not printed itself."""
+"""Kinds of rows; a consequence answers a question of our own from what a paper prints: its fault is `Fault.OWN`."""
 
 
 class Fault(StrEnum):
-    """What is the matter with a printed statement, where it is not read as printed."""
+    """What is the matter with a printed statement, where it is not read as printed; or that it is not printed."""
 
     NONE = "as printed"
     READING = "ambiguity or missing value"
     MISPRINT = "misprint"
     FALSE = "false statement"
+    OWN = "not printed"
 
 
 @dataclass(frozen=True)
@@ -111,9 +112,14 @@ class Row:
     also: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        if self.kind == "consequence":
+            object.__setattr__(self, "fault", Fault.OWN)
+            if self.reading or self.demonstration is not None:
+                raise ValueError(f"{self.paper} {self.number}: what is not printed has no fault")
+            return
         if self.fault is Fault.NONE and self.reading and self.demonstration is None:
             object.__setattr__(self, "fault", Fault.READING)
-        if (self.fault is Fault.NONE) == bool(self.reading):
+        if (self.fault is Fault.NONE) == bool(self.reading) or self.fault is Fault.OWN:
             raise ValueError(f"{self.paper} {self.number}: a fault comes with a reading, and a reading with a fault")
         if self.fault is Fault.FALSE and self.demonstration is None:
             raise ValueError(f"{self.paper} {self.number}: a false statement needs a counter-example")

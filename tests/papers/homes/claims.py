@@ -47,6 +47,7 @@ NOT_STATED = {
     "tanner-2003-fixed": {"all-apart": Origin.OWN, "momentum": Origin.OWN},
     "tanner-2003-fixed-complete": {"momentum": Origin.OWN},
     "tanner-2003-dynamic": {"connected": Origin.ASSUMPTION, "links-kept": Origin.OWN, "momentum": Origin.OWN},
+    **{f"shi-2009-{kind}": {"steady-error": Origin.OWN} for kind in ("velocity-only", "position")},
     "zhou-2015": {"one-length": Origin.OWN},
     "zhou-2015-leader": {"leader-offset": Origin.OWN, "one-length": Origin.OWN},
 }

@@ -13,7 +13,7 @@ from flocking.papers.shi_2009.closed_forms import centre_motion, steady_velocity
 from flocking.papers.shi_2009.grounds import grounds
 from flocking.papers.shi_2009.system import KEY, SETTINGS, VELOCITY_GAIN
 from flocking.study import general_claims as general
-from flocking.study.claims import Claim, Measure, Verdict, below
+from flocking.study.claims import Claim, Measure, Origin, Verdict, below
 from flocking.study.evidence import Evidence, NotMeasurable
 from flocking.study.settling import limit_of_series
 
@@ -174,9 +174,10 @@ def _stated(scenario: str) -> Sequence[Claim]:
             Claim("no-tracking", "sec. 3.2", "v0 is not tracked.", _negated(tracks_leader)),
             Claim(
                 "steady-error",
-                "(13)" if setting.law == 12 else "(16)",
+                "from (13)" if setting.law == 12 else "from (16)",
                 "The centre of mass keeps the closed form's distance from v0.",
                 steady_error(setting.law),
+                origin=Origin.OWN,
             ),
         ]
     if setting.law in (8, 12, 15):
