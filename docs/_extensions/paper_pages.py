@@ -13,6 +13,7 @@ from text_tables import code, number, plain, table
 from flocking.model.law import Scenario
 from flocking.model.terms import Gradient
 from flocking.papers import KEYS, paper
+from flocking.papers.numbered import index
 from flocking.study.equations import Demonstration, Fault, Row
 
 
@@ -147,6 +148,8 @@ def paper_page(key: str) -> str:
         for r in rows
     ]  # fmt: skip
     lines.append("## Equation table\n\n" + table(("number", "kind", "statement", "home", "verdict"), listed))
+    numbered = [(plain(n), plain(", ".join(r.number for r in found))) for n, found in index(key).items()]
+    lines.append("## Numbered statements of the text\n\n" + table(("number", "rows of the table"), numbered))
     return "".join(lines)
 
 

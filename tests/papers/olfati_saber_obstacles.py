@@ -111,13 +111,11 @@ def alone(pair):
     from scipy.integrate import solve_ivp
 
     def rate(_, y, gamma):
+        # The other obstacles are out of reach: the agent gets no farther than 113.
         q, p = y[:2], y[2:]
         u = -10.0 * (p - [10.0, 0.0])
-        for x, y0, radius in zip(*MATRIX, strict=True):
-            b = np.array([x, y0], dtype=float)
-            if near(q, b, radius):
-                u = u + push(q, b, radius) + C4 * (p_hat(q, p, b, radius) - p)
-                u = u + (pull(q, b + [1.0, 0.0]) if gamma else 0.0)
+        if near(q):
+            u = u + push(q) + C4 * (p_hat(q, p) - p) + (pull(q) if gamma else 0.0)
         return [*p, *u]
 
     for found, gamma in zip(pair, (False, True), strict=True):

@@ -324,7 +324,9 @@ def equations(*papers: str, as_json: Json = False) -> int:
         return FINE
     for key in dict.fromkeys(row["paper"] for row in rows):
         found = [row for row in rows if row["paper"] == key]
-        cells = [(r["number"], r["verdict"], ": ".join(x for x in (r["title"], r["reason"]) if x)) for r in found]
+        cells = [
+            (r["number"], r["verdict"], ": ".join(x for x in (r["title"], r["reason"], r["note"]) if x)) for r in found
+        ]
         print_table(("number", "verdict", "statement and reading"), cells, title=key)
         print()
     return FINE
