@@ -27,6 +27,7 @@ RULES: tuple[tuple[str, str, str], ...] = (
     ("Bump.steepest", "len(grid) - 1", GRID),
     ("Bump.steepest", "without method = 'bounded'", "the method that scipy takes where bounds are given"),
     ("translational_energy", "leader.at(0.0)", "sinks and constant velocities are the same at all times"),
+    ("Track.storage", "swap: arguments of zip(", "squares of differences"),
     ("Track.balance", "swap: arguments of zip(", "the factors of a scalar product may change places"),
     ("diagrams.beta_agent", "other sign in places['alpha'] +", "a circle about a point is its own mirror image"),
     *(
