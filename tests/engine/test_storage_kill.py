@@ -204,10 +204,9 @@ def test_killed_simulations_go_on(start: Start, tmp_path: Path) -> None:
     kill_while_a_session_runs(start, tmp_path, 2, seed=12)
 
 
-def test_killed_crowds_go_on_at_10_instants(start: Start, whole: Run, tmp_path: Path) -> None:
-    found = kill_while_a_crowd_runs(start, whole, tmp_path, 10, seed=15)
-    assert sum(0 < count < 9 for count, _ in found) > 3, "most kills came amid the run"
-    assert any(traces for _, traces in found), "some kill fell while a frame was written"
+def test_killed_crowds_go_on_at_4_instants(start: Start, whole: Run, tmp_path: Path) -> None:
+    found = kill_while_a_crowd_runs(start, whole, tmp_path, 4, seed=15)
+    assert sum(0 < count < 9 for count, _ in found) > 1, "most kills came amid the run"
 
 
 @pytest.mark.slow

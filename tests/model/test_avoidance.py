@@ -158,6 +158,7 @@ def test_located_to_rounding_for_straight_flight() -> None:
     assert other["speed"] == pytest.approx(-2.0, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_obstacles_of_all_shapes_in_one_run() -> None:
     bodies = [
         fk.Ball([6.0, 0.0], 1.0),

@@ -8,8 +8,13 @@ import flocking as fk
 from flocking.papers import mutation
 from flocking.study import mutants
 
+LONG = {"swapped obstacle velocity"}
+"""A hundred agents among obstacles, in thousands of samples."""
 
-@pytest.mark.parametrize("mutant", list(mutation.CASES))
+
+@pytest.mark.parametrize(
+    "mutant", [pytest.param(x, marks=[pytest.mark.slow] if x in LONG else []) for x in mutation.CASES]
+)
 def test_mutant_is_caught(mutant: str) -> None:
     found = mutation.catch(mutant)
     assert "ledger" in found.truth, "the right system must balance its books from the same samples"
