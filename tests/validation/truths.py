@@ -139,7 +139,8 @@ def _rate_at_end(motion: Motion) -> float:
 def _equilibrium(draw: Draw, motion: Motion) -> tuple[bool | None, float]:
     """Whether the potential forces balance at the end, and the smallest stiffness as a share of the largest.
 
-    Forces are measured by stiffness times length. Nothing is said where forces are no slopes of energies.
+    Forces are measured by stiffness times length. Nothing is said where forces are no slopes of energies, nor
+    where two agents that are linked end at one point.
     """
     q = motion.q[-1].astype(float)
     n, m = q.shape
@@ -152,6 +153,8 @@ def _equilibrium(draw: Draw, motion: Motion) -> tuple[bool | None, float]:
         for i, j in motion.links[-1]:
             d = q[j] - q[i]
             r = float(np.linalg.norm(d))
+            if r == 0.0:
+                return None, 0.0
             piece = next(x for x in part.pieces if r <= x.border or x is part.pieces[-1])
             psi = parsed(piece.energy.replace("s", "(r*r)") if "s -" in piece.energy else piece.energy, part.values)
             first = derivative(psi, "r")

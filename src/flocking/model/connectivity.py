@@ -22,7 +22,7 @@ def components(links: Links) -> NDArray[np.intp]:
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import connected_components
 
-    _, labels = connected_components(csr_array(np.atleast_2d(links)), directed=True, connection="weak")
+    _, labels = connected_components(csr_array(np.atleast_2d(links).astype(np.int8)), directed=True, connection="weak")
     return np.asarray(labels, dtype=np.intp)
 
 

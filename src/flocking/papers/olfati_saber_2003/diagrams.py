@@ -91,7 +91,7 @@ def realizations(_: Run) -> Picture:
                 State(q, links=links),
                 axes=axes,
                 arrows=False,
-                limits=(middle - half, middle + half),
+                limits=((middle - half).tolist(), (middle + half).tolist()),
                 title=f"{int(np.triu(links).sum())} links",
             )
             for number, point in enumerate(q, start=1):

@@ -61,8 +61,8 @@ def clearance(run: Run) -> tuple[float, float]:
         least = min(least, float(distances.min()))
         # Only paths that come close can enter.
         close = distances[: len(distances) // (2 * BETWEEN) * 2 * BETWEEN].reshape(-1, 2 * BETWEEN, n).min(axis=1)
-        close = close < system.BETA_RANGE / 2
-        error = max(error, float(missed[: len(close)][close[: len(missed)]].max(initial=0.0)))
+        near = close < system.BETA_RANGE / 2
+        error = max(error, float(missed[: len(near)][near[: len(missed)]].max(initial=0.0)))
     return least, error + float(np.linalg.norm(np.diff(points, axis=0), axis=2).max()) / 2
 
 
