@@ -199,16 +199,16 @@ class Track(BodyTerm):
              for a, b, c, v in zip(x.leader_a, x.leader_p, x.frame_p, relative, strict=True)),
             zero,
         )  # fmt: skip
-        dissipated, origin = c2 * sum((v**2 for v in relative), zero), self._origin(x)
+        origin = self._origin(x)
         if origin is None:
-            # Without a feedback of places nothing is stored.
-            return dissipated, supplied
-        if isinstance(self.leader, Sink):
+            # No place to store from: all power of the feedback of places is supplied.
+            supplied -= sum((c1 * (a - b) * v for a, b, v in zip(x.q, x.leader_q, relative, strict=True)), zero)
+        elif isinstance(self.leader, Sink):
             # The stored energy changes with q - o, whose rate is p: the frame's motion along the force is left over.
             supplied += sum((c1 * (a - b) * v for a, b, v in zip(x.q, origin, x.frame_p, strict=True)), zero)
         else:
             supplied += sum((c1 * (a - b) * v for a, b, v in zip(x.leader_q, origin, relative, strict=True)), zero)
-        return dissipated, supplied
+        return c2 * sum((v**2 for v in relative), zero), supplied
 
 
 def _saturate(error: Sequence[sympy.Expr]) -> list[sympy.Expr]:

@@ -157,13 +157,18 @@ def saturated(z):
 def track():
     q, p, mean_q, mean_p, frame_q, frame_p, lq, lp, la = RNG.normal(size=(9, 2))
     mass = 1.7
-    for kind, sink in (("velocity", False), ("sink", True)):
+    # Seen from the lab, a leader that moves has no place that energy could be stored about.
+    for kind, sink, frame in (
+        ("velocity", False, frame_q),
+        ("velocity in the lab", False, None),
+        ("sink", True, frame_q),
+    ):
         leader = Sink(lq) if sink else Velocity(lp)
         for c1, g, per_mass, shared, bounded in itertools.product((0.0, 0.8), (0.0, 0.6), *[(False, True)] * 3):
             term = Track(leader, c1, 1.9, g, per_mass=per_mass, shared=shared, saturated=bounded)
             known = {"position_gain": c1, "velocity_gain": 1.9, "acceleration_gain": g}
             x = SimpleNamespace(
-                q=q, p=p, mass=mass, mean_q=mean_q, mean_p=mean_p, frame_q=frame_q, frame_p=frame_p, leader_q=lq,
+                q=q, p=p, mass=mass, mean_q=mean_q, mean_p=mean_p, frame_q=frame, frame_p=frame_p, leader_q=lq,
                 leader_p=lp, leader_a=la, parameter=known.__getitem__,
             )  # fmt: skip
             scale = mass if per_mass else 1.0
@@ -171,8 +176,8 @@ def track():
             clip = saturated if bounded else lambda z: z
             force = -scale * (c1 * clip(own_q - lq) + 1.9 * clip(own_p - lp)) + g * mass * la
             assert_allclose(np.array(list(term.force(x)), dtype=float), force, rtol=1e-12, err_msg=kind)
-            own = c1 > 0 and not shared and not bounded
-            origin = lq if sink else frame_q
+            origin = lq if sink else frame
+            own = c1 > 0 and not shared and not bounded and origin is not None
             stored = scale * c1 * float((q - origin) @ (q - origin)) / 2 if own else 0.0
             assert_allclose(float(term.storage(x)), stored, rtol=1e-12)
             spent, given = (float(e) for e in term.balance(x))
