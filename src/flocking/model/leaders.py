@@ -86,23 +86,36 @@ class Leader(ABC):
 
         Without closed form the position is found by quadrature, to about 12 digits.
         """
-        q, p, a = self._motion(float(t))
-        if not self._module.CLOSED:
+        q, p, a = self.along([t])
+        return q[0], p[0], a[0]
+
+    def along(self, times: ArrayLike) -> tuple[Array, Array, Array]:
+        """Positions, velocities and accelerations at many times, shape (K, m) each; see `at`.
+
+        Parameters
+        ----------
+        times
+            The times, shape (K,).
+        """
+        module, given = self._module, self.parameters
+        numbers = tuple(given.values())
+        times = np.asarray(times, dtype=np.float64)
+        found = np.array([self._motion(module, float(t), numbers) for t in times]).reshape(-1, 3, self.dimension)
+        if not module.CLOSED:
             from flocking.model.leader_positions import travelled
 
-            given = self.parameters
             start = np.array([given[f"start_{k}"] for k in range(self.dimension)])
-            q = start + travelled(self.velocity_at, given["start_time"], float(t))
-        return q, p, a
+            found[:, 0] = [start + travelled(self.velocity_at, given["start_time"], float(t)) for t in times]
+        return found[:, 0], found[:, 1], found[:, 2]
 
     def velocity_at(self, t: float) -> Array:
         """Velocity at time ``t``, shape (m,)."""
-        return np.asarray(self._motion(float(t))[1])
+        return np.asarray(self._motion(self._module, float(t), tuple(self.parameters.values()))[1])
 
-    def _motion(self, t: float) -> Array:
+    def _motion(self, module: ModuleType, t: float, numbers: tuple[float, ...]) -> Array:
         """What the formulas say, shape (3, m); NaN where they have no real value."""
         try:
-            return np.array(self._module.leader(t, *self.parameters.values()), dtype=np.float64)
+            return np.array(module.leader(t, *numbers), dtype=np.float64)
         except (ValueError, ArithmeticError, TypeError):  # a root of something negative is a complex number
             return np.full((3, self.dimension), np.nan)
 

@@ -50,8 +50,8 @@ def leader_at(leader: Leader, time: float) -> tuple[Array, Array]:
 
 def leader_track(leader: Leader, times: Array) -> tuple[Array, Array]:
     """Positions and velocities of a leader at many times, shape (F, m) each."""
-    both = [leader_at(leader, float(t)) for t in times]
-    return np.array([q for q, _ in both]), np.array([p for _, p in both])
+    q, p, _ = leader.along(times)
+    return q, p
 
 
 def dimension_name(axis: int) -> str:

@@ -21,6 +21,12 @@ if TYPE_CHECKING:
 MOST_FOR_SPECTRUM = 600
 """Largest group whose algebraic connectivity is computed for a picture."""
 
+FEW = 100
+"""Largest group all of whose pairs are compared where the closest is sought; a tree is faster in larger ones."""
+
+AT_ONCE = 1_000_000
+"""Pairs compared at once: what their offsets need stays in the caches of a processor."""
+
 
 @in_style
 def spread(run: Run, *, axes: Axes | None = None) -> Any:
@@ -96,7 +102,7 @@ def closest(run: Run, *, axes: Axes | None = None) -> Any:
     axes = axes_or_new(axes)
     motion = motion_of(run)
     at = "at the frames" if run.fine is None else "of the solution"
-    axes.plot(*thinned(motion.t, np.array([_nearest(q) for q in motion.q])), color=BLUE, label=at, gid="frames")
+    axes.plot(*thinned(motion.t, _nearest(motion.q)), color=BLUE, label=at, gid="frames")
     for found, marker, name in ((run.closest_linked, "v", "linked"), (run.closest_unlinked, "^", "not linked")):
         if np.isfinite(found.distance):
             pair = f"{found.pair[0]}–{found.pair[1]}"
@@ -198,11 +204,16 @@ def _switch_times(run: Run, kind: str) -> Array:
     return np.stack([chosen["time"], first, second], axis=1).astype(np.float64)
 
 
-def _nearest(q: Array) -> float:
+def _nearest(q: Array) -> Array:
+    """Distance of the closest pair in each frame, shape (F,); ``q`` has shape (F, N, m)."""
     from scipy.spatial import KDTree
 
-    distance = np.asarray(KDTree(q).query(q, k=2)[0])
-    return float(distance[:, 1].min())
+    frames, n, _ = q.shape
+    if n > FEW:
+        return np.array([np.asarray(KDTree(x).query(x, k=2)[0])[:, 1].min() for x in q])
+    first, second = np.triu_indices(n, 1)
+    parts = np.array_split(q, max(1, frames * len(first) // AT_ONCE))
+    return np.concatenate([np.linalg.norm(x[:, first] - x[:, second], axis=2).min(axis=1) for x in parts])
 
 
 def _fiedler(links: Any) -> float:

@@ -21,7 +21,7 @@ def _desired(run: Run) -> Any:
 
     def component(run: Run, axis: int, *, axes: Any = None) -> Any:
         def velocity(t: Array) -> Array:
-            return np.array([leader.at(float(s))[1][axis] for s in t])
+            return np.asarray(leader.along(t)[1][:, axis])
 
         return curve(velocity, 0.0, DURATION, axes=axes, variable="$t$", label=f"$v^0_{'xy'[axis]}$")
 

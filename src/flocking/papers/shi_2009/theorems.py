@@ -26,7 +26,7 @@ def leader_velocity(e: Evidence) -> Array:
     if not e.law.leaders:
         raise NotMeasurable("the law has no leader to follow")
     leader = e.law.leaders[0]
-    return np.array([leader.at(float(t))[1] for t in e.t])
+    return leader.along(e.t)[1]
 
 
 def _over_period(e: Evidence, values: Array) -> Array:

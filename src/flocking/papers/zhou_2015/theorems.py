@@ -136,7 +136,7 @@ def leader_offset(e: Evidence) -> Measure:
 def leader_met(e: Evidence) -> Measure:
     """Distance of the mean position from the leader at the end against the start."""
     leader = tracking(e).leader
-    distances = np.linalg.norm(e.q.mean(axis=1) - [leader.at(float(t))[0] for t in e.t], axis=1)
+    distances = np.linalg.norm(e.q.mean(axis=1) - leader.along(e.t)[0], axis=1)
     first = float(distances[0])
     return limit_of_series(
         e.t, distances, general.SETTLED * first,
