@@ -103,7 +103,7 @@ robustness: $(CLUSTER_READY)
 	$(BIN)/python -m pytest -m "($(TIER_$(TIER))) and not mpi and not browser" -n $(WORKERS) --dist loadfile \
 		tests/engine/test_storage.py tests/engine/test_storage_kill.py tests/engine/test_crafted_checkpoints.py \
 		tests/engine/test_foreign_runs.py tests/engine/test_formats.py tests/engine/tiles/test_saving.py \
-		tests/study/test_sweep_kills.py tests/study/test_sweep_store.py tests/fuzz tests/cluster $(PYTEST_ARGS)
+		tests/formula/test_cache.py tests/study/test_sweep_kills.py tests/study/test_sweep_store.py tests/fuzz tests/cluster $(PYTEST_ARGS)
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import App, CycloptsError, Parameter
 
+from flocking.apps.cache_command import cache
 from flocking.apps.lab.command import lab
 from flocking.apps.picture_commands import animate, plot
+from flocking.apps.process import ended_by_signals, give_up_output, harmless, open_streams, quiet_warnings
 from flocking.apps.run_commands import resume, run
 from flocking.apps.showcase_commands import showcase
 from flocking.apps.storage_commands import diff, export, info
@@ -53,6 +55,7 @@ def command_line() -> App:
         equations,
         lab,
         schema,
+        cache,
     ):
         app.command(command)
     return app
@@ -71,12 +74,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     int
         The exit code.
     """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    open_streams()
+    with quiet_warnings(arguments is None), ended_by_signals():
+        try:
+            return _run(words)
+        except KeyboardInterrupt:
+            with suppress(OSError):
+                print("flocking: interrupted; nothing was left half written.", file=sys.stderr)
+            return INTERRUPTED
+        finally:
+            give_up_output()
+
+
+def _run(words: Sequence[str]) -> int:
     from flocking.errors import FlockingError
 
-    words = list(sys.argv[1:] if arguments is None else arguments)
-    for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="replace")
     app = command_line()
     try:
         command, bound, _ = app.parse_args(words, print_error=False, exit_on_error=False)
@@ -89,16 +102,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except FlockingError as error:
         return BAD_INPUT if getattr(error, "told_elsewhere", False) else _complain(str(error))
     except BrokenPipeError:
-        # Whoever read the output has seen enough; Python must not try to flush the rest at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        # Whoever read the output has seen enough.
         return FINE
     except OSError as error:
         return _complain(f"{error.filename or 'file'}: {error.strerror or error}")
     except MemoryError:
         return _complain("this needs more memory than there is.", "Use fewer agents or frames.")
-    except KeyboardInterrupt:
-        print("flocking: interrupted; nothing was left half written.", file=sys.stderr)
-        return INTERRUPTED
 
 
 def _version() -> str:
@@ -109,7 +118,8 @@ def _version() -> str:
 
 def _complain(message: str, fix: str = "") -> int:
     text = message.strip() if message.rstrip().endswith((".", "?", "!")) or "\n" in message else f"{message.strip()}."
-    print(f"flocking: {text} {fix}".rstrip(), file=sys.stderr)
+    with suppress(BrokenPipeError):
+        print(harmless(f"flocking: {text} {fix}".rstrip()), file=sys.stderr)
     return BAD_INPUT
 
 

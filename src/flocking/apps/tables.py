@@ -6,6 +6,8 @@ import math
 import sys
 from collections.abc import Iterable, Sequence
 
+from flocking.apps.process import harmless
+
 
 def print_table(head: Sequence[str], rows: Iterable[Sequence[str]], *, title: str = "") -> None:
     """Print a table; long cells wrap, nothing is cut off.
@@ -30,9 +32,9 @@ def print_table(head: Sequence[str], rows: Iterable[Sequence[str]], *, title: st
     for k, name in enumerate(head):
         table.add_column(name, overflow="fold", no_wrap=k == 0 and last > 0)
     for row in rows:
-        table.add_row(*(Text(cell) for cell in row))
+        table.add_row(*(Text(harmless(cell)) for cell in row))
     if title:
-        console.print(Text(title))
+        console.print(Text(harmless(title)))
     with console.capture() as captured:
         console.print(table)
     # Rich fills lines with blanks, which pipes and files would keep.
@@ -50,7 +52,7 @@ def print_facts(facts: Iterable[tuple[str, str]]) -> None:
     pairs = [(name, value) for name, value in facts if value]
     width = max((len(name) for name, _ in pairs), default=0)
     for name, value in pairs:
-        print(f"{name.ljust(width)}  {value}")
+        print(harmless(f"{name.ljust(width)}  {value}"))
 
 
 def short(value: float | None) -> str:

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numba
 import numpy as np
 
 from flocking.engine.guards import _PRODUCT, NEVER, first_above
+from flocking.formula.machine_code import numba
 from flocking.model.avoidance import ObstacleGroup
 from flocking.model.checks import Array
 from flocking.model.connectivity import Links

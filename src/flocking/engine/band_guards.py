@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 
 from flocking.engine.guards import NEVER, first_above, smallest_value, squared_distance
+from flocking.formula.machine_code import numba
 from flocking.model.checks import Array
 
 

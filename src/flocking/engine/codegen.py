@@ -99,7 +99,7 @@ def _indented(lines: Iterable[str], depth: int) -> str:
 
 _HEADER = """import math
 
-import numba
+from flocking.formula.machine_code import numba
 import numpy as np
 
 ARGUMENTS = "t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S"

@@ -14,12 +14,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numba
 import numpy as np
 
 from flocking.engine.dynamics import Dynamics
 from flocking.engine.method import halves
 from flocking.engine.segment import Segment, powers_at, weights_at
+from flocking.formula.machine_code import numba
 from flocking.model.checks import Array
 
 SAFETY = 4.0

@@ -6,6 +6,8 @@ import asyncio
 import errno
 import io
 import os
+import shutil
+import time
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -16,6 +18,9 @@ from flocking.errors import FlockingError, StorageError
 
 PARTIAL = ".partial"
 """Ending of a file that is still being written; a kill may leave one behind, and nothing ever reads it."""
+
+MAKING = 60.0
+"""Nobody takes more seconds than this between two writes while a folder is made."""
 
 
 def put(path: Path, data: bytes | Callable[[BinaryIO], None], *, lasting: bool = True) -> int:
@@ -109,18 +114,20 @@ def durable_store(folder: Path) -> Any:
 
 
 @contextmanager
-def told(folder: Path, doing: str) -> Iterator[None]:
+def told(folder: Path, doing: str, *, begun: bool = True) -> Iterator[None]:
     """Turn failures of the file system into a `StorageError` that says what to do.
 
     Parameters
     ----------
     doing
         What was tried, in words that follow "cannot".
+    begun
+        Whether there is something on the disk already.
     """
     try:
         yield
     except OSError as error:
-        raise StorageError(f"{folder}: cannot {doing}: {_reason(error)}") from error
+        raise StorageError(f"{folder}: cannot {doing}: {_reason(error, begun)}") from error
 
 
 @contextmanager
@@ -137,8 +144,11 @@ def read_soundly(folder: Path) -> Iterator[None]:
         raise StorageError(f"{folder}: the run asks for more memory than there is.") from None
 
 
-def _reason(error: OSError) -> str:
-    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+def _reason(error: OSError, begun: bool) -> str:
+    full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+    if full and not begun:
+        return f"no room left ({error.strerror}). Nothing was written; free some space or choose another folder."
+    if full:
         return (
             f"no room left ({error.strerror}). What was committed before stays readable; "
             "free some space and go on with `flocking resume`."
@@ -146,6 +156,44 @@ def _reason(error: OSError) -> str:
     if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
         return f"no permission ({error.strerror}). Choose another folder or change its rights."
     return f"{error.strerror or error}."
+
+
+def partial_folder(folder: Path) -> Path:
+    """Where a folder is made before it appears under its own name.
+
+    Parameters
+    ----------
+    folder
+        The folder to be made.
+    """
+    return folder.with_name(f".{folder.name}.{os.getpid()}{PARTIAL}")
+
+
+def remove_left_over(place: Path) -> None:
+    """Remove folders in ``place`` that processes which are no more were about to make, see `partial_folder`.
+
+    Parameters
+    ----------
+    place
+        The folder they are in.
+    """
+    for path in place.glob(f".*{PARTIAL}"):
+        owner = path.name.removesuffix(PARTIAL).rpartition(".")[2]
+        if owner.isdigit() and path.is_dir() and not path.is_symlink() and not _alive(int(owner)):
+            with suppress(OSError):
+                # A process of another machine that shares the disk may be at work there.
+                if time.time() - max(x.stat().st_mtime for x in (path, *path.iterdir())) > MAKING:
+                    shutil.rmtree(path, ignore_errors=True)
+
+
+def _alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:
+        return True
+    return True
 
 
 @contextmanager

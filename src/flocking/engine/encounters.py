@@ -13,7 +13,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,6 +20,7 @@ from flocking.engine.ball_guards import ball_crossings, centre_paths, uniform_ba
 from flocking.engine.guards import NEVER
 from flocking.engine.segment import Segment
 from flocking.formula.compiled import Reading
+from flocking.formula.machine_code import numba
 from flocking.model.avoidance import ObstacleGroup, ObstacleTerm
 from flocking.model.checks import Array
 from flocking.model.connectivity import Links

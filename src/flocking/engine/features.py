@@ -13,7 +13,6 @@ from math import comb
 from types import FunctionType
 from typing import Any
 
-import numba
 import numpy as np
 
 from flocking.engine.encounters import Encounters
@@ -21,6 +20,7 @@ from flocking.engine.guards import smallest_value, squared_distance
 from flocking.engine.pieces import MARGIN
 from flocking.engine.segment import Segment
 from flocking.formula.interval_jets import Jet, on_jets
+from flocking.formula.machine_code import numba
 from flocking.model.checks import Array
 from flocking.model.connectivity import Links
 

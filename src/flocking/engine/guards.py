@@ -10,9 +10,9 @@ from __future__ import annotations
 from math import comb
 from typing import Any
 
-import numba
 import numpy as np
 
+from flocking.formula.machine_code import numba
 from flocking.model.checks import Array
 
 NEVER = 2.0

@@ -9,6 +9,9 @@ from typing import Any
 
 _asked = threading.Event()
 
+SECOND_ENDS = False
+"""Whether a second Ctrl-C ends the process, even within compiled code: right for a command, not for a notebook."""
+
 
 class Noted(KeyboardInterrupt):
     """A Ctrl-C that waited for the end of a step: what was running is whole."""
@@ -45,6 +48,8 @@ def _note(number: int, frame: FrameType | None) -> None:
     if _asked.is_set():
         raise KeyboardInterrupt
     _asked.set()
+    if SECOND_ENDS:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def check() -> None:

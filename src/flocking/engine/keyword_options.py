@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
 from dataclasses import fields
 from typing import Any, TypeVar
 
@@ -29,5 +31,25 @@ def from_keywords(kind: type[Options], given: dict[str, Any], engine: str) -> Op
     """
     known = {f.name for f in fields(kind)}  # type: ignore[arg-type]
     for name in sorted(set(given) - known):
-        raise InvalidInput("start", name, f"must be an option of {engine}: {', '.join(sorted(known))}", given[name])
+        raise unknown_option(name, given[name], known, engine)
     return kind(**given)
+
+
+def unknown_option(name: str, value: Any, known: Iterable[str], engine: str) -> InvalidInput:
+    """Why an option is refused: it is unknown, and there is one of about that name, or none.
+
+    Parameters
+    ----------
+    name, value
+        The option that was given.
+    known
+        Names that there are.
+    engine
+        What the message calls the engine.
+    """
+    names = sorted(known)
+    near = difflib.get_close_matches(name, names, n=1)
+    fix = f"Did you mean {near[0]}? " if near else ""
+    return InvalidInput(
+        "start", name, f"is not known to {engine}", value, f"{fix}Known: {', '.join(names)}." if names else fix.strip()
+    )

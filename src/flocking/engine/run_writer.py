@@ -24,7 +24,16 @@ from flocking.engine.columns import (
     observed_rows,
     switch_columns,
 )
-from flocking.engine.durable import durable_store, only_writer, put, settle, sweep, told
+from flocking.engine.durable import (
+    durable_store,
+    only_writer,
+    partial_folder,
+    put,
+    remove_left_over,
+    settle,
+    sweep,
+    told,
+)
 from flocking.engine.metadata import checkpoint_name
 from flocking.engine.record import FORMAT, RECORD, SCENARIO, UNFINISHED, read_provenance, read_record, write_record
 from flocking.engine.run import Accuracy, Closest
@@ -96,8 +105,9 @@ class RunWriter:
         folder = Path(folder).resolve()
         check_free(folder)
         size = Dimensions(scenario.start.n, scenario.start.dimension, with_links, precision, observed, with_errors)
-        fresh = folder.with_name(f".{folder.name}.{os.getpid()}.partial")
-        with told(folder, "create the run"):
+        fresh = partial_folder(folder)
+        with told(folder, "create the run", begun=False):
+            remove_left_over(folder.parent)
             try:
                 fresh.mkdir(parents=True)
                 text, reason = _scenario_text(scenario, plant)
@@ -297,7 +307,7 @@ def check_free(folder: Path) -> None:
     StorageError
         When it does, or cannot be looked at.
     """
-    with told(folder, "create the run"):
+    with told(folder, "create the run", begun=False):
         if (folder / RECORD).exists():
             raise StorageError(
                 f"{folder}: holds a run already. Choose another folder, go on with `flocking resume`, or delete it."

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import comb
 
-import numba
 import numpy as np
 
+from flocking.formula.machine_code import numba
 from flocking.model.checks import Array
 
 DEGREE = 7

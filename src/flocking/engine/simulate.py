@@ -5,12 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from flocking.engine.exact import ExactSession
 from flocking.engine.interruption import Deferred, Noted
-from flocking.engine.keyword_options import from_keywords
+from flocking.engine.keyword_options import from_keywords, unknown_option
 from flocking.engine.progress import Progress, stops
 from flocking.engine.run import Run
 from flocking.errors import InvalidInput, SimulationError, StorageError, UnsupportedLaw
@@ -82,16 +83,29 @@ def _opened(
         from flocking.engine.lammps.session import LammpsOptions, LammpsSession
 
         return LammpsSession(scenario, from_keywords(LammpsOptions, options, "engine='lammps'"), plant=plant)
-    if options:
-        raise InvalidInput(
-            "start", sorted(options)[0], "is an option of engine='tiles' or 'lammps' alone", options[sorted(options)[0]]
-        )
+    for name in sorted(options):
+        raise _no_option(name, options[name])
     if scenario.start.n > MOST_EXACT:
         raise InvalidInput(
             "start", "engine", f"must be 'tiles' for more than {MOST_EXACT} agents", f"'exact' for {scenario.start.n}",
             "The exact engine looks at every pair.",
         )  # fmt: skip
     return ExactSession(scenario, plant=plant)
+
+
+def _no_option(name: str, value: Any) -> InvalidInput:
+    """Why the exact engine, which has no options, refuses one."""
+    from flocking.engine.lammps.options import LammpsOptions
+    from flocking.engine.tiles.options import TilesOptions
+
+    owners = {
+        engine: {f.name for f in fields(kind)} for engine, kind in (("tiles", TilesOptions), ("lammps", LammpsOptions))
+    }
+    having = [f"engine={engine!r}" for engine, names in owners.items() if name in names]
+    if having:
+        return InvalidInput("start", name, f"is an option of {' and '.join(having)} alone", value)
+    others = {"plant", "save", "progress", "fine", "engine", *owners["tiles"], *owners["lammps"]}
+    return unknown_option(name, value, others, "any engine")
 
 
 def chosen_engine(scenario: Scenario, engine: str, plant: Law | None = None) -> str:

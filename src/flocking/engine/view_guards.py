@@ -8,10 +8,10 @@ polynomials are all positive.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from flocking.engine.guards import _DEPTH, _PRODUCT, NEVER, _halve, squared_distance
+from flocking.formula.machine_code import numba
 from flocking.model.checks import Array
 
 

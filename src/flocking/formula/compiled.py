@@ -8,10 +8,7 @@ process finds the module of the library's own formulas without SymPy. Formulas t
 from __future__ import annotations
 
 import hashlib
-import importlib.util
-import os
 import sys
-import tempfile
 from collections.abc import Callable, Sequence
 from contextvars import ContextVar, Token
 from pathlib import Path
@@ -19,34 +16,11 @@ from types import ModuleType, TracebackType
 from typing import Any
 
 from flocking.errors import CacheError
+from flocking.formula.cache import GENERATED, cache_folder, read_text, write_text
 from flocking.formula.origins import as_loaded, canonical, generation, library_states_all, runtime_digest
 
 _modules: dict[str, ModuleType] = {}
 """Modules of this process: by the structure of the library's own formulas, or by the formulas of other code."""
-
-
-def cache_folder() -> Path:
-    """Folder of generated modules: ``$FLOCKING_CACHE``, or ``flocking`` in the user's cache folder.
-
-    Raises
-    ------
-    CacheError
-        When the folder cannot be created or written.
-    """
-    chosen = os.environ.get("FLOCKING_CACHE")
-    if chosen:
-        folder = Path(chosen)
-    else:
-        base = os.environ.get("XDG_CACHE_HOME")
-        folder = (Path(base) if base else Path.home() / ".cache") / "flocking"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise CacheError(
-            f"The cache folder {folder} cannot be used ({error.strerror}). "
-            "Set FLOCKING_CACHE to a folder you can write."
-        ) from None
-    return folder
 
 
 class Reading:
@@ -134,70 +108,58 @@ def _of_structure(text: str, make_source: Callable[[], str]) -> ModuleType:
     key = hashlib.sha256(f"{generation()} {text}".encode()).hexdigest()[:20]
     note = cache_folder() / f"flocking_structure_{key}.txt"
     trusted = as_loaded()
-    if trusted and (name := _noted(note)) is not None:
-        return _loaded(name)
+    if trusted and (name := _noted(note)) is not None and (known := _found(name)) is not None:
+        return known
     module = _of_source(make_source())
     if trusted and as_loaded():
-        _write(note, f"{module.__name__}\n{text}\n")
+        write_text(note, f"{module.__name__}\n{text}\n")
     return module
 
 
 def _noted(note: Path) -> str | None:
     """Name of the module of a structure, where it is in the folder and whole."""
-    try:
-        name = note.read_text(encoding="utf-8").partition("\n")[0]
-        source = (note.parent / f"{name}.py").read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError, ValueError):
-        return None
-    return name if name == _name(source) else None
+    text = read_text(note)
+    return None if text is None else text.partition("\n")[0]
 
 
 def _name(source: str) -> str:
-    return f"flocking_generated_{hashlib.sha256(source.encode()).hexdigest()[:20]}"
+    return f"{GENERATED}{hashlib.sha256(source.encode()).hexdigest()[:20]}"
 
 
 def _of_source(source: str) -> ModuleType:
     if called := runtime_digest(source):
         source = f"# calls functions of {called}\n{source}"
     name = _name(source)
-    path = cache_folder() / f"{name}.py"
-    if name not in sys.modules and not _holds(path, source):
-        _write(path, source)
-    return _loaded(name)
-
-
-def _holds(path: Path, source: str) -> bool:
-    try:
-        return path.read_text(encoding="utf-8") == source
-    except (OSError, UnicodeDecodeError):
-        return False
-
-
-def _loaded(name: str) -> ModuleType:
     if name in sys.modules:
         return sys.modules[name]
     path = cache_folder() / f"{name}.py"
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise CacheError(f"The generated module {path} cannot be loaded. Delete it and try again.")
-    module = importlib.util.module_from_spec(spec)
+    if read_text(path) != source:
+        write_text(path, source)
+    return _loaded(name, source)
+
+
+def _found(name: str) -> ModuleType | None:
+    """A module by its name, where it is loaded or in the folder and whole."""
+    if name in sys.modules:
+        return sys.modules[name]
+    if not name.startswith(GENERATED) or not name.isidentifier():
+        return None
+    source = read_text(cache_folder() / f"{name}.py")
+    return _loaded(name, source) if source is not None and name == _name(source) else None
+
+
+def _loaded(name: str, source: str) -> ModuleType:
+    """The module of a source that is in the folder; Python's own cache of compiled files takes no part."""
+    # Functions that the source compiles keep their machine code in the cache folder.
+    import flocking.formula.machine_code  # noqa: F401
+
+    path = cache_folder() / f"{name}.py"
+    module = ModuleType(name)
+    module.__file__ = str(path)
     sys.modules[name] = module
     try:
-        spec.loader.exec_module(module)
+        exec(compile(source, str(path), "exec"), module.__dict__)
     except Exception as error:
         del sys.modules[name]
         raise CacheError(f"The generated module {path} is damaged ({error}). Delete it and try again.") from error
     return module
-
-
-def _write(path: Path, source: str) -> None:
-    try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(source)
-        os.replace(temporary, path)
-    except OSError as error:
-        raise CacheError(
-            f"The cache folder {path.parent} cannot be written ({error.strerror}). "
-            "Set FLOCKING_CACHE to a folder you can write."
-        ) from None

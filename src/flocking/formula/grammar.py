@@ -29,6 +29,8 @@ RESERVED = frozenset({"math", "numpy"})
 LONGEST_TEXT = 10_000
 DEEPEST_NESTING = 60
 MOST_NODES = 600
+DEEPEST_CALLS = 12
+"""Functions within functions: the derivative of each is a product over all those around it."""
 LARGEST_EXPONENT = 64
 LARGEST_NESTED_EXPONENT = 256
 
@@ -114,9 +116,18 @@ def parse(text: str, owner: str = "formula") -> Node:
             raise _reject(owner, text, f"must have at most {MOST_NODES} operations")
         if _height(tree) > 2 * DEEPEST_NESTING:
             raise _reject(owner, text, "is nested too deeply")
-        return _convert(tree.body, text, owner)
+        found = _convert(tree.body, text, owner)
     except RecursionError:
         raise _reject(owner, text, "is nested too deeply") from None
+    if _calls(found) > DEEPEST_CALLS:
+        raise _reject(owner, text, f"must not nest more than {DEEPEST_CALLS} functions in each other")
+    return found
+
+
+def _calls(node: Node) -> int:
+    """Most functions within each other."""
+    inner = max((_calls(child) for child in node if isinstance(child, tuple)), default=0)
+    return inner + (node[0] == "call")
 
 
 def _height(tree: ast.AST) -> int:

@@ -7,6 +7,7 @@ from typing import Any
 
 from flocking.errors import InvalidInput
 from flocking.model.law import Law, Scenario
+from flocking.study.text_files import read_text_file
 
 MOST_AGENTS = 1_000_000
 LARGEST_FILE = 16 * 2**20
@@ -61,20 +62,9 @@ def read_scenario(
     InvalidInput
         When the file cannot be read.
     """
+    fix = "Describe large starts by a draw, or pass largest_file."
     try:
-        file = Path(path)
-        with file.open("rb") as stream:
-            content = stream.read(largest_file + 1)
-    except (OSError, ValueError, TypeError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InvalidInput("read_scenario", "path", f"cannot be read ({reason})", str(path)) from None
-    if len(content) > largest_file:
-        raise InvalidInput(
-            "read_scenario", "path", f"must be a file of at most {largest_file} bytes", str(path),
-            "Describe large starts by a draw, or pass largest_file.",
-        )  # fmt: skip
-    try:
-        text = content.decode("utf-8")
+        text = read_text_file("read_scenario", path, largest_file, fix)
     except UnicodeDecodeError as error:
         raise ScenarioFileError(str(path), [f"file: must be UTF-8 text; byte {error.start} is not"]) from None
     return parse_scenario(text, source=str(path), seed=seed, most_agents=most_agents)

@@ -9,10 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numba
 import numpy as np
 
 from flocking.engine.tiles.threads import Workers
+from flocking.formula.machine_code import numba
 
 MOST_BUCKETS = 4096
 CHUNK = 16384

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from flocking.engine.tiles.spec import KernelSpec
 from flocking.engine.tiles.sums import SUMS, sums_of
+from flocking.formula.cache import MACHINE, cache_folder
 from flocking.formula.compiled import generated_module
 from flocking.formula.contact import ENDLESS
 
@@ -50,8 +50,8 @@ def is_compiled(spec: KernelSpec) -> bool:
     spec
         What fixes the kernel.
     """
-    module = Path(str(tile_kernels(spec).__file__))
-    return any((module.parent / "__pycache__").glob(f"{module.stem}.move-*.nbi"))
+    module = tile_kernels(spec).__name__
+    return any((cache_folder() / MACHINE / "generated").glob(f"{module}.move-*.nbi"))
 
 
 def _arguments(spec: KernelSpec) -> list[str]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numba
 import numpy as np
 
 from flocking.engine.tiles.cells import Grid, cell_of
@@ -17,6 +16,7 @@ from flocking.engine.tiles.interleaved import column
 from flocking.engine.tiles.lanes import load, numbers_from, select, spread, store
 from flocking.engine.tiles.reductions import bits_of, first_bit, highest_whole
 from flocking.engine.tiles.threads import Workers
+from flocking.formula.machine_code import numba
 
 WIDTH = 16
 """Agents in a tile."""

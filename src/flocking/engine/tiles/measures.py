@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 
 from flocking.engine.tiles.spec import KernelSpec
+from flocking.formula.machine_code import numba
 
 _compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 
 from flocking.engine.run import OBSERVED_FIELDS as OBSERVED_FIELDS
 from flocking.engine.tiles.crowd import Crowd
 from flocking.engine.tiles.lists import LINKED, NUMBER
+from flocking.formula.machine_code import numba
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

@@ -6,11 +6,11 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import Any
 
-import numba
 import numpy as np
 
 from flocking.engine.tiles.crowd import Crowd
 from flocking.engine.tiles.sums import SUMS
+from flocking.formula.machine_code import numba
 
 INTEGRATED = ("work", "dissipated", "supplied")
 """Sums of the kernel that the ledger integrates over time."""

@@ -19,6 +19,7 @@ from flocking.study.sweeps.families import Family, FamilyScenario, FileScenario,
 from flocking.study.sweeps.measures import MEASURES, Measuring
 from flocking.study.sweeps.plan import MOST_RUNS, Plan, make_plan
 from flocking.study.sweeps.sampling import Sample
+from flocking.study.text_files import read_text_file
 
 LARGEST_FILE = 2**20
 MOST_TRIED = 200
@@ -112,15 +113,7 @@ def read_sweep_file(
     """
     file = Path(path)
     try:
-        with file.open("rb") as stream:
-            content = stream.read(LARGEST_FILE + 1)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InvalidInput("sweep", "path", f"cannot be read ({reason})", str(path)) from None
-    if len(content) > LARGEST_FILE:
-        raise InvalidInput("sweep", "path", f"must be a file of at most {LARGEST_FILE} bytes", str(path))
-    try:
-        text = content.decode("utf-8")
+        text = read_text_file("sweep", path, LARGEST_FILE)
     except UnicodeDecodeError as error:
         raise SweepFileError(str(path), [f"file: must be UTF-8 text; byte {error.start} is not"]) from None
     return parse_sweep(

@@ -1,0 +1,33 @@
+"""The command that shows and clears the folder of generated code."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated
+
+from cyclopts import Parameter
+
+
+def cache(*, clear: bool = False, as_json: Annotated[bool, Parameter(name="--json")] = False) -> int:
+    """Show where compiled formulas are kept and how large that folder is, or clear it.
+
+    Parameters
+    ----------
+    clear
+        Remove them all; they are made anew when they are needed.
+    as_json
+        Print JSON.
+    """
+    from flocking.formula import cache as kept_code
+
+    found = kept_code.clear() if clear else kept_code.kept()
+    if as_json:
+        facts = {"folder": str(found.folder), "files": found.files, "bytes": found.size, "modules": found.formulas,
+                 "limit": kept_code.MOST_BYTES, "cleared": clear}  # fmt: skip
+        print(json.dumps(facts, indent=2))
+        return 0
+    print(f"folder    {found.folder}")
+    what = f"{found.files} files, {found.size / 1e6:.3g} MB, of {found.formulas} laws and formulas"
+    print(f"{'cleared' if clear else 'holds':9} {what}")
+    print(f"limit     {kept_code.MOST_BYTES / 1e6:.3g} MB; what was used longest ago is removed first")
+    return 0

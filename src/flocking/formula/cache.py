@@ -1,0 +1,361 @@
+"""The folder of generated code: where it is, who may write it, and how its files are written, sealed and removed.
+
+What lies there is executed. So the folder and its files must belong to the user, or to root, and nobody else may write
+them; every file ends or begins with a checksum of the rest, and one that does not match is made anew.
+"""
+
+from __future__ import annotations
+
+import atexit
+import errno
+import hashlib
+import io
+import os
+import shutil
+import stat
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from flocking.errors import CacheError
+
+MOST_BYTES = 512 * 2**20
+"""Size the folder may have; the files that were used longest ago are removed first, down to `KEPT_SHARE` of it."""
+KEPT_SHARE = 0.75
+
+LOOK_EVERY = 16
+"""Files written by a process between two looks at the size of the folder."""
+
+LEFT_OVER = 3600.0
+"""A file still being written after so many seconds was left by a process that was killed."""
+
+HEAD = "# sha256 "
+"""A file of text begins with a line of this and the digest of the rest."""
+TAIL = 32
+"""A file of machine code ends with so many bytes of digest of the rest."""
+
+GENERATED = "flocking_generated_"
+"""Generated modules are named by this and a digest of their source."""
+
+MACHINE = "machine"
+"""Folder of machine code within the folder."""
+
+_written = 0
+
+
+def cache_folder() -> Path:
+    """Folder of generated code: ``$FLOCKING_CACHE``, or ``flocking`` in the user's cache folder.
+
+    Where no place can be written, and none was chosen, it is a temporary folder of this process and those it starts.
+
+    Raises
+    ------
+    CacheError
+        When the folder that was chosen cannot be created, or others may write it.
+    """
+    chosen = os.environ.get("FLOCKING_CACHE")
+    if chosen:
+        folder = Path(chosen).expanduser()
+        try:
+            _make(folder)
+        except OSError as error:
+            raise CacheError(
+                f"The cache folder {folder} cannot be used ({error.strerror}). "
+                "Set FLOCKING_CACHE to a folder you can write."
+            ) from None
+        _require_own(folder)
+        return folder
+    try:
+        base = os.environ.get("XDG_CACHE_HOME")
+        folder = (Path(base) if base else Path.home() / ".cache") / "flocking"
+        _make(folder)
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise PermissionError(errno.EACCES, "it cannot be written", str(folder))
+    except (OSError, RuntimeError) as error:
+        return _temporary(str(getattr(error, "strerror", None) or error))
+    _require_own(folder)
+    return folder
+
+
+def _make(folder: Path) -> None:
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(mode=0o700, exist_ok=True)
+
+
+def _temporary(reason: str) -> Path:
+    """A private folder that goes when the process ends; those that it starts use it too."""
+    try:
+        folder = Path(tempfile.mkdtemp(prefix="flocking-"))
+    except OSError as error:
+        raise CacheError(
+            f"Compiled formulas need a folder, and neither your cache folder ({reason}) nor a temporary one "
+            f"({error.strerror}) can be written. Set FLOCKING_CACHE to a folder you can write."
+        ) from None
+    owner = os.getpid()
+    os.environ["FLOCKING_CACHE"] = str(folder)
+
+    def remove() -> None:
+        if os.getpid() == owner:
+            shutil.rmtree(folder, ignore_errors=True)
+
+    atexit.register(remove)
+    if sys.stderr is not None:
+        print(
+            f"flocking: your cache folder cannot be used ({reason}); compiled formulas are kept in {folder} until this "
+            "process ends. Set FLOCKING_CACHE to a folder you can write.",
+            file=sys.stderr,
+        )  # fmt: skip
+    return folder
+
+
+def others_may_write(path: Path) -> str:
+    """Who else may write a file or folder, in words; empty where nobody may.
+
+    Parameters
+    ----------
+    path
+        The file or folder.
+    """
+    if not hasattr(os, "getuid"):  # Windows: rights are not in the mode
+        return ""
+    found = path.lstat()
+    if stat.S_ISLNK(found.st_mode):
+        target = path.stat()
+        if found.st_uid not in (0, os.getuid()):
+            return f"user {found.st_uid}, who owns the link"
+        found = target
+    if found.st_uid not in (0, os.getuid()):
+        return f"user {found.st_uid}, who owns it"
+    if found.st_mode & stat.S_IWOTH:
+        return "everybody"
+    if found.st_mode & stat.S_IWGRP:
+        return f"group {found.st_gid}"
+    return ""
+
+
+def _require_own(folder: Path) -> None:
+    who = others_may_write(folder)
+    if who:
+        raise CacheError(
+            f"The cache folder {folder} may be written by {who}: what lies there would be executed. "
+            f"Set FLOCKING_CACHE to a folder of your own, or take the right away (chmod go-w {folder})."
+        )
+    for above in folder.absolute().parents:
+        mode = above.stat().st_mode
+        if hasattr(os, "getuid") and mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
+            raise CacheError(
+                f"The cache folder {folder} lies in {above}, which everybody may write and rename. "
+                "Set FLOCKING_CACHE to a folder of your own."
+            )
+
+
+def _mine(path: Path) -> bool:
+    """Whether a path is a file that nobody else may write."""
+    return not path.is_symlink() and path.is_file() and not others_may_write(path)
+
+
+@contextmanager
+def _written_whole(path: Path) -> Iterator[BinaryIO]:
+    """A file that appears under its name when all of it is on the disk, readable and writable by the user alone.
+
+    Raises
+    ------
+    CacheError
+        When it cannot be written.
+    """
+    temporary = None
+    try:
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f"{path.name[:80]}.", suffix=".tmp")
+        with os.fdopen(handle, "wb") as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    except BaseException as error:
+        if temporary is not None:
+            with suppress(OSError):
+                os.unlink(temporary)
+        if isinstance(error, OSError):
+            full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+            raise CacheError(
+                f"The cache folder {path.parent} cannot be written ({error.strerror}). "
+                + ("Free some space there (flocking cache --clear), or set" if full else "Set")
+                + " FLOCKING_CACHE to a folder you can write."
+            ) from None
+        raise
+    _keep_small(path.parent)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text with its digest in the first line.
+
+    Parameters
+    ----------
+    path
+        The file.
+    text
+        What it holds.
+
+    Raises
+    ------
+    CacheError
+        When it cannot be written.
+    """
+    data = text.encode()
+    with _written_whole(path) as file:
+        file.write(f"{HEAD}{hashlib.sha256(data).hexdigest()}\n".encode() + data)
+
+
+def read_text(path: Path) -> str | None:
+    """The text that `write_text` wrote; None where the file is not there, not whole, or others may write it.
+
+    Parameters
+    ----------
+    path
+        The file.
+    """
+    try:
+        if not _mine(path):
+            return None
+        head, _, data = path.read_bytes().partition(b"\n")
+        if head != f"{HEAD}{hashlib.sha256(data).hexdigest()}".encode():
+            return None
+        with suppress(OSError):
+            os.utime(path)
+        return data.decode()
+    except (OSError, UnicodeDecodeError, ValueError):
+        return None
+
+
+@contextmanager
+def sealing(path: Path) -> Iterator[Any]:
+    """A file to write machine code to; its digest is added at the end.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Raises
+    ------
+    CacheError
+        When it cannot be written.
+    """
+    data = io.BytesIO()
+    yield data
+    with _written_whole(path) as file:
+        file.write(data.getvalue() + hashlib.sha256(data.getvalue()).digest())
+
+
+def is_sealed(path: Path) -> bool:
+    """Whether a file is as `sealing` left it, and nobody else may write it.
+
+    Parameters
+    ----------
+    path
+        The file.
+    """
+    try:
+        if not _mine(path):
+            return False
+        data = path.read_bytes()
+        if len(data) <= TAIL or hashlib.sha256(data[:-TAIL]).digest() != data[-TAIL:]:
+            return False
+        with suppress(OSError):
+            os.utime(path)
+        return True
+    except OSError:
+        return False
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What is in the folder.
+
+    Parameters
+    ----------
+    folder
+        The folder.
+    files
+        Number of files.
+    size
+        Their size in bytes.
+    formulas
+        Number of generated modules.
+    """
+
+    folder: Path
+    files: int
+    size: int
+    formulas: int
+
+
+def kept(folder: Path | None = None) -> Kept:
+    """What is in the folder of generated code.
+
+    Raises
+    ------
+    CacheError
+        When the folder cannot be used.
+    """
+    folder = cache_folder() if folder is None else folder
+    found = _files(folder)
+    return Kept(folder, len(found), sum(x[1] for x in found), sum(x[2].suffix == ".py" for x in found))
+
+
+def clear() -> Kept:
+    """Remove all generated code; what was there.
+
+    Raises
+    ------
+    CacheError
+        When the folder cannot be used or written.
+    """
+    before = kept()
+    try:
+        for _, _, path in _files(before.folder):
+            path.unlink(missing_ok=True)
+    except OSError as error:
+        raise CacheError(f"The cache folder {before.folder} cannot be cleared ({error.strerror}).") from None
+    return before
+
+
+def _files(folder: Path) -> list[tuple[float, int, Path]]:
+    """Time of the last use, size and path of every file this library writes there."""
+    found = []
+    for path in folder.rglob("*"):
+        if path.suffix in (".py", ".txt", ".tmp", ".nbi", ".nbc", ".pyc") and not path.is_symlink():
+            with suppress(OSError):
+                about = path.lstat()
+                if stat.S_ISREG(about.st_mode):
+                    found.append((about.st_mtime, about.st_size, path))
+    return found
+
+
+def _keep_small(folder: Path) -> None:
+    """Now and then remove what was used longest ago, where the folder has become too large."""
+    global _written
+    _written += 1
+    if _written % LOOK_EVERY != 1:
+        return
+    root = next((p for p in (folder, *folder.parents) if (p / MACHINE).is_dir()), folder)
+    found = sorted(_files(root))
+    for used, _, path in found:
+        if path.suffix == ".tmp" and used < time.time() - LEFT_OVER:
+            with suppress(OSError):
+                path.unlink()
+    size = sum(x[1] for x in found)
+    if size <= MOST_BYTES:
+        return
+    for _, length, path in found:
+        if size <= KEPT_SHARE * MOST_BYTES:
+            return
+        with suppress(OSError):
+            path.unlink()
+            size -= length

@@ -1,0 +1,45 @@
+"""Text files that people write: read whole, up to a size, and only where they are files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from flocking.errors import InvalidInput
+
+
+def read_text_file(owner: str, path: str | Path, largest: int, fix: str = "") -> str:
+    """Text of a file, without the byte-order mark that some editors put first.
+
+    Parameters
+    ----------
+    owner
+        Who reads it, for messages.
+    path
+        The file.
+    largest
+        Largest size in bytes.
+    fix
+        What to do about a larger one.
+
+    Raises
+    ------
+    InvalidInput
+        When it is no file, cannot be read or is too large.
+    UnicodeDecodeError
+        When it is not UTF-8 text.
+    """
+    try:
+        file = Path(path)
+        if file.exists() and not file.is_file():
+            kind = "a folder" if file.is_dir() else "a pipe, a socket or a device"
+            raise InvalidInput(owner, "path", f"cannot be read (it is {kind})", str(path), "Give a file.")
+        with file.open("rb") as stream:
+            content = stream.read(largest + 1)
+    except InvalidInput:
+        raise
+    except (OSError, ValueError, TypeError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InvalidInput(owner, "path", f"cannot be read ({reason})", str(path)) from None
+    if len(content) > largest:
+        raise InvalidInput(owner, "path", f"must be a file of at most {largest} bytes", str(path), fix)
+    return content.decode("utf-8-sig")

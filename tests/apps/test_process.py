@@ -1,0 +1,134 @@
+"""Commands in odd places: closed streams, readers that leave, signals, strange files."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import flocking as fk
+from flocking.apps.cli import main
+from flocking.apps.process import harmless
+from flocking.errors import FormulaError, InvalidInput
+from flocking.study.sweeps.sweep_file import read_sweep_file
+from tests.engine.stored_runs import scenario
+
+COMMAND = f"{sys.executable} -m flocking.apps.cli"
+
+
+def shell(words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(["bash", "-c", words], capture_output=True, text=True)
+
+
+@pytest.mark.parametrize(
+    "words", [f"{COMMAND} list >&-", f"{COMMAND} list | head -1", f"{COMMAND} list <&- >/dev/null"]
+)
+def test_nobody_reads_what_is_said(words: str) -> None:
+    found = shell(words)
+    assert found.returncode == 0
+    assert found.stderr == ""
+
+
+def test_errors_do_not_go_to_the_output() -> None:
+    found = shell(f"{COMMAND} info nowhere 2>&-")
+    assert (found.returncode, found.stdout) == (2, "")
+
+
+def test_terminal_escapes_are_written_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "evil.toml"
+    path.write_text('"\\u001b[2J\\u001b]0;title\\u0007" = 1\n')
+    assert main(["run", str(path)]) == 2
+    said = capsys.readouterr()
+    assert "\x1b" not in said.out + said.err
+    assert "\x07" not in said.out + said.err
+    assert harmless("a\x1b[2J\x9b\u202eb\n\té") == "a\\x1b[2J\\x9b\\u202eb\n\té"
+
+
+def test_a_byte_order_mark_is_read_past(tmp_path: Path) -> None:
+    path = tmp_path / "scenario.toml"
+    fk.write_scenario(scenario(), path)
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    assert fk.read_scenario(path).name == "ten agents"
+
+
+@pytest.mark.parametrize("kind", ["pipe", "device", "folder"])
+def test_only_files_are_read(tmp_path: Path, kind: str) -> None:
+    path = {"pipe": tmp_path / "pipe", "device": Path("/dev/zero"), "folder": tmp_path}[kind]
+    if kind == "pipe":
+        os.mkfifo(path)
+    for read in (fk.read_scenario, lambda x: read_sweep_file(x, {})):
+        with pytest.raises(InvalidInput, match="a folder" if kind == "folder" else "a pipe, a socket or a device"):
+            read(path)
+
+
+@pytest.mark.parametrize("deepest", [12, 13, 59])
+def test_functions_within_functions_are_bounded(deepest: int) -> None:
+    begin = time.process_time()
+    formula = "exp(" * deepest + "-r" + ")" * deepest
+    if deepest == 12:
+        fk.Potential(formula)
+    else:
+        with pytest.raises(FormulaError, match="must not nest more than 12 functions"):
+            fk.Potential(formula)
+        assert time.process_time() - begin < 0.5
+
+
+def test_unknown_options_are_called_unknown() -> None:
+    for engine in ("exact", "tiles", "lammps"):
+        with pytest.raises(InvalidInput, match="delay is not known to"):
+            fk.simulate(scenario(), engine=engine, delay=0.1)
+    with pytest.raises(InvalidInput, match=r"Did you mean precision\?"):
+        fk.simulate(scenario(), engine="tiles", precison="float32")
+    with pytest.raises(InvalidInput, match=r"Did you mean progress\?"):
+        fk.simulate(scenario(), engine="exact", progres=True)
+    with pytest.raises(InvalidInput, match="is an option of engine='tiles' and engine='lammps' alone"):
+        fk.simulate(scenario(), engine="exact", step=0.1)
+
+
+def long_run(folder: Path, file: Path) -> subprocess.Popen[str]:
+    """A long run that has begun and committed something."""
+    fk.write_scenario(scenario().with_(t_end=1e6, frames=2_000_001), file)
+    words = [*COMMAND.split(), "run", str(file), "--out", str(folder)]
+    process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    while not list(folder.glob("checkpoint-*.npz")):
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.05)
+    return process
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_signals_end_a_run_with_everything_kept(tmp_path: Path, number: signal.Signals) -> None:
+    process = long_run(tmp_path / "run", tmp_path / "long.toml")
+    process.send_signal(number)
+    process.communicate(timeout=120)
+    assert process.returncode == 130
+    run = fk.read_run(tmp_path / "run")
+    assert run.status.startswith("interrupted at t = ")
+    assert len(run.t) > 1
+
+
+HOLDING = """
+import time
+from flocking.apps import cli, process
+from flocking.engine import interruption
+with process.ended_by_signals(), interruption.Deferred():
+    print("begun", flush=True)
+    while True:
+        time.sleep(0.01)  # nobody checks
+"""
+
+
+def test_a_second_interrupt_ends_at_once() -> None:
+    with subprocess.Popen([sys.executable, "-c", HOLDING], stdout=subprocess.PIPE, text=True) as held:
+        assert held.stdout is not None
+        held.stdout.readline()
+        held.send_signal(signal.SIGINT)
+        time.sleep(0.3)
+        assert held.poll() is None
+        held.send_signal(signal.SIGINT)
+        assert held.wait(timeout=60) == -signal.SIGINT
