@@ -92,7 +92,7 @@ def test_unknown_options_are_called_unknown() -> None:
 
 def long_run(folder: Path, file: Path) -> subprocess.Popen[str]:
     """A long run that has begun and committed something."""
-    fk.write_scenario(scenario().with_(t_end=1e6, frames=2_000_001), file)
+    fk.write_scenario(scenario().with_(t_end=1e5, frames=200_001), file)
     words = [*COMMAND.split(), "run", str(file), "--out", str(folder)]
     process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     while not list(folder.glob("checkpoint-*.npz")):

@@ -15,17 +15,18 @@ from tests.engine.stored_runs import finished
 
 
 def test_what_a_kill_left_of_a_creation_is_removed(tmp_path: Path) -> None:
+    run = finished()
     with subprocess.Popen(["true"]) as gone:
         pass
     left, alive = tmp_path / f".run.{gone.pid}.partial", tmp_path / f".run.{os.getppid()}.partial"
     for folder in (left, alive):
         folder.mkdir()
         (folder / "scenario.json").write_text("{}")
-    write_run(finished(), tmp_path / "first")
+    write_run(run, tmp_path / "first")
     assert left.exists(), "somebody on another machine may be at work there"
     for path in (left / "scenario.json", left, alive / "scenario.json", alive):
         os.utime(path, (0, 0))
-    write_run(finished(), tmp_path / "second")
+    write_run(run, tmp_path / "second")
     assert not left.exists()
     assert alive.exists()
 
