@@ -11,6 +11,7 @@ from flocking.engine import interruption
 from flocking.engine.barriers import Books, jumps_barrier
 from flocking.engine.dynamics import LEDGER, Dynamics
 from flocking.engine.origin import may_have, momentum, origin_of
+from flocking.engine.plants import known_plant
 from flocking.engine.precision import Precision
 from flocking.engine.provenance import provenance
 from flocking.engine.recorder import Recorder
@@ -50,6 +51,7 @@ class ExactSession:
     engine = "exact"
 
     def __init__(self, scenario: Scenario, *, plant: Law | None = None) -> None:
+        known_plant("ExactSession", plant)
         self.scenario = scenario
         self.plant = plant
         start = scenario.start
@@ -292,6 +294,7 @@ class ExactSession:
     @classmethod
     def resume(cls, snapshot: Snapshot, *, plant: Law | None = None) -> ExactSession:
         """A session that goes on exactly as the one the snapshot was taken of."""
+        known_plant("ExactSession", plant)
         scenario = snapshot.scenario
         session = cls.__new__(cls)
         session.scenario, session.plant = scenario, plant or snapshot.plant

@@ -8,6 +8,18 @@ from flocking.errors import InvalidInput
 from flocking.model.law import Law
 
 
+def known_plant(owner: str, plant: Law | None) -> None:
+    """Whether a plant is a law.
+
+    Raises
+    ------
+    InvalidInput
+        When it is something else.
+    """
+    if plant is not None and not isinstance(plant, Law):
+        raise InvalidInput(owner, "plant", "must be a Law, or None", plant, "A scenario's law is scenario.law.")
+
+
 def check_plant(owner: str, declared: Law, plant: Law) -> None:
     """Whether an engine with fixed steps can run a plant and keep the books of the declared law: over the same graphs.
 
@@ -16,8 +28,7 @@ def check_plant(owner: str, declared: Law, plant: Law) -> None:
     InvalidInput
         When it cannot.
     """
-    if not isinstance(plant, Law):
-        raise InvalidInput(owner, "plant", "must be a Law", plant)
+    known_plant(owner, plant)
     fix = "Use engine='exact', or change the plant's terms alone."
     if len(plant.graphs) != len(declared.graphs):
         raise InvalidInput(owner, "plant", "must have the graphs of the declared law", len(plant.graphs), fix)

@@ -122,8 +122,16 @@ def from_sympy(expression: sympy.Expr, owner: str = "formula") -> Formula:
     Raises
     ------
     FormulaError
-        When the expression uses something the grammar has no word for.
+        When it is no expression of SymPy, or uses something the grammar has no word for.
     """
+    import sympy
+
+    if not isinstance(expression, sympy.Expr):
+        given = getattr(expression, "__name__", None) or repr(expression)
+        raise FormulaError(
+            owner, "formula", "must be a text or a SymPy expression", f"{type(expression).__name__} {given}",
+            "Write it as text, as in Potential('(r - 1)**2/2'): engines, files and formulas on paper come from it.",
+        )  # fmt: skip
     return Formula(_text(expression, owner), owner)
 
 

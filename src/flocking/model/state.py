@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,6 +10,9 @@ import numpy as np
 
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, array, axes_of, number, one_of, scalar_or_each
+
+SPACE = 3
+"""Dimensions beyond which it is said that rows are agents: columns may have been meant."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +50,12 @@ class State:
         if p.shape != q.shape:
             raise InvalidInput(
                 "State", "p", f"must have the shape of q, {q.shape}", f"shape {p.shape}", "Give one velocity per agent."
+            )
+        if q.shape[1] > SPACE:
+            warnings.warn(
+                f"State: q has shape {q.shape}, which is {q.shape[0]} agents in {q.shape[1]} dimensions: rows are "
+                "agents. Give q.T where columns are.",
+                stacklevel=3,
             )
         object.__setattr__(self, "q", q)
         object.__setattr__(self, "p", p)
