@@ -54,7 +54,13 @@ def give_up_output() -> None:
 
 @contextmanager
 def quiet_warnings(wanted: bool) -> Iterator[None]:
-    """Keep warnings of other libraries off the terminal, unless Python was asked for them with ``-W``."""
+    """Keep warnings of other libraries off the terminal, unless Python was asked for them with ``-W``.
+
+    Parameters
+    ----------
+    wanted
+        Whether to keep them off.
+    """
     if not wanted or sys.warnoptions:
         yield
         return

@@ -22,7 +22,15 @@ PACKAGE = Path(__file__).resolve().parent.parent
 
 
 class Locator(caching._SourceFileBackedLocatorMixin, caching._CacheLocator):  # type: ignore[misc]
-    """Where machine code of this library's functions is kept: for functions of others it has no answer."""
+    """Where machine code of this library's functions is kept: for functions of others it has no answer.
+
+    Parameters
+    ----------
+    py_func
+        The function.
+    py_file
+        File that it was written in.
+    """
 
     def __init__(self, py_func: Any, py_file: str) -> None:
         self._py_file = py_file
@@ -43,7 +51,15 @@ class Locator(caching._SourceFileBackedLocatorMixin, caching._CacheLocator):  # 
 
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> Locator | None:
-        """A locator for a function of this library, or None."""
+        """A locator for a function of this library, or None.
+
+        Parameters
+        ----------
+        py_func
+            The function.
+        py_file
+            File that it was written in.
+        """
         path = Path(py_file)
         ours = path.name.startswith(GENERATED) or PACKAGE in path.resolve().parents
         return cls(py_func, py_file) if ours and path.exists() else None
