@@ -37,6 +37,7 @@ COMMANDS = [
     "plot",
     "animate",
     "audit",
+    "cache",
     "check",
     "equations",
     "list",

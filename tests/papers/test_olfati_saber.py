@@ -72,7 +72,7 @@ def test_claims_are_well_formed() -> None:
 
 def test_every_erratum_is_refuted_by_its_example() -> None:
     found = paper.errata()
-    assert sum(erratum.demonstration is not None for erratum in found) >= 20
+    assert sum(erratum.demonstration is not None for erratum in found) >= 19
     for erratum in found:
         assert erratum.reading, erratum.statement
         if erratum.demonstration is not None:
