@@ -108,7 +108,10 @@ def kill_while_frames_are_written(start: Start, place: Path, instants: int, seed
     for k in range(instants):
         folder = place / f"run{k}"
         process = start("frames", folder)
-        time.sleep(rng.uniform(0.0, 0.8))
+        least, begin = int(rng.integers(0, 9)), time.monotonic()
+        while committed(folder) < least and time.monotonic() - begin < 60:
+            time.sleep(0.001)
+        time.sleep(rng.uniform(0.0, 0.05))
         kill(process)
         tell("runs on disk: writers killed")
         if not folder.exists():
