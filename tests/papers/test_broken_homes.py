@@ -9,6 +9,7 @@ from contextlib import suppress
 
 import pytest
 
+import flocking as fk
 from flocking.study.equations import Row
 from tests.papers.broken.__main__ import homes, outcomes, told
 from tests.papers.broken.edits import edits_of
@@ -73,6 +74,12 @@ def test_a_row_that_passes_while_its_home_raises_is_a_survivor() -> None:
     assert break_home(HOME, most=1, test=careless).survivors == (
         "olfati-saber-2003 (10): its test passes when its home raises",
     )
+
+
+def test_runs_are_computed_anew_after_homes_were_broken() -> None:
+    break_home(HOME, most=1, test=lambda r: None)
+    scenario = fk.Scenario(fk.Law(fk.Proximity(1.0), [fk.Consensus(1.0)]), fk.State([[0.0], [0.5]]), t_end=0.1)
+    assert fk.simulate(scenario, progress=False) is not fk.simulate(scenario, progress=False)
 
 
 @pytest.mark.slow

@@ -58,7 +58,6 @@ def test_a_few_runs_contradict_nothing(judge: Judge) -> None:
     assert sum(f.verdicts["links-kept"] == "fails" for f in findings) > 3
 
 
-@pytest.mark.slow
 def test_a_missed_link_is_a_contradiction(judge: Judge, monkeypatch) -> None:
     """An engine that sees no crossing is found out."""
     picked = next(

@@ -83,7 +83,8 @@ def _opened(
         from flocking.engine.lammps.session import LammpsOptions, LammpsSession
 
         return LammpsSession(scenario, from_keywords(LammpsOptions, options, "engine='lammps'"), plant=plant)
-    for name in sorted(options):
+    if options:
+        name = min(options)
         raise _no_option(name, options[name])
     if scenario.start.n > MOST_EXACT:
         raise InvalidInput(

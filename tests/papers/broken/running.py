@@ -13,7 +13,8 @@ import tempfile
 import time
 import traceback
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -104,15 +105,14 @@ def changes_generated_code(home: str) -> bool:
 _RUNS: dict[bytes, Any] = {}
 
 
-def remember_runs() -> None:
-    """Make every module's ``simulate`` keep its results: faults above the engine do not change them."""
+@contextmanager
+def remembered_runs() -> Iterator[None]:
+    """Within it every module's ``simulate`` keeps its results: faults above the engine do not change them."""
     import cloudpickle
 
     from flocking.engine import simulate as home
 
     original = home.simulate
-    if hasattr(original, "remembered"):
-        return
 
     def simulate(scenario: Any, **options: Any) -> Any:
         if options.get("sinks") or options.get("into") is not None:
@@ -125,10 +125,18 @@ def remember_runs() -> None:
             _RUNS[key] = original(scenario, **options)
         return _RUNS[key]
 
-    simulate.remembered = original  # type: ignore[attr-defined]
+    _replace(original, simulate)
+    try:
+        yield
+    finally:
+        # Modules that were imported meanwhile took the other one.
+        _replace(simulate, original)
+
+
+def _replace(known: Any, other: Any) -> None:
     for name, module in list(sys.modules.items()):
-        if name.startswith(("flocking", "tests.papers")) and vars(module).get("simulate") is original:
-            module.simulate = simulate  # type: ignore[attr-defined]
+        if name.startswith(("flocking", "tests.papers")) and vars(module).get("simulate") is known:
+            module.simulate = other  # type: ignore[attr-defined]
 
 
 def _forget(home: str) -> str | None:
@@ -254,8 +262,12 @@ def break_home(
     Every row's test must run its home, and fail when it raises. A fault must be noticed by the check of the home,
     which belongs to the test of every row, or by the statement of a row that runs the place of the fault.
     """
+    with remembered_runs():
+        return _broken(home, most, test, check)
+
+
+def _broken(home: str, most: int | None, test: Test, check: Callable[[], None] | None) -> Outcome:
     began = _processor_time()
-    remember_runs()
     rows = rows_at(home)
     check = HOMES.get(home) if check is None else check
     survivors, tests = [], []
