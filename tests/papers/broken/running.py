@@ -139,6 +139,23 @@ def _replace(known: Any, other: Any) -> None:
             module.simulate = other  # type: ignore[attr-defined]
 
 
+class Uncompiled:
+    """Numba for modules loaded from now on: a kernel for a few steps is quicker as plain Python than compiled.
+
+    Functions of modules already loaded stay compiled, and may be compiled for new types: Numba as a whole cannot be
+    switched off for them, since the functions of NumPy that they call would then stay plain too.
+    """
+
+    @staticmethod
+    def njit(*functions: Any, **_: Any) -> Any:
+        return functions[0] if functions else lambda function: function
+
+    def __getattr__(self, name: str) -> Any:
+        import numba
+
+        return getattr(numba, name)
+
+
 def _forget(home: str) -> str | None:
     """Clear what was computed with the sound home; returns a new cache folder where generated code depends on it."""
     for name, module in list(sys.modules.items()):
@@ -152,10 +169,9 @@ def _forget(home: str) -> str | None:
                 vars(module)[kept].clear()
     if changes_runs(home):
         _RUNS.clear()
-        import numba
+        from flocking.formula import machine_code
 
-        # A kernel for a few steps is quicker as plain Python than compiled.
-        numba.config.DISABLE_JIT = True
+        machine_code.numba = Uncompiled()  # type: ignore[assignment]
     if not changes_generated_code(home):
         return None
     for name in [n for n in sys.modules if n.startswith("flocking_generated_")]:
