@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+from flocking.errors import InvalidInput
 from flocking.model.graphs import Proximity
 from flocking.model.terms import Gradient
 from flocking.model.tracking import Compensate
@@ -181,6 +183,9 @@ def shi_scenario():
     assert_allclose(wide.p, p, rtol=1e-12)
     few = shi.scenario(seed=1, informed=2).law.terms[2]
     assert np.count_nonzero(few.velocity_gain) == 2
+    for wrong, words in (({"name": "shi-2009-nobody"}, "name"), ({"figure": 13}, "figure")):
+        with pytest.raises(InvalidInput, match=words):
+            shi.scenario(**wrong)
 
 
 SHI = "flocking.papers.shi_2009"
