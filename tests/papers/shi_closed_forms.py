@@ -11,9 +11,11 @@ def decay(pair):
     assert_allclose(error, np.exp(-2.0 * t), rtol=1e-10)
 
 
-def example_1(pair):
-    t, v = pair
-    assert_allclose(v, 2.0 + (-0.3 - 2.0) * np.exp(-t), atol=1e-8)
+def example_1(found):
+    t, v, velocity = found
+    expected = 2.0 + (-0.3 - 2.0) * np.exp(-t)
+    assert_allclose(v, expected, atol=1e-8)
+    assert_allclose(velocity, expected, rtol=1e-12)
 
 
 def example_2(found):

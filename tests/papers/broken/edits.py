@@ -37,12 +37,14 @@ SYMMETRIC = frozenset({
 })  # fmt: skip
 SAMPLES = frozenset({"linspace", "geomspace", "outline"})
 """Functions that lay points along a curve: their number and order is no content."""
+ATTRIBUTES = frozenset({"getattr", "__setattr__"})
+"""Functions whose arguments, in another order, would raise whatever they are given."""
 OPPOSITE = {
     ast.Lt: ast.GtE, ast.GtE: ast.Lt, ast.Gt: ast.LtE, ast.LtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
     ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In,
 }  # fmt: skip
 NAMED_FOR_THE_CACHE = frozenset({"structure", "__repr__", "__hash__", "__eq__"})
-CHECKING = re.compile(r"^(__post_init__|check_\w+|_check\w*)$")
+CHECKING = re.compile(r"^(check_\w+|_check\w*)$")
 FORMULAS = frozenset({"Potential", "Path", "Formula", "capped"})
 
 
@@ -359,7 +361,7 @@ def _call(node: ast.Call) -> Iterator[Edit]:
     plain = [a for a in node.args if not isinstance(a, ast.Starred)]
     if (
         len(plain) == len(node.args) >= 2
-        and name not in SYMMETRIC | SAMPLES
+        and name not in SYMMETRIC | SAMPLES | ATTRIBUTES
         and ast.dump(plain[0]) != ast.dump(plain[1])
     ):
         swapped = [node.args[1], node.args[0], *node.args[2:]]
@@ -373,6 +375,9 @@ def _call(node: ast.Call) -> Iterator[Edit]:
         if keyword.arg in TEXTS and isinstance(keyword.value, ast.Constant) and isinstance(keyword.value.value, str):
             off = ast.Constant(keyword.value.value + " of another")
             yield _edit("text", keyword.value, f"other {keyword.arg}", (keyword, "value", off))
+    if name == "__setattr__" and not isinstance(node.args[-1], ast.Constant):
+        off = ast.BinOp(node.args[-1], ast.Mult(), ast.Constant(SMALL))
+        yield _edit("factor", node, f"{SMALL} times {_text(node.args[-1])}", (node, "args", [*node.args[:-1], off]))
     if name in FORMULAS:
         for argument in node.args[:1]:
             if isinstance(argument, ast.Constant) and isinstance(argument.value, str):

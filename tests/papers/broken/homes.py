@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import ast
+import dataclasses
 import dis
 import importlib
 import inspect
 import re
 import sys
+import textwrap
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -35,11 +37,14 @@ class Part:
         Its syntax tree.
     inside
         Name of the class that holds it; empty for a plain function.
+    fields
+        Whether it is the ``__init__`` of a dataclass, whose tree has the fields of the class as arguments, and no body.
     """
 
     function: FunctionType
     node: ast.FunctionDef
     inside: str
+    fields: bool = False
 
     @property
     def name(self) -> str:
@@ -140,6 +145,34 @@ def part_of(function: FunctionType) -> Part | None:
     return Part(function, *known) if known else None
 
 
+def _given(value: ast.expr | None) -> ast.expr | None:
+    """What a field is when it is not given, as its class writes it: ``x: float = 1.0``, ``field(default=1.0)``."""
+    if isinstance(value, ast.Call):
+        return next((k.value for k in value.keywords if k.arg == "default"), None)
+    return value
+
+
+def _fields_of(thing: Any) -> list[Part]:
+    """The ``__init__`` of a dataclass: the values that its fields have when they are not given."""
+    if not (isinstance(thing, type) and dataclasses.is_dataclass(thing) and "__init__" in vars(thing)):
+        return []
+    lines, first = inspect.getsourcelines(thing)
+    holder = ast.increment_lineno(ast.parse(textwrap.dedent("".join(lines))), first - 1).body[0]
+    assert isinstance(holder, ast.ClassDef)
+    function = thing.__init__
+    wanted = inspect.signature(function).parameters
+    given = {
+        n.target.id: _given(n.value)
+        for n in holder.body
+        if isinstance(n, ast.AnnAssign) and isinstance(n.target, ast.Name) and n.target.id in wanted
+    }
+    names = [name for name, value in given.items() if value is not None]
+    values = [value for value in given.values() if value is not None]
+    arguments = ast.arguments([], [ast.arg(n) for n in names], None, [], [], None, values)
+    node = ast.FunctionDef("__init__", arguments, [ast.Pass(lineno=first, col_offset=0)], [], lineno=first)
+    return [Part(function, node, thing.__name__, fields=True)]
+
+
 def _own_functions(home: str) -> list[FunctionType]:
     thing, _ = found(home)
     things = vars(thing).values() if isinstance(thing, type) else [thing]
@@ -174,7 +207,7 @@ def parts_of(home: str) -> list[Part]:
                 functions.append(helper)
                 todo.append(helper)
     unique = list(dict.fromkeys(functions))
-    return [p for p in map(part_of, unique) if p is not None]
+    return [*_fields_of(found(home)[0]), *(p for p in map(part_of, unique) if p is not None)]
 
 
 def _names(code: CodeType) -> set[str]:
@@ -260,6 +293,11 @@ def mutants_of(parts: list[Part], lines: set[tuple[str, Any]]) -> list[Mutant]:
     result = []
     for part in parts:
         file = part.function.__code__.co_filename
+        unset = f"{file} {part.function.__code__.co_qualname} "
+        absent = {name.removeprefix(unset) for name, _ in lines if name.startswith(unset)}
+        if part.fields:
+            result += [_default(part, name, edit) for name, edit in edits_of_defaults(part.node) if name in absent]
+            continue
         first, last = part.node.body[0].lineno, part.node.end_lineno or 0
         ran = [place for name, place in lines if name == file and place and first <= place[0][0] <= last]
         if not ran:
@@ -267,8 +305,6 @@ def mutants_of(parts: list[Part], lines: set[tuple[str, Any]]) -> list[Mutant]:
         for edit in [raising(part.node), *_edits(part.node)]:
             if edit.kind == "return" or _runs(edit.span, ran):
                 result.append(_mutant(part, edit))
-        unset = f"{file} {part.function.__code__.co_qualname} "
-        absent = {name.removeprefix(unset) for name, _ in lines if name.startswith(unset)}
         result += [_mutant(part, edit) for name, edit in edits_of_defaults(part.node) if name in absent]
         result += _numbers(part, {place[0][0] for place in ran}, absent)
     return result
@@ -290,6 +326,25 @@ def _mutant(part: Part, edit: Edit) -> Mutant:
             part.function.__code__ = code
 
     return Mutant(edit.kind, edit.what, f"{part.name}:{edit.line}", install)
+
+
+def _default(part: Part, name: str, edit: Edit) -> Mutant:
+    """A dataclass whose field has another value where none is given."""
+
+    def install() -> None:
+        function, arguments = part.function, part.node.args
+        place = [a.arg for a in arguments.args].index(name)
+        with edit.applied():
+            value = _value(arguments.defaults[place], function.__globals__)
+        if name in (function.__kwdefaults__ or {}):
+            function.__kwdefaults__[name] = value
+            return
+        names = function.__code__.co_varnames[: function.__code__.co_argcount]
+        defaults = list(function.__defaults__ or ())
+        defaults[names.index(name) - len(names)] = value
+        function.__defaults__ = tuple(defaults)
+
+    return Mutant(edit.kind, f"{name}: {edit.what}", f"{part.name}:{edit.line}", install)
 
 
 def _value(node: ast.expr, space: dict[str, Any]) -> Any:

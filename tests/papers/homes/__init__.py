@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from tests.papers.homes import (
+    arguments,
     avoidance,
     claims,
     laws,
@@ -17,9 +19,17 @@ from tests.papers.homes import (
     states,
     structure,
     terms,
-)  # fmt: skip
+)
 
-HOMES: dict[str, Callable[[], None]] = {
+_WHOLE: dict[str, Callable[[], None]] = {
     **nets.HOMES, **structure.HOMES, **terms.HOMES, **laws.HOMES, **states.HOMES, **avoidance.HOMES,
     **papers.HOMES, **shi.HOMES, **measures.HOMES, **claims.HOMES, **shapes.HOMES, **motion.HOMES,
 }  # fmt: skip
+
+
+def _both(first: Callable[[], None], second: Callable[[], None]) -> None:
+    first()
+    second()
+
+
+HOMES = {**_WHOLE, **{home: partial(_both, check, _WHOLE[home]) for home, check in arguments.CHECKS.items()}}

@@ -99,6 +99,49 @@ def listed(key: str) -> None:
         assert all(" " not in claim.key for claim in claims.values())
 
 
+SHI_SOURCES = {
+    "energy": "(6)-(7), (11)", "J-continuous": "(3)", "apart": "Theorems 1, 2, 4, 5", "J-falls": "Theorems 2, 5",
+    "no-flocking": "Remark 6", "stationary": "Theorems 1-5", "minimal": "Theorems 1-5", "agree": "Theorems 4, 5",
+}  # fmt: skip
+SHI_ALWAYS = {"energy", "J-continuous", "apart", "J-falls", "steady-error", "centre"}
+"""Claims that need no connected graph; that v0 is not tracked needs none where nobody knows its acceleration."""
+SHI_LAWS = {"uniform": (8, "(9), Theorem 3"), "velocity-only": (12, "(13)"), "position": (15, "(16)")}
+
+
+def shi(key: str) -> None:
+    """Where each claim is made, of which graphs, and which are negations."""
+    listed(key)
+    t = np.linspace(0.0, 20.0, 201)
+    guide = np.stack([np.sin(t), np.cos(t)], axis=1)
+    leader = SimpleNamespace(along=lambda _: (guide, guide))
+    # Two agents, one of which goes with the leader; their spread stays too.
+    seen = SimpleNamespace(t=t, p=np.stack([guide, guide + 1.0], axis=1), velocity_spread=np.ones(len(t)),
+                           law=SimpleNamespace(leaders=[leader]))  # fmt: skip
+    for name in paper(key).scenarios():
+        kind = name.removeprefix(key).removeprefix("-")
+        some, kept = kind.startswith("partial"), not kind.endswith("disconnected")
+        law, source = SHI_LAWS.get(kind, (4, ""))
+        sources = {
+            **SHI_SOURCES, "no-tracking": "Remark 6" if some else "sec. 3.2", "centre": source,
+            "steady-error": "from " + source, "tracks": "Theorems 1, 2" if kept else "Remark 1",
+        }  # fmt: skip
+        for claim in paper(key).claims(name):
+            assert claim.source == sources[claim.key]
+            always = claim.key in SHI_ALWAYS or (claim.key == "no-tracking" and not some)
+            assert claim.hypothesis.__name__ == ("granted" if always else "kept_connected" if kept else "fell_apart")
+            about = {"tracks": "v0", "no-tracking": "v0", "agree": "v*", "no-flocking": "v*"}.get(claim.key)
+            if about:
+                found = claim.conclusion(seen)  # type: ignore[arg-type]
+                assert found.note.startswith(f"|v_i - {about}| is")
+                assert (found.margin > 0) == claim.key.startswith("no-")
+                assert ("agree" in claim.statement) == (claim.key == "no-flocking")
+            if claim.key == "steady-error":
+                steady = {12: 1 / math.sqrt(2.0), 15: 1.0}[law]
+                seen.mean_velocity = guide + [steady + 0.1, 0.0]
+                margin = claim.conclusion(seen).margin  # type: ignore[arg-type]
+                assert_allclose(margin, 1e-3 * steady - 0.1, rtol=1e-6)
+
+
 def tanner(key: str) -> None:
     """The bound sqrt(2 c) that follows from W or Q: printed as sqrt(c)."""
     listed(key)
@@ -110,7 +153,7 @@ def tanner(key: str) -> None:
 
 HOMES: dict[str, Callable[[], None]] = {
     "flocking.papers.olfati_saber_2003.theorems.claims": partial(listed, "olfati-saber-2003"),
-    "flocking.papers.shi_2009.theorems.claims": partial(listed, "shi-2009"),
+    "flocking.papers.shi_2009.theorems.claims": partial(shi, "shi-2009"),
     "flocking.papers.zhou_2015.theorems.claims": partial(listed, "zhou-2015"),
     "flocking.papers.tanner_2003_fixed.theorems.claims": partial(tanner, "tanner-2003-fixed"),
     "flocking.papers.tanner_2003_dynamic.theorems.claims": partial(tanner, "tanner-2003-dynamic"),

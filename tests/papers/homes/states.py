@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import itertools
 import math
+import warnings
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from flocking.engine.layout import Layout
 from flocking.engine.reference import control
+from flocking.errors import InvalidInput
 from flocking.model.energy import Energy
 from flocking.model.graphs import Fixed, Proximity
 from flocking.model.law import Law
@@ -81,6 +84,9 @@ def energies():
 
 def frames():
     assert (Energy().frame, Energy().leader, Energy().unlinked, Energy().name) == ("lab", None, 0.0, "H")
+    assert isinstance(Energy(unlinked=2).unlinked, float)
+    with pytest.raises(InvalidInput, match="frame"):
+        Energy("nowhere")
     ledger()
     energies()
 
@@ -162,11 +168,32 @@ def states():
     assert_array_equal(State(Q).p, np.zeros((N, 2)))
     assert State(Q).t == 0.0
     assert State(Q).links is None
-    assert State(np.zeros((4, 3)) + np.arange(4)[:, None]).dimension == 3
+    given = State([[0, 1], [2, 3]], [[1, 0], [0, 1]], 2, links=[[0, 1], [1, 0]])
+    for name, kind, values in (("q", float, [[0, 1], [2, 3]]), ("p", float, [[1, 0], [0, 1]]),
+                               ("links", bool, [[False, True], [True, False]])):  # fmt: skip
+        found = getattr(given, name)
+        assert found.dtype == kind
+        assert not found.flags.writeable
+        assert_array_equal(found, values)
+    assert isinstance(given.t, float)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert State(np.zeros((4, 3)) + np.arange(4)[:, None]).dimension == 3
+    with pytest.warns(UserWarning, match="2 agents in 4 dimensions") as seen:
+        State(np.zeros((2, 4)))
+    assert seen[0].filename == __file__
 
 
 def agents():
     assert (Agents().masses, Agents().damping, Agents().order, Agents().headings) == (1.0, 0.0, 2, None)
+    assert Agents(order=1).order == 1
+    with pytest.raises(InvalidInput, match="order"):
+        Agents(order=3)
+    given = Agents([1, 2], [3, 4], headings=[5, 6])
+    for found, values in ((given.masses, [1, 2]), (given.damping, [3, 4]), (given.headings, [5, 6])):
+        assert isinstance(found, np.ndarray)
+        assert found.dtype == float
+        assert_array_equal(found, values)
     one = Agents(MASSES, DAMPING)
     assert_array_equal(one.masses, MASSES)
     assert_array_equal(one.damping, DAMPING)

@@ -32,6 +32,7 @@ def consensus():
         drag = 1.3 * (0.7 if w is not None else 1.0) * (0.4 if weighted else 1.0) * (0.9 if functional else 1.0)
         assert_allclose(term.drag(x), drag, rtol=1e-12)
         assert_allclose(term.dissipation(x), drag * 2.5, rtol=1e-12)
+        assert term.supply(x) == 0
         assert set(term.parameters) == ({"gain", "weights"} if w is not None else {"gain"})
         each = isinstance(gain, list)
         momentum = not each and not functional and w is not uneven
@@ -40,6 +41,9 @@ def consensus():
         assert_array_equal(np.asarray(term.gain), np.asarray(gain))
     assert Consensus().gain == 1.0
     assert (Consensus().weighted, Consensus().functional) == (False, False)
+    chosen = Consensus(weighted=True, functional=True)
+    assert chosen.weighted is True
+    assert chosen.functional is True
     assert Consensus().weights is None
     assert_allclose(Consensus(0.0).gain, 0.0)
     net = Fixed.complete(3)

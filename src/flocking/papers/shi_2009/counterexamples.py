@@ -61,10 +61,11 @@ def single_agent(
     return simulate(Scenario(law, start, t_end=t_end, frames=201, tolerance=1e-11, energy=Energy()), progress=False)
 
 
-def example_1(scale: float) -> tuple[Array, Array]:
-    """Velocity error of one agent after a leader of constant velocity 2, the gain off by ``scale``; and the times."""
+def example_1(scale: float) -> tuple[Array, Array, Array]:
+    """Times and velocity after a leader of constant velocity 2, h_0 = 1 times ``scale``, and the closed form."""
     run = single_agent("v", h0=scale, v=2.0)
-    return run.t, run.p[:, 0, 0]
+    error = free_motion(1.0, 0.0, run.t, run.q[0, 0], run.p[0, 0] - 2.0)[1]
+    return run.t, run.p[:, 0, 0], 2.0 + error[:, 0]
 
 
 def example_2(scale: float) -> tuple[Array, Array, Array, tuple[Array, Array]]:

@@ -249,15 +249,19 @@ def table_row(name: str) -> Callable[[float], Report]:
     return theorem(name)
 
 
-def without_alignment(scale: float) -> Run:
-    """Remark 2: a run in which all are informed and nobody aligns, the plant's tracking gains off by ``scale``."""
+def without_alignment(scale: float) -> Report:
+    """Remark 2: a run in which all are informed and nobody aligns, held against the claims of Remark 1.
+
+    The plant's tracking gains are off by ``scale``.
+    """
     scenario = system.scenario(seed=0, name=f"{KEY}-all-informed")
     terms = tuple(
         Consensus(0.0, weights=t.weights) if isinstance(t, Consensus) else t for t in scenario.law.terms
     )  # fmt: skip
     alone = scenario.with_(law=Law(scenario.law.graph, terms), name="")
-    return simulate(alone, plant=Law(alone.law.graph, scaled_law(alone, scale).terms[:1] + terms[1:2]
-                                     + scaled_law(alone, scale).terms[2:]), progress=False)  # fmt: skip
+    gradient, _, track, compensate = scaled_law(alone, scale).terms
+    plant = Law(alone.law.graph, (gradient, terms[1], track, compensate))
+    return audit(simulate(alone, plant=plant, progress=False), claims(f"{KEY}-disconnected"))
 
 
 def remark_3(scale: float) -> tuple[Scenario, Array, Array]:

@@ -1,0 +1,118 @@
+"""What parts make of what they are given: whole numbers, lists and single values, and what they refuse."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from flocking.errors import InvalidInput
+from flocking.model.avoidance import Avoid
+from flocking.model.graphs import Fixed, Hysteresis, Proximity
+from flocking.model.leaders import Velocity
+from flocking.model.obstacles import Ball
+from flocking.model.potentials import Potential
+from flocking.model.smooth_graphs import PerAgentRadii, Smooth
+from flocking.model.terms import Gradient
+from flocking.model.tracking import Track
+from flocking.model.views import Cone, SmoothCone
+
+
+def kept(part, **expected):
+    """A number is kept as a float, several as a read-only array of floats."""
+    for name, value in expected.items():
+        found = getattr(part, name)
+        if np.ndim(value):
+            assert isinstance(found, np.ndarray)
+            assert found.dtype == float
+            assert not found.flags.writeable
+            assert_array_equal(found, value)
+        else:
+            assert type(found) is float, name
+            assert found == value
+
+
+def refused(make, **wrong):
+    for name, value in wrong.items():
+        with pytest.raises(InvalidInput, match=name):
+            make(**{name: value})
+
+
+def proximity():
+    kept(Proximity(3), radius=3)
+
+
+def hysteresis():
+    kept(Hysteresis(4, 1), radius=4, gap=1)
+
+
+def fixed():
+    pairs = [[2, 0], (1, 0), (0, 2)]
+    assert Fixed(3, pairs).edges == ((0, 1), (0, 2))
+    assert Fixed(3, pairs, directed=True).edges == ((0, 2), (1, 0), (2, 0))
+
+
+def smooth():
+    kept(Smooth(3, np.float32(0.5)), radius=3, onset=0.5)
+    refused(lambda bump: Smooth(3.0, 0.5, bump), bump="round")
+
+
+def per_agent_radii():
+    kept(PerAgentRadii([0.25, 2]), radii=[0.25, 2])
+
+
+def cone():
+    kept(Cone(3, 1), radius=3, opening=1)
+    kept(Cone([3, 2], [1, 2]), radius=[3, 2], opening=[1, 2])
+    refused(lambda measure: Cone(3.0, 1.0, measure), measure="degrees")
+
+
+def smooth_cone():
+    kept(SmoothCone(3, np.float32(0.5), 1), radius=3, onset=0.5, opening=1)
+    refused(lambda **wrong: SmoothCone(3.0, 0.5, 1.0, **wrong), bump="round", measure="degrees")
+
+
+def gradient():
+    refused(lambda **wrong: Gradient(Potential("r**2"), **wrong), weighting="power", stored="nothing")
+
+
+def track():
+    kept(Track(Velocity((1.0, 0.0)), 1, 2, 3), position_gain=1, velocity_gain=2, acceleration_gain=3)
+    kept(Track(Velocity((1.0, 0.0)), [1, 2], [3, 4], [5, 6]), position_gain=[1, 2], velocity_gain=[3, 4],
+         acceleration_gain=[5, 6])  # fmt: skip
+    assert_allclose(Track((1.0, 2.0)).leader.at(3.0)[1], [1.0, 2.0])
+
+
+def avoid():
+    ball = Ball((5.0, 0.0), 1.0)
+    numbers = {"range": 3, "repulsion_gain": 7, "damping_gain": 5, "offset": 2, "onset": np.float32(0.25)}
+    some = Avoid([ball], (10.0, 1.0), **numbers)
+    kept(some, **numbers)
+    assert some.obstacles == (ball,)
+    assert Avoid(ball, (10.0, 1.0), range=3.0).obstacles == (ball,)
+    assert_allclose(some.leader.at(2.0)[1], [10.0, 1.0])
+    assert Avoid(ball, range=3.0, gamma_agents=False).leader is None
+    guide = Velocity((1.0, 0.0))
+    assert Avoid(ball, guide, range=3.0).leader is guide
+    plain = Avoid(ball, guide, range=3.0)
+    numbers = [plain.repulsion_gain, plain.damping_gain, plain.offset, plain.onset]
+    assert_allclose(numbers, [100.0, 2.0, 1.0, 5 / 6], rtol=1e-12)
+    assert plain.gamma_agents
+    refused(lambda **wrong: Avoid(ball, guide, range=3.0, **wrong), bump="round", gamma_agents="none")
+
+
+MODEL = "flocking.model"
+CHECKS: dict[str, Callable[[], None]] = {
+    f"{MODEL}.graphs.Proximity": proximity,
+    f"{MODEL}.graphs.Hysteresis": hysteresis,
+    f"{MODEL}.graphs.Fixed": fixed,
+    f"{MODEL}.smooth_graphs.Smooth": smooth,
+    f"{MODEL}.smooth_graphs.PerAgentRadii": per_agent_radii,
+    f"{MODEL}.views.Cone": cone,
+    f"{MODEL}.views.SmoothCone": smooth_cone,
+    f"{MODEL}.terms.Gradient": gradient,
+    f"{MODEL}.tracking.Track": track,
+    f"{MODEL}.avoidance.Avoid": avoid,
+}
