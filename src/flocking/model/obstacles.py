@@ -365,8 +365,6 @@ def _by_feature(values: Sequence[sympy.Expr]) -> sympy.Expr:
     """The value of the piece that holds."""
     import sympy
 
-    if len(values) == 1:
-        return values[0]
     feature = sympy.Symbol("feature", real=True)
     *numbered, last = values
     return sympy.Piecewise(*((v, sympy.Eq(feature, k)) for k, v in enumerate(numbered)), (last, True))

@@ -51,6 +51,8 @@ RULES: tuple[tuple[str, str, str], ...] = (
     ("diagrams.neighbourhoods", "other sign in headings[0] +", "the first agent heads along x, at an angle of 0"),
     ("diagrams._neighbours", "without arrows = False", "the agents of Fig. 1 are at rest and have no arrows"),
     ("diagrams._neighbours", "True for False in a keyword", "the agents of Fig. 1 are at rest and have no arrows"),
+    ("reference._pair_values", "in np.where(r > 0", "the direction of a pair at one place is 0, whatever divides it"),
+    ("Obstacle.geometry", "swap: arguments of zip(normals, p", "the factors of a scalar product may change places"),
 )
 """Function, words of the fault, and why it changes nothing."""
 

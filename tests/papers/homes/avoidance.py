@@ -13,7 +13,7 @@ from flocking.model.avoidance import Avoid
 from flocking.model.graphs import Proximity
 from flocking.model.law import Law
 from flocking.model.leaders import Velocity
-from flocking.model.obstacles import Ball, Wall
+from flocking.model.obstacles import Ball, Obstacle, Piece, Wall
 from flocking.model.potentials import Potential
 from flocking.model.state import State
 from flocking.study.obstacle_links import beta_links
@@ -66,7 +66,26 @@ def geometry():
     assert_allclose(wall.distance(Q), Q[:, 1] + 5.0, rtol=1e-10)
     assert_allclose(wall.project(Q), np.stack([Q[:, 0], np.full(6, -5.0)], axis=1), rtol=1e-10, atol=1e-12)
     assert_allclose(wall.at(Q, P)["boundary"], P * [1.0, 0.0], atol=1e-12)
+    slab = Slab()
+    side, inside = np.sign(Q[:, 0]), np.abs(Q[:, 0]) < 1.25
+    assert 0 < inside.sum() < 6
+    assert_allclose(slab.distance(Q), np.abs(Q[:, 0]) - 1.25, rtol=1e-10)
+    assert_allclose(slab.project(Q), np.stack([1.25 * side, Q[:, 1]], axis=1), rtol=1e-10)
+    assert_allclose(slab.at(Q, P)["normal"], np.stack([side, 0 * side], axis=1), atol=1e-12)
+    assert_allclose(slab.at(Q, P)["boundary"], P * [0.0, 1.0], atol=1e-12)
     stages()
+
+
+class Slab(Obstacle):
+    """All points at most 1.25 to the left and to the right of an axis: a body whose boundary has two pieces."""
+
+    dimension, parameters, structure = 2, {}, ("slab of a test",)
+
+    def signed_distance(self, q, t, parameter):
+        return [Piece(q[0] - sympy.Rational(5, 4), q[0] > 0), Piece(-q[0] - sympy.Rational(5, 4))]
+
+    def outline(self, count=100, t=0.0):
+        raise NotImplementedError
 
 
 def stages():
@@ -78,7 +97,9 @@ def stages():
     for at, speed in zip(Q, P, strict=True):
         known = {symbols[k]: v for k, v in ball.parameters.items()} | {t: 0.0}
         known |= dict(zip(q, at, strict=True)) | dict(zip(p, speed, strict=True))
-        for stage in ball.geometry(q, p, t, symbols.__getitem__):
+        found = ball.geometry(q, p, t, symbols.__getitem__)
+        assert "feature" not in found[0], "there is one piece"
+        for stage in found:
             known |= {sympy.Symbol(name, real=True): e.subs(known) for name, e in stage.items()}
         found = {str(k): v for k, v in known.items()}
         s, n, hat, moved = seen(at, speed, DRIFT)
@@ -89,36 +110,42 @@ def stages():
             assert_allclose(float(found[f"boundary{k}"]), moved[k], rtol=1e-9, atol=1e-12)
 
 
-def avoid(**changes):
+def avoid(velocity=(3.0, 4.0), **changes):
     given = {"range": R0, "repulsion_gain": C3, "damping_gain": C4, "offset": OFFSET, "onset": K0} | changes
-    return Avoid((Ball(CENTRE, RADIUS),), Velocity((3.0, 4.0)), **given)
+    return Avoid((Ball(CENTRE, RADIUS),), Velocity(velocity), **given)
+
+
+def pushed(q, p, middle=None):
+    """The force on an agent near the ball; ``middle`` is where its gamma-agent sits, if it has one."""
+    s, n, hat, moved = seen(q, p)
+    u = np.zeros(2)
+    if s <= R0:
+        z = s - R0
+        # phi_beta <= 0 along the way to the beta-agent.
+        u += C3 * rho(s / R0) * (z / math.sqrt(1 + z * z) - 1) * -n
+        u += C4 * (moved - p)
+        if middle is not None and tuple(q) != tuple(middle):
+            d = math.dist(middle, q)
+            u += phi_gamma(d - 7.0) * (middle - q) / d
+    return u
 
 
 def avoided():
     """(54) whole, with and without gamma-agents; inside the obstacle the velocity along the normal is damped."""
-    direction = np.array([0.6, 0.8])
+    ahead = CENTRE + OFFSET * np.array([0.6, 0.8])
     for gamma in (True, False):
-        expected, spent = [], 0.0
-        for q, p in zip(Q, P, strict=True):
-            s, n, hat, moved = seen(q, p)
-            u = np.zeros(2)
-            if s <= R0:
-                z = s - R0
-                # phi_beta <= 0 along the way to the beta-agent.
-                u += C3 * rho(s / R0) * (z / math.sqrt(1 + z * z) - 1) * -n
-                u += C4 * (moved - p)
-                if gamma:
-                    x = CENTRE + OFFSET * direction
-                    d = math.dist(x, q)
-                    u += phi_gamma(d - 7.0) * (x - q) / d
-            expected.append(u)
+        expected = [pushed(q, p, ahead if gamma else None) for q, p in zip(Q, P, strict=True)]
         law = Law(Proximity(0.1), (avoid(gamma_agents=gamma),))
         assert_allclose(control(law, State(Q, P)), expected, rtol=1e-9, atol=1e-10)
         found = evaluate(law, State(Q, P))
         power = sum(float(u @ p) for u, p in zip(expected, P, strict=True))
         assert_allclose(found.supply - found.dissipation, power, rtol=1e-9)
-        spent = found.dissipation
-        assert spent >= 0
+        assert found.dissipation >= 0
+    # An agent that has met its gamma-agent is not pulled, and one sits in the middle where no direction is wanted.
+    for velocity, middle in (((3.0, 4.0), ahead), ((0.0, 0.0), CENTRE)):
+        met = State([ahead], P[:1])
+        found = control(Law(Proximity(0.1), (avoid(velocity),)), met)
+        assert_allclose(found, [pushed(ahead, P[0], middle)], rtol=1e-9)
     assert [seen(q, p)[0] <= R0 for q, p in zip(Q, P, strict=True)].count(True) == 5
     defaults()
 

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 
 from flocking.engine.reference import control, evaluate
+from flocking.errors import InvalidInput
 from flocking.model.energy import Energy
 from flocking.model.graphs import Fixed, Proximity
 from flocking.model.law import Law
 from flocking.model.leaders import Sink, Velocity
 from flocking.model.potentials import Potential
+from flocking.model.smooth_graphs import Smooth
 from flocking.model.state import Agents, State
 from flocking.model.terms import Consensus, Gradient, PairTerm
 from flocking.model.tracking import Compensate, Track
@@ -97,27 +101,24 @@ def first_order():
     assert_allclose(flow.u, u, rtol=1e-10)
     assert flow.kinetic == 0.0
     assert_allclose([flow.dissipation, flow.supply], [(u**2).sum(), 0.0], rtol=1e-10, atol=1e-10)
-    # A sink that pulls stores energy too, and the rate of all that is stored is what is supplied less what is spent.
+    # A sink that pulls stores energy too, and so does a leader's place seen from the centre of mass; the force of a
+    # faded potential has no energy of its own. The rate of all that is stored is what is supplied less what is spent.
     pulled = Law(Proximity(R), (Gradient(PSI), Track(Sink((0.3, -0.2)), 0.7, 0.4)))
-    for energy in (Energy(), Energy("centre of mass")):
-        found = evaluate(pulled, State(Q), agents=Agents(order=1), energy=energy)
-        step = 1e-6
-        stored = [evaluate(pulled, State(Q + h * found.u), agents=Agents(order=1), energy=energy).storage
+    shared = Law(Proximity(R), (Gradient(PSI), Track(Sink((0.3, -0.2)), 0.7, 0.4, shared=True)))
+    guided = Law(Proximity(R), (Gradient(PSI), Track(Velocity(GUIDE), 0.7, 0.4)))
+    faded = Law(Smooth(R, 0.3), (Gradient(PSI, weighting="force", stored="potential"),))
+    step = 1e-6
+    for whole, energy in itertools.product((pulled, shared, guided, faded), (Energy(), Energy("centre of mass"))):
+        found = evaluate(whole, State(Q), agents=Agents(MASSES, order=1), energy=energy)
+        stored = [evaluate(whole, State(Q + h * found.u, t=h), agents=Agents(MASSES, order=1), energy=energy).storage
                   for h in (step, -step)]  # fmt: skip
         assert_allclose((stored[0] - stored[1]) / (2 * step), found.supply - found.dissipation, rtol=1e-6)
     assert_allclose(evaluate(pulled, State(Q), agents=Agents(order=1)).u, u - 0.7 * (Q - [0.3, -0.2]), rtol=1e-10)
     scale = [sum(abs(slope(d)) for i, _, d, _ in near_pairs() if i == k) for k in range(N)]
     assert_allclose(flow.pair_force_sum, scale, rtol=1e-10)
-    # Feedback of the mean of first-order agents.
-    shared = Law(Proximity(R), (Gradient(PSI), Track(Sink((0.3, -0.2)), 0.7, 0.4, shared=True)))
-    for energy in (Energy(), Energy("centre of mass")):
-        found = evaluate(shared, State(Q), agents=Agents(MASSES, order=1), energy=energy)
-        step = 1e-6
-        stored = [evaluate(shared, State(Q + h * found.u), agents=Agents(MASSES, order=1), energy=energy).storage
-                  for h in (step, -step)]  # fmt: skip
-        assert_allclose((stored[0] - stored[1]) / (2 * step), found.supply - found.dissipation, rtol=1e-5)
     functionals()
     uneven()
+    infinite()
 
 
 class Radial(PairTerm):
@@ -191,6 +192,17 @@ def memory():
     ledger()
     ordered = control(Law(Proximity(R), (Gradient(PSI), Consensus())), STATE, agents=Agents(order=1))
     assert_allclose(ordered, evaluate(Law(Proximity(R), (Gradient(PSI),)), STATE).u, rtol=1e-10)
+
+
+def infinite():
+    """A force that is not finite is refused, with both agents and their distance; energies are looked at anywhere."""
+    law = Law(Proximity(R), (Gradient(Potential("1/r - log(2 - r)")),))
+    for gap, words in ((0.0, "at the same point"), (2.0, "no finite value there")):
+        met = State(np.array([[9.0, 9.0], [1.0, -2.0], [1.0 + gap, -2.0]]))
+        with pytest.raises(InvalidInput, match=words) as refused:
+            control(law, met)
+        assert f"agents 1 and 2 at distance {gap:g}" in str(refused.value)
+        assert np.isinf(evaluate(law, met).storage)
 
 
 HOMES = {

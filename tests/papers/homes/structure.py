@@ -247,6 +247,8 @@ def slopes():
         bump = Bump("at an end", formula)
         z = np.linspace(0.5, 1.0 - 1e-9, 100001)
         assert_allclose(bump.steepest(0.5), np.abs(bump.slope(z, 0.5)).max(), rtol=1e-6)
+    # Steeper still beyond the end.
+    assert_allclose(Bump("uncut", "1 - ((z - k0)/(1 - k0))**2").steepest(0.2), 2.5, rtol=1e-8)
     for k0 in (0.0, 0.4, 5 / 6):
         steepest = {"cosine": math.pi / 2, "quintic": 15 / 8, "infinite": 2.0}
         for name, value in steepest.items():

@@ -245,7 +245,7 @@ def dissipation_rows() -> tuple[Row, ...]:
 def separation_rows() -> tuple[Row, ...]:
     """Section 10 and A.3."""
     track, law = f"{MODEL}.tracking.Track", f"{MODEL}.law.Law"
-    forms, evaluate = f"{HERE}.closed_forms", "flocking.engine.reference.evaluate"
+    forms, engine = f"{HERE}.closed_forms", "flocking.engine.reference"
     return (
         row("sum of u", "equation", "the controls (34), (35) add up to zero", law, energies.invariance),
         row("(48)", "equation", "interaction plus a shared control", law, protocols.separated),
@@ -253,7 +253,11 @@ def separation_rows() -> tuple[Row, ...]:
             "(49)", "equation", "translational energy H_tr", f"{forms}.translational_energy", protocols.tracking_energy
         ),
         row(
-            "Proposition 6 i)", "proposition", "dH_s/dt does not depend on u-bar", evaluate, protocols.structural_rates
+            "Proposition 6 i)",
+            "proposition",
+            "dH_s/dt does not depend on u-bar",
+            f"{engine}.control",
+            protocols.structural_rates,
         ),
         row("Proposition 6 ii)", "proposition", "dH_tr/dt does not depend on u_alpha", track, protocols.sink_rate),
         row(
@@ -304,7 +308,7 @@ def separation_rows() -> tuple[Row, ...]:
             "(62)",
             "equation",
             "dH_s/dt under (48)",
-            evaluate,
+            f"{engine}.evaluate",
             protocols.ledger_rates,
             reading=TILDE,
             fault=Fault.MISPRINT,

@@ -233,9 +233,10 @@ def speed_margin_of(scale: float) -> float:
 
 
 def limit_rate_of(scale: float) -> tuple[State, float, State, float]:
-    """First and last state of the simulation, each with the power that (14) dissipates there, the gain scaled."""
-    run = examples.shown(alone)
-    declared = Law(system.graph(), (Gradient(system.potential()), Consensus(scale)))
+    """Three agents under (8) at first and at last, each with the power that (14) dissipates there, the gain scaled."""
+    moving, declared = (Law(system.graph(), (Gradient(system.potential()), Consensus(c))) for c in (1.0, scale))
+    start = State(np.array([[0.0, 0.0], [1.5, 0.3], [0.4, 1.8]]), np.array([[0.5, 0.0], [-0.2, 0.8], [0.1, -0.6]]))
+    run = simulate(Scenario(moving, start, t_end=20.0, frames=2), progress=False)
     first, last = run.state(0), run.state(-1)
     return first, evaluate(declared, first).dissipation, last, evaluate(declared, last).dissipation
 
