@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import time
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from flocking.engine import interruption
 from flocking.engine.barriers import Books, jumps_barrier
 from flocking.engine.dynamics import LEDGER, Dynamics
+from flocking.engine.jump_times import JumpTimes
 from flocking.engine.origin import may_have, momentum, origin_of
 from flocking.engine.plants import known_plant
 from flocking.engine.precision import Precision
@@ -17,6 +19,7 @@ from flocking.engine.provenance import provenance
 from flocking.engine.recorder import Recorder
 from flocking.engine.run import Accuracy, Closest, Run
 from flocking.engine.segment import Segment
+from flocking.engine.shrinking import Shrunk, StepLengths
 from flocking.engine.snapshot import Snapshot as Snapshot
 from flocking.engine.solution_error import SolutionError
 from flocking.engine.stepper import Stepper, StepperMemory
@@ -72,7 +75,8 @@ class ExactSession:
         """Kernels and parameters: all that depends on the law but not on the state."""
         self.n, self.m = n, m
         self._dynamics = Dynamics(self.scenario, self.plant, n, m, self._origin.time)
-        self._jump = -np.inf
+        self._jumps = JumpTimes(self._dynamics.layout.law, self._origin)
+        self._lengths = StepLengths(self.scenario.t_end - self.scenario.start.t)
 
     def _begin(self, state: State, links: LinkState) -> None:
         """Stand at ``state``, in the session's own time and coordinates, with the proposed step still to be found."""
@@ -101,17 +105,45 @@ class ExactSession:
         self._pending: list[Crossing] = []
 
     def _new_stepper(self, tolerance: Array, memory: StepperMemory) -> Stepper:
-        return Stepper(self._dynamics.slope, self._dynamics.stages, tolerance, memory, self._origin.time)
+        shape = self._dynamics.order, self.n, self.m
+        return Stepper(self._dynamics.slope, self._dynamics.stages, tolerance, memory, self._origin.time, shape)
 
     @property
     def state(self) -> State:
         """State at the session's time, with the links of the law's graph."""
-        own = self._origin.own_time(self.time)
+        own = self._own_now
         q, p, _ = self._dynamics.split(self._segment.at(own))
         return State(*self._origin.outwards(own, q, p), self.time, self._links.links[0])
 
-    def advance(self, to: float) -> None:
-        """Go on until time ``to``. Where steps fall does not depend on how often this is called.
+    @property
+    def _own_now(self) -> float:
+        """The session's own time now, on the last step also where that is shorter than times can tell."""
+        return min(max(self._origin.own_time(self.time), self._segment.t0), self._segment.t1)
+
+    @property
+    def time_is_exact(self) -> bool:
+        """Whether the session's time alone leads another session to the same state.
+
+        It does not where steps are shorter than the spacing of numbers at that time.
+        """
+        own, segment = self._origin.own_time(self.time), self._segment
+        return own == segment.t1 or segment.t0 < own < segment.t1
+
+    @property
+    def shrunk(self) -> Shrunk | None:
+        """The length of the last steps and who made them so short, where the run hardly goes on."""
+        step = self._lengths.shrunk_to
+        return None if step is None else Shrunk(step, self._stepper.strained)
+
+    def advance(self, to: float, seconds: float = np.inf) -> None:
+        """Go on until time ``to``, or for ``seconds`` of wall time. Where steps fall depends on neither.
+
+        Parameters
+        ----------
+        to
+            Time to reach.
+        seconds
+            Wall time after which the session stops at the end of a step, before ``to``; at least one step is made.
 
         Raises
         ------
@@ -123,11 +155,16 @@ class ExactSession:
         if not to >= self.time:
             raise InvalidInput("ExactSession", "to", f"must not be before the session's time, {self.time:g}", to)
         own, end = (self._origin.own_time(t) for t in (to, self.scenario.t_end))
+        stop = time.monotonic() + seconds
         try:
             while self._segment.t1 < own:
                 interruption.check()
                 self._leave_segment()
                 self._take_step()
+                if self._segment.t1 < own and time.monotonic() >= stop:
+                    self.time = max(self.time, self._origin.latest(self._segment.t1))
+                    self._record_frames(self._own_now)
+                    return
             self.time = to
             self._record_frames(own)
             if self._segment.t1 == own == end:
@@ -135,24 +172,6 @@ class ExactSession:
         except SimulationError as error:
             error.run = self.run(str(error))
             raise
-
-    def _bound(self) -> float:
-        """Where the next step must end: the end of the run, or the last moment before a term switches."""
-        now = self._segment.t1
-        end = self._origin.own_time(self.scenario.t_end)
-        end = end if now < end else np.inf
-        jump = self._next_jump(now)
-        before = float(np.nextafter(jump, -np.inf))
-        return before if jump < end and before > now else end
-
-    def _next_jump(self, now: float) -> float:
-        """The first time after ``now`` at which a term switches by itself."""
-        if not self._jump > now:
-            terms = self._dynamics.layout.law.body_terms
-            times = [s for term in terms for s in term.switch_times(self._origin.time_at(now), np.inf)]
-            later = [s for s in times if self._origin.own_time(s) > now]
-            self._jump = self._origin.own_time(min(later, default=np.inf))
-        return self._jump
 
     def _take_step(self) -> None:
         before, known = self._stepper.memory, self._error.difference
@@ -165,13 +184,15 @@ class ExactSession:
             self._error.difference = known
             raise
         self._segment, self._pending = segment, pending
+        self._lengths.add(segment.t1 - segment.t0)
         self.steps += 1
 
     def _found_step(self, before: StepperMemory) -> tuple[Segment, list[Crossing]]:
         """The next segment, up to the first crossing, with what crosses at its end."""
-        bound = self._bound()
+        bound = self._jumps.bound(self._segment.t1, self._origin.own_time(self.scenario.t_end))
         longest = np.inf
         for _ in range(RETRIES):
+            interruption.check()
             whole = self._stepper.step(bound, longest)
             where, crossings = self._links.next_crossings(whole, self.n, self.m)
             segment = whole.cut(where) if crossings else whole
@@ -210,7 +231,7 @@ class ExactSession:
             self._record_trace()
         error = self._switch() if self._pending else None
         after = float(np.nextafter(t, np.inf))
-        if after == self._next_jump(t):
+        if after == self._jumps.following(t):
             t = after
             self._dynamics.repack(t)
             before = self.energy
@@ -335,7 +356,7 @@ class ExactSession:
         InvalidInput
             When law and state disagree, or the new energy is not finite; the session then goes on as before.
         """
-        own = self._origin.own_time(self.time)
+        own = self._own_now
         if own == self._segment.t1:
             self._leave_segment()
         old = self.state
@@ -400,9 +421,7 @@ class ExactSession:
         return self._extreme_values()[0]
 
     def _extreme_values(self) -> tuple[tuple[Closest, Closest], Accuracy]:
-        rows, extremes = self._error.until_now(
-            self._segment, self._origin.own_time(self.time), self._links, self._origin
-        )
+        rows, extremes = self._error.until_now(self._segment, self._own_now, self._links, self._origin)
         return extremes.closest, self.recorder.accuracy(rows, extremes.largest, self._error.known_until)
 
     def run(self, status: str = "finished") -> Run:

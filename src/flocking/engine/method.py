@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.engine import interruption
 from flocking.model.checks import Array
 
 STAGES = 12
@@ -79,6 +80,10 @@ def solver_type() -> Any:
         y: Any
         f: Any
         h_abs: Any
+        asked = 0.0
+        """Length of the step wanted last, which may have been too short to be tried."""
+        tried = 0.0
+        """Length of the step tried last."""
 
         def _step_impl(self) -> tuple[bool, str | None]:
             t, y = self.t, self.y
@@ -87,10 +92,12 @@ def solver_type() -> Any:
             nodes, weights = tableau()
             rejected = False
             while True:
+                interruption.check()
+                self.asked = length
                 if length < shortest:
                     return False, self.TOO_SMALL_STEP
                 end = min(t + length, self.t_bound)
-                h = length = end - t
+                h = length = self.tried = end - t
                 self.K[0] = self.f
                 new = self.stages(1, STAGES + 1, STAGES, t, y, h, self.K_extended, nodes, weights)
                 scale = self.atol + np.maximum(np.abs(y), np.abs(new)) * self.rtol
@@ -104,6 +111,12 @@ def solver_type() -> Any:
             self.t, self.y, self.f = end, new, self.K[STAGES].copy()
             self.h_abs = length * (min(1, factor) if rejected else factor)
             return True, None
+
+        def errors_tried(self) -> Array:
+            """Estimated error of each component on the step tried last, in units of its tolerance, shape (size,)."""
+            with np.errstate(all="ignore"):
+                scale = self.atol + np.abs(self.y) * self.rtol
+                return np.asarray(np.abs(self.tried * np.dot(self.K.T, self.E5)) / scale)
 
         def polynomial(self) -> Array:
             """Coefficients of the polynomial of the last step, see `powers`."""

@@ -52,6 +52,11 @@ class Origin:
         """Time at the session's own time."""
         return own + self.time
 
+    def latest(self, own: float) -> float:
+        """The latest time that is not after the session's own time ``own``: not all of these are numbers."""
+        t = self.time_at(own)
+        return t if self.own_time(t) <= own else float(np.nextafter(t, -np.inf))
+
     def at(self, own: float) -> Array:
         """Where the origin is at the session's own time, shape (m,)."""
         return self.place + self.velocity * (own - self.since)

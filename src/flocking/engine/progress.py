@@ -59,20 +59,22 @@ class Progress:
         if self._bar is not None:
             self._bar.stop()
 
-    def show(self, t: float, agent_steps: int) -> None:
+    def show(self, t: float, agent_steps: int, note: str = "") -> None:
         """Report the time reached and how many agents made how many steps.
 
         Parameters
         ----------
         agent_steps
             Steps made so far times the number of agents.
+        note
+            What else is to be said, such as why it does not go on.
         """
         now = time.monotonic()
         if self._first is None:
             self._first = (now, t)
         if not self._wanted or now - self._begin < QUIET_SECONDS:
             return
-        rate = f"{agent_steps / (now - self._begin):.3g} agent-steps/s"
+        rate = f"{agent_steps / (now - self._begin):.3g} agent-steps/s" + (f", {note}" if note else "")
         if self._lines:
             if now - self._said >= LINE_SECONDS:
                 self._said = now

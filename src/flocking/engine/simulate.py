@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import fields
 from pathlib import Path
@@ -28,7 +26,7 @@ FEW_AGENTS = 2000
 MOST_EXACT = 20_000
 """Largest group of the exact engine, which holds a matrix of all pairs."""
 GLANCE_SECONDS = 0.25
-"""Wall time between two looks at a fixed-step run on its way: for its progress, its commits."""
+"""Wall time between two looks at a run on its way, for its progress and its commits; a slow step takes longer."""
 
 
 def start(
@@ -224,10 +222,11 @@ def drive(session: ExactSession | TilesSession, *, progress: bool, saving: Savin
         with deferred, Progress(progress, scenario, lines=True) as bar:
             begin = session.steps
             for t in stops(scenario, session.time, often=saving is not None):
-                for part in pace(session, t):
-                    session.advance(part)
-                    bar.show(part, (session.steps - begin) * scenario.start.n)
-                    if saving is not None and part < scenario.t_end:
+                while before(session, t):
+                    session.advance(t, GLANCE_SECONDS)
+                    note = "" if session.shrunk is None else str(session.shrunk)
+                    bar.show(session.time, (session.steps - begin) * scenario.start.n, note)
+                    if saving is not None and before(session, scenario.t_end):
                         saving.keep()
             if saving is not None:
                 saving.finish(status)
@@ -265,18 +264,6 @@ def _what_there_is(session: ExactSession | TilesSession, saving: Saving | None, 
     return session.run(status)
 
 
-def pace(session: ExactSession | TilesSession, stop: float) -> Iterator[float]:
-    """Times on the way to a stop, about `GLANCE_SECONDS` of wall time apart: where steps are slow, every step.
-
-    Where steps fall depends on none of them.
-    """
-    step = getattr(session, "step", None)
-    if step is None:
-        yield stop
-        return
-    steps = 1.0
-    while session.time < stop - 1e-9 * step:
-        begin, first = time.monotonic(), session.steps
-        yield min(session.time + (steps - 0.5) * step, stop)
-        each = (time.monotonic() - begin) / max(1, session.steps - first)
-        steps = max(1.0, min(4.0 * steps, GLANCE_SECONDS / max(each, 1e-9)))
+def before(session: ExactSession | TilesSession, stop: float) -> bool:
+    """Whether a session has still to go on to reach a stop; one of fixed steps stands on them, not on the stop."""
+    return session.time < stop - 1e-9 * getattr(session, "step", 0.0)

@@ -10,6 +10,7 @@ import numpy as np
 
 from flocking.engine.method import Stages, solver_type
 from flocking.engine.segment import Segment
+from flocking.engine.shrinking import most_strained
 from flocking.errors import NotFinite, StepTooSmall
 from flocking.model.checks import Array
 
@@ -48,6 +49,8 @@ class Stepper:
         Where to go on.
     base
         The time at which its own time is 0, for messages.
+    shape
+        Order, number and dimension of the agents, for messages.
     """
 
     def __init__(
@@ -57,8 +60,10 @@ class Stepper:
         tolerance: Array,
         memory: StepperMemory,
         base: float = 0.0,
+        shape: tuple[int, int, int] = (1, 0, 1),
     ) -> None:
         self._base = base
+        self._shape = shape
         self._slope = slope
         self._stages = stages
         self.tolerance = tolerance
@@ -78,6 +83,15 @@ class Stepper:
     def recall(self, memory: StepperMemory) -> None:
         """Go on exactly as when ``memory`` was taken."""
         self.memory = memory
+
+    @property
+    def strained(self) -> tuple[int, ...]:
+        """The agents whose errors made the step tried last no longer than it was; none before the first."""
+        solver = self._solver
+        if solver is None or not solver.tried:
+            return ()
+        errors = solver.errors_tried()[: int(np.prod(self._shape))].reshape(self._shape)
+        return most_strained(errors.max(axis=(0, 2)))
 
     def _prepared(self, bound: float, longest: float) -> Any:
         """SciPy's solver, put where the memory is; all it keeps between steps is in there."""
@@ -113,9 +127,9 @@ class Stepper:
             message = solver.step()
         if solver.status == "failed":
             raise StepTooSmall(
-                f"The step shrank to rounding ({message}). The motion meets a singularity of the law: "
+                f"The step shrank to {solver.asked:.2g} ({message}). The motion meets a singularity of the law: "
                 "raise the start distances, soften the potential or lower the gains.",
-                time=before.t + self._base,
+                time=before.t + self._base, agents=self.strained,
             )  # fmt: skip
         if not np.isfinite(solver.y).all():
             raise NotFinite("The state became infinite or NaN.", time=before.t + self._base)

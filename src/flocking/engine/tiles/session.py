@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -201,8 +202,23 @@ class TilesSession:
             times += [s for s in term.switch_times(now, np.inf) if s > now]
         return min(times, default=now + 1000 * self.step)
 
-    def advance(self, to: float) -> None:
-        """Take steps until the session's time is ``to`` or just beyond it. Where steps fall does not depend on ``to``.
+    shrunk = None
+    """The step is fixed: it does not shrink."""
+
+    time_is_exact = True
+    """Its time alone leads another session to the same state."""
+
+    def advance(self, to: float, seconds: float = np.inf) -> None:
+        """Take steps until the session's time is ``to`` or just beyond it, or for ``seconds`` of wall time.
+
+        Where steps fall depends on neither.
+
+        Parameters
+        ----------
+        to
+            Time to reach.
+        seconds
+            Wall time after which the session stops at the end of a step; at least one step is made.
 
         Raises
         ------
@@ -213,11 +229,14 @@ class TilesSession:
         """
         if not to >= self.time - self.step:
             raise InvalidInput("TilesSession", "to", f"must not be before the session's time, {self.time:g}", to)
+        stop = time.monotonic() + seconds
         try:
             while self.time < to - 1e-9 * self.step:
                 interruption.check()
                 self._take_step()
                 self._record()
+                if time.monotonic() >= stop:
+                    return
         except SimulationError as error:
             error.run = self.run(str(error))
             raise

@@ -1,0 +1,97 @@
+"""How long the last steps of a run were, and who made them short where they have shrunk to nothing."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from flocking.model.checks import Array
+
+RECENT = 50
+"""So many steps in a row must be short: a single one is cut by a crossing, or by the end of a run."""
+
+TOO_MANY_STEPS = 1e9
+"""Steps have shrunk where a whole scenario would take more of them than this."""
+
+MOST_NAMED = 4
+"""Most agents that are named."""
+
+
+@dataclass(frozen=True)
+class Shrunk:
+    """Steps so short that a run hardly goes on.
+
+    Parameters
+    ----------
+    step
+        The longest of the last steps.
+    agents
+        The agents whose motion asked for it, where known.
+    """
+
+    step: float
+    agents: tuple[int, ...] = ()
+
+    def __str__(self) -> str:
+        return f"steps have shrunk to {self.step:.2g}" + (f", {named(self.agents)}" if self.agents else "")
+
+
+def named(agents: tuple[int, ...]) -> str:
+    """Agents as they are named in a sentence.
+
+    Parameters
+    ----------
+    agents
+        Their numbers, at least one.
+    """
+    *first, last = map(str, agents)
+    return f"agents {', '.join(first)} and {last}" if first else f"agent {last}"
+
+
+class StepLengths:
+    """The lengths of the last steps of a run; they decide nothing about the steps to come.
+
+    Parameters
+    ----------
+    length
+        Duration of the scenario.
+    """
+
+    def __init__(self, length: float) -> None:
+        self._shortest = (length if length > 0 else 1.0) / TOO_MANY_STEPS
+        self._last: deque[float] = deque(maxlen=RECENT)
+
+    def add(self, step: float) -> None:
+        """Take in a step.
+
+        Parameters
+        ----------
+        step
+            Its length.
+        """
+        self._last.append(step)
+
+    @property
+    def shrunk_to(self) -> float | None:
+        """The longest of the last steps, where all of them were too short to get anywhere."""
+        if len(self._last) < RECENT or self._last[-1] >= self._shortest:
+            return None
+        longest = max(self._last)
+        return longest if longest < self._shortest else None
+
+
+def most_strained(errors: Array) -> tuple[int, ...]:
+    """The agents with the largest errors on a step, in ascending order: those within a factor of 2 of the largest.
+
+    Parameters
+    ----------
+    errors
+        Estimated error of each agent, shape (N,).
+    """
+    sizes = np.where(np.isnan(errors), np.inf, errors)
+    if not len(sizes) or sizes.max() == 0.0:
+        return ()
+    order = np.argsort(-sizes, kind="stable")[:MOST_NAMED]
+    return tuple(sorted(int(i) for i in order if sizes[i] >= 0.5 * sizes.max()))
