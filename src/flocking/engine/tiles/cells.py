@@ -226,8 +226,8 @@ class Sorter:
     def sort(self, agents: Any, seen: Survey, reach: float) -> None:
         """Sort agents, shape (at least n, 2m), into cells of width ``reach``: fills `order`, `start` and `crowding`.
 
-        `crowding` is a lower bound of the number of ordered pairs within reach: a cell splits into 2^m parts
-        whose agents are all within reach of each other.
+        `crowding` grows with the number of ordered pairs within reach: were the agents of a cell spread evenly over
+        2^m parts of it, so many of them would share a part.
 
         Parameters
         ----------

@@ -14,6 +14,7 @@ import numpy as np
 
 from flocking.engine.tiles.cells import Sorter
 from flocking.engine.tiles.crowd_memory import CrowdMemory
+from flocking.engine.tiles.crowding import certain_pairs, expected_pairs
 from flocking.engine.tiles.kernels import tile_kernels
 from flocking.engine.tiles.lists import (
     LINKED,
@@ -36,6 +37,8 @@ from flocking.engine.tiles.threads import Workers
 from flocking.model.law import Scenario
 from flocking.model.state import State
 
+ENTRY_BYTES = 4.0
+"""Memory of one neighbour in a list."""
 CERTAIN = 0.999
 """Share of half the skin that may be used up; the rest covers rounding."""
 
@@ -226,9 +229,19 @@ class Crowd:
         self._rounding = 4.0 * float(np.finfo(self.dtype).eps) * farthest
 
     def _require_room(self) -> None:
-        least = 4.0 * self.sorter.crowding
-        if least > self.builders[0].memory_limit:
-            raise TooManyNeighboursError(least)
+        limit, m = self.builders[0].memory_limit, self.m
+        expected = ENTRY_BYTES * expected_pairs(self.sorter.crowding, self.n, m)
+        if expected < max(0.5 * limit, 1.1 * self._room_seen):
+            return
+        self._room_seen = expected
+        q = self.agents[: self.n, :m].astype(np.float64)
+        for number, kind in enumerate(self.spec.graphs):
+            if kind.fixed:
+                continue
+            reach = float(np.sqrt(self.each[number][: self.n].min())) if kind.uneven else self.cutoffs[number]
+            least = ENTRY_BYTES * certain_pairs(q, reach) if reach > 0 else 0.0
+            if least > limit:
+                raise TooManyNeighboursError(least)
 
     def rebuild(self, step: float, skin: float | None = None) -> None:
         """Sort the agents and build all lists anew, keeping the memory of links.
@@ -281,6 +294,7 @@ class Crowd:
         self.rebuilds += 1
 
     _rounding = 0.0
+    _room_seen = 0.0
 
     def _build_fixed(self) -> None:
         place = None
