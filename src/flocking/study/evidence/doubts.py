@@ -67,14 +67,16 @@ class DoubtEvidence(LinkEvidence):
     def numbers(self, kind: str) -> tuple[int, float]:
         """Fewest and most links that appeared or broke; raises as `link_doubts` does.
 
+        A pair that nearly switched is as it was: had it switched, it would have switched back.
+
         Parameters
         ----------
         kind
             ``"appear"`` or ``"break"``.
         """
         rows = self.link_switches
-        missed = [row for row in self.link_doubts if row["kind"] == "near miss" and row["what"] == kind]
-        most = float((rows["kind"] == kind).sum()) + len(missed) if self.known_until == np.inf else np.inf
+        missed = int((self.link_doubts["kind"] == "near miss").sum())
+        most = float((rows["kind"] == kind).sum() + missed) if self.known_until == np.inf else np.inf
         return int((self.link_certain & (rows["kind"] == kind)).sum()), most
 
     @cached_property
@@ -94,9 +96,9 @@ class DoubtEvidence(LinkEvidence):
         Parameters
         ----------
         what
-            ``"appear"`` or ``"break"``, where doubts of that kind alone matter.
+            ``"appear"`` or ``"break"``, where doubts of that kind alone matter; near misses are of both.
         """
-        rows = [row for row in self.link_doubts if not what or row["what"] == what]
+        rows = [row for row in self.link_doubts if not what or row["what"] == what or row["kind"] == "near miss"]
         found = [_described(row) for row in rows[:2]]
         if len(rows) > 2:
             found.append(f"{len(rows) - 2} more in doubt")
