@@ -39,6 +39,10 @@ class InvalidInput(FlockingError, ValueError):
         super().__init__(f"{message} {fix}" if fix else message)
 
 
+class SuspectInput(UserWarning):
+    """A value given by the user is allowed, and hardly what was meant."""
+
+
 class FormulaError(InvalidInput):
     """A text formula that the grammar does not admit."""
 

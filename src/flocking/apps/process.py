@@ -13,6 +13,7 @@ from types import FrameType
 from typing import Any
 
 from flocking.engine import interruption
+from flocking.errors import SuspectInput
 
 
 def harmless(text: str) -> str:
@@ -56,6 +57,8 @@ def give_up_output() -> None:
 def quiet_warnings(wanted: bool) -> Iterator[None]:
     """Keep warnings of other libraries off the terminal, unless Python was asked for them with ``-W``.
 
+    What a user has hardly meant is said in a line of its own.
+
     Parameters
     ----------
     wanted
@@ -66,7 +69,13 @@ def quiet_warnings(wanted: bool) -> Iterator[None]:
         return
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
+        warnings.simplefilter("default", SuspectInput)
+        warnings.showwarning = _said
         yield
+
+
+def _said(message: Warning | str, *_: object, **__: object) -> None:
+    print(f"flocking: {message}", file=sys.stderr, flush=True)
 
 
 @contextmanager

@@ -16,6 +16,7 @@ from flocking.model.coincidence import coincident_groups, linked_pair
 from flocking.model.energy import Energy
 from flocking.model.graphs import Graph
 from flocking.model.leaders import Leader
+from flocking.model.potential_reach import check_reach
 from flocking.model.state import Agents, State
 from flocking.model.terms import Gradient, PairTerm, Term
 from flocking.model.tracking import BodyTerm
@@ -231,6 +232,7 @@ class Scenario:
         self.agents.check_count(self.start.n)
         self.law.check_count(self.start.n, self.start.dimension)
         self._check_coincidence()
+        check_reach(self.law, stacklevel=5)
 
     def _check_coincidence(self) -> None:
         if not self.law.singular_at_zero():

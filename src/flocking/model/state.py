@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from flocking.errors import InvalidInput
+from flocking.errors import InvalidInput, SuspectInput
 from flocking.model.checks import Array, array, axes_of, number, one_of, scalar_or_each
 
 SPACE = 3
@@ -55,6 +55,7 @@ class State:
             warnings.warn(
                 f"State: q has shape {q.shape}, which is {q.shape[0]} agents in {q.shape[1]} dimensions: rows are "
                 "agents. Give q.T where columns are.",
+                SuspectInput,
                 stacklevel=3,
             )
         object.__setattr__(self, "q", q)

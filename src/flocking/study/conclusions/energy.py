@@ -37,7 +37,7 @@ def energy_rise(e: Evidence) -> Measure:
     # A fixed step may miss some energy in every step; what it dissipates must still be no less than nothing.
     allowed = e.step_residual if e.fixed_step else e.ledger_bound
     note = f"largest rise {rise:.1e} between switches"
-    if 0.0 < supplied_energy(e) and rise < allowed:
+    if supplied_energy(e) > 0.0 and rise < allowed:
         # Dissipation is never negative: what the law supplies, and that alone, makes the energy rise.
         gained = float((np.diff(e.trace["supplied"]) - np.diff(e.trace["dissipated"])).max(initial=0.0))
         if gained > SUPPLY_ROUNDING * e.energy_moved:

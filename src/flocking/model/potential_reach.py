@@ -1,0 +1,71 @@
+"""Potentials held against the radii of the graphs over which they act, before anything moves."""
+
+from __future__ import annotations
+
+import warnings
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flocking.errors import InvalidInput, SuspectInput
+from flocking.model.poles import acts_only_beyond, poles, sides
+from flocking.model.terms import Gradient
+
+if TYPE_CHECKING:
+    from flocking.model.law import Law
+
+INSIDE = 1.0 - 1e-9
+"""A pole at this share of the radius, or below, is inside it; the radii of the papers' potentials are their poles."""
+
+
+def check_reach(law: Law, stacklevel: int = 4) -> None:
+    """Check that neighbours of a law stay where its potentials have values.
+
+    Parameters
+    ----------
+    law
+        The law.
+    stacklevel
+        Whose line a warning names.
+
+    Raises
+    ------
+    InvalidInput
+        When a potential falls without bound, or ends, at a distance inside the radius of its graph: pairs that become
+        neighbours at the radius, or come closer, have no motion.
+
+    Warns
+    -----
+    SuspectInput
+        When a potential rises without bound at a distance inside the radius of its graph, which no pair can pass, or
+        acts only at distances beyond that radius.
+    """
+    for term in law.pair_terms:
+        graph = term.over or law.graph
+        if not isinstance(term, Gradient) or not graph.moves:
+            continue
+        radius, potential = float(np.max(np.asarray(graph.break_radius))), term.potential
+        if not np.isfinite(radius):
+            continue
+        for pole in poles(potential):
+            if not pole < radius * INSIDE:
+                break
+            below, above = sides(potential, pole)
+            where = f"at distance {pole:.9g}, inside the radius {radius:.9g} of its graph"
+            if below == above == "rises":
+                warnings.warn(
+                    f"{potential!r} has a pole {where}: no pair can pass it, and neighbours may be on either side.",
+                    SuspectInput, stacklevel=stacklevel,
+                )  # fmt: skip
+                continue
+            how = "has no value beyond its pole" if above == "ends" else "falls without bound to its pole"
+            raise InvalidInput(
+                "Gradient", "potential", f"must be finite wherever agents are neighbours, but {how} {where}",
+                potential, f"Give the graph a radius of at most {pole:.9g}, or cut the potential before its pole.",
+            )  # fmt: skip
+        if (begin := acts_only_beyond(potential, radius)) is not None:
+            warnings.warn(
+                f"{potential!r} acts only at distances beyond {begin:.9g}, and its graph has neighbours only within "
+                f"{radius:.9g}: the term never acts.",
+                SuspectInput, stacklevel=stacklevel,
+            )  # fmt: skip
