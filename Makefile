@@ -15,7 +15,7 @@ CLUSTER_READY := $(VENV)/.cluster-ready
 BROWSER_READY := $(VENV)/.browser-ready
 DOCS_READY := $(VENV)/.docs-ready
 
-.PHONY: setup reproduce test test-mpi test-cluster test-browser bench bench-mpi validate fuzz robustness lint docs clean
+.PHONY: setup reproduce test test-quick test-pythons test-mpi test-cluster test-browser bench bench-mpi validate fuzz robustness lint docs clean
 
 setup: $(READY)
 
@@ -34,6 +34,22 @@ reproduce: $(READY)
 
 test: $(READY)
 	$(BIN)/python -m pytest -n $(WORKERS) $(PYTEST_ARGS)
+
+# Types, and the tests that compile few laws: what another version of Python, or of a library, breaks first.
+QUICK := tests/test_floors.py tests/formula tests/model tests/contracts tests/study tests/fuzz tests/engine/test_closed_forms.py \
+	tests/engine/test_storage.py tests/engine/test_formats.py tests/engine/tiles/test_forces.py tests/apps/test_cli.py
+test-quick: $(READY)
+	$(BIN)/python -m pytest -n $(WORKERS) $(QUICK) $(PYTEST_ARGS)
+
+# The same on every further version of Python from 3.11 on that this machine has, each with an environment of its own.
+test-pythons:
+	@own=$$($(PYTHON) -c 'import sys; print("3.%d" % sys.version_info[1])'); \
+	for python in $$(.ci/pythons); do \
+		version=$$($$python -c 'import sys; print("3.%d" % sys.version_info[1])'); \
+		if [ $$version = $$own ]; then continue; fi; \
+		echo "Python $$version: $$python"; \
+		$(MAKE) test-quick PYTHON=$$python VENV=.venv-$$version || exit 1; \
+	done
 
 # The engine for clusters on 1, 2 and 4 ranks of this machine. Its packages bring MPI along: nothing else is needed.
 test-mpi: $(MPI_READY)
@@ -112,4 +128,4 @@ lint: $(READY)
 	$(BIN)/lint-imports
 
 clean:
-	rm -rf $(VENV) build dist out docs/_build docs/api docs/computed docs/gallery
+	rm -rf $(VENV) .venv-* build dist out docs/_build docs/api docs/computed docs/gallery

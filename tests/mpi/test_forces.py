@@ -76,12 +76,14 @@ def test_agents_in_and_around_obstacles(dimension):
 
 
 def test_scattered_and_degenerate_groups():
-    """A straggler a million radii away, agents on a line, two agents, one agent."""
+    """A straggler a million and 10^14 radii away, agents on a line, two agents, one agent."""
     rng = np.random.default_rng(4)
     crowd = rng.uniform(0.0, 60.0, (60, 2))
     crowd[7] = [8.4e6, -3e5]
+    farther = crowd.copy()
+    farther[7] = [1e15, -3e5]
     line = np.stack([np.arange(30) * 5.0, np.zeros(30)], axis=1)
-    for q in (crowd, line, line[:2], line[:1]):
+    for q in (crowd, farther, line, line[:2], line[:1]):
         state = fk.State(q, rng.normal(size=q.shape))
         forces, expected, evaluation, _ = both("olfati-saber (34)", 2, state)
         assert np.abs(forces - expected).max() <= 1e-12 * max(1.0, evaluation.pair_force_sum.max())

@@ -8,7 +8,7 @@ import pytest
 import flocking as fk
 from flocking.engine.lammps import library
 from flocking.engine.lammps.deck import make_deck
-from flocking.errors import EngineMissing, InvalidInput, UnsupportedLaw
+from flocking.errors import EngineMissing, InvalidInput, SimulationError, UnsupportedLaw
 from tests.mpi.laws import start
 
 pytestmark = pytest.mark.mpi
@@ -44,6 +44,17 @@ def test_refused_by_name_with_a_way_out(made, named):
     with pytest.raises(UnsupportedLaw, match=named) as error:
         fk.start(made(), "lammps", step=0.01)
     assert "engine='" in str(error.value)
+
+
+def test_an_agent_too_far_away_for_cells_is_named(monkeypatch):
+    """Where agents are too many to be searched pair by pair, the one that stretches the box is named."""
+    monkeypatch.setattr("flocking.engine.lammps.atoms.MOST_SEARCHED", N - 1)
+    found = scenario()
+    q = found.start.q.copy()
+    q[3] = [0.0, -1e12]
+    with pytest.raises(SimulationError, match=r"agent 3 is 1e\+12 away from the middle.*engine='tiles'") as error:
+        fk.start(found.with_(start=fk.State(q, found.start.p)), "lammps", step=0.01)
+    assert error.value.agents == (3,)
 
 
 def test_options_are_checked():

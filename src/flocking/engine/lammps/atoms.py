@@ -18,6 +18,10 @@ BINS_EACH = 8
 FEWEST_BINS = 2**17
 THINNEST = 0.05
 """Cells for finding neighbours: their number per agent, at least, and the flattest box in radii that has any."""
+WIDEST_CELL, MOST_ALONG = 50.0, 1e9
+"""LAMMPS refuses cells 100 times wider than the box, and more than 2^31 of them along an axis."""
+MOST_SEARCHED = 20_000
+"""Agents whose neighbours are searched pair by pair at most, where no cells fit their box."""
 
 
 class LammpsError(Exception):
@@ -27,11 +31,14 @@ class LammpsError(Exception):
     ----------
     words
         What it said.
+    agents
+        Whom it is about.
     """
 
-    def __init__(self, words: str, *, alone: bool) -> None:
+    def __init__(self, words: str, *, alone: bool, agents: tuple[int, ...] = ()) -> None:
         super().__init__(words)
         self.alone = alone
+        self.agents = agents
 
 
 class Atoms:
@@ -138,6 +145,11 @@ class Atoms:
         -------
         float
             How many times larger the box is than at the last call.
+
+        Raises
+        ------
+        LammpsError
+            When an agent is so far away that no cells fit, and too many agents are there to be searched without.
         """
         low, high = self._lammps.extract_box()[:2]
         sides = np.array(high[: self.deck.dimension]) - np.array(low[: self.deck.dimension])
@@ -166,8 +178,28 @@ class Atoms:
         if needed > size or needed < 0.125 * size:
             size = 2.0 * needed
         # Cells cannot be much flatter than they reach: agents in a row are searched pair by pair.
-        flat = float(sides.min()) < THINNEST * self.deck.reach * (2.0 if search == "nsq" else 1.0)
+        wide = 2.0 if search == "nsq" else 1.0
+        flat = float(sides.min()) < THINNEST * self.deck.reach * wide
+        if size and not flat:
+            unfit = float(sides.min()) * WIDEST_CELL < size * wide or float(sides.max()) * wide > MOST_ALONG * size
+            if unfit and self.deck.scenario.start.n > MOST_SEARCHED:
+                raise self._scattered()
+            flat = unfit
         return size, "nsq" if flat else "bin"
+
+    def _scattered(self) -> LammpsError:
+        """The error that names the agent farthest from the middle of the flock; the ranks call it together."""
+        rows = self.gathered("x")
+        found = None
+        if rows is not None:
+            away = np.abs(rows - np.median(rows, axis=0)).max(axis=1)
+            found = int(np.argmax(away)), float(away.max())
+        agent, distance = self.ranks.comm.bcast(found)
+        return LammpsError(
+            f"agent {agent} is {distance:.3g} away from the middle of the flock, too far for its search cells with "
+            f"{self.deck.scenario.start.n} agents; move it, or take engine='tiles', whose cells are made only where "
+            "agents are", alone=False, agents=(agent,),
+        )  # fmt: skip
 
     def _set_up_anew(self) -> None:
         """Let LAMMPS take other cells into use, which needs a setup; forces stay those of half a step before."""

@@ -94,7 +94,9 @@ class LammpsSession:
             self.atoms.begin(self.step, state, 0 if restart is None else restart.steps)
         except LammpsError as error:
             self._end_alone(error, f"LAMMPS cannot start this run: {error}.")
-            raise SimulationError(f"LAMMPS cannot start this run: {error}.", time=self.time) from None
+            raise SimulationError(
+                f"LAMMPS cannot start this run: {error}.", time=self.time, agents=error.agents
+            ) from None
         if restart is not None:
             self.time, self.steps, self._plan = restart.time, restart.steps, restart.plan
             self.atoms.set_forces(restart.agents[:, 6:])
@@ -162,7 +164,9 @@ class LammpsSession:
         try:
             return self.atoms.fit_cells()
         except LammpsError as error:
-            raise SimulationError(f"LAMMPS cannot find neighbours: {error}.", time=self.time) from None
+            raise SimulationError(
+                f"LAMMPS cannot find neighbours: {error}.", time=self.time, agents=error.agents
+            ) from None
 
     def _next_stop(self) -> float:
         times = [self.scenario.t_end] if self.time < self.scenario.t_end else []
