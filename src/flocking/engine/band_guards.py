@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.guards import NEVER, first_above, smallest_value, squared_distance
+from flocking.engine.guards import NEVER, first_above, reach, smallest_value, squared_distance
 from flocking.formula.machine_code import numba
 from flocking.model.checks import Array
 
@@ -163,6 +163,23 @@ def _farthest(B: Array, i: int, j: int, square: Array, best: float) -> tuple[flo
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _farthest_from_mean(B: Array) -> Array:
+    """Bound on the distance of each agent from the mean of the group on the segment, shape (N,)."""
+    n, m = B.shape[1], B.shape[2]
+    far = reach(B)
+    mean = np.zeros(m)
+    for k in range(m):
+        for i in range(n):
+            mean[k] += B[0, i, k] / n
+    for i in range(n):
+        square = 0.0
+        for k in range(m):
+            square += (B[0, i, k] - mean[k]) ** 2
+        far[i] = (far[i] + np.sqrt(square)) * (1.0 + 1e-12)
+    return far
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def diameter(B: Array, least: float) -> tuple[float, float, int, int]:
     """Largest distance of two points on the segment where it is more than ``least``: value, where, which.
 
@@ -173,8 +190,11 @@ def diameter(B: Array, least: float) -> tuple[float, float, int, int]:
     """
     best, where, one, two = max(least, -1.0) * abs(least), NEVER, -1, -1
     square = np.empty(15)
+    away = _farthest_from_mean(B)
     for i in range(B.shape[1]):
         for j in range(i + 1, B.shape[1]):
+            if (away[i] + away[j]) ** 2 <= best:
+                continue
             value, x = _farthest(B, i, j, square, best)
             if x <= 1.0:
                 best, where, one, two = value, x, i, j
