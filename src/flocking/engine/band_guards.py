@@ -166,7 +166,7 @@ def _farthest(B: Array, i: int, j: int, square: Array, best: float) -> tuple[flo
 def _farthest_from_mean(B: Array) -> Array:
     """Bound on the distance of each agent from the mean of the group on the segment, shape (N,)."""
     n, m = B.shape[1], B.shape[2]
-    far = reach(B)
+    far: Array = reach(B)
     mean = np.zeros(m)
     for k in range(m):
         for i in range(n):
