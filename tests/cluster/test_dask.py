@@ -47,7 +47,7 @@ def cluster(folder, **settings):
                         command, env=environment, cwd=folder, stdout=log, stderr=log, start_new_session=True
                     )
                 )
-                deadline = time.monotonic() + 60
+                deadline = time.monotonic() + 600
                 while not file.exists():
                     assert time.monotonic() < deadline, (folder / "log").read_text()
                     time.sleep(0.05)
@@ -128,7 +128,7 @@ def test_two_workers_killed_while_they_run_cost_nothing_but_time(address, tmp_pa
     killed = []
 
     def kill():
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + 600
         while len(killed) < 2 and time.monotonic() < deadline:
             for pid in workers_seen(seen) - set(killed):
                 if len(killed) < 2:

@@ -110,7 +110,7 @@ def test_crossings_of_all_pairs_against_dense_sampling(seed: int, m: int, wiggle
     distance = np.linalg.norm(q[:, None] - q[:, :, None], axis=-1)
     near = distance[0] < leave[:, None]
     everyone = np.ones((n, n), dtype=bool)
-    when, who = crossings(B, reach(B), near, everyone, enter, leave, directed, 1e-13)
+    when, who = crossings(B, reach(B), near, everyone, enter, leave, directed, 1e-13, B[:, :0])
     found = {tuple(pair): x for pair, x in zip(who.tolist(), when, strict=True)}
     for i in range(n):
         for j in range(n) if directed else range(i + 1, n):
@@ -134,10 +134,46 @@ def test_a_pair_that_meets_and_parts_between_two_samples_is_found() -> None:
     B[:, 1, 0] = line * 1000.0
     B[:, 1, 1] = 1.0 - 5e-7
     when, who = crossings(
-        B, reach(B), np.zeros((2, 2), dtype=bool), np.ones((2, 2), dtype=bool), np.ones(2), np.ones(2), False, 1e-13
+        B,
+        reach(B),
+        np.zeros((2, 2), dtype=bool),
+        np.ones((2, 2), dtype=bool),
+        np.ones(2),
+        np.ones(2),
+        False,
+        1e-13,
+        B[:, :0],
     )
     assert who.tolist() == [[0, 1]]
     assert when[0] == pytest.approx(0.5 - np.sqrt(1e-6) / 2000.0, abs=1e-11)
+
+
+@given(st.integers(0, 10_000), st.sampled_from([1, 2, 3]), st.sampled_from([0.05, 1.0]))
+@settings(max_examples=60, deadline=None)
+def test_a_pair_crosses_only_while_its_velocities_agree(seed: int, m: int, wiggle: float) -> None:
+    """The first sample at which a pair is beyond its distance and moves that way, velocities given independently."""
+    rng = np.random.default_rng(seed)
+    n = 5
+    B, P = random_segment(rng, n, m, wiggle), random_segment(rng, n, m, 1.0)
+    radius = np.full(n, 2.0)
+    q, v = paths(B, GRID), paths(P, GRID)
+    offset, change = q[:, None] - q[:, :, None], v[:, None] - v[:, :, None]
+    distance, rate = np.linalg.norm(offset, axis=-1), (offset * change).sum(axis=-1)
+    near = distance[0] < 2.0
+    when, who = crossings(B, reach(B), near, np.ones((n, n), dtype=bool), radius, radius, False, 1e-13, P)
+    found = {tuple(pair): x for pair, x in zip(who.tolist(), when, strict=True)}
+    for i in range(n):
+        for j in range(i + 1, n):
+            sign = 1.0 if near[i, j] else -1.0
+            beyond = (sign * (distance[:, i, j] - 2.0) > 1e-9) & (sign * rate[:, i, j] > 1e-9)
+            x = found.get((i, j), NEVER)
+            if beyond.any():
+                assert x <= GRID[np.argmax(beyond)] + 1e-12
+            if x <= 1.0:
+                at, moving = paths(B, np.array([x]))[0], paths(P, np.array([x]))[0]
+                d, w = at[j] - at[i], moving[j] - moving[i]
+                assert sign * (np.linalg.norm(d) - 2.0) > -1e-9
+                assert sign * (d @ w) > -1e-9
 
 
 @given(st.integers(0, 10_000), st.sampled_from([1, 2, 3]), st.sampled_from([0.05, 1.0]))

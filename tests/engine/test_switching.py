@@ -144,3 +144,17 @@ def test_a_link_that_appears_with_infinite_energy_is_told() -> None:
     assert error.value.time == pytest.approx(0.5, abs=1e-6)
     assert error.value.run is not None
     assert error.value.run.switches["kind"].tolist() == ["appear"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [14, 18, 22, 24, 38])
+def test_pairs_that_creep_past_their_distance_switch_only_the_way_they_move(seed: int) -> None:
+    """They do so slower than the positions of a step err: by these alone they would go to and fro, and seem to slide."""
+    from flocking.papers import olfati_saber_2003
+
+    run = fk.simulate(olfati_saber_2003.scenarios()["olfati-saber-2003-smooth"](seed), progress=False)
+    assert run.finished
+    speeds, breaks = run.switches["speed"], run.switches["kind"] == "break"
+    assert breaks.any()
+    assert (speeds[breaks] >= 0).all()
+    assert (speeds[~breaks] <= 0).all()

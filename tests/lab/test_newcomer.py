@@ -26,7 +26,7 @@ def lab(tmp_path):
         [Path(sys.executable).with_name("flocking"), "lab", "--no-browser", "--port", str(port)], cwd=tmp_path,
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
     )  # fmt: skip
-    end = time.monotonic() + 60
+    end = time.monotonic() + 600
     while not answers("127.0.0.1", port):
         assert started.poll() is None, started.stdout.read()
         assert time.monotonic() < end, "the lab did not open"

@@ -194,7 +194,7 @@ class ExactSession:
         for _ in range(RETRIES):
             interruption.check()
             whole = self._stepper.step(bound, longest)
-            where, crossings = self._links.next_crossings(whole, self.n, self.m)
+            where, crossings = self._links.next_crossings(whole, self.n, self.m, self._dynamics.order)
             segment = whole.cut(where) if crossings else whole
             lost = self._links.lost_link(crossings, self._dynamics.barriers)
             share = self._dynamics.allowed_share(segment, self._links)

@@ -23,6 +23,7 @@ FINEST = 1e-13
 
 _PRODUCT = np.array([[comb(7, a) * comb(7, b) / comb(14, a + b) for b in range(8)] for a in range(8)])
 _DEPTH = 80
+_RETRIES = 20
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
@@ -144,8 +145,52 @@ def reach(B: Array) -> Array:
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _value(g: Array, x: float) -> float:
+    """Value at x of the polynomial with Bernstein coefficients ``g``."""
+    work = g.copy()
+    for size in range(work.shape[0] - 1, 0, -1):
+        for k in range(size):
+            work[k] += x * (work[k + 1] - work[k])
+    return float(work[0])
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _first_above_from(g: Array, x: float) -> float:
+    """First place in [x, 1] at which the polynomial with Bernstein coefficients ``g`` exceeds zero, or `NEVER`."""
+    rest, work = np.empty_like(g), g.copy()
+    last = work.shape[0] - 1
+    for size in range(last, 0, -1):
+        rest[size] = work[size]
+        for k in range(size):
+            work[k] += x * (work[k + 1] - work[k])
+    rest[0] = work[0]
+    found = first_above(rest)
+    return x + found * (1.0 - x) if found <= 1.0 else NEVER
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _moving_so(square: Array, x: float, B: Array, P: Array, i: int, j: int, sign: float) -> float:
+    """First place from ``x`` on at which ``square`` is above zero and the pair moves apart, or, by ``sign``, closer."""
+    rate = np.zeros(15)
+    for a in range(8):
+        for b in range(8):
+            dot = 0.0
+            for k in range(B.shape[2]):
+                dot += (B[a, j, k] - B[a, i, k]) * (P[b, j, k] - P[b, i, k])
+            rate[a + b] += _PRODUCT[a, b] * sign * dot
+    for _ in range(_RETRIES):
+        if x > 1.0 or _value(rate, x) >= 0.0:
+            return x
+        x = _first_above_from(rate, x)
+        if x > 1.0 or _value(square, x) > 0.0:
+            return x
+        x = _first_above_from(square, x)
+    return NEVER
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def crossings(
-    B: Array, far: Array, near: Any, active: Any, enter: Array, leave: Array, directed: bool, slack: float
+    B: Array, far: Array, near: Any, active: Any, enter: Array, leave: Array, directed: bool, slack: float, P: Array
 ) -> tuple[Array, Any]:
     """First crossing of every pair that crosses its distance on the segment.
 
@@ -166,6 +211,10 @@ def crossings(
         Whether (i, j) and (j, i) cross on their own.
     slack
         Overshoot in distance that counts as a crossing; covers rounding.
+    P
+        Bernstein coefficients of the velocities, shape (8, N, m), or (8, 0, m) where the agents have none. A pair
+        that crosses by the positions while its velocities point the other way has crossed by the error of the
+        positions alone, and does so only where its velocities agree.
 
     Returns
     -------
@@ -200,6 +249,8 @@ def crossings(
                 square *= -1.0
                 square += max(level - slack, 0.0) ** 2
             x = first_above(square)
+            if x <= 1.0 and P.shape[1]:
+                x = _moving_so(square, x, B, P, i, j, 1.0 if near[i, j] else -1.0)
             if x <= 1.0:
                 if count == when.shape[0]:
                     when = np.concatenate((when, np.empty(count)))

@@ -214,9 +214,20 @@ class LinkState:
             return "kink"
         return "break" if self.near[number][i, j] else "appear"
 
-    def next_crossings(self, segment: Segment, n: int, m: int) -> tuple[float, list[Crossing]]:
-        """Earliest crossing on a segment as a fraction of it, with all crossings of that instant; 2.0 when none."""
+    def next_crossings(self, segment: Segment, n: int, m: int, order: int) -> tuple[float, list[Crossing]]:
+        """Earliest crossing on a segment as a fraction of it, with all crossings of that instant; 2.0 when none.
+
+        Parameters
+        ----------
+        segment
+            The segment.
+        n, m
+            Numbers of agents and axes.
+        order
+            Order of the agents: only those of order 2 have velocities.
+        """
         B = segment.coefficients[:, : n * m].reshape(-1, n, m)
+        P = segment.coefficients[:, n * m : 2 * n * m].reshape(-1, n, m) if order == 2 else B[:, :0]
         far = reach(B)
         found: list[tuple[int, Array, NDArray[np.integer[Any]]]] = []
         size = float(np.abs(B).max(initial=0.0))
@@ -227,7 +238,7 @@ class LinkState:
                 if len(when):
                     found.append((number, when, who))
                 continue
-            when, who = crossings(B, far, self.near[number], active, watch.enter, watch.leave, directed, slack)
+            when, who = crossings(B, far, self.near[number], active, watch.enter, watch.leave, directed, slack, P)
             if len(when):
                 found.append((number, when, who))
         if self.encounters.levels:

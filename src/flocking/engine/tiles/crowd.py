@@ -14,7 +14,7 @@ import numpy as np
 
 from flocking.engine.tiles.cells import Sorter
 from flocking.engine.tiles.crowd_memory import CrowdMemory
-from flocking.engine.tiles.crowding import certain_pairs, expected_pairs
+from flocking.engine.tiles.crowding import Room
 from flocking.engine.tiles.kernels import tile_kernels
 from flocking.engine.tiles.lists import (
     LINKED,
@@ -22,7 +22,6 @@ from flocking.engine.tiles.lists import (
     WIDTH,
     ListBuilder,
     TileLists,
-    TooManyNeighboursError,
     fixed_lists,
 )
 from flocking.engine.tiles.measures import cutoffs_of, extremes_of, fastest, sensed_offsets, strayed_squares
@@ -37,8 +36,6 @@ from flocking.engine.tiles.threads import Workers
 from flocking.model.law import Scenario
 from flocking.model.state import State
 
-ENTRY_BYTES = 4.0
-"""Memory of one neighbour in a list."""
 CERTAIN = 0.999
 """Share of half the skin that may be used up; the rest covers rounding."""
 
@@ -119,6 +116,7 @@ class Crowd:
         self.moving = any(not kind.fixed for kind in self.spec.graphs)
         self.cutoffs = cutoffs_of(self.graphs, self.spec)
         self.sorter = Sorter(n if self.moving else 1, self.workers)
+        self.room = Room(memory_limit)
         self.builders = [ListBuilder(n, memory_limit, self.workers) for _ in self.graphs]
         self.limits, self.each, self.edges = [], [], []
         for graph, kind in zip(self.graphs, self.spec.graphs, strict=True):
@@ -210,6 +208,12 @@ class Crowd:
         if not self.usable():
             self.rebuild(step)
 
+    def _reaches(self) -> list[float]:
+        """Distance within which every agent certainly lists another, of each moving graph."""
+        kinds = enumerate(self.spec.graphs)
+        return [float(np.sqrt(self.each[k][: self.n].min())) if kind.uneven else self.cutoffs[k]
+                for k, kind in kinds if not kind.fixed]  # fmt: skip
+
     def _sort(self, step: float, skin: float | None) -> None:
         """Sort the agents into cells for the skin that is given, wanted or best at the speed they have now."""
         cutoff, sorter = max(self.cutoffs), self.sorter
@@ -217,31 +221,16 @@ class Crowd:
         given = skin if skin is not None else self.skin_wanted
         guess = float(given if given is not None else self.skin or FIRST_SKIN * cutoff)
         sorter.sort(self.agents, seen, cutoff + guess)
-        self._require_room()
+        self.room.check(sorter.crowding, self.agents[: self.n, : self.m], self._reaches)
         if given is None:
             guess, sorted_for = best_skin(self.agents, sorter, cutoff, 2.0 * self.top_speed * step / CERTAIN), guess
             if not 0.9 * (cutoff + sorted_for) <= cutoff + guess <= cutoff + sorted_for:
                 sorter.sort(self.agents, seen, cutoff + guess)
-                self._require_room()
+                self.room.check(sorter.crowding, self.agents[: self.n, : self.m], self._reaches)
         self.skin = guess
         self.C[:] = seen.velocity
         farthest = max(float(np.abs(seen.low).max()), float(np.abs(seen.high).max()))
         self._rounding = 4.0 * float(np.finfo(self.dtype).eps) * farthest
-
-    def _require_room(self) -> None:
-        limit, m = self.builders[0].memory_limit, self.m
-        expected = ENTRY_BYTES * expected_pairs(self.sorter.crowding, self.n, m)
-        if expected < max(0.5 * limit, 1.1 * self._room_seen):
-            return
-        self._room_seen = expected
-        q = self.agents[: self.n, :m].astype(np.float64)
-        for number, kind in enumerate(self.spec.graphs):
-            if kind.fixed:
-                continue
-            reach = float(np.sqrt(self.each[number][: self.n].min())) if kind.uneven else self.cutoffs[number]
-            least = ENTRY_BYTES * certain_pairs(q, reach) if reach > 0 else 0.0
-            if least > limit:
-                raise TooManyNeighboursError(least)
 
     def rebuild(self, step: float, skin: float | None = None) -> None:
         """Sort the agents and build all lists anew, keeping the memory of links.
@@ -294,7 +283,6 @@ class Crowd:
         self.rebuilds += 1
 
     _rounding = 0.0
-    _room_seen = 0.0
 
     def _build_fixed(self) -> None:
         place = None

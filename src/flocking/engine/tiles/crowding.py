@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+
+from flocking.engine.tiles.lists import TooManyNeighboursError
 
 PARTS = {1: 32, 2: 8, 3: 5}
 """Parts of the reach that make the width of a box, by dimension: narrower boxes tell more and take longer."""
@@ -13,6 +16,51 @@ PARTS = {1: 32, 2: 8, 3: 5}
 
 BALL_SHARE = {1: 2.0 / 3.0, 2: np.pi / 9.0, 3: 4.0 / 3.0 * np.pi / 27.0}
 """Share of a cell and those around it that lies within one width of a point, by dimension."""
+
+
+ENTRY_BYTES = 4.0
+"""Memory of one neighbour in a list."""
+
+
+class Room:
+    """Refuses lists that cannot fit, before any pair is looked at.
+
+    Parameters
+    ----------
+    memory_limit
+        Largest size of the lists of a graph in bytes.
+    """
+
+    def __init__(self, memory_limit: float) -> None:
+        self._limit = memory_limit
+        self._passed = 0.0
+
+    def check(self, crowding: float, q: Any, reaches: Callable[[], Sequence[float]]) -> None:
+        """Check that lists may fit; agents that were found to fit are counted again when they are crowded more.
+
+        Parameters
+        ----------
+        crowding
+            What the sort has found.
+        q
+            Positions, shape (N, m).
+        reaches
+            Gives the distance within which every agent lists another, for each graph.
+
+        Raises
+        ------
+        TooManyNeighboursError
+            When the lists of a graph would exceed the limit.
+        """
+        expected = ENTRY_BYTES * expected_pairs(crowding, *q.shape)
+        if expected < max(0.5 * self._limit, 1.1 * self._passed):
+            return
+        places = q.astype(np.float64)
+        for reach in reaches():
+            least = ENTRY_BYTES * certain_pairs(places, reach) if reach > 0 else 0.0
+            if least > self._limit:
+                raise TooManyNeighboursError(least)
+        self._passed = expected
 
 
 def expected_pairs(crowding: float, n: int, m: int) -> float:
