@@ -149,7 +149,7 @@ def test_a_link_that_appears_with_infinite_energy_is_told() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [14, 18, 22, 24, 38])
 def test_pairs_that_creep_past_their_distance_switch_only_the_way_they_move(seed: int) -> None:
-    """They do so slower than the positions of a step err: by these alone they would go to and fro, and seem to slide."""
+    """They do so slower than the positions of a step err, by which alone they would go to and fro and seem to slide."""
     from flocking.papers import olfati_saber_2003
 
     run = fk.simulate(olfati_saber_2003.scenarios()["olfati-saber-2003-smooth"](seed), progress=False)

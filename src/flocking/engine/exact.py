@@ -11,6 +11,7 @@ import numpy as np
 from flocking.engine import interruption
 from flocking.engine.barriers import Books, jumps_barrier
 from flocking.engine.dynamics import LEDGER, Dynamics
+from flocking.engine.exact_failures import infinite_at_once, link_lost, sliding
 from flocking.engine.jump_times import JumpTimes
 from flocking.engine.origin import may_have, momentum, origin_of
 from flocking.engine.plants import known_plant
@@ -25,7 +26,7 @@ from flocking.engine.solution_error import SolutionError
 from flocking.engine.stepper import Stepper, StepperMemory
 from flocking.engine.switch_records import write_switch
 from flocking.engine.switching import Crossing, LinkState
-from flocking.errors import Chattering, InvalidInput, LinkLost, NotFinite, SimulationError
+from flocking.errors import InvalidInput, NotFinite, SimulationError
 from flocking.model.checks import Array
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
@@ -205,11 +206,7 @@ class ExactSession:
                 break
             self._stepper.recall(before)
         if lost is not None:
-            raise LinkLost(
-                "A link whose potential is infinite at the break radius reached it. "
-                "The energy of the start is not finite or the tolerance is too coarse; lower Scenario.tolerance.",
-                time=self._origin.time_at(before.t), agents=lost,
-            )  # fmt: skip
+            raise link_lost(self._origin.time_at(before.t), lost)
         return segment, crossings
 
     def _jumps_barrier(self, segment: Segment) -> bool:
@@ -254,13 +251,7 @@ class ExactSession:
             found = write_switch(self.recorder, crossing, self._segment, q, p, self._links, self._error, self._origin)
             chattering = found or chattering
             self._links.apply(crossing)
-        error: SimulationError | None = None
-        if chattering:
-            error = Chattering(
-                "A pair crosses the same distance to and fro and does not leave it (a Filippov sliding mode). "
-                "Use Hysteresis with a gap, or a potential that vanishes smoothly at the radius.",
-                time=self.time, agents=chattering,
-            )  # fmt: skip
+        error: SimulationError | None = sliding(self.time, chattering) if chattering else None
         try:
             self._dynamics.relink(self._links)
         except InvalidInput as reason:
@@ -273,11 +264,7 @@ class ExactSession:
             if not np.isfinite(self.energy) or any(
                 self._links.meets_barrier(c, self._dynamics.barriers) for c in crossings
             ):
-                i, j = crossings[0].pairs[0]
-                error = NotFinite(
-                    "A link appeared where its potential is infinite. Use Hysteresis with a gap.",
-                    time=self.time, agents=(int(i), int(j)),
-                )  # fmt: skip
+                error = infinite_at_once(self.time, tuple(map(int, crossings[0].pairs[0])))
             self.jumped += self.energy - before
             self._record_trace()
         self._stepper.restart(t, np.array(y))
