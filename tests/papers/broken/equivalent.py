@@ -12,6 +12,7 @@ ANY_LENGTH = "numpy reads every negative length as the one that fits"
 NO_HEADINGS = "the count serves only where there are no headings, which is refused"
 GRID = "a wider bracket holds the maximum too, and the largest slope of the grid is taken besides"
 EQUAL_MASSES = "equal masses give the same mean, whatever they are"
+ONE_END = "what holds at one end is the same whether distances end at R or go on"
 RULES: tuple[tuple[str, str, str], ...] = (
     ("nets.adjacency", "index: [(i, j)] turned round", SYMMETRIC_GAP),
     ("nets._matrix", "sign: minus matrix", "algebraic_connectivity passes its matrix through _matrix twice"),
@@ -53,6 +54,7 @@ RULES: tuple[tuple[str, str, str], ...] = (
     ("diagrams._neighbours", "True for False in a keyword", "the agents of Fig. 1 are at rest and have no arrows"),
     ("reference._pair_values", "in np.where(r > 0", "the direction of a pair at one place is 0, whatever divides it"),
     ("Obstacle.geometry", "swap: arguments of zip(normals, p", "the factors of a scalar product may change places"),
+    *(("check_potential", f"in judge.{name}(", ONE_END) for name in ("at_zero", "at_radius", "increasing", "unbounded")),
 )
 """Function, words of the fault, and why it changes nothing."""
 

@@ -88,6 +88,10 @@ def definitions():
             assert definition.key == key
             assert tuple(row.name for row in definition.rows) == names
             assert tuple(row.holds for row in definition.rows) == verdicts(wanted), (psi, key)
+    # Real below R alone, and so not on all r > 0.
+    part = check_potential("1/r + sqrt(4 - r)", radius=3.0, definition="tanner-2003-fixed")
+    assert part.rows[0].holds
+    assert not part.definitions[0].rows[0].holds
     only = check_potential(tanner, definition="zhou-2015").definitions
     assert [d.key for d in only] == ["zhou-2015"]
     assert "r = 1" in check_potential("1/r**2 + log(r**2)").rows[1].explanation
