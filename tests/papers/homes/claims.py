@@ -142,13 +142,53 @@ def shi(key: str) -> None:
                 assert_allclose(margin, 1e-3 * steady - 0.1, rtol=1e-6)
 
 
+TANNER = {
+    "energy": ("(9)", "(10)", "ledger_residual", ""),
+    "energy-continuous": ("", "(6)", "energy_continuous", ""),
+    "energy-falls": ("(8)-(9)", "(10)", "energy_rise", ""),
+    "connected": ("", "Assumption VI.1", "stays_connected", "starts"),
+    "transversal": ("", "sec. VI", "crossings_transversal", ""),
+    "velocities-agree": ("Theorem IV.4", "Theorem VI.2", "velocities_agree", "connected"),
+    "distances-settle": ("", "sec. I", "distances_settle", "connected"),
+    "linked-apart": ("Theorem IV.4", "", "linked_apart", "connected"),
+    "all-apart": ("see Remark IV.5", "Theorem VI.2", "all_apart", ""),
+    "apart-by": ("", "Theorem VI.2", "kept_apart", ""),
+    "stationary": ("Theorem IV.4", "Theorem VI.2", "forces_vanish", "connected"),
+    "minimal": ("Theorem IV.4", "Theorem VI.2", "agents_at_their_minimum", "connected"),
+    "local-minimum": ("Theorem IV.4", "Theorem VI.2", "potential_is_minimal", "connected"),
+    "switching-stops": ("", "after (11)", "switching_stops", "connected"),
+    "links-kept": ("", "not stated", "no_link_lost", ""),
+    "speed-bound": ("after (6)", "after (6)", "", ""),
+    "distance-bound": ("after (6)", "after (6)", "distances_bounded", "connected"),
+    "momentum": ("not stated", "not stated", "momentum_drift", ""),
+}
+"""Where Tanner I and II say it, what measures it, and of which graphs it is said."""
+
+
 def tanner(key: str) -> None:
-    """The bound sqrt(2 c) that follows from W or Q: printed as sqrt(c)."""
+    """What measures each claim, and the bound sqrt(2 c) that follows from W or Q: printed as sqrt(c)."""
     listed(key)
-    bound = {c.key: c for c in paper(key).claims(key)}["speed-bound"]
+    moves = key == "tanner-2003-dynamic"
+    hypotheses = {"": "granted", "starts": "starts_connected",
+                  "connected": "stays_connected" if moves else "starts_connected"}  # fmt: skip
     between = {"speed": SimpleNamespace(value=1.25, error=0.0, time=0.5)}
     seen = SimpleNamespace(trace={"energy": np.array([3.0])}, speeds=np.array([[1.0]]), largest=between.get)
-    assert_allclose(bound.conclusion(seen).margin, math.sqrt(6.0) - 1.25, rtol=1e-12)  # type: ignore[arg-type]
+    for name in paper(key).scenarios():
+        for claim in paper(key).claims(name):
+            *sources, measure, graphs = TANNER[claim.key]
+            source = sources[moves]
+            if claim.key == "all-apart" and not moves:
+                # Of linked agents alone it is Theorem IV.4 that speaks; all are linked where the graph is complete.
+                complete = name.endswith("complete")
+                source = source.removeprefix("see ") if complete else source
+                measure = measure if complete else "unlinked_keep_distance"
+            assert claim.source == source
+            assert claim.hypothesis.__name__ == hypotheses[graphs]
+            if claim.key == "speed-bound":
+                found = claim.conclusion(seen)  # type: ignore[arg-type]
+                assert_allclose(found.margin, math.sqrt(6.0) - 1.25, rtol=1e-12)
+            else:
+                assert claim.conclusion.__name__ == measure
 
 
 HOMES: dict[str, Callable[[], None]] = {
