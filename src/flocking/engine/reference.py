@@ -197,8 +197,6 @@ def obstacles_met(
 
 
 def _functional(law: Law, number: int, pairs: tuple[Any, Any], n: int) -> Array | None:
-    if not any(getattr(t, "functional", False) for t in law.pair_terms):
-        return None
     from flocking.model.functionals import graph_functional
 
     links = np.zeros((n, n), dtype=bool)
