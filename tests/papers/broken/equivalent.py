@@ -45,7 +45,7 @@ RULES: tuple[tuple[str, str, str], ...] = (
         "the times of the snapshots are among the even times that a scenario has by itself",
     ),
     ("tanner_2003_dynamic.pictures.times", "SNAPSHOT_TIMES = with 0.05 at 0", "the first time is left out"),
-    ("theorems.longest_path", "50", "the upper end of the bracket need only lie beyond the root"),
+    ("theorems.longest_path", "for 50 in", "the upper end of the bracket need only lie beyond the root"),
     ("Equilibrium.force_scale", "without minlength", "agents without links add nothing to a maximum"),
     ("Equilibrium.force_scale", "without initial", "the array has an entry for each agent"),
     ("Equilibrium._look", "in np.where(self.r > 0", "the direction of a pair at one place is 0, whatever divides it"),

@@ -74,7 +74,7 @@ def dynamic_scenario():
 
 def longest_path():
     potential = fixed.potential()
-    for links, c in ((9, 2.0), (1, 1.5), (4, 6.0), (3, 30.0), (2, 1.0001)):
+    for links, c in ((9, 2.0), (1, 1.5), (4, 6.0), (3, 30.0), (2, 45.0), (2, 1.0001)):
         # V(s) = c on the branch where V rises.
         low, high = 1.0, math.exp(c)
         for _ in range(200):
