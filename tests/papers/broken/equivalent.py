@@ -54,7 +54,11 @@ RULES: tuple[tuple[str, str, str], ...] = (
     ("diagrams._neighbours", "True for False in a keyword", "the agents of Fig. 1 are at rest and have no arrows"),
     ("reference._pair_values", "in np.where(r > 0", "the direction of a pair at one place is 0, whatever divides it"),
     ("Obstacle.geometry", "swap: arguments of zip(normals, p", "the factors of a scalar product may change places"),
-    *(("check_potential", f"in judge.{name}(", ONE_END) for name in ("at_zero", "at_radius", "increasing", "unbounded")),
+    *(
+        ("check_potential", f"in judge.{name}(", ONE_END)
+        for name in ("at_zero", "at_radius", "increasing", "unbounded")
+    ),
+    ("zhou_2015.system.scenario", "without velocity_gain = ", "the paper's number is the default of the term"),
 )
 """Function, words of the fault, and why it changes nothing."""
 

@@ -192,6 +192,11 @@ def zhou_scenario():
         assert found.t_end == found.frame_times[-1] == 100.0
         early = [0.05 * k for k in range(241)]
         assert_allclose(found.frame_times, sorted({*np.round(early, 9), *np.arange(0, 100.5, 0.5)}), atol=1e-12)
+    # The first places drawn with seed 6 leave the graph in parts.
+    first = 8.0 * np.random.default_rng(6).random((10, 2))
+    assert not by_hand.connected(by_hand.close_pairs(first, 4.0))
+    assert_allclose(zhou.scenario(seed=6).start.q, by_hand.box_start(6)[0], rtol=1e-12)
+    assert_allclose(zhou.scenario().start.q, by_hand.box_start(0)[0], rtol=1e-12)
     short = zhou.scenario(seed=0, duration=1.23)
     assert (short.t_end, short.frame_times[-1], len(short.frame_times)) == (1.23, 1.23, 26)
     assert zhou.scenario(seed=5, side=6.0).start.q.max() <= 6.0
