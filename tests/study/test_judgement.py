@@ -32,7 +32,8 @@ def judged(verdicts: str, of: Claim, counterexample: str = "") -> Judgement:
 @pytest.mark.parametrize(
     ("verdicts", "found"),
     [("hhhhh", "holds"), ("hhhhhf", "fails"), ("hhhhy", "not yet"), ("hhhh?", "not resolved"), ("hhhhy?f", "fails"),
-     ("hhhhuuuu", "untested"), ("hhhhhuuuu", "holds")],
+     ("hhhhuuuu", "untested"), ("hhhhhuuuu", "holds"), ("hhhhhh??yu", "holds"), ("hhhhh?f", "fails"),
+     ("hhhhuu??", "not resolved"), ("hhyyyy", "not yet"), ("??????", "not resolved")],
 )  # fmt: skip
 def test_of_a_statement_about_all_runs(verdicts: str, found: str) -> None:
     assert judged(verdicts, claim()).verdict == found
@@ -49,6 +50,7 @@ def test_one_counter_example_refutes_whatever_the_seeds_say() -> None:
         "met": 10,
         "decided": 10,
         "held": 10,
+        "not_resolved": 0,
         "not_yet": 0,
     }
     assert not judged("hhhhhhhhhh", refuted, "h").as_expected
@@ -75,3 +77,11 @@ def test_basis_and_expected_verdict_go_together() -> None:
         Claim("key", "source", "Statement.", lambda _: Measure(1.0), basis=Basis.PROOF)
     with pytest.raises(ValueError, match="counter-example"):
         claim(Basis.COUNTEREXAMPLE, Verdict.HOLDS)
+
+
+def test_what_is_asked_without_a_proof_is_open_while_one_run_is() -> None:
+    asked = claim(Basis.ASKED)
+    assert judged("hhhhhhhh?", asked).verdict == Verdict.NOT_RESOLVED
+    assert judged("hhhhhhhhy", asked).verdict == Verdict.NOT_YET
+    assert judged("hhhhhhhhu", asked).verdict == Verdict.HOLDS
+    assert judged("hhhhhhhh?", claim()).as_dict("p", "s")["seeds"]["not_resolved"] == 1

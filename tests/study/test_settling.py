@@ -112,6 +112,7 @@ def test_an_open_seed_neither_holds_nor_refutes() -> None:
         "met": 10,
         "decided": 9,
         "held": 9,
+        "not_resolved": 0,
         "not_yet": 1,
     }
 

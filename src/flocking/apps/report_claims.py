@@ -94,6 +94,7 @@ def _claim(name: str, j: Judgement) -> str:
     reason = f'<p class="dim">{escape(j.claim.reason)}</p>' if j.claim.reason else ""
     measured = f"; {escape(j.worst.note)}" if j.worst.note else ""
     waiting = f", not yet {j.waiting}" if j.waiting else ""
+    waiting += f", not resolved {j.unresolved}" if j.unresolved else ""
     return (
         f'<article class="claim {kind}{odd}" id="{escape(place_of(name, j))}">'
         f'<p><span class="verdict {kind}">{escape(verdict)}</span>{expected} {escape(j.claim.statement)} '

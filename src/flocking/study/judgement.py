@@ -57,6 +57,11 @@ class Judgement:
         return sum(r.verdict == Verdict.NOT_YET for r in self.results)
 
     @property
+    def unresolved(self) -> int:
+        """Seeds of which the numerical error, or what was recorded, leaves the claim open."""
+        return sum(r.verdict == Verdict.NOT_RESOLVED for r in self.results)
+
+    @property
     def decided(self) -> int:
         """Seeds for which it holds or fails."""
         return sum(r.verdict in DECIDED for r in self.results)
@@ -74,7 +79,9 @@ class Judgement:
         """What the runs come to.
 
         A statement about all runs fails by one run, a counter-example or one of the seeds, and is untested when fewer
-        than five seeds meet its hypothesis. An observation is neither: it has a `rate`.
+        than five seeds meet its hypothesis. Runs that leave it open say nothing for or against a statement that is
+        proved: where five decide it, theirs is the verdict, and the others are counted beside it. Of what is asked
+        without a proof, each must be decided. An observation is neither: it has a `rate`.
         """
         if self.counterexample is not None and self.counterexample.verdict == Verdict.FAILS:
             return Verdict.FAILS
@@ -85,8 +92,11 @@ class Judgement:
             return Verdict.OBSERVED if self.decided >= FEWEST_SEEDS else Verdict.UNTESTED
         if self.met < FEWEST_SEEDS:
             return Verdict.UNTESTED
-        least_sure = (Verdict.FAILS, Verdict.NOT_RESOLVED, Verdict.NOT_YET)
-        return next((v for v in least_sure if v in found), Verdict.HOLDS)
+        if Verdict.FAILS in found:
+            return Verdict.FAILS
+        if self.decided == self.met or (self.decided >= FEWEST_SEEDS and self.claim.basis is not Basis.ASKED):
+            return Verdict.HOLDS
+        return Verdict.NOT_RESOLVED if Verdict.NOT_RESOLVED in found else Verdict.NOT_YET
 
     @property
     def worst(self) -> Result:
@@ -135,6 +145,7 @@ class Judgement:
                 "met": self.met,
                 "decided": self.decided,
                 "held": self.held,
+                "not_resolved": self.unresolved,
                 "not_yet": self.waiting,
             },
             "rate": {"held": finite(share), "low": finite(low), "high": finite(high), "level": 0.95},
