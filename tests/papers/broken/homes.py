@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import ast
 import dataclasses
-import dis
 import importlib
 import inspect
 import re
 import sys
 import textwrap
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property
 from types import CodeType, FunctionType, ModuleType
@@ -19,7 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from tests.papers.broken.edits import LARGE, ROUNDING, SMALL, Edit, edits_of, edits_of_defaults, raising
+from tests.papers.broken.content import LARGE, ROUNDING, SMALL
+from tests.papers.broken.edits import Edit, edits_of, edits_of_defaults, raising
 
 LIMITS = re.compile(r"^(PAGE|COLUMN|MOST_\w+|LAST_FIGURE)$")
 """Names of sizes of pages, and of limits beyond which a function refuses."""
@@ -215,65 +214,6 @@ def _names(code: CodeType) -> set[str]:
     return set(code.co_names).union(*map(_names, inner))
 
 
-def codes_of(parts: list[Part]) -> set[CodeType]:
-    def all_of(code: CodeType) -> Iterator[CodeType]:
-        yield code
-        for c in code.co_consts:
-            if isinstance(c, CodeType):
-                yield from all_of(c)
-
-    return {c for p in parts for c in all_of(p.function.__code__)}
-
-
-@contextmanager
-def traced(parts: list[Part]) -> Iterator[set[tuple[str, Any]]]:
-    """Places in the home that run inside: file, first and last line and column of every instruction."""
-    codes, lines = codes_of(parts), set()
-    steps: dict[CodeType, set[int]] = {}
-    defaults = {p.function.__code__: _defaults(p.function) for p in parts}
-
-    def local(frame: Any, event: str, _: Any) -> Any:
-        if event == "opcode":
-            steps.setdefault(frame.f_code, set()).add(frame.f_lasti)
-        return local
-
-    def start(frame: Any, event: str, _: Any) -> Any:
-        if frame.f_code in codes:
-            for name in defaults.get(frame.f_code, {}).items():
-                if frame.f_locals.get(name[0], lines) is name[1]:
-                    lines.add((f"{frame.f_code.co_filename} {frame.f_code.co_qualname} {name[0]}", 0))
-            frame.f_trace_opcodes = True
-            return local
-        return None
-
-    before = sys.gettrace()
-    sys.settrace(start)
-    try:
-        yield lines
-    finally:
-        sys.settrace(before)
-        for code, offsets in steps.items():
-            places = list(code.co_positions())
-            for offset in offsets:
-                line, end, column, last = places[offset // 2]
-                if line is not None and column is not None:
-                    constant = code.co_code[offset] == dis.opmap["LOAD_CONST"]
-                    constant = constant and not isinstance(code.co_consts[_argument(code, offset)], CodeType)
-                    lines.add((code.co_filename, ((line, column), (end, last), constant)))
-
-
-def _argument(code: CodeType, offset: int) -> int:
-    """Argument of an instruction, with the extension before it."""
-    extended = offset >= 2 and code.co_code[offset - 2] == dis.EXTENDED_ARG
-    return code.co_code[offset + 1] + (code.co_code[offset - 1] << 8 if extended else 0)
-
-
-def _defaults(function: FunctionType) -> dict[str, Any]:
-    given = function.__defaults__ or ()
-    names = function.__code__.co_varnames[: function.__code__.co_argcount]
-    return {**dict(zip(names[len(names) - len(given) :], given, strict=True)), **(function.__kwdefaults__ or {})}
-
-
 def _runs(span: Any, ran: list[Any]) -> bool:
     """Whether an instruction lies within these places, or loads a constant put together from them and more."""
     begin, end = span
@@ -391,7 +331,8 @@ def _off(value: Any) -> list[tuple[Any, str]]:
     if isinstance(value, float) and 0 < abs(value) <= ROUNDING:
         return [(1.0, f"1 for {value:.6g}")]
     if isinstance(value, float):
-        return [(value * f, f"{value * f:.6g} for {value:.6g}") for f in (SMALL, LARGE)]
+        others = (value * SMALL, value * LARGE) if value else (0.05, 1.0)
+        return [(other, f"{other:.6g} for {value:.6g}") for other in others]
     if isinstance(value, tuple) and not all(isinstance(x, int | float) for x in value):
         return []
     numbers = np.array(value, dtype=float)

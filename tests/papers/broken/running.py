@@ -21,7 +21,8 @@ from typing import Any
 
 from flocking.study.equations import Row
 from tests.papers.broken.equivalent import reason
-from tests.papers.broken.homes import Mutant, Part, mutants_of, names_of, parts_of, traced
+from tests.papers.broken.homes import Mutant, Part, mutants_of, names_of, parts_of
+from tests.papers.broken.tracing import traced
 from tests.papers.homes import HOMES
 from tests.papers.rows import ROWS, identity, statement
 
@@ -76,7 +77,7 @@ class Sound:
     run
         Runs it.
     places
-        What of the home it runs, see `tests.papers.broken.homes.traced`.
+        What of the home it runs, see `tests.papers.broken.tracing.traced`.
     known
         Keys of the faults at these places.
     seconds
