@@ -22,6 +22,7 @@ class Client:
 
     def __init__(self, address: str, pause: float = 0.0) -> None:
         self.address, self.pause = address.replace("http", "ws"), pause
+        self.origin = address.rsplit("/", 2)[0]
         self.bytes = self.messages = 0
         self.last = 0.0
         self._stop = threading.Event()
@@ -34,7 +35,12 @@ class Client:
 
         protocol = f"viser-v{viser.__version__}"
         async with websockets.connect(
-            self.address, max_size=None, subprotocols=[protocol], compression=None, ping_interval=None
+            self.address,
+            origin=self.origin,
+            max_size=None,
+            subprotocols=[protocol],
+            compression=None,
+            ping_interval=None,
         ) as socket:
             while not self._stop.is_set():
                 with contextlib.suppress(TimeoutError):

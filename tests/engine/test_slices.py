@@ -73,7 +73,12 @@ def test_single_short_steps_are_no_collapse():
     for k in range(4 * RECENT):
         lengths.add(1e-12 if k % 10 else 0.1)
     assert lengths.shrunk_to is None
+    assert lengths.usual
     for _ in range(RECENT):
+        lengths.add(1e-5)
+    assert not lengths.usual
+    for _ in range(RECENT):
+        assert lengths.shrunk_to is None
         lengths.add(1e-12)
     assert lengths.shrunk_to == 1e-12
     lengths.add(0.1)

@@ -45,6 +45,7 @@ def test_it_loads_plays_pauses_and_steps(page, tab):
     now = page.experiment.time
     tab.press("0.1")
     wait(lambda: page.experiment.time > now, "a step is made")
+    wait(lambda: not page.clock.running, "the step is made")
     assert page.experiment.time == pytest.approx(now + 0.1)
     tab.press("faster")
     wait(lambda: page.clock.speed == 2.0, "it runs faster")
@@ -224,7 +225,8 @@ def test_a_reload_and_a_second_tab_find_the_same_run(page, tab, browser):
 
 def test_a_lost_connection_comes_back(page, browser):
     with Wire(page.server.get_port()) as wire:
-        tab = Tab(browser, f"http://127.0.0.1:{wire.port}")
+        page._guarded.gate.ports.add(wire.port)
+        tab = Tab(browser, page.address.replace(str(page.server.get_port()), str(wire.port)))
         tab.press("Play")
         wait(lambda: page.experiment.time > 0.2, "time runs")
         wire.cut()

@@ -88,7 +88,7 @@ def test_two_runs_are_compared(page, tab):
     wait(lambda: not page.clock.playing, "both stand still")
     page.clock.do(lambda: None)
     first, second = page.clock.experiments
-    assert first.time == second.time
+    wait(lambda: first.time == second.time, "both stand at one time")
     assert not np.array_equal(first.state.p, second.state.p)
     page.send({"kind": "set", "path": list(GAIN), "value": 0.7})
     page.clock.do(lambda: None)

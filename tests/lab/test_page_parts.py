@@ -101,7 +101,8 @@ def test_a_clock_plays_pauses_and_steps(clock):
     time.sleep(0.2)
     assert clock.frame.time == now
     clock.step(0.25)
-    wait(lambda: clock.frame.time > now)
+    wait(lambda: clock.frame.time > now and not clock.running)
+    clock.do(lambda: None)
     assert clock.frame.time == pytest.approx(now + 0.25)
 
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from flocking.engine import interruption
-from flocking.engine.barriers import Books, jumps_barrier
+from flocking.engine.barriers import Books
 from flocking.engine.dynamics import LEDGER, Dynamics
-from flocking.engine.exact_failures import infinite_at_once, link_lost, sliding
+from flocking.engine.exact_failures import infinite_at_once, sliding
 from flocking.engine.jump_times import JumpTimes
 from flocking.engine.origin import may_have, momentum, origin_of
 from flocking.engine.plants import known_plant
@@ -23,6 +23,7 @@ from flocking.engine.segment import Segment
 from flocking.engine.shrinking import Shrunk, StepLengths
 from flocking.engine.snapshot import Snapshot as Snapshot
 from flocking.engine.solution_error import SolutionError
+from flocking.engine.step_search import found_step
 from flocking.engine.stepper import Stepper, StepperMemory
 from flocking.engine.switch_records import write_switch
 from flocking.engine.switching import Crossing, LinkState
@@ -30,9 +31,6 @@ from flocking.errors import InvalidInput, NotFinite, SimulationError
 from flocking.model.checks import Array
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
-
-RETRIES = 30
-"""How often a step that cannot be right is retried, four times smaller each time."""
 
 
 class ExactSession:
@@ -136,6 +134,11 @@ class ExactSession:
         step = self._lengths.shrunk_to
         return None if step is None else Shrunk(step, self._stepper.strained)
 
+    @property
+    def steady(self) -> bool:
+        """Whether the last steps were about as long as those before, so that this is a moment to come back to."""
+        return self._lengths.usual and self._lengths.shrunk_to is None
+
     def advance(self, to: float, seconds: float = np.inf) -> None:
         """Go on until time ``to``, or for ``seconds`` of wall time. Where steps fall depends on neither.
 
@@ -177,7 +180,9 @@ class ExactSession:
     def _take_step(self) -> None:
         before, known = self._stepper.memory, self._error.difference
         try:
-            segment, pending = self._found_step(before)
+            bound = self._jumps.bound(self._segment.t1, self._origin.own_time(self.scenario.t_end))
+            books = Books(self._tail, self.energy, self.kinetic) if self.plant is None else None
+            segment, pending = found_step(self._stepper, self._links, self._dynamics, bound, books)
             self._precision.check(segment.t1, segment.coefficients[-1])
             self._error.follow(segment)
         except BaseException:
@@ -187,32 +192,6 @@ class ExactSession:
         self._segment, self._pending = segment, pending
         self._lengths.add(segment.t1 - segment.t0)
         self.steps += 1
-
-    def _found_step(self, before: StepperMemory) -> tuple[Segment, list[Crossing]]:
-        """The next segment, up to the first crossing, with what crosses at its end."""
-        bound = self._jumps.bound(self._segment.t1, self._origin.own_time(self.scenario.t_end))
-        longest = np.inf
-        for _ in range(RETRIES):
-            interruption.check()
-            whole = self._stepper.step(bound, longest)
-            where, crossings = self._links.next_crossings(whole, self.n, self.m, self._dynamics.order)
-            segment = whole.cut(where) if crossings else whole
-            lost = self._links.lost_link(crossings, self._dynamics.barriers)
-            share = self._dynamics.allowed_share(segment, self._links)
-            if lost is None and share >= 1 and not self._jumps_barrier(segment):
-                break
-            longest = (segment.t1 - segment.t0) * (share if share < 1 else 0.25)
-            if longest <= 64 * np.finfo(float).eps * max(1.0, abs(before.t)):
-                break
-            self._stepper.recall(before)
-        if lost is not None:
-            raise link_lost(self._origin.time_at(before.t), lost)
-        return segment, crossings
-
-    def _jumps_barrier(self, segment: Segment) -> bool:
-        if self.plant is not None:
-            return False
-        return jumps_barrier(self._dynamics, segment, Books(self._tail, self.energy, self.kinetic))
 
     def _leave_segment(self) -> None:
         """Put the current segment on record and switch what crosses at its end."""

@@ -12,6 +12,9 @@ from flocking.model.checks import Array
 RECENT = 50
 """So many steps in a row must be short: a single one is cut by a crossing, or by the end of a run."""
 
+USUAL = 0.01
+"""The last steps are as usual while the longest of them is no shorter than this part of the mean of all."""
+
 TOO_MANY_STEPS = 1e9
 """Steps have shrunk where a whole scenario would take more of them than this."""
 
@@ -62,6 +65,7 @@ class StepLengths:
     def __init__(self, length: float) -> None:
         self._shortest = (length if length > 0 else 1.0) / TOO_MANY_STEPS
         self._last: deque[float] = deque(maxlen=RECENT)
+        self._sum, self._count = 0.0, 0
 
     def add(self, step: float) -> None:
         """Take in a step.
@@ -72,6 +76,13 @@ class StepLengths:
             Its length.
         """
         self._last.append(step)
+        self._sum += step
+        self._count += 1
+
+    @property
+    def usual(self) -> bool:
+        """Whether the last steps are about as long as those before: a run that collapses is not yet near its end."""
+        return len(self._last) < RECENT or max(self._last) >= USUAL * self._sum / self._count
 
     @property
     def shrunk_to(self) -> float | None:

@@ -41,7 +41,7 @@ class Banner:
 
         @self.toggle.on_click
         def _(_: Any) -> None:
-            (clock.pause if clock.playing else clock.play)()
+            (clock.pause if clock.running else clock.play)()
             self.refresh()
 
         self.go_back.on_click(lambda _: go_back())
@@ -49,7 +49,7 @@ class Banner:
 
     def refresh(self) -> None:
         """Show whether time runs."""
-        playing = self._clock.playing
+        playing = self._clock.running
         label = "Pause" if playing else "Play"
         if self.toggle.label != label:
             self.toggle.label = label
@@ -63,15 +63,17 @@ class Banner:
         if self._clock.playing and now - self._shown < REFRESH_SECONDS:
             return
         self._shown = now
-        failure = self._clock.frame.failure
+        failure, shrunk = self._clock.frame.failure, self._clock.frame.shrunk
         words = [f"<b>t = {frame.time:.4g}</b> &nbsp; {explained(self._scene.legend, self._scene.look.dark)}"]
         words += [f"<br>{_escaped(self._scene.note)}"] if self._scene.note else []
         words += [f"<br><b style='color:#d33'>Stopped: {_escaped(failure)}</b>"] if failure else []
+        if shrunk and not failure:
+            words += [f"<br><b style='color:#d33'>Hardly goes on: {_escaped(shrunk)}</b>"]
         text = f"<div style='{STYLE}'>{''.join(words)}</div>"
         if self.text.content != text:
             self.text.content = text
-        if self.go_back.visible != bool(failure):
-            self.go_back.visible = bool(failure)
+        if self.go_back.visible != bool(failure or shrunk):
+            self.go_back.visible = bool(failure or shrunk)
 
 
 def explained(legend: Legend, dark: bool) -> str:

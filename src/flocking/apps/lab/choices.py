@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from flocking.apps.lab.confinement import Folder
 from flocking.apps.lab.glyphs import spacing
 from flocking.apps.scenario_names import find_scenario, paper_scenarios
 from flocking.errors import InvalidInput
@@ -16,6 +17,9 @@ from flocking.model.law import Law, Scenario
 from flocking.model.potentials import Potential
 from flocking.model.state import State
 from flocking.model.terms import Consensus, Gradient
+from flocking.papers.showcases.files import TITLES
+from flocking.study.scenario_file import read_scenario
+from flocking.study.scenario_values import nearest
 
 FAVOURITES = ("olfati-saber-2003", "zhou-2015")
 MOST_FILES = 200
@@ -67,15 +71,29 @@ def first_choice() -> str:
     return next(iter(known))
 
 
-def library(folder: Path) -> tuple[str, ...]:
+def library(folder: Folder) -> tuple[str, ...]:
     """Names of all scenarios: the papers', crowds, and the scenario files and event logs of a folder."""
-    files = sorted(p.name for pattern in ("*.toml", "*.events.json") for p in folder.glob(pattern))
-    files = [name for name in files if name != "pyproject.toml"][:MOST_FILES]
-    return (*paper_scenarios(), *CROWDS, *files)
+    found = sorted(p.name for pattern in ("*.toml", "*.events.json") for p in folder.path.glob(pattern))
+    files = [name for name in found if name != "pyproject.toml" and folder.holds(name)]
+    return (*paper_scenarios(), *CROWDS, *files[:MOST_FILES])
 
 
-def scenario_of(name: str, folder: Path, seed: int | None = None) -> Scenario:
-    """The scenario with a name, or in a file.
+def is_built_in(name: str) -> bool:
+    """Whether a name is that of a scenario that comes with the library."""
+    return name in CROWDS or name in paper_scenarios() or name in TITLES
+
+
+def scenario_of(name: str, file: Path, seed: int | None = None) -> Scenario:
+    """The scenario with a name, or else in a file.
+
+    Parameters
+    ----------
+    name
+        Name that the page shows.
+    file
+        The file with that name; it is looked at only where the library has no such scenario.
+    seed
+        Seed of its random draws; its own, or 0, when absent.
 
     Raises
     ------
@@ -84,12 +102,10 @@ def scenario_of(name: str, folder: Path, seed: int | None = None) -> Scenario:
     """
     if name in CROWDS:
         return CROWDS[name](seed or 0)
-    inside = folder / name
-    if name.endswith(".toml"):
-        from flocking.study.scenario_file import read_scenario
-
-        path = inside if inside.exists() else Path(name)
-        if seed is None:
-            return read_scenario(path)
-        return read_scenario(path, seed=seed)
-    return find_scenario(name, seed, None)
+    if is_built_in(name):
+        return find_scenario(name, seed, None)
+    if file.suffix != ".toml" and not file.is_file():
+        known = (*paper_scenarios(), *CROWDS, *TITLES)
+        rule = "must be a name that 'flocking list' shows, or a TOML file"
+        raise InvalidInput("lab", "scenario", rule, name, nearest(name, known))
+    return read_scenario(file) if seed is None else read_scenario(file, seed=seed)

@@ -15,7 +15,7 @@ from flocking.model.state import State
 
 FRAME_SECONDS = 1 / 60
 LONGEST_SLICE = 0.05
-"""Wall seconds that one call of a session should take, so that whoever waits is served soon."""
+"""Wall seconds after which all sessions together stop at the end of a step, so that whoever waits is served soon."""
 
 KEEP_SECONDS = 2.0
 """How often a moment is kept to go back to."""
@@ -41,6 +41,8 @@ class Frame:
         When something was last done to each, and how often.
     failure
         Why the first that could not go on stands still; empty when all are well.
+    shrunk
+        That the steps of one have shrunk to nothing, and whose; empty when they have not.
     """
 
     number: int
@@ -51,6 +53,7 @@ class Frame:
     changed_at: tuple[float, ...]
     versions: tuple[int, ...]
     failure: str
+    shrunk: str
 
 
 class Clock:
@@ -65,9 +68,11 @@ class Clock:
     """
 
     def __init__(self, experiments: Sequence[Experiment], speed: float = 1.0) -> None:
+        self._target: float | None = None
         self.experiments = list(experiments)
         self.speed = speed
         self.playing = False
+        self._goal: float | None = None
         self.reached = 0.0
         """Simulated time per second that is really reached while playing."""
         self.complaint: Callable[[str], None] = lambda _: None
@@ -78,8 +83,18 @@ class Clock:
         self._pace = 0.0
         self._frame_ready = threading.Condition()
         self._generation = 0
+        self._shown = 0.0
         self.frame = self._look()
         self._thread = threading.Thread(target=self._run, name="flocking-lab-clock", daemon=True)
+
+    @property
+    def experiments(self) -> list[Experiment]:
+        """The experiments; putting others in their place, or the same anew, forgets where they were to go."""
+        return self._experiments
+
+    @experiments.setter
+    def experiments(self, experiments: list[Experiment]) -> None:
+        self._experiments, self._target = experiments, None
 
     def begin(self) -> None:
         """Start the thread."""
@@ -145,18 +160,23 @@ class Clock:
 
     def _set_playing(self, playing: bool) -> None:
         with self._wake:
-            self.playing = playing
+            self.playing, self._goal = playing, None
             self._wake.notify_all()
 
-    def step(self, duration: float) -> None:
-        """Pause, and go on by ``duration`` once."""
-        self.pause()
-        self.post(lambda: self._go_on(self.experiments[0].time + duration))
+    @property
+    def running(self) -> bool:
+        """Whether time runs, or a step is being made."""
+        return self.playing or self._goal is not None
 
-    def _go_on(self, to: float) -> None:
-        first = self.experiments[0]
-        while first.time < to and not first.failure and not self._closed:
-            self._advance(to)
+    def step(self, duration: float) -> None:
+        """Stop time, and go on by ``duration`` once; `pause` ends that, too."""
+
+        def aim() -> None:
+            self._goal = (self.experiments[0].time if self._goal is None else self._goal) + duration
+
+        with self._wake:
+            self.playing = False
+        self.post(aim)
 
     def next_frame(self, after: int, timeout: float | None = None) -> Frame | None:
         """Wait for a frame with a number above ``after``; None when there is none in time, or the clock was stopped.
@@ -176,10 +196,11 @@ class Clock:
         return Frame(
             self._generation, every[0].time, tuple(e.state for e in every), tuple(e.scenario for e in every),
             tuple(e.records() for e in every), tuple(e.changed_at for e in every), tuple(e.version for e in every),
-            next((e.failure for e in every if e.failure), ""),
+            next((e.failure for e in every if e.failure), ""), next((e.shrunk for e in every if e.shrunk), ""),
         )  # fmt: skip
 
     def _show(self) -> None:
+        self._shown = time.perf_counter()
         frame = self._look()
         with self._frame_ready:
             self.frame = frame
@@ -189,29 +210,60 @@ class Clock:
         before = kept = time.perf_counter()
         while True:
             with self._wake:
-                if not (self.playing or self._waiting or self._closed):
-                    self._wake.wait_for(lambda: self.playing or self._waiting or self._closed)
+                if not self._awake:
+                    self._wake.wait_for(lambda: self._awake)
                     before = time.perf_counter()
                 if self._closed:
                     return
                 actions, self._waiting = list(self._waiting.values()), {}
+                goal = self._goal
             for action in actions:
                 self._try(action)
             now = time.perf_counter()
+            elapsed, before = min(now - before, 4 * FRAME_SECONDS), now
             if self.playing:
-                elapsed, before = min(now - before, 4 * FRAME_SECONDS), now
-                self._advance(self.experiments[0].time + self.speed * elapsed)
+                self._advance(self._behind + self.speed * elapsed)
                 if now - kept > KEEP_SECONDS:
                     kept = now
                     for each in self.experiments:
                         each.keep()
-            else:
-                before = now
+            elif goal is not None:
+                if not self._make_step(goal):
+                    continue
+            elif self._target is not None and self._apart:
+                self._advance(self._target)
             self._show()
             rest = FRAME_SECONDS - (time.perf_counter() - now)
             if rest > 0 and self.playing:
                 with self._wake:
                     self._wake.wait(rest)
+
+    def _make_step(self, goal: float) -> bool:
+        """Go on towards the end of a step; whether it is made, or something is to be shown of it meanwhile."""
+        self._advance(goal)
+        moving = [each for each in self.experiments if not each.failure]
+        done = len(moving) < len(self.experiments) or all(each.reached(goal) for each in moving)
+        with self._wake:
+            if done and self._goal == goal:
+                self._goal = None
+        return done or time.perf_counter() - self._shown > LONGEST_SLICE
+
+    @property
+    def _awake(self) -> bool:
+        return bool(self.running or self._waiting or self._closed or self._apart)
+
+    @property
+    def _apart(self) -> bool:
+        """Whether one of those that are compared has still to come to where another one is."""
+        target, every = self._target, self.experiments
+        return target is not None and len(every) > 1 and not all(
+            each.reached(target) or each.failure or each.shrunk for each in every
+        )  # fmt: skip
+
+    @property
+    def _behind(self) -> float:
+        """Time of the experiment that is behind: the others wait for it."""
+        return min((each.time for each in self.experiments if not each.failure), default=self.experiments[0].time)
 
     def _try(self, action: Action) -> None:
         try:
@@ -222,18 +274,19 @@ class Clock:
             self.complaint(f"{type(error).__name__}: {error}")
 
     def _advance(self, to: float) -> None:
-        begin, since = time.perf_counter(), self.experiments[0].time
+        begin, since = time.perf_counter(), self._behind
         if self._pace:
             to = min(to, since + self._pace * LONGEST_SLICE)
+        self._target = to if self._target is None else max(to, self._target)
         for each in self.experiments:
             try:
                 if to > each.time:
-                    each.advance(to)
+                    each.advance(to, LONGEST_SLICE / len(self.experiments))
             except SimulationError as error:
                 self.playing = False
                 self.complaint(str(error))
         took = max(time.perf_counter() - begin, 1e-6)
-        gone = self.experiments[0].time - since
+        gone = self._behind - since
         if gone > 0:
             pace = gone / took
             # Careful after a slow slice, patient after quick ones.

@@ -11,9 +11,10 @@ def lab(
     scenario: str | None = None,
     *,
     port: int | None = None,
+    folder: str | None = None,
     browser: Annotated[bool, Parameter(negative="--no-browser")] = True,
 ) -> int:
-    """Open the live lab in a browser. Ctrl-C ends it.
+    """Open the live lab in a browser, at an address that is printed. Ctrl-C ends it.
 
     Parameters
     ----------
@@ -21,10 +22,12 @@ def lab(
         A name that 'flocking list' shows, a TOML file, or a saved event log to replay.
     port
         Port on the loopback address; the first free one from 8080 on by default.
+    folder
+        Where the page opens files and saves them, and nowhere else; the working folder by default.
     browser
         Open a browser.
     """
     from flocking.apps.lab.server import lab as open_lab
 
-    open_lab(scenario, port=port, browser=browser, wait=True)
+    open_lab(scenario, port=port, folder=folder, browser=browser, wait=True)
     return 0

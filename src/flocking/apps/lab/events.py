@@ -271,6 +271,8 @@ class EventLog:
         """
         file = Path(path)
         try:
+            if not file.is_file():
+                raise InvalidInput("lab", "log", "must be an event log", str(path))
             if file.stat().st_size > LARGEST_LOG:
                 raise InvalidInput("lab", "log", f"must have at most {LARGEST_LOG} bytes", str(path))
             data = json.loads(file.read_text(encoding="utf-8"))

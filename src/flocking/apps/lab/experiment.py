@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 from flocking.apps.lab.events import Event, EventLog, outcome
+from flocking.engine.simulate import before
 from flocking.engine.simulate import start as start_session
 from flocking.errors import InvalidInput, SimulationError, UnsupportedLaw
 from flocking.model.law import Scenario
@@ -19,6 +21,9 @@ MOST_EVENTS = 100_000
 
 MOST_ROWS = 5_000
 """Rows of the ledger and switches kept."""
+
+REPLAY_SECONDS = 0.25
+"""Wall time between two looks at whether a replay is still wanted."""
 
 
 class Experiment:
@@ -55,6 +60,7 @@ class Experiment:
         self.complete = True
         """Whether the log holds everything that was done."""
         self._kept: list[tuple[Any, Scenario, int, float]] = []
+        self._begin = self._moment()
 
     @property
     def scenario(self) -> Scenario:
@@ -78,8 +84,24 @@ class Experiment:
         """Whether nothing was done since the start."""
         return self.complete and not self.log.entries
 
-    def advance(self, to: float) -> None:
-        """Go on until ``to``. After a failure nothing moves until `go_back` or `restart`.
+    @property
+    def shrunk(self) -> str:
+        """That steps have shrunk so much that the run hardly goes on, and whose; empty where they have not."""
+        return "" if self.session.shrunk is None else str(self.session.shrunk)
+
+    def reached(self, to: float) -> bool:
+        """Whether time ``to`` is reached."""
+        return not before(self.session, to)
+
+    def advance(self, to: float, seconds: float = math.inf) -> None:
+        """Go on until ``to``, or for ``seconds``. After a failure nothing moves until `go_back` or `restart`.
+
+        Parameters
+        ----------
+        to
+            Time to reach.
+        seconds
+            Wall time after which it stops at the end of a step, before ``to``.
 
         Raises
         ------
@@ -89,7 +111,7 @@ class Experiment:
         if self.failure:
             return
         try:
-            self.session.advance(to)
+            self.session.advance(to, seconds)
         except SimulationError as error:
             self.failure = str(error)
             raise
@@ -107,40 +129,40 @@ class Experiment:
         """
         if self.failure:
             raise InvalidInput("lab", "event", "needs a run that goes on", event.get("kind"), "Go back or restart.")
-        before, state = self.scenario, self.state
-        found = outcome(event, before, self.base, state)
-        if found.anew or found.scenario.energy is not before.energy or found.scenario.agents is not before.agents:
+        present, state, told = self.scenario, self.state, self.session.time_is_exact
+        found = outcome(event, present, self.base, state)
+        if found.anew or found.scenario.energy is not present.energy or found.scenario.agents is not present.agents:
             # Agents, masses and the energy's frame are fixed for a session.
             now = found.scenario
             if not found.anew:
                 now = now.with_(start=state, t_end=max(now.t_end, self.time), frames=1)
             self.session, _ = opened(now, self.engine)
-        elif found.scenario.law is not before.law or found.state is not None:
-            law = found.scenario.law if found.scenario.law is not before.law else None
+        elif found.scenario.law is not present.law or found.state is not None:
+            law = found.scenario.law if found.scenario.law is not present.law else None
             self.session.replace(law=law, state=found.state)
         self.base = found.base
         self.changed_at = self.time
         self.version += 1
-        self.complete = self.complete and len(self.log.entries) < MOST_EVENTS
+        self.complete = self.complete and told and len(self.log.entries) < MOST_EVENTS
         if self.complete:
             self.log.entries.append((self.time, event))
 
     def keep(self) -> None:
-        """Remember this moment: `go_back` returns to the last but one kept, or the only one."""
+        """Remember this moment, if it is a good one: `go_back` returns to the last but one kept, or the only one.
+
+        It is none where the run cannot go on, or its steps are shrinking.
+        """
+        if self.failure or not self.session.steady:
+            return
+        self._kept = [*self._kept[-1:], self._moment()]
+
+    def _moment(self) -> tuple[Any, Scenario, int, float]:
         snapshot = self.session.snapshot(records=False) if self.engine == "exact" else self.session.snapshot()
-        self._kept = [*self._kept[-1:], (snapshot, self.base, len(self.log.entries), self.time)]
+        return snapshot, self.base, len(self.log.entries), self.time
 
     def go_back(self) -> None:
-        """Return to the last good moment; what was done after it is off the record.
-
-        Raises
-        ------
-        InvalidInput
-            When no moment was kept.
-        """
-        if not self._kept:
-            raise InvalidInput("lab", "moment", "must have been kept", None, "Restart.")
-        snapshot, self.base, events, time = self._kept[0]
+        """Return to the last good moment, or the start; what was done after it is off the record."""
+        snapshot, self.base, events, time = self._kept[0] if self._kept else self._begin
         self._kept = self._kept[:1]
         self.session = type(self.session).resume(snapshot)
         records = self._records()
@@ -184,20 +206,34 @@ def opened(scenario: Scenario, engine: str) -> tuple[Any, str]:
     return start_session(scenario.with_(frames=1), "exact"), "exact"
 
 
-def replay(log: EventLog) -> Experiment:
+def replay(log: EventLog, wanted: Callable[[], bool] = lambda: True) -> Experiment:
     """Do everything in a log again, each at its time: the same trajectory, bit for bit.
+
+    Parameters
+    ----------
+    log
+        What was done.
+    wanted
+        Asked now and then whether to go on.
 
     Raises
     ------
     InvalidInput
-        When an event does not fit.
+        When an event does not fit, or the replay is no longer wanted.
     SimulationError
         When the run cannot go on, as it could not then.
     """
     found = Experiment(log.scenario, log.engine)
+
+    def go_on(to: float) -> None:
+        while not found.reached(to):
+            if not wanted():
+                raise InvalidInput("lab", "replay", "was given up for something else", f"t = {found.time:.6g}")
+            found.advance(to, REPLAY_SECONDS)
+
     for time, event in log.entries:
-        found.advance(max(time, found.time))
+        go_on(time)
         found.apply(event)
-    if math.isfinite(log.end) and log.end > found.time:
-        found.advance(log.end)
+    if math.isfinite(log.end):
+        go_on(log.end)
     return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from flocking.model.state import State
 
 NO_RUN = "(none here)"
 MOST_RUNS = 200
+FILMS = (".mp4", ".gif")
 
 
 class Keeping:
@@ -43,7 +45,7 @@ class Keeping:
         self.said = gui.add_markdown("")
         with gui.add_folder("Stored run"):
             self.folder = gui.add_dropdown("folder", (NO_RUN,), hint="Runs that 'flocking run --out' stored here.")
-            self.elsewhere = gui.add_text("or a path", "")
+            self.elsewhere = gui.add_text("or below it", "", hint="A path below the folder the lab was started with.")
             self.open = gui.add_button("Open", icon="folder-open")
             self.frame = gui.add_slider("frame", 0, 1, 1, 0, visible=False)
             self.back = gui.add_button("Back to the live run", visible=False)
@@ -59,7 +61,9 @@ class Keeping:
 
     def offer(self) -> None:
         """Offer the stored runs that are in the folder now."""
-        found = sorted(file.parent.name for file in self._page.folder.glob("*/zarr.json"))[:MOST_RUNS]
+        folder = self._page.folder
+        known = sorted(file.parent.name for file in folder.path.glob("*/zarr.json"))
+        found = [name for name in known if folder.holds(name)][:MOST_RUNS]
         chosen, names = self.folder.value, tuple(found) or (NO_RUN,)
         if tuple(self.folder.options) != names:
             self.folder.options = names
@@ -68,6 +72,7 @@ class Keeping:
     def _guarded(self, action: Any, event: Any) -> None:
         before = len(self.saved)
         try:
+            self._page.may()
             action()
         except (FlockingError, OSError) as error:
             self.said.content = f"Not possible: {error}"
@@ -81,12 +86,13 @@ class Keeping:
         """A new file in the page's folder; its name never comes from the page."""
         name = "".join(c if c.isalnum() or c in "-_" else "-" for c in self._page.experiment.original.name) or "lab"
         stem = f"{name}-{time.strftime('%Y%m%d-%H%M%S')}"
-        path = self._page.folder / f"{stem}{suffix}"
-        number = 2
-        while path.exists():
-            path = self._page.folder / f"{stem}-{number}{suffix}"
+        folder, number = self._page.folder.path, 1
+        while True:
+            found = folder / (stem if number == 1 else f"{stem}-{number}")
+            # Also where a symbolic link leads to nothing: what is written must not go there.
+            if not any(os.path.lexists(f"{found}{end}") for end in {suffix, *(FILMS if not suffix else ())}):
+                return Path(f"{found}{suffix}")
             number += 1
-        return Path(path)
 
     def _tell(self, *paths: Path, note: str = "") -> None:
         self.saved += paths
@@ -139,10 +145,16 @@ class Keeping:
         self._tell(film.write(self._path(""), self._page.scene.look))
 
     def open_run(self, folder: str) -> None:
-        """Open a stored run and show its frames."""
+        """Open a stored run and show its frames.
+
+        Parameters
+        ----------
+        folder
+            Name given by the page.
+        """
         from flocking.engine.storage import read_run
 
-        run = read_run(self._page.folder / folder)
+        run = read_run(self._page.folder.whole(folder))
         self._page.clock.pause()
         self.stored = run
         self.frame.max = max(len(run.t) - 1, 1)

@@ -8,23 +8,30 @@ from pathlib import Path
 from typing import Any
 
 from flocking.apps.lab.banner import Banner
-from flocking.apps.lab.choices import first_choice, in_space, library, scenario_of
+from flocking.apps.lab.choices import first_choice, in_space, is_built_in, library, scenario_of
 from flocking.apps.lab.clock import Clock
 from flocking.apps.lab.comparison import Comparison
+from flocking.apps.lab.confinement import Folder
 from flocking.apps.lab.controls import Controls
 from flocking.apps.lab.display import Display
 from flocking.apps.lab.events import Event, EventLog
 from flocking.apps.lab.experiment import Experiment, replay
+from flocking.apps.lab.gate import Allowance
 from flocking.apps.lab.handling import Handling
 from flocking.apps.lab.instruments import Instruments
 from flocking.apps.lab.keeping import Keeping
 from flocking.apps.lab.scene import Scene
+from flocking.apps.lab.server import Guarded
 from flocking.apps.lab.transport import Transport
-from flocking.errors import FlockingError
+from flocking.errors import FlockingError, InvalidInput
 from flocking.model.law import Scenario
 
 SECONDS_A_RUN = 40.0
 """A scenario is played so fast that it takes about this long."""
+
+ORDERS_A_SECOND = 1.0
+MOST_ORDERS = 20
+"""So many times at once, and then so often, a file is opened or saved, or a run is begun."""
 
 
 class Page:
@@ -32,18 +39,24 @@ class Page:
 
     Parameters
     ----------
-    server
-        A viser server.
+    guarded
+        A viser server behind a gate.
     scenario
         What to start with, as in `flocking.apps.lab.server.lab`; an event log is replayed.
     folder
-        Where the page saves to, and finds the user's scenario files; the working folder when absent.
+        Where the page saves to, and finds the user's files, and nowhere else; the working folder when absent.
     """
 
-    def __init__(self, server: Any, scenario: Scenario | str | None = None, folder: str | Path | None = None) -> None:
-        self.server = server
-        self.folder = Path.cwd() if folder is None else Path(folder)
+    def __init__(
+        self, guarded: Guarded, scenario: Scenario | str | None = None, folder: str | Path | None = None
+    ) -> None:
+        self._guarded = guarded
+        server = self.server = guarded.server
+        self.folder = Folder(Path.cwd() if folder is None else folder)
+        self._orders = Allowance(ORDERS_A_SECOND, MOST_ORDERS)
         self._busy = threading.Lock()
+        self._loads = 0
+        self._given_file: Path | None = None
         name, experiment = self._first(scenario)
         self.clock = Clock([experiment])
         self.clock.complaint = self.complain
@@ -86,8 +99,11 @@ class Page:
 
     @property
     def address(self) -> str:
-        """Address of the page."""
-        return f"http://{self.server.get_host()}:{self.server.get_port()}"
+        """Address of the page, with the token that it opens with."""
+        return self._guarded.address
+
+    def __repr__(self) -> str:
+        return f"Page({self.address!r})"
 
     def close(self) -> None:
         """End the page."""
@@ -100,9 +116,25 @@ class Page:
         if isinstance(scenario, Scenario):
             return scenario.name or "yours", Experiment(scenario)
         name = first_choice() if scenario is None else scenario
+        # Named by who starts the lab, not by a page: it may be anywhere.
+        file = Path(name).absolute()
+        self._given_file = None if is_built_in(name) else file
         if name.endswith(".json"):
-            return name, replay(EventLog.read(name))
-        return name, Experiment(scenario_of(name, self.folder))
+            return name, replay(EventLog.read(file))
+        return name, Experiment(scenario_of(name, file))
+
+    def may(self) -> None:
+        """Count an order that opens or saves a file, or begins a run.
+
+        Raises
+        ------
+        InvalidInput
+            When there were too many in a short time.
+        """
+        if not self._orders.take():
+            raise InvalidInput(
+                "lab", "order", f"must come at most {MOST_ORDERS} times at once, and then once a second", "one more"
+            )
 
     def complain(self, message: str) -> None:
         """Say what was refused.
@@ -157,17 +189,28 @@ class Page:
 
     def load(self, name: str, seed: int | None = None) -> None:
         """Open another scenario, or the same one with another seed."""
+        with self._busy:
+            self._loads += 1
+            number = self._loads
         try:
-            if self._given is not None and name == self._given_name:
-                self._install(Experiment(self._given))
-            elif name.endswith(".json"):
-                self._install(replay(EventLog.read(self.folder / name)))
-            else:
-                self._install(Experiment(scenario_of(name, self.folder, seed)))
+            self.may()
+            self._install(self._opened(name, seed, lambda: number == self._loads and not self.clock.closed))
             self._name = self.transport.scenario.value = name
         except (FlockingError, OSError) as error:
             self.transport.scenario.value = self._name
             self.complain(str(error))
+
+    def _opened(self, name: str, seed: int | None, wanted: Callable[[], bool]) -> Experiment:
+        """What a name given by the page stands for: nothing outside the folder but what the lab was started with."""
+        if self._given is not None and name == self._given_name:
+            return Experiment(self._given)
+        if name == self._given_name and self._given_file is not None:
+            file = self._given_file
+        else:
+            file = Path(name) if is_built_in(name) else self.folder.inside(name)
+        if name.endswith(".json"):
+            return replay(EventLog.read(file), wanted)
+        return Experiment(scenario_of(name, file, seed))
 
     def offer(self) -> None:
         """Offer the files that are in the folder now."""
@@ -177,6 +220,7 @@ class Page:
     def lift(self) -> None:
         """Start the present scenario anew in three dimensions."""
         try:
+            self.may()
             self._install(Experiment(in_space(self.experiment.original)))
         except FlockingError as error:
             self.complain(str(error))
@@ -217,17 +261,20 @@ class Page:
         """Start anew with the present settings."""
 
         def act() -> None:
+            self.may()
             self.clock.experiments = [self.anew(each) for each in self.clock.experiments]
             self.instruments.reset()
 
         self.clock.post(act, "restart")
 
     def go_back(self) -> None:
-        """Return to the last good moment."""
+        """Return to the last good moment, and stand there."""
 
         def act() -> None:
+            self.clock.pause()
             for each in self.clock.experiments:
                 each.go_back()
+            self.clock.experiments = list(self.clock.experiments)
             self.controls.build(self.experiment.scenario)
             self.instruments.reset()
 

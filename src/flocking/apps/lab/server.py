@@ -1,26 +1,59 @@
-"""The lab's server: a page on the loopback address alone."""
+"""The lab's server: a page on the loopback address alone, for those who have its address with the token."""
 
 from __future__ import annotations
 
 import logging
 import socket
 import threading
-from typing import Any
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+from flocking.apps.lab.gate import Gate
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
+
+if TYPE_CHECKING:
+    from flocking.apps.lab.page import Page
 
 HOST = "127.0.0.1"
 PORT = 8080
 TRIES = 50
 
 
+@dataclass(frozen=True, eq=False)
+class Guarded:
+    """A viser server, and the gate before it.
+
+    Parameters
+    ----------
+    server
+        The viser server.
+    gate
+        The gate.
+    """
+
+    server: Any
+    gate: Gate
+
+    @property
+    def address(self) -> str:
+        """Where the page is, with the token."""
+        return f"http://{HOST}:{self.server.get_port()}/{self.gate.token}/"
+
+
 def lab(
-    scenario: Scenario | str | None = None, *, port: int | None = None, browser: bool = True, wait: bool | None = None
-) -> Any:
+    scenario: Scenario | str | None = None,
+    *,
+    port: int | None = None,
+    folder: str | Path | None = None,
+    browser: bool = True,
+    wait: bool | None = None,
+) -> Page:
     """Open the live lab: a page in which a scenario runs, and everything about it can be changed as it does.
 
-    The page is served on the loopback address alone and needs no network.
+    The page is served on the loopback address alone and needs no network. Its address has a random token in it;
+    requests without the token, of another page or for another host are refused.
 
     Parameters
     ----------
@@ -29,29 +62,34 @@ def lab(
         Olfati-Saber when absent, where there is one.
     port
         Port of the page; the first free one from 8080 on when absent.
+    folder
+        Where the page opens files and saves them, and nowhere else; the working folder when absent.
     browser
         Open the page in a browser.
     wait
-        Stay until interrupted. When absent: no, so that a notebook goes on.
+        Print the address and stay until interrupted. When absent: no, so that a notebook goes on.
 
     Returns
     -------
     Page
-        The page; its ``close()`` ends it.
+        The page; its ``address`` is where it is, its ``close()`` ends it.
 
     Raises
     ------
     InvalidInput
-        When viser is not installed, the port is taken, or there is no such scenario.
+        When viser is not installed, the port is taken, or there is no such scenario or folder.
     """
     from flocking.apps.lab.page import Page
 
-    page = Page(opened(port), scenario)
-    address = page.address
+    if folder is not None and not Path(folder).is_dir():
+        raise InvalidInput("lab", "folder", "must be a folder that is there", str(folder))
+    page = Page(opened(port), scenario, folder)
+    if wait:
+        print(f"The lab is open at {page.address}", flush=True)
     if browser:
         import webbrowser
 
-        webbrowser.open(address)
+        webbrowser.open(page.address)
     if wait:
         try:
             threading.Event().wait()
@@ -60,13 +98,13 @@ def lab(
     return page
 
 
-def opened(port: int | None) -> Any:
-    """A viser server on the loopback address, without its share button.
+def opened(port: int | None) -> Guarded:
+    """A viser server on the loopback address behind a gate, without its share button.
 
     Raises
     ------
     InvalidInput
-        When viser is not installed or the port is taken.
+        When viser is not installed, its connections cannot be checked, or the port is taken.
     """
     try:
         import viser
@@ -74,6 +112,8 @@ def opened(port: int | None) -> Any:
         raise InvalidInput(
             "lab", "viser", "must be installed", "no module named viser", "Install it: pip install 'flocking[lab]'."
         ) from None
+    from flocking.apps.lab.doorkeeping import guarding, is_guarded
+
     free = next((p for p in ([port] if port else range(PORT, PORT + TRIES)) if _is_free(p)), None)
     if free is None:
         raise InvalidInput(
@@ -81,12 +121,21 @@ def opened(port: int | None) -> Any:
         )
     # A connection that ends before it began is nobody's fault, and no reason for a traceback.
     logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
-    server = viser.ViserServer(host=HOST, port=free, label="flocking lab", verbose=False)
+    gate = Gate()
+    with guarding(gate):
+        server = viser.ViserServer(host=HOST, port=free, label="flocking lab", verbose=False)
+    gate.ports.add(server.get_port())
+    if not is_guarded(HOST, server.get_port(), gate.token):
+        server.stop()
+        raise InvalidInput(
+            "lab", "viser", "must be a version whose connections can be checked", viser.__version__,
+            "Install another one: pip install 'viser>=1.1,<2'.",
+        )  # fmt: skip
     server.gui.configure_theme(show_share_button=False, show_logo=False, control_width="large")
     server.gui.main_panel.dock_right()
     # The share button is one way to the outside tunnel; a page of the lab has none at all.
     server.request_share_url = _no_tunnel
-    return server
+    return Guarded(server, gate)
 
 
 def _no_tunnel(verbose: bool = True) -> None:

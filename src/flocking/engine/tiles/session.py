@@ -203,6 +203,7 @@ class TilesSession:
         return min(times, default=now + 1000 * self.step)
 
     shrunk = None
+    steady = True
     """The step is fixed: it does not shrink."""
 
     time_is_exact = True

@@ -1,0 +1,128 @@
+"""Who is let in: pages of this lab, opened at its own address. Nothing here knows the server."""
+
+from __future__ import annotations
+
+import hmac
+import secrets
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+HOSTS = ("127.0.0.1", "localhost")
+TOKEN_BYTES = 24
+
+HANDSHAKES_A_SECOND = 2.0
+MOST_HANDSHAKES = 30
+"""Connections that may be opened at once, and how many more each second."""
+
+MESSAGES_A_SECOND = 500.0
+MOST_MESSAGES = 2000
+"""Messages of one tab that are read at once, and how many more each second; what comes faster waits."""
+
+MOST_TABS = 16
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Why a request is refused.
+
+    Parameters
+    ----------
+    status
+        Status code of HTTP.
+    words
+        What the sender is told: the same whatever is on this machine.
+    """
+
+    status: int
+    words: str
+
+
+FOREIGN = Refusal(403, "The lab answers the page that it opened itself, on this machine, and no other.\n")
+NO_TOKEN = Refusal(403, "This address lacks the lab's token: open the address that was printed when the lab started.\n")
+TOO_MANY = Refusal(429, "Too many connections in a short time: wait a little.\n")
+
+
+class Allowance:
+    """So many at once, and then so many a second.
+
+    Parameters
+    ----------
+    each_second
+        How many a second in the long run.
+    at_once
+        How many at once after a rest.
+    now
+        Gives the time in seconds.
+    """
+
+    def __init__(self, each_second: float, at_once: float, now: Callable[[], float] = time.monotonic) -> None:
+        self._each_second, self._at_once, self._now = each_second, at_once, now
+        self._left, self._since = float(at_once), now()
+
+    def _refill(self) -> None:
+        now = self._now()
+        self._left = min(self._at_once, self._left + (now - self._since) * self._each_second)
+        self._since = now
+
+    def take(self) -> bool:
+        """Take one where there is one."""
+        self._refill()
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
+        return True
+
+    def wait(self) -> float:
+        """Take one in any case; how many seconds to wait for it."""
+        self._refill()
+        self._left -= 1.0
+        return max(0.0, -self._left / self._each_second)
+
+
+class Gate:
+    """Judges requests by where they come from, where they mean to go and what they know.
+
+    A browser says of every handshake of a websocket which page asks for it (Origin), and of every request which machine
+    its address names (Host). A page of another site cannot change either, nor can it read the token.
+
+    Parameters
+    ----------
+    token
+        What an address must begin with; drawn at random when absent.
+    """
+
+    def __init__(self, token: str | None = None) -> None:
+        self.token = token or secrets.token_urlsafe(TOKEN_BYTES)
+        self.ports: set[int] = set()
+        """Ports at which the lab is reached; until there is one nobody is let in."""
+        self.tabs = 0
+        """Tabs that are connected."""
+        self._handshakes = Allowance(HANDSHAKES_A_SECOND, MOST_HANDSHAKES)
+
+    def judge(self, path: str, headers: Iterable[tuple[str, str]]) -> Refusal | str:
+        """Why a request is refused, or its path without the token.
+
+        Parameters
+        ----------
+        path
+            Path of the request with all that follows.
+        headers
+            Names and values, each as often as it was sent.
+        """
+        given: dict[str, list[str]] = {}
+        for name, value in headers:
+            given.setdefault(name.lower(), []).append(value)
+        hosts, origins = given.get("host", []), given.get("origin", [])
+        if len(hosts) != 1 or hosts[0] not in {f"{host}:{port}" for host in HOSTS for port in self.ports}:
+            return FOREIGN
+        shakes_hands = any(name == "upgrade" or name.startswith("sec-websocket-") for name in given)
+        own = [f"http://{hosts[0]}"]
+        if origins != own and (shakes_hands or origins):
+            return FOREIGN
+        token, _, rest = path.removeprefix("/").partition("?")[0].partition("/")
+        if not hmac.compare_digest(token.encode(), self.token.encode()):
+            return NO_TOKEN
+        if shakes_hands and (self.tabs >= MOST_TABS or not self._handshakes.take()):
+            return TOO_MANY
+        return f"/{rest}"
