@@ -59,6 +59,8 @@ RULES: tuple[tuple[str, str, str], ...] = (
         for name in ("at_zero", "at_radius", "increasing", "unbounded")
     ),
     ("zhou_2015.system.scenario", "without velocity_gain = ", "the paper's number is the default of the term"),
+    ("obstacles._first_that_holds", "in (last[0], True)", "the last piece is taken wherever no earlier one holds"),
+    ("obstacles._by_feature", "swap: arguments of sympy.Eq(", "an equation may be read from either side"),
 )
 """Function, words of the fault, and why it changes nothing."""
 

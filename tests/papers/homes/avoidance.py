@@ -73,7 +73,30 @@ def geometry():
     assert_allclose(slab.project(Q), np.stack([1.25 * side, Q[:, 1]], axis=1), rtol=1e-10)
     assert_allclose(slab.at(Q, P)["normal"], np.stack([side, 0 * side], axis=1), atol=1e-12)
     assert_allclose(slab.at(Q, P)["boundary"], P * [0.0, 1.0], atol=1e-12)
+    corner = Quadrant()
+    x, y = (Q - [2.0, 0.0]).T
+    out, right = (x > 0) & (y > 0), x > y
+    assert [int(k.sum()) for k in (out, ~out & right, ~out & ~right)] == [1, 2, 3]
+    far = np.hypot(x, y)
+    assert_allclose(corner.distance(Q), np.where(out, far, np.where(right, x, y)), rtol=1e-10)
+    touched = np.where(out, 0.0, np.where(right, [0 * x, y], [x, 0 * y])).T
+    assert_allclose(corner.project(Q), touched + [2.0, 0.0], rtol=1e-10, atol=1e-12)
+    sliding = np.where(out, 0.0, np.where(right, [0 * x, P[:, 1]], [P[:, 0], 0 * y])).T
+    assert_allclose(corner.at(Q, P)["boundary"], sliding, atol=1e-12)
     stages()
+
+
+class Quadrant(Obstacle):
+    """All points to the left of (2, 0) and below it: an edge of two sides, and three pieces."""
+
+    dimension, parameters, structure = 2, {}, ("quadrant of a test",)
+
+    def signed_distance(self, q, t, parameter):
+        x, y = q[0] - 2, q[1]
+        return [Piece(sympy.sqrt(x**2 + y**2), sympy.And(x > 0, y > 0)), Piece(x, x > y), Piece(y)]
+
+    def outline(self, count=100, t=0.0):
+        raise NotImplementedError
 
 
 class Slab(Obstacle):
