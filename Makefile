@@ -110,7 +110,7 @@ $(DOCS_READY): $(READY) docs/requirements.txt
 fuzz: $(READY)
 	$(BIN)/python -m pytest tests/fuzz -m "slow or not slow" -n $(WORKERS) $(PYTEST_ARGS)
 
-# Kills, damages and fuzzes: writers and workers killed, stored runs and sweeps damaged, random cases; a table at the end
+# Kills, damages, odd machines and fuzzes: writers and workers killed, stored runs and sweeps damaged, random cases; a table at the end
 # counts them. make robustness TIER=slow: 200 kills and over ten thousand random cases.
 TIER ?= quick
 TIER_quick := not slow
@@ -119,6 +119,7 @@ robustness: $(CLUSTER_READY)
 	$(BIN)/python -m pytest -m "($(TIER_$(TIER))) and not mpi and not browser" -n $(WORKERS) --dist loadfile \
 		tests/engine/test_storage.py tests/engine/test_storage_kill.py tests/engine/test_crafted_checkpoints.py \
 		tests/engine/test_foreign_runs.py tests/engine/test_formats.py tests/engine/tiles/test_saving.py \
+		tests/engine/test_storage_creation.py tests/apps/test_process.py tests/machines \
 		tests/formula/test_cache.py tests/study/test_sweep_kills.py tests/study/test_sweep_store.py tests/fuzz tests/cluster $(PYTEST_ARGS)
 
 lint: $(READY)

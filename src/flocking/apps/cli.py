@@ -14,12 +14,20 @@ from cyclopts import App, CycloptsError, Parameter
 from flocking.apps.cache_command import cache
 from flocking.apps.lab.command import lab
 from flocking.apps.picture_commands import animate, plot
-from flocking.apps.process import ended_by_signals, give_up_output, harmless, open_streams, quiet_warnings
+from flocking.apps.process import (
+    ended_by_signals,
+    give_up_output,
+    harmless,
+    interrupted,
+    open_streams,
+    quiet_warnings,
+)
 from flocking.apps.run_commands import resume, run
 from flocking.apps.showcase_commands import showcase
 from flocking.apps.storage_commands import diff, export, info
 from flocking.apps.sweep_commands import sweep
 from flocking.apps.whole_numbers import check_whole_numbers
+from flocking.engine.shortage import LEAST_ADDRESS_SPACE, address_space, starved
 
 FINE, DIFFERENT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -76,10 +84,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     open_streams()
-    with quiet_warnings(arguments is None), ended_by_signals():
+    with quiet_warnings(arguments is None), ended_by_signals(for_good=arguments is None):
         try:
             return _run(words)
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, Exception) as error:
+            if not interrupted(error):
+                raise
             with suppress(OSError):
                 print("flocking: interrupted; nothing was left half written.", file=sys.stderr)
             return INTERRUPTED
@@ -92,6 +102,8 @@ def _run(words: Sequence[str]) -> int:
 
     app = command_line()
     try:
+        if (address_space() or LEAST_ADDRESS_SPACE) < LEAST_ADDRESS_SPACE:
+            raise MemoryError
         command, bound, _ = app.parse_args(words, print_error=False, exit_on_error=False)
         check_whole_numbers(command, words)
         result = command(*bound.args, **bound.kwargs)
@@ -100,14 +112,32 @@ def _run(words: Sequence[str]) -> int:
     except CycloptsError as error:
         return _complain(str(error) or type(error).__name__, "Try 'flocking --help'.")
     except FlockingError as error:
+        if interrupted(error):
+            raise
         return BAD_INPUT if getattr(error, "told_elsewhere", False) else _complain(str(error))
     except BrokenPipeError:
         # Whoever read the output has seen enough.
         return FINE
-    except OSError as error:
-        return _complain(f"{error.filename or 'file'}: {error.strerror or error}")
-    except MemoryError:
-        return _complain("this needs more memory than there is.", "Use fewer agents or frames.")
+    except Exception as error:
+        if interrupted(error):
+            raise
+        if starved(error):
+            return _complain(*_memory())
+        if not isinstance(error, OSError):
+            raise
+        return _complain(f"{error.filename}: {error.strerror}" if error.filename else str(error.strerror or error))
+
+
+def _memory() -> tuple[str, str]:
+    """What is said where memory is short, and the way out."""
+    space = address_space()
+    if space is None:
+        return "this needs more memory than there is.", "Use fewer agents or frames."
+    least = f"flocking itself takes {LEAST_ADDRESS_SPACE >> 20}"
+    return (
+        f"this needs more memory than this process may take: ulimit -v allows {space >> 20} MiB, and {least}.",
+        "Raise it, or use fewer agents or frames.",
+    )
 
 
 def _version() -> str:
@@ -118,7 +148,7 @@ def _version() -> str:
 
 def _complain(message: str, fix: str = "") -> int:
     text = message.strip() if message.rstrip().endswith((".", "?", "!")) or "\n" in message else f"{message.strip()}."
-    with suppress(BrokenPipeError):
+    with suppress(OSError):
         print(harmless(f"flocking: {text} {fix}".rstrip()), file=sys.stderr)
     return BAD_INPUT
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import signal
 import sys
@@ -13,6 +14,7 @@ from types import FrameType
 from typing import Any
 
 from flocking.engine import interruption
+from flocking.engine.shortage import causes
 from flocking.errors import SuspectInput
 
 
@@ -36,9 +38,48 @@ def open_streams() -> None:
             os.open(os.devnull, os.O_RDWR)
         if getattr(sys, name) is None:
             setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_RDWR), "r" if number == 0 else "w", encoding="utf-8"))
+    for name, raw in (("stdout", _Named), ("stderr", _Heedless)):
+        stream = getattr(sys, name)
+        # Whoever replaced a stream wants it as it is.
+        if stream is getattr(sys, f"__{name}__") and stream is not None:
+            made = io.BufferedWriter(raw(stream.fileno(), "w", closefd=False))
+            lines = name == "stderr" or stream.isatty()
+            setattr(sys, name, io.TextIOWrapper(made, encoding=stream.encoding, line_buffering=lines))
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="replace")
+            stream.reconfigure(errors="backslashreplace")
+
+
+class _Heedless(io.FileIO):
+    """A stream that takes everything: a run need not end because nobody can be told how far it is."""
+
+    def write(self, data: Any) -> int:
+        try:
+            return super().write(data) or 0
+        except OSError:
+            return len(data)
+
+
+class _Named(io.FileIO):
+    """The output: an error of the system says that it is about it."""
+
+    def write(self, data: Any) -> int:
+        try:
+            return super().write(data) or 0
+        except OSError as error:
+            error.filename = "standard output"
+            raise
+
+
+def interrupted(error: BaseException) -> bool:
+    """Whether an error was raised while an interrupt was on its way up: it says nothing that the interrupt does not.
+
+    Parameters
+    ----------
+    error
+        The error; those that it came of are looked at too.
+    """
+    return any(isinstance(x, KeyboardInterrupt) for x in causes(error))
 
 
 def give_up_output() -> None:
@@ -67,20 +108,33 @@ def quiet_warnings(wanted: bool) -> Iterator[None]:
     if not wanted or sys.warnoptions:
         yield
         return
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        warnings.simplefilter("default", SuspectInput)
-        warnings.showwarning = _said
-        yield
+    # For good: what is destroyed while the process ends may warn, too.
+    warnings.simplefilter("ignore")
+    warnings.simplefilter("default", SuspectInput)
+    warnings.showwarning = _said
+    yield
 
 
 def _said(message: Warning | str, *_: object, **__: object) -> None:
     print(f"flocking: {message}", file=sys.stderr, flush=True)
 
 
+INTERRUPTED = 130
+"""Exit code of what a signal ended."""
+
+AGAIN = 0.01
+"""Seconds until an interrupt that no code could raise is raised again."""
+
+
 @contextmanager
-def ended_by_signals() -> Iterator[None]:
-    """Within it SIGTERM does what Ctrl-C does, and a second one of them ends the process at once."""
+def ended_by_signals(*, for_good: bool = False) -> Iterator[None]:
+    """Within it SIGTERM does what Ctrl-C does, and a second one of them ends the process at once.
+
+    Parameters
+    ----------
+    for_good
+        Whether nothing but the end of the process comes after it: a signal that comes then has nothing to keep.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -95,8 +149,20 @@ def ended_by_signals() -> Iterator[None]:
         # A process that was forked from this one ends as it is told to.
         signal.raise_signal(signal.SIGINT if os.getpid() == owner else signal.SIGTERM)
 
+    def unraisable(lost: Any) -> None:
+        # Python drops what is raised while it calls a destructor or is called by compiled code.
+        if not issubclass(lost.exc_type, KeyboardInterrupt):
+            hook(lost)
+        elif threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGINT, interrupt)
+            again = threading.Timer(AGAIN, signal.raise_signal, (signal.SIGINT,))
+            again.daemon = True
+            again.start()
+
+    hook = sys.unraisablehook
     before: dict[signal.Signals, Any] = {}
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        sys.unraisablehook = unraisable
         before[signal.SIGINT] = signal.signal(signal.SIGINT, interrupt)
         if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
             before[signal.SIGTERM] = signal.signal(signal.SIGTERM, terminate)
@@ -105,5 +171,10 @@ def ended_by_signals() -> Iterator[None]:
         yield
     finally:
         interruption.SECOND_ENDS = ends
+        sys.unraisablehook = hook
         for number, handler in before.items():
-            signal.signal(number, handler)
+            signal.signal(number, _end_now if for_good else handler)
+
+
+def _end_now(number: int, frame: FrameType | None) -> None:
+    os._exit(INTERRUPTED)

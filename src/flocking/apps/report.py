@@ -16,6 +16,7 @@ from flocking.apps.report_errata import equation_table, errata_tables
 from flocking.apps.report_formulas import formulas
 from flocking.apps.report_style import STYLE
 from flocking.apps.report_tables import head_row, table
+from flocking.engine.durable import write_file
 from flocking.engine.run import Run
 from flocking.model.potentials import Potential
 from flocking.model.terms import Gradient
@@ -61,9 +62,7 @@ def write_report(found: Reproduction, modules: dict[str, ModuleType], out: Path)
     """
     sections = [_paper(key, module, found, out) for key, module in modules.items()]
     text = _page(_summary(found, modules) + "".join(sections) + _provenance(found))
-    path = out / "report.html"
-    path.write_text(text, encoding="utf-8")
-    return path
+    return write_file(out / "report.html", text.encode(), "write the report")
 
 
 def seeds_of(figure: Figure, runs: Mapping[str, Run]) -> str:

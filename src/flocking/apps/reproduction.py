@@ -15,6 +15,7 @@ from flocking.apps.claim_pictures import draw_pictures, picture_of
 from flocking.apps.film import write_film
 from flocking.apps.findings import Reproduction, claim_rows
 from flocking.apps.report import CLAIMS, figures_of, write_report
+from flocking.engine.durable import write_file
 from flocking.engine.run import Run
 from flocking.errors import InvalidInput, SimulationError
 from flocking.model.checks import integer
@@ -158,8 +159,8 @@ def reproduce(
     errata = {key: errata_rows(module) for key, module in modules.items()}
     found_all = Reproduction(judgements, errata, figures, time.monotonic() - begin, found.runs, first_seed)
     if out is not None:
-        (out / "claims.json").write_text(_json(claim_rows(judgements)), encoding="utf-8")
-        (out / "errata.json").write_text(_json(errata), encoding="utf-8")
+        write_file(out / "claims.json", _json(claim_rows(judgements)), "write the claims")
+        write_file(out / "errata.json", _json(errata), "write the errata")
         write_report(found_all, modules, out)
     return found_all
 
@@ -270,8 +271,8 @@ def errata_rows(module: ModuleType) -> list[dict[str, Any]]:
     return [row.as_dict() for row in module.equations() if row.fault is not Fault.NONE]
 
 
-def _json(data: object) -> str:
-    return json.dumps(data, indent=2, allow_nan=False) + "\n"
+def _json(data: object) -> bytes:
+    return (json.dumps(data, indent=2, allow_nan=False) + "\n").encode()
 
 
 def _drawings(

@@ -48,6 +48,7 @@ def showcase(
     as_json
         Print JSON.
     """
+    from flocking.engine.durable import write_file
     from flocking.papers.auditing import audit
     from flocking.papers.showcases.shipped import showcase as showcase_named
     from flocking.show.style import save
@@ -65,7 +66,7 @@ def showcase(
     report = audit(run)
     kept = chosen.kept_of(run, report)
     written = [kept.write(folder / f"{name}.npz"), folder / "audit.json"]
-    written[1].write_text(json.dumps(report.as_dict(), indent=2, default=str), encoding="utf-8")
+    write_file(written[1], json.dumps(report.as_dict(), indent=2, default=str).encode(), "write the audit")
     if kept.drawable:
         written += save(chosen.draw(kept), folder / name, ("png",))
     _print(chosen.title, report, kept, written, as_json)

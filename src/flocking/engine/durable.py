@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import atexit
 import errno
 import io
 import os
@@ -11,16 +12,28 @@ import time
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import Any, BinaryIO, cast
 
+from flocking.engine.shortage import starved
 from flocking.errors import FlockingError, StorageError
 
 PARTIAL = ".partial"
 """Ending of a file that is still being written; a kill may leave one behind, and nothing ever reads it."""
 
+ENDING = 30.0
+"""Seconds that the end of a process waits for a thread that has nothing left to do."""
+
 MAKING = 60.0
 """Nobody takes more seconds than this between two writes while a folder is made."""
+
+
+RUN_STAYS = "What was committed before stays readable; free some space and go on with `flocking resume`."
+"""What becomes of a run that finds no room."""
+SWEEP_STAYS = "What was committed before stays readable; free some space, and the same sweep again goes on."
+NO_MEMORY = "the run asks for more memory than there is."
+NOTHING_WRITTEN = "Nothing was written; free some space or choose another folder."
 
 
 def put(path: Path, data: bytes | Callable[[BinaryIO], None], *, lasting: bool = True) -> int:
@@ -95,6 +108,8 @@ def durable_store(folder: Path) -> Any:
     """A Zarr store in ``folder`` whose files are written by `put`; ``touched`` collects the folders of new ones."""
     from zarr.storage import LocalStore
 
+    end_zarr_patiently()
+
     class DurableStore(LocalStore):  # type: ignore[misc]
         """LocalStore with whole-file, synchronised writes."""
 
@@ -113,21 +128,76 @@ def durable_store(folder: Path) -> Any:
     return store
 
 
+def write_file(path: Path, data: bytes, doing: str) -> Path:
+    """Write a file of its own, whole or not at all; folders that it lies in are made.
+
+    Parameters
+    ----------
+    doing
+        What it is for, in words that follow "cannot".
+
+    Raises
+    ------
+    StorageError
+        When it cannot be written; what was there before stays.
+    """
+    with told(path, doing, full=NOTHING_WRITTEN):
+        write_through(path, data)
+    return path
+
+
+def write_through(path: Path, data: bytes, *, parents: bool = True, lasting: bool = True) -> None:
+    """As `put`, for a file anywhere: the target of a link is replaced; a device or a pipe is written to.
+
+    Parameters
+    ----------
+    parents
+        Whether folders that it lies in are made.
+    lasting
+        Whether it must outlive a power cut.
+    """
+    if path.exists() and not path.is_file() and not path.is_dir():
+        path.write_bytes(data)
+    elif parents or path.resolve().parent.is_dir():
+        put(path.resolve() if path.is_symlink() else path, data, lasting=lasting)
+    else:
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
+
+
 @contextmanager
-def told(folder: Path, doing: str, *, begun: bool = True) -> Iterator[None]:
+def told(folder: Path, doing: str, *, full: str = RUN_STAYS) -> Iterator[None]:
     """Turn failures of the file system into a `StorageError` that says what to do.
 
     Parameters
     ----------
     doing
         What was tried, in words that follow "cannot".
-    begun
-        Whether there is something on the disk already.
+    full
+        What becomes of it, and the way out, where no room is left.
     """
     try:
         yield
     except OSError as error:
-        raise StorageError(f"{folder}: cannot {doing}: {_reason(error, begun)}") from error
+        raise StorageError(f"{folder}: cannot {doing}: {_reason(error, full)}") from error
+
+
+@cache
+def end_zarr_patiently() -> None:
+    """Wait at the end of the process until the thread of Zarr has ended.
+
+    Zarr itself waits for 0.2 s and then closes what still runs, which on a busy machine ends in an error.
+    """
+    import zarr.core.sync as zarr_sync
+
+    def stop() -> None:
+        loop, thread = zarr_sync.loop[0], zarr_sync.iothread[0]
+        if loop is not None and thread is not None:
+            with suppress(RuntimeError):  # it has been closed
+                loop.call_soon_threadsafe(loop.stop)
+            thread.join(ENDING)
+
+    # What is registered last is called first.
+    atexit.register(stop)
 
 
 @contextmanager
@@ -138,21 +208,17 @@ def read_soundly(folder: Path) -> Iterator[None]:
     except FlockingError:
         raise
     except (ValueError, KeyError, TypeError, IndexError, AttributeError, ArithmeticError, RuntimeError) as error:
+        if starved(error):
+            raise StorageError(f"{folder}: {NO_MEMORY}") from None
         reason = f"{type(error).__name__}: {error}"[:300]
         raise StorageError(f"{folder}: the file was damaged or comes from elsewhere ({reason}).") from error
     except MemoryError:
-        raise StorageError(f"{folder}: the run asks for more memory than there is.") from None
+        raise StorageError(f"{folder}: {NO_MEMORY}") from None
 
 
-def _reason(error: OSError, begun: bool) -> str:
-    full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-    if full and not begun:
-        return f"no room left ({error.strerror}). Nothing was written; free some space or choose another folder."
-    if full:
-        return (
-            f"no room left ({error.strerror}). What was committed before stays readable; "
-            "free some space and go on with `flocking resume`."
-        )
+def _reason(error: OSError, full: str) -> str:
+    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        return f"no room left ({error.strerror}). {full}"
     if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
         return f"no permission ({error.strerror}). Choose another folder or change its rights."
     return f"{error.strerror or error}."

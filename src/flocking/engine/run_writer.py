@@ -25,6 +25,7 @@ from flocking.engine.columns import (
     switch_columns,
 )
 from flocking.engine.durable import (
+    NOTHING_WRITTEN,
     durable_store,
     only_writer,
     partial_folder,
@@ -106,7 +107,7 @@ class RunWriter:
         check_free(folder)
         size = Dimensions(scenario.start.n, scenario.start.dimension, with_links, precision, observed, with_errors)
         fresh = partial_folder(folder)
-        with told(folder, "create the run", begun=False):
+        with told(folder, "create the run", full=NOTHING_WRITTEN):
             remove_left_over(folder.parent)
             try:
                 fresh.mkdir(parents=True)
@@ -307,7 +308,7 @@ def check_free(folder: Path) -> None:
     StorageError
         When it does, or cannot be looked at.
     """
-    with told(folder, "create the run", begun=False):
+    with told(folder, "create the run", full=NOTHING_WRITTEN):
         if (folder / RECORD).exists():
             raise StorageError(
                 f"{folder}: holds a run already. Choose another folder, go on with `flocking resume`, or delete it."

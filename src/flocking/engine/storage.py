@@ -26,12 +26,13 @@ from flocking.engine.columns import (
     observed_table,
     switch_table,
 )
-from flocking.engine.durable import read_soundly, told
+from flocking.engine.durable import NO_MEMORY, end_zarr_patiently, read_soundly, told
 from flocking.engine.record import SCENARIO, read_record
 from flocking.engine.record_checks import check_records
 from flocking.engine.run import Closest, Run
 from flocking.engine.run_errors import accuracy_of
 from flocking.engine.run_writer import RunWriter
+from flocking.engine.shortage import starved
 from flocking.errors import FlockingError, InvalidInput, StorageError
 from flocking.model.checks import integer
 from flocking.model.law import Law, Scenario
@@ -107,6 +108,7 @@ def _read_run(folder: Path, scenario: Scenario | None, frames: int | None, last:
     with told(folder, "read the run"):
         import zarr
 
+        end_zarr_patiently()
         group = zarr.open_group(str(folder), mode="r", use_consolidated=True, zarr_format=3)
         arrays = {name: group[name] for name in group.attrs["flocking"]["arrays"]}
     count = record["counts"]["time"] if frames is None else min(frames, record["counts"]["time"])
@@ -197,6 +199,8 @@ def _read(folder: Path, array: Any, name: str, count: int, begin: int = 0) -> np
             raise ValueError(f"{array.shape[0]} rows instead of {count}")
         return np.asarray(array[begin:count])
     except Exception as fault:  # each codec has errors of its own
+        if starved(fault):
+            raise StorageError(f"{folder}: {NO_MEMORY}") from None
         size = array.chunks[0]
         for first in range(begin - begin % size, count, size):
             try:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from contextlib import suppress
 from pathlib import Path
 from subprocess import CalledProcessError
 from typing import Any
@@ -95,14 +97,24 @@ def animate(
         target.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InvalidInput("animate", "path", f"must be writable ({error.strerror})", str(path)) from None
+    # The ending says to writers what to write.
+    partial = target.with_name(f".{target.stem}.{os.getpid()}.partial{target.suffix}")
     try:
         with themed(theme):
-            _film(run, target, frames, fps, follow, size, dpi, options)
-    except (CalledProcessError, OSError) as error:
-        if target.is_file():
-            target.unlink()
+            _film(run, partial, frames, fps, follow, size, dpi, options)
+        os.replace(partial, target)
+    except Exception as error:
+        if isinstance(error.__context__, KeyboardInterrupt):
+            # The writer could not finish a film without pictures.
+            raise KeyboardInterrupt from None
+        if not isinstance(error, CalledProcessError | OSError):
+            raise
         why = getattr(error, "strerror", None) or "ffmpeg failed: is the disk full, or ffmpeg without H.264?"
-        raise InvalidInput("animate", "path", f"cannot be written ({why})", str(path), "Try a .gif.") from None
+        fix = "Choose another folder." if target.suffix == ".gif" else "Choose another folder, or try a .gif."
+        raise InvalidInput("animate", "path", f"cannot be written ({why})", str(path), fix) from None
+    finally:
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
     return target
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -10,6 +11,7 @@ from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
+from flocking.engine.durable import write_through
 from flocking.errors import InvalidInput
 from flocking.model.checks import number
 
@@ -206,9 +208,10 @@ def save(picture: Figure, path: str | Path, formats: Sequence[str] = ("svg", "pn
     base = Path(path)
     written = tuple(base.parent / f"{base.name}.{name}" for name in formats)
     try:
-        base.parent.mkdir(parents=True, exist_ok=True)
         for name, target in zip(formats, written, strict=True):
-            picture.savefig(target, format=name, metadata=nothing[name], facecolor=picture.get_facecolor())
+            drawn = io.BytesIO()
+            picture.savefig(drawn, format=name, metadata=nothing[name], facecolor=picture.get_facecolor())
+            write_through(target, drawn.getvalue(), lasting=False)
     except OSError as error:
         raise InvalidInput(
             "save", "path", f"must be writable ({error.strerror})", str(path), "Choose another folder."

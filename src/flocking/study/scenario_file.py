@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from flocking.engine.durable import write_through
 from flocking.errors import InvalidInput
 from flocking.model.law import Law, Scenario
 from flocking.study.text_files import read_text_file
@@ -270,7 +271,7 @@ def write_scenario(scenario: Scenario, path: str | Path) -> Path:
     file = Path(path)
     text = scenario_to_text(scenario)
     try:
-        file.write_text(text, encoding="utf-8")
+        write_through(file, text.encode(), parents=False)
     except (OSError, ValueError, TypeError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise InvalidInput("write_scenario", "path", f"cannot be written ({reason})", str(path)) from None

@@ -12,6 +12,7 @@ import numpy as np
 
 from flocking.apps.lab.parts import changed, leader_at_point, substituted, value_at, with_children
 from flocking.apps.lab.selection import selected, state_of
+from flocking.engine.durable import write_through
 from flocking.errors import InvalidInput
 from flocking.model.avoidance import Avoid, ObstacleTerm
 from flocking.model.checks import integer, number
@@ -255,7 +256,7 @@ class EventLog:
             "events": [{"time": t, **event} for t, event in self.entries], "scenario": to_data(self.scenario),
         }  # fmt: skip
         try:
-            Path(path).write_text(json.dumps(data, allow_nan=False) + "\n", encoding="utf-8")
+            write_through(Path(path), (json.dumps(data, allow_nan=False) + "\n").encode(), parents=False)
         except (OSError, ValueError) as error:
             raise InvalidInput("lab", "log", f"cannot be written ({error})", str(path)) from None
         return Path(path)

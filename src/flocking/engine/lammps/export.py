@@ -60,7 +60,7 @@ def export_deck(scenario: Scenario, folder: str | Path, *, step: float | None = 
         "dump_modify frames sort id format float %.17g",
         f"restart {max(each, 1000)} restart.1 restart.2", f"run {count}",
     ]  # fmt: skip
-    with told(folder, "write the deck"):
+    with told(folder, "write the deck", full="What is there is not whole; free some space or choose another folder."):
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise StorageError(f"{folder}: not an empty folder. Choose another one; nothing is ever overwritten.")
         files = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from flocking.engine.durable import write_file
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
 
@@ -41,14 +43,18 @@ class Kept:
         return bool(self.arrays)
 
     def write(self, path: str | Path) -> Path:
-        """Write to a compressed NumPy file."""
-        path = Path(path)
-        path.parent.mkdir(parents=True, exist_ok=True)
+        """Write to a compressed NumPy file.
+
+        Raises
+        ------
+        StorageError
+            When it cannot be written.
+        """
         text = json.dumps(self.facts, indent=1, allow_nan=False, sort_keys=True)
         parts: dict[str, Any] = {FACTS: np.frombuffer(text.encode(), np.uint8), **self.arrays}
-        with path.open("wb") as file:
-            np.savez_compressed(file, **parts)
-        return path
+        file = io.BytesIO()
+        np.savez_compressed(file, **parts)
+        return write_file(Path(path), file.getvalue(), "write what is kept of the run")
 
     @classmethod
     def read(cls, path: str | Path) -> Kept:

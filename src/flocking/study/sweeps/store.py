@@ -34,7 +34,7 @@ def open_store(folder: Path, record: Mapping[str, Any]) -> Iterator[Store]:
     StorageError
         When the folder cannot be used, holds another sweep or something else, or is being written.
     """
-    with durable.told(folder, "make the folder of the sweep"):
+    with durable.told(folder, "make the folder of the sweep", full=durable.NOTHING_WRITTEN):
         folder.mkdir(parents=True, exist_ok=True)
         foreign = [p.name for p in folder.iterdir() if p.name not in (RECORD, ROWS, ".lock")]
     fresh = not (folder / RECORD).exists()
@@ -42,7 +42,7 @@ def open_store(folder: Path, record: Mapping[str, Any]) -> Iterator[Store]:
         raise StorageError(f"{folder}: holds something else already ({foreign[0]}). Choose an empty or new folder.")
     if (folder / ROWS).is_symlink():
         raise StorageError(f"{folder}: its {ROWS} is a link to elsewhere; nothing is written through it.")
-    with durable.told(folder, "write the sweep"), durable.only_writer(folder):
+    with durable.told(folder, "write the sweep", full=durable.SWEEP_STAYS), durable.only_writer(folder):
         if fresh:
             durable.sweep(folder)
             durable.put(folder / RECORD, _sealed(dict(record)))
@@ -65,7 +65,7 @@ class Store:
     def __init__(self, folder: Path) -> None:
         self._rows = folder / ROWS
         self._folder = folder
-        with durable.told(folder, "write the sweep"):
+        with durable.told(folder, "write the sweep", full=durable.SWEEP_STAYS):
             self._rows.mkdir(exist_ok=True)
         numbers = [int(path.stem) for path in _chunks(folder)]
         self._next = max(numbers, default=-1) + 1
@@ -78,7 +78,7 @@ class Store:
         StorageError
             When they cannot be written; what was committed before stays.
         """
-        with durable.told(self._folder, "write results of the sweep"):
+        with durable.told(self._folder, "write results of the sweep", full=durable.SWEEP_STAYS):
             durable.put(self._rows / f"{self._next:08d}.json", _sealed({"rows": list(rows)}))
             durable.settle({self._rows})
         self._next += 1

@@ -257,8 +257,6 @@ def write_csv(path: Path, rows: Sequence[Mapping[str, Any]], head: Sequence[str]
 
 
 def _put(path: Path, content: bytes) -> Path:
-    from flocking.engine.durable import put, told
+    from flocking.engine.durable import write_file
 
-    with told(path, "write the results"):
-        put(path, content)
-    return path
+    return write_file(path, content, "write the table")
