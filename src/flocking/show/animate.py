@@ -164,20 +164,34 @@ def _film(
 ) -> None:
     import matplotlib
     from matplotlib.animation import FFMpegWriter, PillowWriter
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    made = figure(size, size)
+    made: Any = figure(size, size)
     if path.suffix == ".mp4":
         matplotlib.rcParams["animation.ffmpeg_path"] = ffmpeg()  # put back with the style
         # The table of contents goes first, so that a browser can begin before the end has come.
         writer: Any = FFMpegWriter(fps=fps, extra_args=["-movflags", "+faststart"])
     else:
         writer = PillowWriter(fps=fps)
+    made.set_dpi(dpi)
+    canvas = FigureCanvasAgg(made)
+
+    def save(target: Any, **_: Any) -> None:
+        canvas.draw()
+        target.write(canvas.buffer_rgba())
+
+    # Saving a figure draws it twice, once to measure what lies around it; the places of a film are known.
+    made.savefig = save
     space = run.q.shape[2] == 3
     limits = None if "limits" in options else _limits(run, follow)
 
     def draw(k: int) -> None:
-        made.clear()
-        axes = made.add_subplot(projection="3d" if space else None)
+        if len(made.axes) == 1:
+            (axes,) = made.axes
+            axes.clear()
+        else:
+            made.clear()
+            axes = made.add_subplot(projection="3d" if space else None)
         # A picture that breathes with every frame hides the motion: the window is fixed before the first.
         window = {} if limits is None else {"limits": tuple(limits[:, k])}
         net(run, frame=k, axes=axes, **{**window, **options})
