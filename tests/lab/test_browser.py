@@ -225,7 +225,7 @@ def test_a_reload_and_a_second_tab_find_the_same_run(page, tab, browser):
 
 def test_a_lost_connection_comes_back(page, browser):
     with Wire(page.server.get_port()) as wire:
-        page._guarded.gate.ports.add(wire.port)
+        page._guarded.access.ports.add(wire.port)
         tab = Tab(browser, page.address.replace(str(page.server.get_port()), str(wire.port)))
         tab.press("Play")
         wait(lambda: page.experiment.time > 0.2, "time runs")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.apps.lab import doorkeeping
+from flocking.apps.lab import guarded_server
 from tests.lab.foreign import HOSTS, ORIGINS, OWN, PORT, TOKENS, WAYS_OUT, handshake
 from tests.lab.tabs import wait
 
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.browser
 def here(text, page):
     """What was written for another port and token, for this page's."""
     text = text.replace(str(PORT + 1), "1").replace(str(PORT), str(page.server.get_port()))
-    return text.replace("secret", page._guarded.gate.token)
+    return text.replace("secret", page._guarded.access.token)
 
 
 def answer(page, path, headers):
@@ -172,6 +172,6 @@ def test_a_server_that_asks_nobody_is_not_trusted(monkeypatch):
 
     from flocking.apps.lab.server import opened
 
-    monkeypatch.setattr(doorkeeping, "guarding", lambda gate: nullcontext())
+    monkeypatch.setattr(guarded_server, "guarding", lambda access: nullcontext())
     with pytest.raises(fk.InvalidInput, match="connections can be checked"):
         opened(None)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from flocking.apps.lab.access import Allowance
 from flocking.apps.lab.banner import Banner
 from flocking.apps.lab.choices import first_choice, in_space, is_built_in, library, scenario_of
 from flocking.apps.lab.clock import Clock
@@ -16,7 +17,6 @@ from flocking.apps.lab.controls import Controls
 from flocking.apps.lab.display import Display
 from flocking.apps.lab.events import Event, EventLog
 from flocking.apps.lab.experiment import Experiment, replay
-from flocking.apps.lab.gate import Allowance
 from flocking.apps.lab.handling import Handling
 from flocking.apps.lab.instruments import Instruments
 from flocking.apps.lab.keeping import Keeping
@@ -40,7 +40,7 @@ class Page:
     Parameters
     ----------
     guarded
-        A viser server behind a gate.
+        A viser server behind an access check.
     scenario
         What to start with, as in `flocking.apps.lab.server.lab`; an event log is replayed.
     folder

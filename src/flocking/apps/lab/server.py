@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flocking.apps.lab.gate import Gate
+from flocking.apps.lab.access import AccessCheck
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
 
@@ -23,23 +23,23 @@ TRIES = 50
 
 @dataclass(frozen=True, eq=False)
 class Guarded:
-    """A viser server, and the gate before it.
+    """A viser server, and the check of who may connect to it.
 
     Parameters
     ----------
     server
         The viser server.
-    gate
-        The gate.
+    access
+        The check.
     """
 
     server: Any
-    gate: Gate
+    access: AccessCheck
 
     @property
     def address(self) -> str:
         """Where the page is, with the token."""
-        return f"http://{HOST}:{self.server.get_port()}/{self.gate.token}/"
+        return f"http://{HOST}:{self.server.get_port()}/{self.access.token}/"
 
 
 def lab(
@@ -99,7 +99,7 @@ def lab(
 
 
 def opened(port: int | None) -> Guarded:
-    """A viser server on the loopback address behind a gate, without its share button.
+    """A viser server on the loopback address behind an access check, without its share button.
 
     Raises
     ------
@@ -112,7 +112,7 @@ def opened(port: int | None) -> Guarded:
         raise InvalidInput(
             "lab", "viser", "must be installed", "no module named viser", "Install it: pip install 'flocking[lab]'."
         ) from None
-    from flocking.apps.lab.doorkeeping import guarding, is_guarded
+    from flocking.apps.lab.guarded_server import guarding, is_guarded
 
     free = next((p for p in ([port] if port else range(PORT, PORT + TRIES)) if _is_free(p)), None)
     if free is None:
@@ -121,11 +121,11 @@ def opened(port: int | None) -> Guarded:
         )
     # A connection that ends before it began is nobody's fault, and no reason for a traceback.
     logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
-    gate = Gate()
-    with guarding(gate):
+    access = AccessCheck()
+    with guarding(access):
         server = viser.ViserServer(host=HOST, port=free, label="flocking lab", verbose=False)
-    gate.ports.add(server.get_port())
-    if not is_guarded(HOST, server.get_port(), gate.token):
+    access.ports.add(server.get_port())
+    if not is_guarded(HOST, server.get_port(), access.token):
         server.stop()
         raise InvalidInput(
             "lab", "viser", "must be a version whose connections can be checked", viser.__version__,
@@ -135,7 +135,7 @@ def opened(port: int | None) -> Guarded:
     server.gui.main_panel.dock_right()
     # The share button is one way to the outside tunnel; a page of the lab has none at all.
     server.request_share_url = _no_tunnel
-    return Guarded(server, gate)
+    return Guarded(server, access)
 
 
 def _no_tunnel(verbose: bool = True) -> None:

@@ -80,7 +80,7 @@ class Allowance:
         return max(0.0, -self._left / self._each_second)
 
 
-class Gate:
+class AccessCheck:
     """Judges requests by where they come from, where they mean to go and what they know.
 
     A browser says of every handshake of a websocket which page asks for it (Origin), and of every request which machine

@@ -5,86 +5,86 @@ import os
 import pytest
 
 import flocking as fk
-from flocking.apps.lab.confinement import Folder
-from flocking.apps.lab.gate import (
+from flocking.apps.lab.access import (
     FOREIGN,
     HANDSHAKES_A_SECOND,
     MOST_HANDSHAKES,
     MOST_TABS,
     NO_TOKEN,
     TOO_MANY,
+    AccessCheck,
     Allowance,
-    Gate,
 )
+from flocking.apps.lab.confinement import Folder
 from tests.lab.foreign import HOSTS, ORIGINS, OWN, PORT, TOKENS, WAYS_OUT, handshake
 
 
 @pytest.fixture
-def gate():
-    found = Gate("secret")
+def access():
+    found = AccessCheck("secret")
     found.ports.add(PORT)
     return found
 
 
-def test_the_lab_s_own_page_is_let_in(gate):
+def test_the_lab_s_own_page_is_let_in(access):
     for host in (f"127.0.0.1:{PORT}", f"localhost:{PORT}"):
-        assert gate.judge("/secret/", [("Host", host)]) == "/"
-        assert gate.judge("/secret", [("host", host)]) == "/"
-        assert gate.judge("/secret/a/b?websocket=x", [("Host", host)]) == "/a/b"
-        assert gate.judge("/secret", handshake(host, f"http://{host}")) == "/"
+        assert access.judge("/secret/", [("Host", host)]) == "/"
+        assert access.judge("/secret", [("host", host)]) == "/"
+        assert access.judge("/secret/a/b?websocket=x", [("Host", host)]) == "/a/b"
+        assert access.judge("/secret", handshake(host, f"http://{host}")) == "/"
 
 
 @pytest.mark.parametrize("origin", ORIGINS)
-def test_pages_of_other_origins_are_refused(gate, origin):
-    assert gate.judge("/secret", handshake(OWN, origin)) is FOREIGN
-    assert gate.judge("/secret/", [("Host", OWN), ("Origin", origin)]) is FOREIGN
-    assert gate.judge("/secret", [*handshake(OWN, f"http://{OWN}"), ("Origin", origin)]) is FOREIGN
+def test_pages_of_other_origins_are_refused(access, origin):
+    assert access.judge("/secret", handshake(OWN, origin)) is FOREIGN
+    assert access.judge("/secret/", [("Host", OWN), ("Origin", origin)]) is FOREIGN
+    assert access.judge("/secret", [*handshake(OWN, f"http://{OWN}"), ("Origin", origin)]) is FOREIGN
 
 
-def test_a_handshake_without_an_origin_is_refused(gate):
+def test_a_handshake_without_an_origin_is_refused(access):
     for mark in ("Upgrade", "upgrade", "Sec-WebSocket-Key"):
-        assert gate.judge("/secret", [("Host", OWN), (mark, "WebSocket")]) is FOREIGN
+        assert access.judge("/secret", [("Host", OWN), (mark, "WebSocket")]) is FOREIGN
 
 
 @pytest.mark.parametrize("host", HOSTS)
-def test_forged_hosts_are_refused(gate, host):
+def test_forged_hosts_are_refused(access, host):
     """As when a name of somebody else is made to lead to this machine."""
-    assert gate.judge("/secret/", [("Host", host)]) is FOREIGN
-    assert gate.judge("/secret", handshake(host, f"http://{host}")) is FOREIGN
-    assert gate.judge("/secret/", [("Host", OWN), ("Host", host)]) is FOREIGN
+    assert access.judge("/secret/", [("Host", host)]) is FOREIGN
+    assert access.judge("/secret", handshake(host, f"http://{host}")) is FOREIGN
+    assert access.judge("/secret/", [("Host", OWN), ("Host", host)]) is FOREIGN
 
 
-def test_a_request_that_names_no_host_is_refused(gate):
-    assert gate.judge("/secret/", []) is FOREIGN
+def test_a_request_that_names_no_host_is_refused(access):
+    assert access.judge("/secret/", []) is FOREIGN
 
 
 @pytest.mark.parametrize("path", TOKENS)
-def test_addresses_without_the_token_are_refused(gate, path):
-    assert gate.judge(path, [("Host", OWN)]) is NO_TOKEN
-    assert gate.judge(path, handshake(OWN, f"http://{OWN}")) is NO_TOKEN
+def test_addresses_without_the_token_are_refused(access, path):
+    assert access.judge(path, [("Host", OWN)]) is NO_TOKEN
+    assert access.judge(path, handshake(OWN, f"http://{OWN}")) is NO_TOKEN
 
 
 def test_before_the_port_is_known_nobody_is_let_in():
-    assert Gate("secret").judge("/secret/", [("Host", OWN)]) is FOREIGN
+    assert AccessCheck("secret").judge("/secret/", [("Host", OWN)]) is FOREIGN
 
 
 def test_tokens_are_drawn_anew():
-    drawn = {Gate().token for _ in range(100)}
+    drawn = {AccessCheck().token for _ in range(100)}
     assert len(drawn) == 100
     assert min(map(len, drawn)) >= 32
     assert all(token.replace("-", "").replace("_", "").isalnum() for token in drawn)
 
 
-def test_tabs_and_handshakes_are_counted(gate):
+def test_tabs_and_handshakes_are_counted(access):
     own = handshake(OWN, f"http://{OWN}")
-    gate.tabs = MOST_TABS
-    assert gate.judge("/secret", own) is TOO_MANY
-    gate.tabs = 0
-    found = [gate.judge("/secret", own) for _ in range(2 * MOST_HANDSHAKES)]
+    access.tabs = MOST_TABS
+    assert access.judge("/secret", own) is TOO_MANY
+    access.tabs = 0
+    found = [access.judge("/secret", own) for _ in range(2 * MOST_HANDSHAKES)]
     assert found.count("/") >= MOST_HANDSHAKES
     assert found[-1] is TOO_MANY
     # What others ask takes nothing from the lab's own page.
-    other = Gate("secret")
+    other = AccessCheck("secret")
     other.ports.add(PORT)
     for _ in range(10 * MOST_HANDSHAKES):
         other.judge("/secret", handshake(OWN, "http://elsewhere.invalid"))

@@ -1,4 +1,4 @@
-"""The gate put before viser's server, which asks nobody who they are.
+"""The access check put before viser's server, which asks nobody who they are.
 
 Viser serves pages and websockets through ``websockets.asyncio.server.serve``. While the server of a lab is made, that
 function hands it a check of every request; nothing else of viser is touched. Whether the check is in force is then
@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from flocking.apps.lab.gate import MESSAGES_A_SECOND, MOST_MESSAGES, MOST_TABS, Allowance, Gate, Refusal
+from flocking.apps.lab.access import MESSAGES_A_SECOND, MOST_MESSAGES, MOST_TABS, AccessCheck, Allowance, Refusal
 
 SERVED_BY = "viser."
 """Modules whose servers are guarded."""
@@ -34,13 +34,13 @@ _one_at_a_time = threading.Lock()
 
 
 @contextmanager
-def guarding(gate: Gate) -> Iterator[None]:
-    """While it lasts, the viser server that is made has its requests judged by a gate.
+def guarding(access: AccessCheck) -> Iterator[None]:
+    """While it lasts, the viser server that is made has its requests judged by an access check.
 
     Parameters
     ----------
-    gate
-        The gate.
+    access
+        The check.
     """
     import rich
     import websockets.asyncio.server as place
@@ -53,7 +53,7 @@ def guarding(gate: Gate) -> Iterator[None]:
             if not getattr(process_request, "__module__", "").startswith(SERVED_BY):
                 return before(handler, *given, process_request=process_request, **options)
             options["max_size"] = LARGEST_MESSAGE
-            return before(_served(gate, handler), *given, process_request=_judged(gate, process_request), **options)
+            return before(_served(access, handler), *given, process_request=_judged(access, process_request), **options)
 
         place.serve = serve
         console.quiet = True  # viser prints its address, which lacks the token
@@ -63,9 +63,9 @@ def guarding(gate: Gate) -> Iterator[None]:
             place.serve, console.quiet = before, quiet
 
 
-def _judged(gate: Gate, answer: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+def _judged(access: AccessCheck, answer: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
     def judge(connection: Any, request: Any) -> Any:
-        found = gate.judge(request.path, request.headers.raw_items())
+        found = access.judge(request.path, request.headers.raw_items())
         if isinstance(found, Refusal):
             response = connection.respond(found.status, found.words)
         else:
@@ -79,9 +79,9 @@ def _judged(gate: Gate, answer: Callable[[Any, Any], Any]) -> Callable[[Any, Any
     return judge
 
 
-def _served(gate: Gate, handler: Callable[[Any], Any]) -> Callable[[Any], Any]:
+def _served(access: AccessCheck, handler: Callable[[Any], Any]) -> Callable[[Any], Any]:
     async def serve(connection: Any) -> None:
-        if gate.tabs >= MOST_TABS:
+        if access.tabs >= MOST_TABS:
             await connection.close(1013, "too many tabs")
             return
         receive, allowance = connection.recv, Allowance(MESSAGES_A_SECOND, MOST_MESSAGES)
@@ -94,11 +94,11 @@ def _served(gate: Gate, handler: Callable[[Any], Any]) -> Callable[[Any], Any]:
             return message
 
         connection.recv = received
-        gate.tabs += 1
+        access.tabs += 1
         try:
             await handler(connection)
         finally:
-            gate.tabs -= 1
+            access.tabs -= 1
 
     return serve
 
