@@ -186,9 +186,12 @@ def _film(
     limits = None if "limits" in options else _limits(run, follow)
 
     def draw(k: int) -> None:
-        if len(made.axes) == 1:
+        if len(made.axes) == 1 and not space:
             (axes,) = made.axes
-            axes.clear()
+            # Clearing the axes would make all ticks anew.
+            for artist in [*axes.lines, *axes.collections, *axes.patches, *axes.texts, *axes.images]:
+                artist.remove()
+            axes.set_prop_cycle(None)
         else:
             made.clear()
             axes = made.add_subplot(projection="3d" if space else None)
