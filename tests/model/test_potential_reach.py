@@ -35,11 +35,17 @@ def test_a_pole_that_neighbours_can_reach_is_refused(
     with pytest.raises(InvalidInput, match=f"{how} at distance {pole}, inside the radius 6 of its graph"):
         scenario(formula, 6.0, **parameters)
     with pytest.raises(InvalidInput, match="inside the radius 6"):
-        scenario(formula, fk.Hysteresis(6.0, 0.5), **parameters)
+        scenario(formula, fk.Hysteresis(6.5, 0.5), **parameters)
     within = float(pole)
     scenario(formula, within, **parameters)
     scenario(formula, within / 2, **parameters)
     scenario(formula, fk.Fixed(3, ((0, 1), (1, 2))), **parameters)
+
+
+def test_a_link_that_appears_before_the_pole_never_comes_past_it() -> None:
+    scenario("1/r + 1/(R - r)", fk.Hysteresis(4.04, 0.1), R=4.0)
+    with pytest.raises(InvalidInput, match=r"inside the radius 4\.01"):
+        scenario("1/r + 1/(R - r)", fk.Hysteresis(4.11, 0.1), R=4.0)
 
 
 def test_a_pole_that_no_pair_can_pass_is_mentioned() -> None:

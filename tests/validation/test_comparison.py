@@ -59,13 +59,14 @@ def test_a_few_runs_contradict_nothing(judge: Judge) -> None:
 
 
 def test_a_missed_link_is_a_contradiction(judge: Judge, monkeypatch) -> None:
-    """An engine that sees no crossing is found out."""
+    """An engine that sees no crossing, and no pair near one, is found out."""
     picked = next(
         x for x in (draw(SEED, k) for k in range(400))
         if x.law == "flights" and [s.kind for s in judge.motion(x.problem).switches] == ["appear", "break"]
     )  # fmt: skip
     assert not examine(picked, judge).contradictions
     monkeypatch.setattr("flocking.engine.switching.LinkState.next_crossings", lambda *_: (2.0, []))
+    monkeypatch.setattr("flocking.engine.doubts.Doubts.follow", lambda *_: [])
     found = examine(picked, judge)
     assert any("switches" in x or "links" in x for x in found.contradictions), found
 

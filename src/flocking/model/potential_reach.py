@@ -31,8 +31,8 @@ def check_reach(law: Law, stacklevel: int = 4) -> None:
     Raises
     ------
     InvalidInput
-        When a potential falls without bound, or ends, at a distance inside the radius of its graph: pairs that become
-        neighbours at the radius, or come closer, have no motion.
+        When a potential falls without bound, or ends, at a distance inside the radius at which its graph makes
+        links: pairs that become neighbours there, or come closer, have no motion.
 
     Warns
     -----
@@ -44,8 +44,10 @@ def check_reach(law: Law, stacklevel: int = 4) -> None:
         graph = term.over or law.graph
         if not isinstance(term, Gradient) or not graph.moves:
             continue
-        radius, potential = float(np.max(np.asarray(graph.break_radius))), term.potential
-        if not np.isfinite(radius):
+        # A link that appears on this side of a pole never comes past it.
+        radius = float(np.max(np.asarray(graph.appear_radius)))
+        widest, potential = max(radius, float(np.max(np.asarray(graph.break_radius)))), term.potential
+        if not np.isfinite(widest):
             continue
         for pole in poles(potential):
             if not pole < radius * INSIDE:
@@ -63,9 +65,9 @@ def check_reach(law: Law, stacklevel: int = 4) -> None:
                 "Gradient", "potential", f"must be finite wherever agents are neighbours, but {how} {where}",
                 potential, f"Give the graph a radius of at most {pole:.9g}, or cut the potential before its pole.",
             )  # fmt: skip
-        if (begin := acts_only_beyond(potential, radius)) is not None:
+        if (begin := acts_only_beyond(potential, widest)) is not None:
             warnings.warn(
                 f"{potential!r} acts only at distances beyond {begin:.9g}, and its graph has neighbours only within "
-                f"{radius:.9g}: the term never acts.",
+                f"{widest:.9g}: the term never acts.",
                 SuspectInput, stacklevel=stacklevel,
             )  # fmt: skip
