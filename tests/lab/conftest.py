@@ -34,11 +34,17 @@ def connected_to(record):
 
 
 @pytest.fixture
-def page(tmp_path):
+def scenario():
+    """What the page starts with."""
+    return ten()
+
+
+@pytest.fixture
+def page(tmp_path, scenario):
     from flocking.apps.lab.page import Page
     from flocking.apps.lab.server import opened
 
-    found = Page(opened(None), ten(), folder=tmp_path)
+    found = Page(opened(None), scenario, folder=tmp_path)
     yield found
     found.close()
 

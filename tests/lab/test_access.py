@@ -13,7 +13,7 @@ from flocking.apps.lab.access import (
     NO_TOKEN,
     TOO_MANY,
     AccessCheck,
-    Allowance,
+    RateLimit,
 )
 from flocking.apps.lab.confinement import Folder
 from tests.lab.foreign import HOSTS, ORIGINS, OWN, PORT, TOKENS, WAYS_OUT, handshake
@@ -94,7 +94,7 @@ def test_tabs_and_handshakes_are_counted(access):
 
 def test_an_allowance_fills_again():
     now = [0.0]
-    found = Allowance(2.0, 3, lambda: now[0])
+    found = RateLimit(2.0, 3, lambda: now[0])
     assert [found.take() for _ in range(4)] == [True, True, True, False]
     now[0] = 0.5
     assert [found.take(), found.take()] == [True, False]

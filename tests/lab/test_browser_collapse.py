@@ -5,10 +5,8 @@ import time
 
 import pytest
 
-from flocking.apps.lab.page import Page
-from flocking.apps.lab.server import opened
 from tests.engine.test_slices import collapsing
-from tests.lab.tabs import LabTab, wait
+from tests.lab.tabs import wait
 
 pytestmark = pytest.mark.browser
 
@@ -17,17 +15,8 @@ SOON = 15.0
 
 
 @pytest.fixture
-def page(tmp_path):
-    found = Page(opened(None), collapsing(), folder=tmp_path)
-    yield found
-    found.close()
-
-
-@pytest.fixture
-def tab(browser, page):
-    found = LabTab(browser, page)
-    yield found
-    found.close()
+def scenario():
+    return collapsing()
 
 
 def test_pause_reset_and_the_way_back_are_obeyed_while_steps_shrink(page, tab):

@@ -74,7 +74,7 @@ def test_within_a_minute_a_newcomer_sees_which_hypothesis_broke(lab, browser):
     tab.go("Run")
     tab.shot("run")
     print(f"fragmented and explained after {took:.0f} s")
-    assert took < 300  # a machine with nothing else to do needs a small part of it
+    assert took < 120  # half a minute on two free cores; a busy machine gets more
     used, since = seconds_used(process), time.monotonic()
     tab.tab.wait_for_timeout(4000)
     assert (seconds_used(process) - used) / (time.monotonic() - since) < 0.05, "paused, and busy"

@@ -54,13 +54,16 @@ def test_the_same_turns_are_decided_where_the_error_is_smaller(tolerance: float)
     assert verdict(kept, "crossings-transversal") is Verdict.HOLDS
 
 
+@pytest.mark.parametrize(("tolerance", "kind"), [(1e-4, "near miss"), (1e-5, "switch")])
 @pytest.mark.parametrize("beyond", [1e-8, -1e-8])
-def test_a_link_that_may_have_come_may_have_gone_again(beyond: float) -> None:
+def test_a_link_that_may_have_come_may_have_gone_again(beyond: float, tolerance: float, kind: str) -> None:
     """A pair that turns at the radius from outside: had it been linked there, it would have lost that link."""
     spring = fk.Gradient(fk.Potential("k*(r-d)**2/2", k=1.0, d=2.0), over=fk.Fixed(2, ((0, 1),)))
     law = fk.Law(fk.Proximity(1.0 + beyond), [spring, fk.Consensus(0.0)])
     start = fk.State([[-1.0, 0.0], [1.0, 0.0]], [[np.sqrt(0.5), 0.0], [-np.sqrt(0.5), 0.0]])
-    run = fk.simulate(fk.Scenario(law, start, t_end=2.0, tolerance=1e-5, frames=21), progress=False)
+    run = fk.simulate(fk.Scenario(law, start, t_end=2.0, tolerance=tolerance, frames=21), progress=False)
+    assert run.accuracy is not None
+    assert set(run.accuracy.doubts["kind"]) == {kind}
     result = fk.audit(run)["links-kept"]
     assert result.verdict is Verdict.NOT_RESOLVED
     assert "agents 0 and 1" in result.note

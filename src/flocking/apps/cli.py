@@ -84,7 +84,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     open_streams()
-    with quiet_warnings(arguments is None), ended_by_signals(for_good=arguments is None):
+    alone = arguments is None
+    if alone:
+        quiet_warnings()
+    with ended_by_signals(for_good=alone):
         try:
             return _run(words)
         except (KeyboardInterrupt, Exception) as error:

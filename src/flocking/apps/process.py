@@ -38,7 +38,7 @@ def open_streams() -> None:
             os.open(os.devnull, os.O_RDWR)
         if getattr(sys, name) is None:
             setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_RDWR), "r" if number == 0 else "w", encoding="utf-8"))
-    for name, raw in (("stdout", _Named), ("stderr", _Heedless)):
+    for name, raw in (("stdout", _ErrorsNamed), ("stderr", _ErrorsIgnored)):
         stream = getattr(sys, name)
         # Whoever replaced a stream wants it as it is.
         if stream is getattr(sys, f"__{name}__") and stream is not None:
@@ -50,7 +50,7 @@ def open_streams() -> None:
             stream.reconfigure(errors="backslashreplace")
 
 
-class _Heedless(io.FileIO):
+class _ErrorsIgnored(io.FileIO):
     """A stream that takes everything: a run need not end because nobody can be told how far it is."""
 
     def write(self, data: Any) -> int:
@@ -60,7 +60,7 @@ class _Heedless(io.FileIO):
             return len(data)
 
 
-class _Named(io.FileIO):
+class _ErrorsNamed(io.FileIO):
     """The output: an error of the system says that it is about it."""
 
     def write(self, data: Any) -> int:
@@ -94,25 +94,17 @@ def give_up_output() -> None:
                 os.close(nowhere)
 
 
-@contextmanager
-def quiet_warnings(wanted: bool) -> Iterator[None]:
+def quiet_warnings() -> None:
     """Keep warnings of other libraries off the terminal, unless Python was asked for them with ``-W``.
 
-    What a user has hardly meant is said in a line of its own.
-
-    Parameters
-    ----------
-    wanted
-        Whether to keep them off.
+    What a user has hardly meant is said in a line of its own. It is for good: what is destroyed while the process ends
+    may warn, too.
     """
-    if not wanted or sys.warnoptions:
-        yield
+    if sys.warnoptions:
         return
-    # For good: what is destroyed while the process ends may warn, too.
     warnings.simplefilter("ignore")
     warnings.simplefilter("default", SuspectInput)
     warnings.showwarning = _said
-    yield
 
 
 def _said(message: Warning | str, *_: object, **__: object) -> None:

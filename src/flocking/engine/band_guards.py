@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.guards import NEVER, first_above, reach, smallest_value, squared_distance
+from flocking.engine.guards import NEVER, first_above, part_from, smallest_value, squared_distance
 from flocking.formula.machine_code import numba
 from flocking.model.checks import Array
 
@@ -132,12 +132,7 @@ def closest_after(B: Array, i: int, j: int, level: float, inside: bool, x: float
     """
     square = np.empty(15)
     squared_distance(B, i, j, square)
-    # Coefficients of the part from x on (de Casteljau).
-    rest = square.copy()
-    for size in range(14, 0, -1):
-        for k in range(size):
-            square[k] += x * (square[k + 1] - square[k])
-        rest[size - 1] = square[size - 1]
+    rest = part_from(square, x)
     value, where = smallest_value(-rest if inside else rest, np.inf)
     gap = level - np.sqrt(max(-value, 0.0)) if inside else np.sqrt(max(value, 0.0)) - level
     return gap, x + where * (1.0 - x)
@@ -163,11 +158,10 @@ def _farthest(B: Array, i: int, j: int, square: Array, best: float) -> tuple[flo
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _farthest_from_mean(B: Array) -> Array:
+def _farthest_from_mean(B: Array, far: Array) -> Array:
     """Bound on the distance of each agent from the mean of the group on the segment, shape (N,)."""
     n, m = B.shape[1], B.shape[2]
-    far: Array = reach(B)
-    mean = np.zeros(m)
+    away, mean = np.empty(n), np.zeros(m)
     for k in range(m):
         for i in range(n):
             mean[k] += B[0, i, k] / n
@@ -175,22 +169,24 @@ def _farthest_from_mean(B: Array) -> Array:
         square = 0.0
         for k in range(m):
             square += (B[0, i, k] - mean[k]) ** 2
-        far[i] = (far[i] + np.sqrt(square)) * (1.0 + 1e-12)
-    return far
+        away[i] = (far[i] + np.sqrt(square)) * (1.0 + 1e-12)
+    return away
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def diameter(B: Array, least: float) -> tuple[float, float, int, int]:
+def diameter(B: Array, far: Array, least: float) -> tuple[float, float, int, int]:
     """Largest distance of two points on the segment where it is more than ``least``: value, where, which.
 
     Parameters
     ----------
     B
         Bernstein coefficients of the points, shape (8, N, m).
+    far
+        Result of `flocking.engine.guards.reach`.
     """
     best, where, one, two = max(least, -1.0) * abs(least), NEVER, -1, -1
     square = np.empty(15)
-    away = _farthest_from_mean(B)
+    away = _farthest_from_mean(B, far)
     for i in range(B.shape[1]):
         for j in range(i + 1, B.shape[1]):
             if (away[i] + away[j]) ** 2 <= best:

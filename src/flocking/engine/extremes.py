@@ -71,10 +71,11 @@ class Extremes:
         self._base = origin.time
         B = segment.coefficients[:, : n * m].reshape(-1, n, m)
         if n > 1:
-            value, x, i, j = diameter(B, self._least("diameter", error.pairs))
+            far = reach(B)
+            value, x, i, j = diameter(B, far, self._least("diameter", error.pairs))
             if x <= 1.0 or error.lost:
                 self._take("diameter", segment, value, x, (int(i), int(j)), error.pairs)
-            self._approach(segment, B, linked, error.pairs)
+            self._approach(segment, B, far, linked, error.pairs)
         if self._order == 2:
             P = segment.coefficients[:, n * m : 2 * n * m].reshape(-1, n, m)
             P = P if origin.rests else P + origin.velocity
@@ -114,10 +115,10 @@ class Extremes:
             known = Largest(value, segment.t0 + x * (segment.t1 - segment.t0) + self._base, agents)
         self.largest[name] = replace(known, error=ceiling - known.value)
 
-    def _approach(self, segment: Segment, B: Array, linked: Links, error: float) -> None:
+    def _approach(self, segment: Segment, B: Array, far: Array, linked: Links, error: float) -> None:
         margin = 0.0 if error == np.inf else error
         at_most = [min(max(c.distance, c.distance - _known(c) + margin), 1e150) for c in self.closest]
-        rows = closest(B, reach(B), linked, *at_most).tolist()
+        rows = closest(B, far, linked, *at_most).tolist()
         if rows[0][1] >= NEVER and rows[1][1] >= NEVER and error < np.inf:
             return
         found = []

@@ -145,26 +145,27 @@ def reach(B: Array) -> Array:
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _value(g: Array, x: float) -> float:
-    """Value at x of the polynomial with Bernstein coefficients ``g``."""
-    work = g.copy()
-    for size in range(work.shape[0] - 1, 0, -1):
+def part_from(g: Array, x: float) -> Array:
+    """Bernstein coefficients, on [x, 1], of the polynomial with coefficients ``g``; the first is its value at x.
+
+    Parameters
+    ----------
+    x
+        Where the part begins (de Casteljau).
+    """
+    rest, work = np.empty_like(g), g.copy()
+    for size in range(g.shape[0] - 1, 0, -1):
+        rest[size] = work[size]
         for k in range(size):
             work[k] += x * (work[k + 1] - work[k])
-    return float(work[0])
+    rest[0] = work[0]
+    return rest
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _first_above_from(g: Array, x: float) -> float:
     """First place in [x, 1] at which the polynomial with Bernstein coefficients ``g`` exceeds zero, or `NEVER`."""
-    rest, work = np.empty_like(g), g.copy()
-    last = work.shape[0] - 1
-    for size in range(last, 0, -1):
-        rest[size] = work[size]
-        for k in range(size):
-            work[k] += x * (work[k + 1] - work[k])
-    rest[0] = work[0]
-    found = first_above(rest)
+    found = first_above(part_from(g, x))
     return x + found * (1.0 - x) if found <= 1.0 else NEVER
 
 
@@ -179,10 +180,10 @@ def _moving_so(square: Array, x: float, B: Array, P: Array, i: int, j: int, sign
                 dot += (B[a, j, k] - B[a, i, k]) * (P[b, j, k] - P[b, i, k])
             rate[a + b] += _PRODUCT[a, b] * sign * dot
     for _ in range(_RETRIES):
-        if x > 1.0 or _value(rate, x) >= 0.0:
+        if x > 1.0 or part_from(rate, x)[0] >= 0.0:
             return x
         x = _first_above_from(rate, x)
-        if x > 1.0 or _value(square, x) > 0.0:
+        if x > 1.0 or part_from(square, x)[0] > 0.0:
             return x
         x = _first_above_from(square, x)
     return NEVER

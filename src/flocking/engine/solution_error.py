@@ -16,7 +16,6 @@ from flocking.engine.recorder import Recorder
 from flocking.engine.segment import Segment
 from flocking.engine.switching import Crossing, LinkState, slack_of
 from flocking.errors import InvalidInput
-from flocking.formula.machine_code import numba
 from flocking.model.checks import Array
 
 MOST_DOUBTS = 2000
@@ -304,51 +303,18 @@ def _radial(
     """Of two agents at the end of a segment: difference of their distance, their tangential speed over the distance,
     and the second derivative of the distance.
     """
-    span = segment.t1 - segment.t0
-    early = ((segment.t1 - 0.01 * span) - segment.t0) / span
-    offset, *rates, drift = _approach_of(segment.coefficients, span, early, i, j, n, m)
-    r = float(np.linalg.norm(offset))
-    if r == 0.0:
-        return 0.0, np.inf, np.inf
+    span, C = segment.t1 - segment.t0, segment.coefficients
+    pair = Segment(segment.t0, segment.t1, C[:, j * m : (j + 1) * m] - C[:, i * m : (i + 1) * m])
+    rates = []
+    for t in (segment.t1 - 0.01 * span, segment.t1):
+        d, w = pair.with_slope(t)
+        r = float(np.linalg.norm(d))
+        if r == 0.0:
+            return 0.0, np.inf, np.inf
+        rates.append(float(d @ w) / r)
+    drift = float(np.linalg.norm(w - rates[1] * d / r)) / r
     off = 0.0
     if difference is not None:
         e = difference[: n * m].reshape(n, m)
-        off = float(offset @ (e[j] - e[i])) / r
+        off = float(d @ (e[j] - e[i])) / r
     return off, drift, (rates[1] - rates[0]) / (0.01 * span)
-
-
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _approach_of(
-    coefficients: Array, span: float, early: float, i: int, j: int, n: int, m: int
-) -> tuple[Array, float, float, float]:
-    """Of two agents on a segment: their offset at its end, the rates of change of their distance at a fraction
-    ``early`` of it and at its end, and the tangential part of their relative velocity there over their distance.
-    """
-    degree = coefficients.shape[0] - 1
-    work, rate = np.empty((degree + 1, m)), np.zeros(2)
-    d, w = np.zeros(m), np.zeros(m)
-    drift = np.inf
-    for place, x in enumerate((early, 1.0)):
-        for a in range(degree + 1):
-            for k in range(m):
-                work[a, k] = coefficients[a, j * m + k] - coefficients[a, i * m + k]
-        slope = np.zeros(m)
-        for size in range(degree, 0, -1):
-            if size == 1:
-                slope = degree / span * (work[1] - work[0])
-            for a in range(size):
-                for k in range(m):
-                    work[a, k] += x * (work[a + 1, k] - work[a, k])
-        square, along = 0.0, 0.0
-        for k in range(m):
-            d[k], w[k] = work[0, k], slope[k]
-            square += d[k] * d[k]
-            along += d[k] * w[k]
-        r = np.sqrt(square)
-        rate[place] = along / r if r > 0.0 else 0.0
-        if place == 1 and r > 0.0:
-            aside = 0.0
-            for k in range(m):
-                aside += (w[k] - rate[1] * d[k] / r) ** 2
-            drift = np.sqrt(aside) / r
-    return d, rate[0], rate[1], drift

@@ -232,7 +232,7 @@ class Scenario:
         self.agents.check_count(self.start.n)
         self.law.check_count(self.start.n, self.start.dimension)
         self._check_coincidence()
-        check_reach(self.law, stacklevel=5)
+        check_reach(self.law.pair_terms, self.law.graph)
 
     def _check_coincidence(self) -> None:
         if not self.law.singular_at_zero():

@@ -3,30 +3,31 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
 
 import numpy as np
 
 from flocking.errors import InvalidInput, SuspectInput
+from flocking.model.graphs import Graph
 from flocking.model.poles import acts_only_beyond, poles, sides
-from flocking.model.terms import Gradient
+from flocking.model.terms import Gradient, PairTerm
 
-if TYPE_CHECKING:
-    from flocking.model.law import Law
+CALLER = 5
+"""Whose line a warning names: that of who builds a scenario."""
 
 INSIDE = 1.0 - 1e-9
 """A pole at this share of the radius, or below, is inside it; the radii of the papers' potentials are their poles."""
 
 
-def check_reach(law: Law, stacklevel: int = 4) -> None:
-    """Check that neighbours of a law stay where its potentials have values.
+def check_reach(terms: Iterable[PairTerm], over: Graph) -> None:
+    """Check that neighbours under pair terms stay where its potentials have values.
 
     Parameters
     ----------
-    law
-        The law.
-    stacklevel
-        Whose line a warning names.
+    terms
+        The terms.
+    over
+        Graph of those that name no other.
 
     Raises
     ------
@@ -40,8 +41,8 @@ def check_reach(law: Law, stacklevel: int = 4) -> None:
         When a potential rises without bound at a distance inside the radius of its graph, which no pair can pass, or
         acts only at distances beyond that radius.
     """
-    for term in law.pair_terms:
-        graph = term.over or law.graph
+    for term in terms:
+        graph = term.over or over
         if not isinstance(term, Gradient) or not graph.moves:
             continue
         # A link that appears on this side of a pole never comes past it.
@@ -57,7 +58,7 @@ def check_reach(law: Law, stacklevel: int = 4) -> None:
             if below == above == "rises":
                 warnings.warn(
                     f"{potential!r} has a pole {where}: no pair can pass it, and neighbours may be on either side.",
-                    SuspectInput, stacklevel=stacklevel,
+                    SuspectInput, stacklevel=CALLER,
                 )  # fmt: skip
                 continue
             how = "has no value beyond its pole" if above == "ends" else "falls without bound to its pole"
@@ -69,5 +70,5 @@ def check_reach(law: Law, stacklevel: int = 4) -> None:
             warnings.warn(
                 f"{potential!r} acts only at distances beyond {begin:.9g}, and its graph has neighbours only within "
                 f"{widest:.9g}: the term never acts.",
-                SuspectInput, stacklevel=stacklevel,
+                SuspectInput, stacklevel=CALLER,
             )  # fmt: skip

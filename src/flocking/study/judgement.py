@@ -94,7 +94,7 @@ class Judgement:
             return Verdict.UNTESTED
         if Verdict.FAILS in found:
             return Verdict.FAILS
-        if self.decided == self.met or (self.decided >= FEWEST_SEEDS and self.claim.basis is not Basis.ASKED):
+        if self.decided == self.met or (self.decided >= FEWEST_SEEDS and self.claim.basis is Basis.PROOF):
             return Verdict.HOLDS
         return Verdict.NOT_RESOLVED if Verdict.NOT_RESOLVED in found else Verdict.NOT_YET
 

@@ -43,7 +43,7 @@ NO_TOKEN = Refusal(403, "This address lacks the lab's token: open the address th
 TOO_MANY = Refusal(429, "Too many connections in a short time: wait a little.\n")
 
 
-class Allowance:
+class RateLimit:
     """So many at once, and then so many a second.
 
     Parameters
@@ -98,7 +98,7 @@ class AccessCheck:
         """Ports at which the lab is reached; until there is one nobody is let in."""
         self.tabs = 0
         """Tabs that are connected."""
-        self._handshakes = Allowance(HANDSHAKES_A_SECOND, MOST_HANDSHAKES)
+        self._handshakes = RateLimit(HANDSHAKES_A_SECOND, MOST_HANDSHAKES)
 
     def judge(self, path: str, headers: Iterable[tuple[str, str]]) -> Refusal | str:
         """Why a request is refused, or its path without the token.

@@ -12,9 +12,10 @@ import http.client
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
-from flocking.apps.lab.access import MESSAGES_A_SECOND, MOST_MESSAGES, MOST_TABS, AccessCheck, Allowance, Refusal
+from flocking.apps.lab.access import MESSAGES_A_SECOND, MOST_MESSAGES, MOST_TABS, AccessCheck, RateLimit, Refusal
 
 SERVED_BY = "viser."
 """Modules whose servers are guarded."""
@@ -31,6 +32,27 @@ SAFER = {
 """Headers of every answer: the token goes nowhere, and no page shows the lab within itself."""
 
 _one_at_a_time = threading.Lock()
+
+
+@dataclass(frozen=True, eq=False)
+class Guarded:
+    """A viser server, and the check of who may connect to it.
+
+    Parameters
+    ----------
+    server
+        The viser server.
+    access
+        The check.
+    """
+
+    server: Any
+    access: AccessCheck
+
+    @property
+    def address(self) -> str:
+        """Where the page is, with the token."""
+        return f"http://{self.server.get_host()}:{self.server.get_port()}/{self.access.token}/"
 
 
 @contextmanager
@@ -84,11 +106,11 @@ def _served(access: AccessCheck, handler: Callable[[Any], Any]) -> Callable[[Any
         if access.tabs >= MOST_TABS:
             await connection.close(1013, "too many tabs")
             return
-        receive, allowance = connection.recv, Allowance(MESSAGES_A_SECOND, MOST_MESSAGES)
+        receive, limit = connection.recv, RateLimit(MESSAGES_A_SECOND, MOST_MESSAGES)
 
         async def received(*given: Any, **options: Any) -> Any:
             message = await receive(*given, **options)
-            wait = allowance.wait()
+            wait = limit.wait()
             if wait > 0:
                 await asyncio.sleep(wait)
             return message

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from flocking.apps.lab.access import Allowance
+from flocking.apps.lab.access import RateLimit
 from flocking.apps.lab.banner import Banner
 from flocking.apps.lab.choices import first_choice, in_space, is_built_in, library, scenario_of
 from flocking.apps.lab.clock import Clock
@@ -17,11 +17,11 @@ from flocking.apps.lab.controls import Controls
 from flocking.apps.lab.display import Display
 from flocking.apps.lab.events import Event, EventLog
 from flocking.apps.lab.experiment import Experiment, replay
+from flocking.apps.lab.guarded_server import Guarded
 from flocking.apps.lab.handling import Handling
 from flocking.apps.lab.instruments import Instruments
 from flocking.apps.lab.keeping import Keeping
 from flocking.apps.lab.scene import Scene
-from flocking.apps.lab.server import Guarded
 from flocking.apps.lab.transport import Transport
 from flocking.errors import FlockingError, InvalidInput
 from flocking.model.law import Scenario
@@ -53,7 +53,7 @@ class Page:
         self._guarded = guarded
         server = self.server = guarded.server
         self.folder = Folder(Path.cwd() if folder is None else folder)
-        self._orders = Allowance(ORDERS_A_SECOND, MOST_ORDERS)
+        self._orders = RateLimit(ORDERS_A_SECOND, MOST_ORDERS)
         self._busy = threading.Lock()
         self._loads = 0
         self._given_file: Path | None = None

@@ -5,11 +5,11 @@ from __future__ import annotations
 import logging
 import socket
 import threading
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from flocking.apps.lab.access import AccessCheck
+from flocking.apps.lab.guarded_server import Guarded, guarding, is_guarded
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
 
@@ -19,27 +19,6 @@ if TYPE_CHECKING:
 HOST = "127.0.0.1"
 PORT = 8080
 TRIES = 50
-
-
-@dataclass(frozen=True, eq=False)
-class Guarded:
-    """A viser server, and the check of who may connect to it.
-
-    Parameters
-    ----------
-    server
-        The viser server.
-    access
-        The check.
-    """
-
-    server: Any
-    access: AccessCheck
-
-    @property
-    def address(self) -> str:
-        """Where the page is, with the token."""
-        return f"http://{HOST}:{self.server.get_port()}/{self.access.token}/"
 
 
 def lab(
@@ -112,8 +91,6 @@ def opened(port: int | None) -> Guarded:
         raise InvalidInput(
             "lab", "viser", "must be installed", "no module named viser", "Install it: pip install 'flocking[lab]'."
         ) from None
-    from flocking.apps.lab.guarded_server import guarding, is_guarded
-
     free = next((p for p in ([port] if port else range(PORT, PORT + TRIES)) if _is_free(p)), None)
     if free is None:
         raise InvalidInput(
