@@ -61,7 +61,7 @@ def command_line_page() -> str:
         "With `--json` a command prints one JSON document and nothing else to its output.\n"
     ]
     for command in commands:
-        words = [sys.executable, "-m", "flocking.apps.cli", *([command] if command else []), "--help"]
+        words = [sys.executable, "-m", "flocking", *([command] if command else []), "--help"]
         shown = subprocess.run(words, capture_output=True, text=True, env=environment, check=True)
         text = "\n".join(line.rstrip() for line in shown.stdout.strip().splitlines()).replace("cli.py", "flocking")
         parts.append(f"## flocking {command}\n\n```text\n{text}\n```\n".replace("flocking \n", "flocking\n"))

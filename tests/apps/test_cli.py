@@ -50,7 +50,7 @@ def call(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, 
 
 
 def shell(*words: object, **settings: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "flocking.apps.cli", *map(str, words)]
+    command = [sys.executable, "-m", "flocking", *map(str, words)]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, **settings)  # type: ignore[call-overload, no-any-return]
 
 
@@ -280,7 +280,7 @@ def test_reproduce_passes_its_arguments_and_exits_with_0_when_all_is_as_expected
 
 
 def test_a_closed_pipe_is_no_error() -> None:
-    line = f"{sys.executable} -m flocking.apps.cli schema | head -1; echo ${{PIPESTATUS[0]}}"
+    line = f"{sys.executable} -m flocking schema | head -1; echo ${{PIPESTATUS[0]}}"
     shown = subprocess.run(["bash", "-c", line], capture_output=True, text=True, timeout=60)
     assert shown.stdout.split() == ["{", "0"]
     assert shown.stderr == ""
@@ -297,7 +297,7 @@ def test_ctrl_c_keeps_what_was_computed_and_resume_goes_on(tmp_path: Path) -> No
     file = tmp_path / "long.toml"
     file.write_text(QUICK.replace("t_end = 1\nframes = 5", "t_end = 1e5\nframes = 100001"))
     out = tmp_path / "run"
-    command = [sys.executable, "-m", "flocking.apps.cli", "run", str(file), "--out", str(out), "--json"]
+    command = [sys.executable, "-m", "flocking", "run", str(file), "--out", str(out), "--json"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         limit = time.monotonic() + 600

@@ -13,12 +13,13 @@ import pytest
 
 import flocking as fk
 from flocking.apps.cli import main
+from flocking.apps.early_signals import INTERRUPTED, SENTENCE
 from flocking.apps.process import harmless
 from flocking.errors import FormulaError, InvalidInput
 from flocking.study.sweeps.sweep_file import read_sweep_file
 from tests.engine.stored_runs import scenario
 
-COMMAND = f"{sys.executable} -m flocking.apps.cli"
+COMMAND = f"{sys.executable} -m flocking"
 
 
 def shell(words: str) -> subprocess.CompletedProcess[str]:
@@ -132,3 +133,49 @@ def test_a_second_interrupt_ends_at_once() -> None:
         assert held.poll() is None
         held.send_signal(signal.SIGINT)
         assert held.wait(timeout=60) == -signal.SIGINT
+
+
+TURNED = """
+import os, signal
+from flocking.apps import cli
+
+def command_line():
+    try:
+        os.kill(os.getpid(), signal.SIGINT)
+    except KeyboardInterrupt:
+        pass
+    raise RuntimeError("Error building a serializer: KeyboardInterrupt: ")
+
+cli.command_line = command_line
+raise SystemExit(cli.main(["list"]))
+"""
+
+
+def test_an_interrupt_that_a_compiled_library_made_its_own_error_of_is_one() -> None:
+    """As pydantic does while it builds a schema."""
+    found = subprocess.run([sys.executable, "-c", TURNED], capture_output=True, text=True)
+    assert (found.returncode, found.stderr) == (INTERRUPTED, SENTENCE + "\n")
+
+
+IMPORTING = """
+import os, signal, sys
+
+class Struck:
+    def find_spec(self, name, path=None, target=None):
+        if name == {module!r}:
+            os.kill(os.getpid(), signal.{number})
+
+sys.meta_path.insert(0, Struck())
+from flocking.__main__ import main
+sys.argv = ["flocking", "run", {file!r}]
+sys.exit(main())
+"""
+
+
+@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM"])
+@pytest.mark.parametrize("module", ["flocking.apps.cli", "cyclopts", "flocking.model.law", "pydantic", "numba"])
+def test_a_signal_while_modules_are_imported_ends_quietly(tmp_path: Path, module: str, number: str) -> None:
+    fk.write_scenario(scenario(), tmp_path / "scenario.toml")
+    program = IMPORTING.format(module=module, number=number, file=str(tmp_path / "scenario.toml"))
+    found = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert (found.returncode, found.stderr, found.stdout) == (INTERRUPTED, SENTENCE + "\n", "")

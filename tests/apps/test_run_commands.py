@@ -29,7 +29,7 @@ start = {draw = "hexagonal", n = 2500, spacing = 0.9, noise = 0.05, speed = 1.0,
 """
 ENDLESS = LARGE.replace("t_end = 0.2\nframes = 5", "t_end = 1e4\nframes = 1001")
 PROGRESS = re.compile(r"large .*[0-9.e+]+ agent-steps/s \d+:\d\d:\d\d")
-COMMAND = [sys.executable, "-m", "flocking.apps.cli"]
+COMMAND = [sys.executable, "-m", "flocking"]
 
 
 @pytest.fixture

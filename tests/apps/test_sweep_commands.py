@@ -93,7 +93,7 @@ def test_runs_that_fail_are_counted_and_change_the_exit_code(file, capsys):
 def test_ctrl_c_says_what_is_kept_and_the_same_command_goes_on(file, tmp_path, capsys):
     """A terminal sends SIGINT to the workers too."""
     file.write_text(FILE.replace("seeds = 2", "seeds = 12"))
-    command = [sys.executable, "-m", "flocking.apps.cli", "sweep", str(file), "--workers", "2"]
+    command = [sys.executable, "-m", "flocking", "sweep", str(file), "--workers", "2"]
     running = subprocess.Popen(
         command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     )

@@ -194,7 +194,7 @@ def test_the_command_line_takes_the_address(address, tmp_path):
     file.write_text(
         'scenario = "tanner-2003-dynamic"\nseeds = 2\nmeasures = ["connected"]\n[grid]\nspeed = [0.5, 1.0]\n'
     )
-    command = [sys.executable, "-m", "flocking.apps.cli", "sweep", str(file), "--cluster", address, "--out", "there"]
+    command = [sys.executable, "-m", "flocking", "sweep", str(file), "--cluster", address, "--out", "there"]
     shown = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300)
     assert shown.returncode == 0, shown.stderr
     assert "4 of 4 runs, 0 failed" in shown.stdout

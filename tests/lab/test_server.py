@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.apps.lab import guarded_server
 from tests.lab.foreign import HOSTS, ORIGINS, OWN, PORT, TOKENS, WAYS_OUT, handshake
 from tests.lab.tabs import wait
 
@@ -170,8 +169,8 @@ def test_a_server_that_asks_nobody_is_not_trusted(monkeypatch):
     """As when another version of viser served in another way."""
     from contextlib import nullcontext
 
-    from flocking.apps.lab.server import opened
+    from flocking.apps.lab import server
 
-    monkeypatch.setattr(guarded_server, "guarding", lambda access: nullcontext())
+    monkeypatch.setattr(server, "guarding", lambda access: nullcontext())
     with pytest.raises(fk.InvalidInput, match="connections can be checked"):
-        opened(None)
+        server.opened(None)

@@ -167,7 +167,7 @@ def begin(
         for number in closed:
             os.close(number)
         if fresh:
-            os.execv(sys.executable, [sys.executable, "-m", "flocking.apps.cli", *words])
+            os.execv(sys.executable, [sys.executable, "-m", "flocking", *words])
         _streams(closed, encoding)
         if commit is not None:
             saving.COMMIT_SECONDS = commit

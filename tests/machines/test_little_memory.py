@@ -57,7 +57,7 @@ def check(ended: Ended, folder: Path) -> None:
 
 def test_the_smallest_with_which_libraries_import(file: Path, tmp_path: Path) -> None:
     folder = tmp_path / "run"
-    ended = limited(["-m", "flocking.apps.cli", "run", str(file), "--out", str(folder)], smallest(64))
+    ended = limited(["-m", "flocking", "run", str(file), "--out", str(folder)], smallest(64))
     check(ended, folder)
     assert ended.code == 2
     assert "ulimit -v allows" in ended.err
@@ -74,7 +74,7 @@ def test_some_more_than_a_command_begins_with(machines: Machines, file: Path, me
 def test_from_the_smallest_upwards(file: Path, tmp_path: Path, share: float) -> None:
     folder = tmp_path / "run"
     mib = int(share * smallest(8))
-    ended = limited(["-m", "flocking.apps.cli", "run", str(file), "--out", str(folder)], mib)
+    ended = limited(["-m", "flocking", "run", str(file), "--out", str(folder)], mib)
     check(ended, folder)
     assert ended.code == 2 or mib * MIB >= LEAST_ADDRESS_SPACE
 

@@ -165,7 +165,7 @@ def test_a_stream_to_a_full_disk(commons: Path, stream: int) -> None:
     words = [
         sys.executable,
         "-m",
-        "flocking.apps.cli",
+        "flocking",
         "info",
         str(commons / "nowhere" if stream == 2 else commons / "whole"),
     ]

@@ -17,7 +17,7 @@ from tests.mpi.job import scenario
 from tests.mpi.jobs import launch, run_job
 
 pytestmark = pytest.mark.mpi
-RUN = (sys.executable, "-m", "flocking.apps.cli", "run", "--engine", "lammps", "--step", "0.01")
+RUN = (sys.executable, "-m", "flocking", "run", "--engine", "lammps", "--step", "0.01")
 FIGURES = {"law": "olfati-saber (58)", "dimension": 2, "step": 0.01}
 
 
@@ -120,7 +120,7 @@ def test_the_command_line_runs_under_mpiexec_and_resumes(tmp_path):
     run = fk.read_run(folder)
     assert (run.finished, len(run.t), run.provenance["ranks"]) == (True, 3, 2)
     assert fk.audit(run).results
-    again = launch(2, sys.executable, "-m", "flocking.apps.cli", "resume", str(folder))
+    again = launch(2, sys.executable, "-m", "flocking", "resume", str(folder))
     assert again.returncode == 0, again.stderr[-3000:]
 
 

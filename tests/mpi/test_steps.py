@@ -94,7 +94,7 @@ def test_a_start_of_infinite_energy_is_told():
 def test_on_two_ranks_it_is_told_once_and_what_was_computed_stays(tmp_path):
     file, folder = tmp_path / "springs.toml", tmp_path / "run"
     fk.write_scenario(springs(), file)
-    words = (sys.executable, "-m", "flocking.apps.cli", "run", str(file), "--engine", "lammps", "--out", str(folder))
+    words = (sys.executable, "-m", "flocking", "run", str(file), "--engine", "lammps", "--out", str(folder))
     done = launch(2, *words, "--step", "0.1")
     assert done.returncode != 0
     assert "Traceback" not in done.stderr

@@ -12,6 +12,7 @@ from typing import Annotated, Any
 from cyclopts import App, CycloptsError, Parameter
 
 from flocking.apps.cache_command import cache
+from flocking.apps.early_signals import INTERRUPTED, SENTENCE
 from flocking.apps.lab.command import lab
 from flocking.apps.picture_commands import animate, plot
 from flocking.apps.process import (
@@ -29,7 +30,7 @@ from flocking.apps.sweep_commands import sweep
 from flocking.apps.whole_numbers import check_whole_numbers
 from flocking.engine.shortage import LEAST_ADDRESS_SPACE, address_space, starved
 
-FINE, DIFFERENT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+FINE, DIFFERENT, BAD_INPUT = 0, 1, 2
 
 _WORDS = {True: "holds", False: "fails", None: "open"}
 
@@ -87,14 +88,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     alone = arguments is None
     if alone:
         quiet_warnings()
-    with ended_by_signals(for_good=alone):
+    with ended_by_signals(for_good=alone) as signals:
         try:
             return _run(words)
         except (KeyboardInterrupt, Exception) as error:
-            if not interrupted(error):
+            if not (signals.raised or interrupted(error)):
                 raise
             with suppress(OSError):
-                print("flocking: interrupted; nothing was left half written.", file=sys.stderr)
+                print(SENTENCE, file=sys.stderr)
             return INTERRUPTED
         finally:
             give_up_output()
@@ -395,7 +396,3 @@ def _keys(papers: Sequence[str]) -> Sequence[str]:
     from flocking.papers import KEYS
 
     return tuple(dict.fromkeys(papers)) or KEYS
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -10,9 +10,11 @@ import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from types import FrameType
 from typing import Any
 
+from flocking.apps.early_signals import end_now
 from flocking.engine import interruption
 from flocking.engine.shortage import causes
 from flocking.errors import SuspectInput
@@ -111,15 +113,26 @@ def _said(message: Warning | str, *_: object, **__: object) -> None:
     print(f"flocking: {message}", file=sys.stderr, flush=True)
 
 
-INTERRUPTED = 130
-"""Exit code of what a signal ended."""
-
 AGAIN = 0.01
 """Seconds until an interrupt that no code could raise is raised again."""
 
 
+@dataclass
+class Signals:
+    """What signals did within `ended_by_signals`.
+
+    Parameters
+    ----------
+    raised
+        Whether one of them raised ``KeyboardInterrupt``, wherever that was. Compiled libraries may turn it into an
+        error of their own, which does not name it as its cause.
+    """
+
+    raised: bool = False
+
+
 @contextmanager
-def ended_by_signals(*, for_good: bool = False) -> Iterator[None]:
+def ended_by_signals(*, for_good: bool = False) -> Iterator[Signals]:
     """Within it SIGTERM does what Ctrl-C does, and a second one of them ends the process at once.
 
     Parameters
@@ -127,12 +140,14 @@ def ended_by_signals(*, for_good: bool = False) -> Iterator[None]:
     for_good
         Whether nothing but the end of the process comes after it: a signal that comes then has nothing to keep.
     """
+    signals = Signals()
     if threading.current_thread() is not threading.main_thread():
-        yield
+        yield signals
         return
     owner = os.getpid()
 
     def interrupt(number: int, frame: FrameType | None) -> None:
+        signals.raised = True
         signal.signal(signal.SIGINT, signal.SIG_DFL)
         raise KeyboardInterrupt
 
@@ -153,20 +168,16 @@ def ended_by_signals(*, for_good: bool = False) -> Iterator[None]:
 
     hook = sys.unraisablehook
     before: dict[signal.Signals, Any] = {}
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+    if signal.getsignal(signal.SIGINT) in (signal.default_int_handler, end_now):
         sys.unraisablehook = unraisable
         before[signal.SIGINT] = signal.signal(signal.SIGINT, interrupt)
-        if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+        if signal.getsignal(signal.SIGTERM) in (signal.SIG_DFL, end_now):
             before[signal.SIGTERM] = signal.signal(signal.SIGTERM, terminate)
     ends, interruption.SECOND_ENDS = interruption.SECOND_ENDS, True
     try:
-        yield
+        yield signals
     finally:
         interruption.SECOND_ENDS = ends
         sys.unraisablehook = hook
         for number, handler in before.items():
-            signal.signal(number, _end_now if for_good else handler)
-
-
-def _end_now(number: int, frame: FrameType | None) -> None:
-    os._exit(INTERRUPTED)
+            signal.signal(number, end_now if for_good else handler)

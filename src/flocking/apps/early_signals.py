@@ -1,0 +1,27 @@
+"""A signal before anything was begun, or after everything was done: the process ends, and says so in one sentence."""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from types import FrameType
+
+INTERRUPTED = 130
+"""Exit code of what a signal ended."""
+
+SENTENCE = "flocking: interrupted; nothing was left half written."
+
+
+def end_now(number: int, frame: FrameType | None) -> None:
+    """Handler of a signal that has nothing to clean up.
+
+    Parameters
+    ----------
+    number
+        The signal.
+    frame
+        What ran.
+    """
+    with suppress(OSError):
+        os.write(2, f"{SENTENCE}\n".encode())
+    os._exit(INTERRUPTED)
