@@ -1,4 +1,4 @@
-"""A signal before anything was begun, or after everything was done: the process ends, and says so in one sentence."""
+"""A signal before anything was begun: the process ends, and says so in one sentence."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SENTENCE = "flocking: interrupted; nothing was left half written."
 
 
 def end_now(number: int, frame: FrameType | None) -> None:
-    """Handler of a signal that has nothing to clean up.
+    """Handler of a signal that comes before there is anything to clean up.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from types import FrameType
 from typing import Any
 
-from flocking.apps.early_signals import end_now
+from flocking.apps.early_signals import INTERRUPTED, end_now
 from flocking.engine import interruption
 from flocking.engine.shortage import causes
 from flocking.errors import SuspectInput
@@ -180,4 +180,8 @@ def ended_by_signals(*, for_good: bool = False) -> Iterator[Signals]:
         interruption.SECOND_ENDS = ends
         sys.unraisablehook = hook
         for number, handler in before.items():
-            signal.signal(number, end_now if for_good else handler)
+            signal.signal(number, _end_silently if for_good else handler)
+
+
+def _end_silently(number: int, frame: FrameType | None) -> None:
+    os._exit(INTERRUPTED)
