@@ -9,9 +9,9 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from tests.papers import drawn
+from tests.papers.olfati_saber_interaction import phi, psi
 from tests.papers.olfati_saber_nets import SIX, R, d_rho, dist, rho
 from tests.papers.olfati_saber_obstacles import MATRIX, R0, B, L, X, hat
-from tests.papers.olfati_saber_protocols import phi, psi
 
 PLAIN = ("$x$", "$y$", True)
 

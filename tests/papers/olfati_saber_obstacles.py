@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.testing import assert_allclose
 
+from tests.papers.olfati_saber_interaction import R, judged, phi, protocol
 from tests.papers.olfati_saber_nets import rho
-from tests.papers.olfati_saber_protocols import R, judged, phi, protocol
 
 B, L = np.array([100.0, 20.0]), 10.0
 R0, C3, C4 = 4.2, 100.0, 2.0

@@ -11,8 +11,10 @@ import pytest
 
 import flocking as fk
 from flocking.study.equations import Row
+from tests.papers.broken import running
 from tests.papers.broken.__main__ import homes, outcomes, told
 from tests.papers.broken.edits import edits_of
+from tests.papers.broken.homes import Mutant
 from tests.papers.broken.running import break_home
 from tests.papers.rows import ROWS, identity
 
@@ -74,6 +76,15 @@ def test_a_row_that_passes_while_its_home_raises_is_a_survivor() -> None:
     assert break_home(HOME, most=1, test=careless).survivors == (
         "olfati-saber-2003 (10): its test passes when its home raises",
     )
+
+
+def test_a_fault_that_cannot_be_put_in_force_is_not_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    def install() -> None:
+        raise ValueError("no such place")
+
+    fault = Mutant("sign", "of nothing", f"{HOME}:1", install)
+    monkeypatch.setattr(running, "mutants_of", lambda parts, places: [fault])
+    assert "sign: of nothing [study.nets.degree_matrix:1]" in break_home(HOME).survivors
 
 
 def test_runs_are_computed_anew_after_homes_were_broken() -> None:

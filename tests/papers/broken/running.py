@@ -157,8 +157,8 @@ class Uncompiled:
         return getattr(numba, name)
 
 
-def _forget(home: str) -> str | None:
-    """Clear what was computed with the sound home; returns a new cache folder where generated code depends on it."""
+def _forget(home: str, folder: str) -> None:
+    """Clear what was computed with the sound home; generated code that depends on it is kept in this folder."""
     for name, module in list(sys.modules.items()):
         if not name.startswith("flocking"):
             continue
@@ -173,13 +173,10 @@ def _forget(home: str) -> str | None:
         from flocking.formula import machine_code
 
         machine_code.numba = Uncompiled()  # type: ignore[assignment]
-    if not changes_generated_code(home):
-        return None
-    for name in [n for n in sys.modules if n.startswith("flocking_generated_")]:
-        del sys.modules[name]
-    folder = tempfile.mkdtemp(prefix="broken-")
-    os.environ["FLOCKING_CACHE"] = folder
-    return folder
+    if changes_generated_code(home):
+        for name in [n for n in sys.modules if n.startswith("flocking_generated_")]:
+            del sys.modules[name]
+        os.environ["FLOCKING_CACHE"] = folder
 
 
 # -- one fault ----------------------------------------------------------------------------------------------------
@@ -191,18 +188,19 @@ def _in_child(home: str, work: Callable[[], Any], limit: float) -> tuple[str, An
     The limit is of processor time, so that a busy machine does not decide.
     """
     out, into = os.pipe()
+    # Made and removed here: a child that runs out of time removes nothing.
+    folder = tempfile.mkdtemp(prefix="broken-")
     child = os.fork()
     if child == 0:
         os.close(out)
         status: tuple[str, Any]
-        folder = None
         try:
             signal.signal(signal.SIGPROF, signal.SIG_DFL)
             signal.setitimer(signal.ITIMER_PROF, limit)
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, 1)
             os.dup2(nowhere, 2)
-            folder = _forget(home)
+            _forget(home, folder)
             status = ("done", work())
         except BaseException as error:
             status = ("raised", "".join(traceback.format_exception_only(error))[:200])
@@ -210,13 +208,12 @@ def _in_child(home: str, work: Callable[[], Any], limit: float) -> tuple[str, An
             with os.fdopen(into, "wb") as pipe:
                 pickle.dump(status, pipe)
         finally:
-            if folder:
-                shutil.rmtree(folder, ignore_errors=True)
             os._exit(0)
     os.close(into)
     with os.fdopen(out, "rb") as pipe:
         data = pipe.read()
     os.waitpid(child, 0)
+    shutil.rmtree(folder, ignore_errors=True)
     return pickle.loads(data) if data else ("time", None)
 
 
@@ -239,8 +236,12 @@ def _sound(home: str, parts: list[Part], name: str, run: Callable[[], None]) -> 
 
 def _notices(home: str, test: Sound, faults: Sequence[Mutant]) -> bool:
     def work() -> None:
-        for fault in faults:
-            fault.install()
+        try:
+            for fault in faults:
+                fault.install()
+        except Exception:
+            # A fault that is not in force has not been noticed.
+            return
         test.run()
 
     state, _ = _in_child(home, work, max(LEAST_SECONDS, 10 * test.seconds))
