@@ -143,10 +143,10 @@ def test_a_hostile_text_is_refused_quickly(text, monkeypatch):
     for name in ("eval", "exec"):
         monkeypatch.setattr(builtins, name, trap)
     monkeypatch.setattr(os, "system", trap)
-    begin = time.perf_counter()
+    begin = time.process_time()
     with pytest.raises(FormulaError) as caught:
         Formula(text)
-    assert time.perf_counter() - begin < 1.0
+    assert time.process_time() - begin < 1.0
     assert len(str(caught.value)) < 600
 
 

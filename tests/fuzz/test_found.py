@@ -72,10 +72,10 @@ def test_wrong_types_are_told(make: Any, words: str) -> None:
 
 @pytest.mark.parametrize("text", ["exp(43*log(64))^exp(43*log(64))", "exp(20*log(exp(20*log(r))))", "r^exp(2*log(r))"])
 def test_powers_written_with_exp_and_log_have_the_limits_of_powers(text: str) -> None:
-    begin = time.perf_counter()
+    begin = time.process_time()
     with pytest.raises(FormulaError, match="power"):
         Formula(text)
-    assert time.perf_counter() - begin < 1.0
+    assert time.process_time() - begin < 1.0
 
 
 def test_powers_written_with_exp_and_log_are_admitted_within_the_limits() -> None:

@@ -79,9 +79,9 @@ def test_equal_frequencies_are_no_division_by_zero():
     ],
 )
 def test_looking_for_a_closed_form_is_quick(formula):
-    begin = time.perf_counter()
+    begin = time.process_time()
     assert not fk.Path([formula]).closed_form
-    assert time.perf_counter() - begin < 10.0
+    assert time.process_time() - begin < 10.0
 
 
 @pytest.mark.parametrize(

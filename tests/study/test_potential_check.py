@@ -154,18 +154,18 @@ def test_bad_input_is_explained(options, words):
 @settings(max_examples=60)
 @given(expressions(depth=3))
 def test_any_formula_gets_a_report_soon(pair):
-    begin = time.perf_counter()
+    begin = time.process_time()
     formula = Formula(pair[0])
     report = check_potential(fk.Potential(formula, **dict.fromkeys(formula.names - {"r"}, 1.7)))
     assert len(str(report).splitlines()) > 20
-    assert time.perf_counter() - begin < 20
+    assert time.process_time() - begin < 20
 
 
 def test_huge_arguments_take_no_time():
     import sympy
 
     r = sympy.Symbol("r", positive=True)
-    begin = time.perf_counter()
+    begin = time.process_time()
     for text in ("exp(exp(exp(r)))", "sin(exp(r))", "tan(((r**64)**64)**64)", "sinh(exp(r))", "exp(r)**exp(r)"):
         evaluator(sympy.sympify(text, locals={"r": r}), r)(mpf(10) ** 256)
-    assert time.perf_counter() - begin < 5
+    assert time.process_time() - begin < 5

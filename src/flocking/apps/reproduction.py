@@ -20,7 +20,7 @@ from flocking.engine.run import Run
 from flocking.errors import InvalidInput, SimulationError
 from flocking.model.checks import integer
 from flocking.papers import KEYS, paper
-from flocking.study.claims import Claim, Result, Verdict
+from flocking.study.claims import Basis, Claim, Result, Verdict
 from flocking.study.equations import Fault
 from flocking.study.judgement import FEWEST_SEEDS, Judgement
 from flocking.study.settled_run import settled_runs
@@ -53,6 +53,8 @@ class Task:
         Key of the claim that a counter-example refutes; empty for a seed, whose run all claims are held against.
     keep
         Whether the run is handed back.
+    judged
+        Whether claims are held against it; one that is only drawn ends at its scenario's own end.
     """
 
     name: str
@@ -60,6 +62,7 @@ class Task:
     seed: int
     claim: str = ""
     keep: bool = False
+    judged: bool = True
 
 
 def examine(task: Task) -> tuple[Verdicts, Run | None]:
@@ -73,7 +76,7 @@ def examine(task: Task) -> tuple[Verdicts, Run | None]:
         What to run.
     """
     module = paper(task.key)
-    claims = [c for c in module.claims(task.name) if task.claim in ("", c.key)]
+    claims = [c for c in module.claims(task.name) if task.judged and task.claim in ("", c.key)]
     made = claims[0].counterexample if task.claim else None
     scenario = made() if made is not None else module.scenarios()[task.name](task.seed)
     run: Run | None = None
@@ -142,21 +145,18 @@ def reproduce(
     tasks = _seed_tasks(modules, first) + _counterexample_tasks(modules)
     with Parallel(n_jobs=count, return_as="generator") as parallel, _bar(progress, len(tasks) + drawings) as step:
         found.examine(parallel, tasks, step)
-        begun = first.stop
-        while wanted := _short_of_seeds(modules, found, begun - first_seed, seeds):
-            further = [Task(name, key, s) for s in range(begun, begun + seeds) for key, name in wanted]
+        while further := _further_seed_tasks(modules, found, first):
             step.more(len(further))
             found.examine(parallel, further, step)
-            begun += seeds
         again = _runs_to_draw(modules, found)
         step.more(len(again))
         found.examine(parallel, again, step)
+        errata = dict(zip(modules, parallel(delayed(_errata)(key) for key in modules), strict=True))
         if out is not None:
             for drawn in parallel(delayed(draw)(*job) for job in _drawings(modules, found.runs, out)):
                 figures += drawn
                 step()
     judgements = {name: found.judgements(m, name) for m in modules.values() for name in m.scenarios()}
-    errata = {key: errata_rows(module) for key, module in modules.items()}
     found_all = Reproduction(judgements, errata, figures, time.monotonic() - begin, found.runs, first_seed)
     if out is not None:
         write_file(out / "claims.json", _json(claim_rows(judgements)), "write the claims")
@@ -181,7 +181,7 @@ def _runs_to_draw(modules: dict[str, ModuleType], found: _Found) -> list[Task]:
                 s for s, rows in sorted(by_seed.items()) if all(r[1] != Verdict.HYPOTHESIS_NOT_MET for r in rows)
             ]
             if meeting and meeting[0] != min(by_seed):
-                wanted.append(Task(name, key, meeting[0], keep=True))
+                wanted.append(Task(name, key, meeting[0], keep=True, judged=False))
     return wanted
 
 
@@ -215,7 +215,8 @@ class _Found:
         from joblib import delayed
 
         for task, (verdicts, run) in zip(tasks, parallel(delayed(examine)(t) for t in tasks), strict=True):
-            self.verdicts.setdefault(task.name, {})[task.claim or task.seed] = verdicts
+            if task.judged:
+                self.verdicts.setdefault(task.name, {})[task.claim or task.seed] = verdicts
             if run is not None:
                 self.runs[task.name] = run
             step()
@@ -237,17 +238,26 @@ def _result(claim: Claim, row: tuple[str, str, float, float, str]) -> Result:
     return Result(claim, Verdict(verdict), margin, error, note)
 
 
-def _short_of_seeds(modules: dict[str, ModuleType], found: _Found, tried: int, seeds: int) -> list[tuple[str, str]]:
-    """Scenarios with a claim whose hypothesis too few of the seeds tried so far meet: key of the paper, and name."""
-    if seeds < FEWEST_SEEDS or tried >= FURTHER * seeds:
+def _further_seed_tasks(modules: dict[str, ModuleType], found: _Found, first: range) -> list[Task]:
+    """For each scenario with a claim that too few seeds tell of so far: as many further seeds as are missing."""
+    if len(first) < FEWEST_SEEDS:
         return []
-    return [
-        (key, name)
-        for key, module in modules.items()
-        for name in module.scenarios()
-        if len([k for k in found.verdicts[name] if isinstance(k, int)]) == tried
-        and any(j.met < FEWEST_SEEDS for j in found.judgements(module, name) if j.verdict == Verdict.UNTESTED)
-    ]
+    tasks = []
+    for key, module in modules.items():
+        for name in module.scenarios():
+            begin = first.start + len([k for k in found.verdicts[name] if isinstance(k, int)])
+            missing = max(map(_missing_seeds, found.judgements(module, name)), default=0)
+            end = min(begin + missing, first.start + FURTHER * len(first))
+            tasks += [Task(name, key, seed) for seed in range(begin, end)]
+    return tasks
+
+
+def _missing_seeds(judgement: Judgement) -> int:
+    """How many seeds a claim lacks whose run meets its hypothesis; of an observation, whose run decides it."""
+    if judgement.verdict != Verdict.UNTESTED:
+        return 0
+    enough = judgement.decided if judgement.claim.basis is Basis.OBSERVATION else judgement.met
+    return max(FEWEST_SEEDS - enough, 0)
 
 
 def _make_folders(out: Path, keys: Sequence[str]) -> None:
@@ -269,6 +279,10 @@ def errata_rows(module: ModuleType) -> list[dict[str, Any]]:
         The paper.
     """
     return [row.as_dict() for row in module.equations() if row.fault is not Fault.NONE]
+
+
+def _errata(key: str) -> list[dict[str, Any]]:
+    return errata_rows(paper(key))
 
 
 def _json(data: object) -> bytes:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flocking.engine.guards import _PRODUCT, NEVER, first_above
+from flocking.engine.guards import _PRODUCT, NEVER, first_above, places_and_pairs, with_more_rows
 from flocking.formula.machine_code import numba
 from flocking.model.avoidance import ObstacleGroup
 from flocking.model.checks import Array
@@ -47,7 +47,7 @@ def _place(centre: Leader, t: float) -> Array:
     return centre.point if type(centre) is Sink else centre.at(t)[0]
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def ball_crossings(
     B: Array, centres: Array, radii: Array, near: Links, active: Links, level: float, slack: float
 ) -> tuple[Array, Array]:
@@ -75,14 +75,13 @@ def ball_crossings(
     tuple of Array
         Positions in [0, 1], shape (k,), and pairs (agent, ball), shape (k, 2).
     """
-    n, count, m = B.shape[1], centres.shape[1], B.shape[2]
-    when = np.empty(n * count)
-    who = np.empty((n * count, 2), dtype=np.int64)
-    found = 0
+    n, m = B.shape[1], B.shape[2]
+    found = np.empty((16, 3))
+    count = 0
     relative = np.empty((8, m))
     square = np.empty(15)
     for i in range(n):
-        for o in range(count):
+        for o in range(centres.shape[1]):
             if not active[i, o]:
                 continue
             border = radii[o] + level + (slack if near[i, o] else -slack)
@@ -102,22 +101,22 @@ def ball_crossings(
                     continue
             elif border <= 0.0 or first - stray > border:
                 continue
-            square[:] = 0.0
+            for a in range(15):
+                square[a] = 0.0
             for a in range(8):
                 for b in range(8):
                     dot = 0.0
                     for k in range(m):
                         dot += relative[a, k] * relative[b, k]
                     square[a + b] += _PRODUCT[a, b] * dot
-            if near[i, o]:
-                square -= max(border, 0.0) ** 2
-            else:
-                square *= -1.0
-                square += border**2
+            edge = max(border, 0.0) ** 2
+            for k in range(15):
+                square[k] = square[k] - edge if near[i, o] else edge - square[k]
             x = first_above(square)
             if x < NEVER:
-                when[found] = x
-                who[found, 0] = i
-                who[found, 1] = o
-                found += 1
-    return when[:found], who[:found]
+                if count == found.shape[0]:
+                    found = with_more_rows(found)
+                found[count, 0], found[count, 1], found[count, 2] = x, i, o
+                count += 1
+    when, who = places_and_pairs(found, count)
+    return when, who

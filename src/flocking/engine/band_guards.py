@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.guards import NEVER, first_above, part_from, smallest_value, squared_distance
+from flocking.engine.guards import NEVER, first_above, part_from, smallest_value, squared_distance, with_more_rows
 from flocking.formula.machine_code import numba
 from flocking.model.checks import Array
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def pair_error(nodes: Array, floor: float, i: int, j: int) -> float:
     """Error of the distance of two agents: the largest difference of their errors at the nodes, shape (k, N, m).
 
@@ -31,7 +31,7 @@ def pair_error(nodes: Array, floor: float, i: int, j: int) -> float:
     return float(np.sqrt(most) + floor)
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def within_error(
     B: Array, far: Array, near: Any, active: Any, enter: Array, leave: Array, directed: bool,
     nodes: Array, most: float, floor: float,
@@ -82,25 +82,24 @@ def within_error(
                 continue
             error = pair_error(nodes, floor, i, j)
             squared_distance(B, i, j, square)
-            if inside:
-                border = max(level - error, 0.0)
-                value, x = smallest_value(-square, -border * border)
-                end = square[14] > border * border
-                gap = level - np.sqrt(max(-value, 0.0))
-            else:
-                border = level + error
-                value, x = smallest_value(square, border * border)
-                end = square[14] < border * border
-                gap = np.sqrt(max(value, 0.0)) - level
+            # Inside, the largest distance is sought: the smallest value of what has the other sign.
+            sign = -1.0 if inside else 1.0
+            border = max(level - error, 0.0) if inside else level + error
+            for k in range(15):
+                square[k] *= sign
+            value, x = smallest_value(square, sign * border * border)
             if x <= 1.0:
                 if count == found.shape[0]:
-                    found = np.concatenate((found, np.empty((count, 6))))
-                found[count] = (float(i), float(j), x, gap, error, 1.0 if end else 0.0)
+                    found = with_more_rows(found)
+                found[count, 0], found[count, 1], found[count, 2] = i, j, x
+                found[count, 3] = sign * (np.sqrt(max(sign * value, 0.0)) - level)
+                found[count, 4] = error
+                found[count, 5] = 1.0 if square[14] < sign * border * border else 0.0
                 count += 1
     return found[:count]
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def first_beyond(B: Array, i: int, j: int, distance: float, outward: bool) -> float:
     """First position in [0, 1] at which two agents are further apart than a distance, or closer; or `NEVER`.
 
@@ -114,10 +113,12 @@ def first_beyond(B: Array, i: int, j: int, distance: float, outward: bool) -> fl
     square = np.empty(15)
     squared_distance(B, i, j, square)
     level = max(distance, 0.0) ** 2
-    return float(first_above(square - level if outward else level - square))
+    for k in range(15):
+        square[k] = square[k] - level if outward else level - square[k]
+    return float(first_above(square))
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def closest_after(B: Array, i: int, j: int, level: float, inside: bool, x: float) -> tuple[float, float]:
     """How close a pair comes to a distance from position ``x`` on, and where.
 
@@ -133,12 +134,14 @@ def closest_after(B: Array, i: int, j: int, level: float, inside: bool, x: float
     square = np.empty(15)
     squared_distance(B, i, j, square)
     rest = part_from(square, x)
-    value, where = smallest_value(-rest if inside else rest, np.inf)
-    gap = level - np.sqrt(max(-value, 0.0)) if inside else np.sqrt(max(value, 0.0)) - level
-    return gap, x + where * (1.0 - x)
+    sign = -1.0 if inside else 1.0
+    for k in range(15):
+        rest[k] *= sign
+    value, where = smallest_value(rest, np.inf)
+    return sign * (np.sqrt(max(sign * value, 0.0)) - level), x + where * (1.0 - x)
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def _farthest(B: Array, i: int, j: int, square: Array, best: float) -> tuple[float, float]:
     """Largest squared distance of two points on the segment, where it is more than ``best``, and where; or `NEVER`."""
     hull = 0.0
@@ -151,13 +154,17 @@ def _farthest(B: Array, i: int, j: int, square: Array, best: float) -> tuple[flo
     if hull <= best:
         return best, NEVER
     squared_distance(B, i, j, square)
-    if square.max() <= best:
+    possible = False
+    for k in range(15):
+        possible = possible or not square[k] <= best
+        square[k] *= -1.0
+    if not possible:
         return best, NEVER
-    value, x = smallest_value(-square, -best)
+    value, x = smallest_value(square, -best)
     return -value, x
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def _farthest_from_mean(B: Array, far: Array) -> Array:
     """Bound on the distance of each agent from the mean of the group on the segment, shape (N,)."""
     n, m = B.shape[1], B.shape[2]
@@ -173,7 +180,7 @@ def _farthest_from_mean(B: Array, far: Array) -> Array:
     return away
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def diameter(B: Array, far: Array, least: float) -> tuple[float, float, int, int]:
     """Largest distance of two points on the segment where it is more than ``least``: value, where, which.
 
@@ -197,10 +204,8 @@ def diameter(B: Array, far: Array, least: float) -> tuple[float, float, int, int
     return np.sqrt(max(best, 0.0)), where, one, two
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def fastest(
-    P: Array, shares: Array, goal: Array, speed: float, spread: float, relative: float
-) -> list[tuple[float, float, int]]:
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
+def fastest(P: Array, shares: Array, goal: Array, speed: float, spread: float, relative: float) -> Array:
     """Largest speed, distance of a velocity from the mean one, and speed relative to a goal, on the segment.
 
     Parameters
@@ -216,25 +221,25 @@ def fastest(
 
     Returns
     -------
-    list of tuple
-        Of each: value, where in [0, 1] or `NEVER`, and whose.
+    Array
+        A row for each: value, where in [0, 1] or `NEVER`, and whose; shape (3, 3).
     """
     n, m = P.shape[1], P.shape[2]
     whole = np.zeros((P.shape[0], n + 3, m))
-    whole[:, :n] = P
     for a in range(P.shape[0]):
         for k in range(m):
             for i in range(n):
+                whole[a, i, k] = P[a, i, k]
                 whole[a, n + 1, k] += shares[i] * P[a, i, k]
             whole[a, n + 2, k] = goal[k]
-    square = np.empty(15)
-    rows = []
-    for row, least in enumerate((speed, spread, relative)):
+    square, rows = np.empty(15), np.empty((3, 3))
+    for row in range(3):
+        least = speed if row == 0 else spread if row == 1 else relative
         best, where, who = max(least, -1.0) * abs(least), NEVER, -1
         if least < np.inf:
             for i in range(n):
                 value, x = _farthest(whole, n + row, i, square, best)
                 if x <= 1.0:
                     best, where, who = value, x, i
-        rows.append((np.sqrt(max(best, 0.0)), where, who))
+        rows[row, 0], rows[row, 1], rows[row, 2] = np.sqrt(max(best, 0.0)), where, who
     return rows

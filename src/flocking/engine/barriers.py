@@ -51,7 +51,7 @@ def jumps_barrier(dynamics: Dynamics, segment: Segment, books: Books) -> bool:
         return True
     if not dynamics.singular:
         return False
-    B = segment.coefficients[:, : dynamics.n * dynamics.m].reshape(-1, dynamics.n, dynamics.m)
+    B = segment.positions(dynamics.n, dynamics.m)
     x = deepest_dip(B, reach(B), dynamics.pairs[0], dynamics.pairs[1])
     if x > 1.0:
         return False

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import ModuleType
 from typing import TYPE_CHECKING
@@ -108,27 +108,30 @@ ARGUMENTS = "t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S"
 
 
 _STAGES = """
-@numba.njit(cache=True, error_model="numpy", nogil=True)
+@numba.njit(cache=True, error_model="numpy", nogil=True, no_cfunc_wrapper=True)
 def stages(first, last, kept, t, y, h, K, nodes, weights, n, senders, sensed, offsets, pieces, spans, P, A, W, S):
-    found = np.empty_like(y)
-    z = np.empty_like(y)
+    size = y.shape[0]
+    found = np.empty(size)
+    z = np.empty(size)
+    q = np.empty((n, {m}))
+    p = np.zeros((n, {m}))
     u = np.empty((n, {m}))
+    rates = np.empty({rates})
     for s in range(first, max(last, kept + 1)):
-        for c in range(y.shape[0]):
+        for c in range(size):
             z[c] = y[c]
         for k in range(s):
             if weights[s, k] != 0.0:
                 factor = h * weights[s, k]
-                for c in range(y.shape[0]):
+                for c in range(size):
                     z[c] += factor * K[k, c]
         if s == kept:
-            for c in range(y.shape[0]):
+            for c in range(size):
                 found[c] = z[c]
         if s < last:
-            dy = K[s]
 {slope}    return found
 """
-# Loops in place of assignments of whole arrays: to compile the checks of those takes longer than all else here.
+# Loops in place of slices, shapes and assignments of whole arrays: to compile their checks takes longer than all else.
 
 
 def _scalar_module(formulas: LawFormulas, order: int) -> str:
@@ -169,23 +172,43 @@ def _unpack(names: Names, depth: int) -> str:
     return _indented((f"{n} = P[{n[1:]}]" for n in names.scalars), depth)
 
 
+def _nonzero(formulas: Mapping[str, sympy.Expr]) -> dict[str, sympy.Expr]:
+    """Those that do anything: what is left out need not be compiled."""
+    return {name: value for name, value in formulas.items() if value != 0}
+
+
+def _sums(formulas: Iterable[str], m: int, share: str = "") -> list[str]:
+    """Lines that add what was computed, by the names of the formulas, to the force and to the sums."""
+    found, forces = [], {k: [f"force{k}"] if f"force{k}" in formulas else [] for k in range(m)}
+    if "along" in formulas:
+        found += ["scale = along / r if r > 0.0 else along * 0.0"]
+        forces = {k: [*parts, f"scale * d{k}"] for k, parts in forces.items()}
+    if "drag" in formulas:
+        forces = {k: [*parts, f"drag * v{k}"] for k, parts in forces.items()}
+    found += [f"u[i, {k}] += " + " + ".join(parts) for k, parts in forces.items() if parts]
+    sums = {"dissipation": "dissipated", "supply": "supplied"}
+    return found + [f"{total} += {share}{name}" for name, total in sums.items() if name in formulas]
+
+
 def _pair_loop(
-    number: int, pair: PairFormulas, wanted: dict[str, str], m: int, tail: list[str], velocity: str = "p"
+    number: int, pair: PairFormulas, wanted: dict[str, str], m: int, tail: list[str] | None = None, velocity: str = "p"
 ) -> str:
     """Loop over the ordered pairs of one graph, computing the ``wanted`` formulas, then the ``tail`` lines.
 
-    ``velocity`` names the array of velocities: ``u`` for the power of first-order agents.
+    Without a ``tail`` the formulas are added to the force and the sums. ``velocity`` names the array of velocities:
+    ``u`` for the power of first-order agents.
     """
     from flocking.formula.printing import statements
 
-    chosen, split = held({name: getattr(pair, source) for name, source in wanted.items()}, "r")
-    if all(value == 0 for value in chosen.values()):
+    chosen, split = held(_nonzero({name: getattr(pair, source) for name, source in wanted.items()}), "r")
+    if not chosen:
         return ""
     names = free_names(chosen.values())
     axes = range(m)
     body = ["i = senders[e]", "j = sensed[e]"]
     body += [f"d{k} = q[j, {k}] - q[i, {k}]" for k in axes]
-    body += [f"v{k} = {velocity}[j, {k}] - {velocity}[i, {k}]" for k in axes]
+    if "drag" in chosen or names.others & {"speed2", "radial", "pull"}:
+        body += [f"v{k} = {velocity}[j, {k}] - {velocity}[i, {k}]" for k in axes]
     body += ["r = math.sqrt(" + " + ".join(f"d{k} * d{k}" for k in axes) + ")"]
     body += piece_lines("r") if split else []
     if "speed2" in names.others:
@@ -203,7 +226,7 @@ def _pair_loop(
     body += [f"{n} = W[{n[1:]}, i, j]" for n in names.per_pair]
     body += statements(chosen, arrays=False, prefix=f"g{number}_")
     head = f"for e in range(offsets[{number}], offsets[{number + 1}]):"
-    return _indented([head], 1) + _indented(body + tail, 2)
+    return _indented([head], 1) + _indented(body + (_sums(chosen, m, "0.5 * ") if tail is None else tail), 2)
 
 
 def _means(body: BodyFormulas, m: int) -> str:
@@ -227,7 +250,7 @@ def _body_values(results: dict[str, sympy.Expr], m: int) -> list[str]:
     from flocking.formula.printing import statements
 
     names = free_names(results.values())
-    lines = [f"q{k} = q[i, {k}]" for k in range(m)] + [f"p{k} = p[i, {k}]" for k in range(m)]
+    lines = [f"{x}{k} = {x}[i, {k}]" for x in "qp" for k in range(m) if f"{x}{k}" in names.others]
     lines += [f"{n} = A[{n[1:]}, i]" for n in names.per_agent]
     return lines + statements(results, arrays=False, prefix="b_")
 
@@ -236,19 +259,14 @@ def _control_source(formulas: LawFormulas, order: int) -> str:
     m, body = formulas.dimension, formulas.body
     everything = [e for p in formulas.pairs for e in (*p.named().values(), p.flow)]
     everything += [*body.named().values(), *body.frame, body.flow]
-    source = '@numba.njit(cache=True, error_model="numpy", nogil=True)\n'
+    source = '@numba.njit(cache=True, error_model="numpy", nogil=True, no_cfunc_wrapper=True)\n'
     source += "def control(t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S, u, rates):\n"
     source += _indented(["n = q.shape[0]"], 1) + _unpack(free_names(everything), 1)
     source += _indented(["work = 0.0", "dissipated = 0.0", "supplied = 0.0"], 1) + _means(body, m)
     source += _indented(["for i in range(n):"], 1) + _indented([f"u[i, {k}] = 0.0" for k in range(m)], 2)
-    tail = ["scale = along / r if r > 0.0 else along * 0.0"]
-    tail += [f"u[i, {k}] += scale * d{k} + drag * v{k}" for k in range(m)]
-    wanted = {name: name for name in ("along", "drag")}
-    if order == 2:
-        tail += ["dissipated += 0.5 * dissipation", "supplied += 0.5 * supply"]
-        wanted |= {name: name for name in ("dissipation", "supply")}
+    wanted = {name: name for name in ("along", "drag", *(("dissipation", "supply") if order == 2 else ()))}
     for number, pair in enumerate(formulas.pairs):
-        source += _pair_loop(number, pair, wanted, m, tail)
+        source += _pair_loop(number, pair, wanted, m)
     push = [f"u[i, {k}] += force{k}" for k in range(m)]
     if order == 2:
         push += ["dissipated += dissipation", "supplied += supply"]
@@ -256,13 +274,12 @@ def _control_source(formulas: LawFormulas, order: int) -> str:
         source += encounter_loop(number, len(formulas.pairs), encounter, m, push)
     source += _indented(["for i in range(n):"], 1)
     unwanted = {"storage"} if order == 2 else {"storage", "dissipation", "supply"}
-    results = {k: v for k, v in body.named().items() if k not in unwanted}
-    source += _indented(_body_values(results, m), 2)
-    source += _indented((f"u[i, {k}] += force{k}" for k in range(m)), 2)
+    results = _nonzero({k: v for k, v in body.named().items() if k not in unwanted})
+    lines = _body_values(results, m) + _sums(results, m)
     if order == 2:
-        source += _indented(["work += " + " + ".join(f"u[i, {k}] * p{k}" for k in range(m))], 2)
-        source += _indented(["dissipated += dissipation", "supplied += supply"], 2)
-    else:
+        lines += ["work += " + " + ".join(f"u[i, {k}] * p[i, {k}]" for k in range(m))]
+    source += _indented(lines or ["pass"], 2)
+    if order == 1:
         source += _flow_source(formulas)
     source += _indented([f"rates[{k}] = {name}" for k, name in enumerate(RATES)], 1)
     return source + "\n\n"
@@ -283,46 +300,47 @@ def _flow_source(formulas: LawFormulas) -> str:
         lines += [f"    mean_u{k} += A[0, i] * u[i, {k}]" for k in range(m)]
         source += _indented([*lines, *(f"mean_u{k} /= whole" for k in range(m))], 1)
     source += _indented(["for i in range(n):"], 1)
-    lines = [f"u{k} = u[i, {k}]" for k in range(m)] + _body_values({"supply": formulas.body.flow}, m)
-    lines += ["work += " + " + ".join(f"u{k} * u{k}" for k in range(m)), "supplied += supply"]
+    flow = _nonzero({"supply": formulas.body.flow})
+    lines = [f"u{k} = u[i, {k}]" for k in range(m)] + _body_values(flow, m) + _sums(flow, m)
+    lines += ["work += " + " + ".join(f"u{k} * u{k}" for k in range(m))]
     return source + _indented(lines, 2) + _indented(["dissipated = work"], 1)
 
 
 def _energies_source(formulas: LawFormulas, order: int) -> str:
     m, body = formulas.dimension, formulas.body
     everything = [p.storage for p in formulas.pairs] + [*body.named().values(), *body.frame]
-    source = '@numba.njit(cache=True, error_model="numpy", nogil=True)\n'
+    source = '@numba.njit(cache=True, error_model="numpy", nogil=True, no_cfunc_wrapper=True)\n'
     source += "def energies(t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S):\n"
     source += _indented(["n = q.shape[0]"], 1) + _unpack(free_names(everything), 1)
     source += _indented(["pairs = 0.0", "bodies = 0.0", "kinetic = 0.0"], 1) + _means(body, m)
     for number, pair in enumerate(formulas.pairs):
         source += _pair_loop(number, pair, {"storage": "storage"}, m, ["pairs += 0.5 * storage"])
-    source += _indented(["for i in range(n):"], 1)
-    source += _indented(_body_values({"storage": body.storage}, m), 2)
-    squares = " + ".join(f"(p{k} - frame{k}) ** 2" for k in range(m))
-    source += _indented(["bodies += storage"], 2)
+    storage = _nonzero({"storage": body.storage})
+    lines = _body_values(storage, m) + ["bodies += storage"] * len(storage)
     # First-order agents have no inertia and so no kinetic energy.
     if order == 2:
-        source += _indented([f"kinetic += 0.5 * {MASS.replace('0', '[0, i]')} * ({squares})"], 2)
+        lines += [f"w{k} = p[i, {k}] - frame{k}" for k in range(m)]
+        squares = " + ".join(f"w{k} * w{k}" for k in range(m))
+        lines += [f"kinetic += 0.5 * {MASS.replace('0', '[0, i]')} * ({squares})"]
+    if lines:
+        source += _indented(["for i in range(n):"], 1) + _indented(lines, 2)
     return source + "    return pairs, bodies, kinetic\n\n\n"
 
 
 def _stages_source(m: int, order: int) -> str:
-    """Stages of a Runge-Kutta step; the lines put in give ``dy``, the slope at the state ``z`` of a stage."""
-    lines = [f"q = z[: n * {m}].reshape(n, {m})"]
+    """Stages of a Runge-Kutta step; the lines put in give row ``s`` of ``K``, the slope at the state ``z``."""
+    each = ["for i in range(n):", f"    for k in range({m}):"]
+    lines = [*each, f"        q[i, k] = z[i * {m} + k]"]
     if order == 2:
-        lines += [f"p = z[n * {m} : 2 * n * {m}].reshape(n, {m})"]
-    else:
-        lines += [f"p = np.zeros((n, {m}))"]
-    lines += [f"rates = dy[n * {m * order} :]"]
-    lines += ["control(t + nodes[s] * h, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S, u, rates)"]
-    lines += ["for i in range(n):", f"    for k in range({m}):"]
+        lines += [f"        p[i, k] = z[(n + i) * {m} + k]"]
+    lines += ["control(t + nodes[s] * h, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S, u, rates)", *each]
     if order == 2:
-        lines += [f"        dy[i * {m} + k] = p[i, k]"]
-        lines += [f"        dy[(n + i) * {m} + k] = (u[i, k] - A[1, i] * p[i, k]) / A[0, i]"]
+        lines += [f"        K[s, i * {m} + k] = p[i, k]"]
+        lines += [f"        K[s, (n + i) * {m} + k] = (u[i, k] - A[1, i] * p[i, k]) / A[0, i]"]
     else:
-        lines += [f"        dy[i * {m} + k] = u[i, k]"]
-    return _STAGES.format(m=m, slope=_indented(lines, 3))
+        lines += [f"        K[s, i * {m} + k] = u[i, k]"]
+    lines += [f"for k in range({len(RATES)}):", f"    K[s, n * {m * order} + k] = rates[k]"]
+    return _STAGES.format(m=m, rates=len(RATES), slope=_indented(lines, 3))
 
 
 def _array_module(formulas: LawFormulas) -> str:

@@ -193,7 +193,7 @@ class Companion:
         return error
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def _summary(
     nodes: Array, coefficients: Array, n: int, m: int, order: int
 ) -> tuple[bool, float, float, float, float, float, float]:

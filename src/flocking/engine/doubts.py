@@ -105,7 +105,7 @@ class Doubts:
         if error.lost:
             return []
         n, m = error.n, error.m
-        B = segment.coefficients[:, : n * m].reshape(-1, n, m)
+        B = segment.positions(n, m)
         settled, gone = self._fresh(segment, B, links, error)
         found: dict[Key, tuple[float, float, float, bool]] = {}
         far, most, nodes, size = reach(B), error.pairs, error.q, error.q_floor / ROUNDING

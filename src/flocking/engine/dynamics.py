@@ -20,10 +20,13 @@ from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 
 LEDGER = len(RATES)
+"""Number of integrated quantities of the ledger."""
+
+KNOWN_ENERGIES = 6
+"""How many energies are remembered: a step asks for those of its ends, and of the companion's, several times."""
 
 _START = np.zeros(1), np.zeros((1, 1))
 """Nodes and weights of the method whose only stage is where it starts."""
-"""Number of integrated quantities of the ledger."""
 
 
 class Dynamics:
@@ -74,9 +77,11 @@ class Dynamics:
             self._places += self._declared[1].places
         self.barriers = [has_barrier(law, g) for g in law.graphs]
         self.singular = law.singular_at_zero()
+        self._energies: dict[tuple[float, bytes], tuple[float, float]] = {}
 
     def repack(self, t: float) -> None:
         """Take the parameters as they are from time ``t`` on."""
+        self._energies.clear()
         t = self._late(t)
         agents = self.scenario.agents
         self._slots = self.layout.values(agents, self.n, t)
@@ -100,6 +105,7 @@ class Dynamics:
 
     def divide(self, links: LinkState) -> None:
         """Find where the pieces of the formulas go on beyond `LinkState.borders`, and their narrow features."""
+        self._energies.clear()
         rows = [np.array([FREE])]
         for k, borders in enumerate(links.borders()):
             graphs = len(links.graphs)
@@ -134,7 +140,7 @@ class Dynamics:
             Links and obstacles in range during it.
         """
         share = 1.0
-        B = segment.coefficients[:, : self.n * self.m].reshape(-1, self.n, self.m)
+        B = segment.positions(self.n, self.m)
         if len(self.zones):
             share = float(allowed_share(B, reach(B), *self.pairs[:3], self.zones, self.zone_graphs))
         if any(map(len, self._obstacle_zones)):
@@ -150,6 +156,7 @@ class Dynamics:
         InvalidInput
             When a functional of the graph does not exist for these links.
         """
+        self._energies.clear()
         *pairs, pieces = links.pairs()
         self.pairs = (*pairs, pieces, self._spans)
         # The pieces are those of the acting law.
@@ -237,13 +244,21 @@ class Dynamics:
         y
             State vector: positions, velocities of agents of order 2, then the integrated quantities.
         """
+        key = (t, y.tobytes())
+        known = self._energies.get(key)
+        if known is not None:
+            return known
         self._locate(y)
-        t = t + self.base
         module, slots = self._ledger or (self._kernels, self._slots)
         q, p, _ = self.split(y)
-        pairs, bodies, kinetic = module.energies(t, q, p, *self._declared_pairs, *slots, self._functionals)
+        given = t + self.base, q, p, *self._declared_pairs, *slots, self._functionals
+        pairs, bodies, kinetic = module.energies(*given)
         unlinked = 0.5 * (self.n * (self.n - 1) - self._linked) * self.scenario.energy.unlinked
-        return float(pairs + bodies + kinetic + unlinked), float(kinetic)
+        found = float(pairs + bodies + kinetic + unlinked), float(kinetic)
+        while len(self._energies) >= KNOWN_ENERGIES:
+            del self._energies[next(iter(self._energies))]
+        self._energies[key] = found
+        return found
 
     def split(self, y: Array) -> tuple[Array, Array, Array]:
         """Positions, velocities and the integrated quantities of a state vector; views, where there are velocities.

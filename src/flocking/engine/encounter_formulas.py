@@ -165,7 +165,8 @@ def encounter_loop(number: int, first: int, formulas: EncounterFormulas, m: int,
         lines += [f"    columns = (P.shape[0] - {scalars}) // {rows}"]
     lines += [f"    for e in range(offsets[{first + number}], offsets[{first + number + 1}]):"]
     body = ["i = senders[e]", "o = sensed[e]"]
-    body += [f"q{k} = q[i, {k}]" for k in range(m)] + [f"p{k} = p[i, {k}]" for k in range(m)]
+    used = {str(s) for stage in stages for e in stage.values() for s in e.free_symbols}
+    body += [f"{x}{k} = {x}[i, {k}]" for x in "qp" for k in range(m) if f"{x}{k}" in used]
     body += [f"{n} = A[{n[1:]}, i]" for n in _slots(stages, "A")]
     body += [f"{n} = P[{scalars} + {n[1:]} * columns + o]" for n in _slots(stages, "O")]
     for k, stage in enumerate(stages):

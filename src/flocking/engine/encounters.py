@@ -253,7 +253,7 @@ def first_crossings(above: Callable[[Array, Array, Indices], Array], C: Array, s
     return best
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def _halves(C: Array) -> tuple[Array, Array, Array]:
     """Both halves of each path, and how far it strays from its middle; shapes (k, 8, m) twice and (k,)."""
     count, size, m = C.shape

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import time
 from typing import Any
 
@@ -271,7 +270,7 @@ class ExactSession:
 
     def snapshot(self, *, records: bool = True) -> Snapshot:
         """Everything needed to go on bit for bit; see `resume`. Without ``records`` the recorder is not copied."""
-        recorder = copy.deepcopy(self.recorder) if records else self.recorder
+        recorder = self.recorder.copy() if records else self.recorder
         return Snapshot(
             self.scenario, self.time, self._stepper.memory, self._segment, list(self._pending),
             self._links.memory(), recorder, self.energy, self.jumped, self.steps, self._stepper.tolerance,
@@ -285,7 +284,7 @@ class ExactSession:
         scenario = snapshot.scenario
         session = cls.__new__(cls)
         session.scenario, session.plant = scenario, plant or snapshot.plant
-        session.recorder = copy.deepcopy(snapshot.recorder)
+        session.recorder = snapshot.recorder.copy()
         session.time, session.energy = snapshot.time, snapshot.energy
         session._origin, session._momentum = snapshot.origin, snapshot.momentum
         session.jumped, session.steps = snapshot.jumped, snapshot.steps

@@ -42,7 +42,7 @@ class Extremes:
         self.n, self.m, self._order = len(masses), dimension, order
         self._shares = masses / masses.sum()
         self._base = 0.0
-        self._goal = np.zeros(dimension) if goal is None else goal
+        self._goal = np.zeros(dimension) if goal is None else np.array(goal)
         self._names = SPEEDS if goal is not None else SPEEDS[:2]
         self.largest: dict[str, Largest] = {}
         self.closest = (Closest(), Closest())
@@ -69,7 +69,7 @@ class Extremes:
         """
         n, m = self.n, self.m
         self._base = origin.time
-        B = segment.coefficients[:, : n * m].reshape(-1, n, m)
+        B = segment.positions(n, m)
         if n > 1:
             far = reach(B)
             value, x, i, j = diameter(B, far, self._least("diameter", error.pairs))
@@ -77,12 +77,12 @@ class Extremes:
                 self._take("diameter", segment, value, x, (int(i), int(j)), error.pairs)
             self._approach(segment, B, far, linked, error.pairs)
         if self._order == 2:
-            P = segment.coefficients[:, n * m : 2 * n * m].reshape(-1, n, m)
+            P = segment.velocities(n, m)
             P = P if origin.rests else P + origin.velocity
             _, off = origin.rounded(segment.t1, 0.0, error.velocity)
             speed, spread = self._least("speed", off), self._least("spread", 2 * off)
             relative = self._least("relative speed", off) if len(self._names) == 3 else np.inf
-            rows = fastest(P, self._shares, self._goal, speed, spread, relative)
+            rows = fastest(P, self._shares, self._goal, speed, spread, relative).tolist()
             for name, (value, x, i) in zip(self._names, rows, strict=False):
                 if x <= 1.0 or error.lost:
                     self._take(name, segment, value, x, (int(i),), 2 * off if name == "spread" else off)

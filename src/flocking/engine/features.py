@@ -184,17 +184,18 @@ def _roots(formula: Callable[[Jet], Jet], a: Array, b: Array) -> list[tuple[floa
     return [(float(x), float(w)) for x, w in zip(r, widths, strict=True)]
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def _value(g: Array, x: float, work: Array) -> float:
     """Bernstein polynomial at ``x``."""
-    work[:] = g
+    for k in range(g.shape[0]):
+        work[k] = g[k]
     for k in range(g.shape[0] - 1):
         for a in range(g.shape[0] - 1 - k):
             work[a] += x * (work[a + 1] - work[a])
     return float(work[0])
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def allowed_share(B: Array, far: Array, senders: Any, sensed: Any, offsets: Any, found: Array, owners: Any) -> float:
     """Which fraction of a segment no pair moves further within a zone than its `STRIDE`; 1 or more for all of it.
 
@@ -213,7 +214,6 @@ def allowed_share(B: Array, far: Array, senders: Any, sensed: Any, offsets: Any,
     """
     share = 1.0
     square, work = np.empty(15), np.empty(15)
-    samples = np.linspace(0.0, 1.0, 66)
     for z in range(found.shape[0]):
         begin, end, most = found[z, 0], found[z, 1], STRIDE * found[z, 2]
         for e in range(offsets[owners[z]], offsets[owners[z] + 1]):
@@ -229,12 +229,13 @@ def allowed_share(B: Array, far: Array, senders: Any, sensed: Any, offsets: Any,
                 continue
             squared_distance(B, i, j, square)
             _, turn = smallest_value(square, np.inf)
-            samples[:65] = np.linspace(0.0, 1.0, 65)
-            samples[65] = min(turn, 1.0)
-            before = distance
-            last = 0.0
+            before, last, passed = distance, 0.0, 0
             low = high = min(max(distance, begin), end)
-            for x in np.sort(samples):
+            for k in range(SAMPLES + 2):
+                x = (k - passed) / SAMPLES
+                if passed == 0 and (turn < x or k > SAMPLES):
+                    # The closest place falls between two of the others.
+                    x, passed = min(turn, 1.0), 1
                 r = np.sqrt(max(_value(square, x, work), 0.0))
                 inside = min(max(r, begin), end)
                 low, high = min(low, inside), max(high, inside)

@@ -26,7 +26,7 @@ _DEPTH = 80
 _RETRIES = 20
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def squared_distance(B: Array, i: int, j: int, out: Array) -> None:
     """Bernstein coefficients, shape (15,), of the squared distance of agents i and j; B has shape (8, N, m).
 
@@ -35,7 +35,8 @@ def squared_distance(B: Array, i: int, j: int, out: Array) -> None:
     out
         Where the coefficients go, shape (15,).
     """
-    out[:] = 0.0
+    for a in range(15):
+        out[a] = 0.0
     for a in range(8):
         for b in range(8):
             dot = 0.0
@@ -44,48 +45,46 @@ def squared_distance(B: Array, i: int, j: int, out: Array) -> None:
             out[a + b] += _PRODUCT[a, b] * dot
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _halve(source: Array, left: Array, right: Array) -> None:
-    degree = source.shape[0] - 1
-    for k in range(degree + 1):
-        right[k] = source[k]
-    for k in range(degree + 1):
-        left[k] = right[0]
-        for a in range(degree - k):
-            right[a] = 0.5 * (right[a] + right[a + 1])
-    # right[] was overwritten from the front; its final values are the right half's coefficients.
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
+def _split(stack: Array, begin: Array, width: Array, top: int) -> None:
+    """Put the two halves of the polynomial on top of a stack in its place, the left one on top."""
+    size = stack.shape[1]
+    for k in range(size):
+        stack[top + 1, k] = stack[top, 0]
+        for a in range(size - 1 - k):
+            stack[top, a] = 0.5 * (stack[top, a] + stack[top, a + 1])
+    # Row top was overwritten from the front: its final values are the right half's coefficients.
+    half = 0.5 * width[top]
+    begin[top + 1], width[top + 1] = begin[top], half
+    begin[top], width[top] = begin[top] + half, half
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def first_above(g: Array) -> float:
     """First x in [0, 1] at which the polynomial with Bernstein coefficients ``g`` exceeds zero, or `NEVER`."""
     size = g.shape[0]
     stack = np.empty((_DEPTH, size))
     begin = np.empty(_DEPTH)
     width = np.empty(_DEPTH)
-    stack[0] = g
+    for k in range(size):
+        stack[0, k] = g[k]
     begin[0], width[0] = 0.0, 1.0
     top = 0
-    left = np.empty(size)
-    right = np.empty(size)
     while top >= 0:
-        if stack[top].max() <= 0.0:
+        possible = False
+        for k in range(size):
+            possible = possible or not stack[top, k] <= 0.0
+        if not possible:
             top -= 1
             continue
         if stack[top, 0] > 0.0 or width[top] < 1e-15 or top + 2 >= _DEPTH:
             return float(begin[top])
-        _halve(stack[top], left, right)
-        half = 0.5 * width[top]
-        start = begin[top]
-        stack[top] = right
-        begin[top], width[top] = start + half, half
-        stack[top + 1] = left
-        begin[top + 1], width[top + 1] = start, half
+        _split(stack, begin, width, top)
         top += 1
     return NEVER
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def smallest_value(g: Array, below: float) -> tuple[float, float]:
     """Smallest value of a Bernstein polynomial on [0, 1] if it is less than ``below``, and where.
 
@@ -100,31 +99,28 @@ def smallest_value(g: Array, below: float) -> tuple[float, float]:
     stack = np.empty((_DEPTH, size))
     begin = np.empty(_DEPTH)
     width = np.empty(_DEPTH)
-    stack[0] = g
+    for k in range(size):
+        stack[0, k] = g[k]
     begin[0], width[0] = 0.0, 1.0
     top = 0
     best, where = below, NEVER
-    left = np.empty(size)
-    right = np.empty(size)
     while top >= 0:
-        start, w = begin[top], width[top]
-        for x, value in ((start, stack[top, 0]), (start + w, stack[top, size - 1])):
-            if value < best:
-                best, where = value, x
-        if stack[top].min() >= best - FINEST * abs(best) or w < 1e-12 or top + 2 >= _DEPTH:
+        if stack[top, 0] < best:
+            best, where = stack[top, 0], begin[top]
+        if stack[top, size - 1] < best:
+            best, where = stack[top, size - 1], begin[top] + width[top]
+        least, possible = best - FINEST * abs(best), False
+        for k in range(size):
+            possible = possible or not stack[top, k] >= least
+        if not possible or width[top] < 1e-12 or top + 2 >= _DEPTH:
             top -= 1
             continue
-        _halve(stack[top], left, right)
-        half = 0.5 * w
-        stack[top] = right
-        begin[top], width[top] = start + half, half
-        stack[top + 1] = left
-        begin[top + 1], width[top + 1] = start, half
+        _split(stack, begin, width, top)
         top += 1
     return best, where
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def reach(B: Array) -> Array:
     """Bound on how far each agent strays from its start on the segment, seen from the group's mean, shape (N,)."""
     n, m = B.shape[1], B.shape[2]
@@ -141,10 +137,12 @@ def reach(B: Array) -> Array:
             for k in range(m):
                 square += (B[a, i, k] - B[0, i, k] - mean[k]) ** 2
             far[i] = max(far[i], square)
-    return np.sqrt(far) * (1.0 + 1e-14)
+    for i in range(n):
+        far[i] = np.sqrt(far[i]) * (1.0 + 1e-14)
+    return far
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def part_from(g: Array, x: float) -> Array:
     """Bernstein coefficients, on [x, 1], of the polynomial with coefficients ``g``; the first is its value at x.
 
@@ -153,7 +151,9 @@ def part_from(g: Array, x: float) -> Array:
     x
         Where the part begins (de Casteljau).
     """
-    rest, work = np.empty_like(g), g.copy()
+    rest, work = np.empty(g.shape[0]), np.empty(g.shape[0])
+    for k in range(g.shape[0]):
+        work[k] = g[k]
     for size in range(g.shape[0] - 1, 0, -1):
         rest[size] = work[size]
         for k in range(size):
@@ -162,14 +162,14 @@ def part_from(g: Array, x: float) -> Array:
     return rest
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def _first_above_from(g: Array, x: float) -> float:
     """First place in [x, 1] at which the polynomial with Bernstein coefficients ``g`` exceeds zero, or `NEVER`."""
     found = first_above(part_from(g, x))
     return x + found * (1.0 - x) if found <= 1.0 else NEVER
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def _moving_so(square: Array, x: float, B: Array, P: Array, i: int, j: int, sign: float) -> float:
     """First place from ``x`` on at which ``square`` is above zero and the pair moves apart, or, by ``sign``, closer."""
     rate = np.zeros(15)
@@ -189,7 +189,26 @@ def _moving_so(square: Array, x: float, B: Array, P: Array, i: int, j: int, sign
     return NEVER
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
+def with_more_rows(rows: Array) -> Array:
+    """Twice as many rows, the first of them those given."""
+    more = np.empty((2 * rows.shape[0], rows.shape[1]))
+    for row in range(rows.shape[0]):
+        for column in range(rows.shape[1]):
+            more[row, column] = rows[row, column]
+    return more
+
+
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
+def places_and_pairs(found: Array, count: int) -> tuple[Array, Any]:
+    """Places, shape (count,), and pairs, shape (count, 2), of the first rows (place, i, j)."""
+    when, who = np.empty(count), np.empty((count, 2), dtype=np.int64)
+    for row in range(count):
+        when[row], who[row, 0], who[row, 1] = found[row, 0], int(found[row, 1]), int(found[row, 2])
+    return when, who
+
+
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def crossings(
     B: Array, far: Array, near: Any, active: Any, enter: Array, leave: Array, directed: bool, slack: float, P: Array
 ) -> tuple[Array, Any]:
@@ -223,8 +242,7 @@ def crossings(
         Crossing positions in [0, 1], shape (k,), and ordered pairs, shape (k, 2).
     """
     n = B.shape[1]
-    when = np.empty(16)
-    who = np.empty((16, 2), dtype=np.int64)
+    found = np.empty((16, 3))
     count = 0
     square = np.empty(15)
     for i in range(n):
@@ -244,26 +262,22 @@ def crossings(
             elif d2 > (level + stray) ** 2:
                 continue
             squared_distance(B, i, j, square)
-            if near[i, j]:
-                square -= (level + slack) ** 2
-            else:
-                square *= -1.0
-                square += max(level - slack, 0.0) ** 2
+            border = (level + slack) ** 2 if near[i, j] else max(level - slack, 0.0) ** 2
+            for k in range(15):
+                square[k] = square[k] - border if near[i, j] else border - square[k]
             x = first_above(square)
             if x <= 1.0 and P.shape[1]:
                 x = _moving_so(square, x, B, P, i, j, 1.0 if near[i, j] else -1.0)
             if x <= 1.0:
-                if count == when.shape[0]:
-                    when = np.concatenate((when, np.empty(count)))
-                    who = np.concatenate((who, np.empty((count, 2), dtype=np.int64)))
-                when[count] = x
-                who[count, 0] = i
-                who[count, 1] = j
+                if count == found.shape[0]:
+                    found = with_more_rows(found)
+                found[count, 0], found[count, 1], found[count, 2] = x, i, j
                 count += 1
-    return when[:count], who[:count]
+    when, who = places_and_pairs(found, count)
+    return when, who
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def closest(B: Array, far: Array, linked: Any, best_linked: float, best_free: float) -> Array:
     """Closest approach on the segment of a linked and of an unlinked pair, where closer than the best so far.
 
@@ -279,8 +293,9 @@ def closest(B: Array, far: Array, linked: Any, best_linked: float, best_free: fl
     """
     n = B.shape[1]
     found = np.empty((2, 4))
-    found[0] = (best_linked**2, NEVER, -1.0, -1.0)
-    found[1] = (best_free**2, NEVER, -1.0, -1.0)
+    for row in range(2):
+        found[row, 0] = best_free**2 if row else best_linked**2
+        found[row, 1], found[row, 2], found[row, 3] = NEVER, -1.0, -1.0
     square = np.empty(15)
     for i in range(n):
         for j in range(i + 1, n):
@@ -293,11 +308,11 @@ def closest(B: Array, far: Array, linked: Any, best_linked: float, best_free: fl
             squared_distance(B, i, j, square)
             value, x = smallest_value(square, found[row, 0])
             if x <= 1.0:
-                found[row] = (max(value, 0.0), x, float(i), float(j))
+                found[row, 0], found[row, 1], found[row, 2], found[row, 3] = max(value, 0.0), x, i, j
     return found
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def deepest_dip(B: Array, far: Array, senders: Any, sensed: Any) -> float:
     """Where on the segment a linked pair comes much closer than at both its ends, deepest first; or `NEVER`.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from typing import Any
 
@@ -48,6 +49,15 @@ class Recorder:
         goal = np.asarray(goals[0]) if len(goals) == len(leaders) == 1 else None
         self.extremes = Extremes(masses, self.m, agents.order, goal)
         self.fine: list[tuple[float, Array, Array]] | None = None
+
+    def copy(self) -> Recorder:
+        """One that goes on by itself. The records are shared: none is changed after it was made."""
+        other = copy.copy(self)
+        for name in ("t", "q", "p", "links", "switches", "trace", "errors", "doubts"):
+            setattr(other, name, list(getattr(self, name)))
+        other.extremes = self.extremes.copy()
+        other.fine = None if self.fine is None else list(self.fine)
+        return other
 
     def frame(self, t: float, q: Array, p: Array, links: Links, errors: tuple[float, float]) -> None:
         """Store a frame, with the errors of any position and any velocity in it."""

@@ -15,7 +15,7 @@ DEGREE = 7
 """Degree of DOP853's dense output."""
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def _part(coefficients: Array, x: float) -> Array:
     """Coefficients of the first fraction ``x`` of a segment; the last row is its end (de Casteljau)."""
     left = np.empty_like(coefficients)
@@ -89,6 +89,14 @@ class Segment:
     def resting(cls, t: float, y: Array) -> Segment:
         """The segment of no length at ``y``."""
         return cls(t, t, np.repeat(y[None], DEGREE + 1, axis=0))
+
+    def positions(self, n: int, m: int) -> Array:
+        """Bernstein coefficients of the positions, shape (8, N, m), contiguous: kernels are compiled for such alone."""
+        return np.ascontiguousarray(self.coefficients[:, : n * m].reshape(-1, n, m))
+
+    def velocities(self, n: int, m: int) -> Array:
+        """Those of the velocities of agents of order 2, shape (8, N, m), contiguous."""
+        return np.ascontiguousarray(self.coefficients[:, n * m : 2 * n * m].reshape(-1, n, m))
 
     def at(self, t: float) -> Array:
         """State vector at time ``t``."""

@@ -226,8 +226,8 @@ class LinkState:
         order
             Order of the agents: only those of order 2 have velocities.
         """
-        B = segment.coefficients[:, : n * m].reshape(-1, n, m)
-        P = segment.coefficients[:, n * m : 2 * n * m].reshape(-1, n, m) if order == 2 else B[:, :0]
+        B = segment.positions(n, m)
+        P = segment.velocities(n, m) if order == 2 else B[:, :0]
         far = reach(B)
         found: list[tuple[int, Array, NDArray[np.integer[Any]]]] = []
         size = float(np.abs(B).max(initial=0.0))

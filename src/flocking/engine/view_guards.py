@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from flocking.engine.guards import _DEPTH, _PRODUCT, NEVER, _halve, squared_distance
+from flocking.engine.guards import _DEPTH, _PRODUCT, NEVER, squared_distance
 from flocking.formula.machine_code import numba
 from flocking.model.checks import Array
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def first_all_above(g: Array) -> float:
     """First x in [0, 1] at which all polynomials with Bernstein coefficients ``g``, shape (k, size), exceed zero.
 
@@ -25,15 +25,18 @@ def first_all_above(g: Array) -> float:
     stack = np.empty((_DEPTH, count, size))
     begin = np.empty(_DEPTH)
     width = np.empty(_DEPTH)
-    stack[0] = g
+    for k in range(count):
+        for b in range(size):
+            stack[0, k, b] = g[k, b]
     begin[0], width[0] = 0.0, 1.0
     top = 0
-    left = np.empty((count, size))
-    right = np.empty((count, size))
     while top >= 0:
         possible, holds = True, True
         for k in range(count):
-            possible = possible and stack[top, k].max() > 0.0
+            above = False
+            for b in range(size):
+                above = above or stack[top, k, b] > 0.0
+            possible = possible and above
             holds = holds and stack[top, k, 0] > 0.0
         if holds:
             return float(begin[top])
@@ -49,18 +52,19 @@ def first_all_above(g: Array) -> float:
             top -= 1
             continue
         for k in range(count):
-            _halve(stack[top, k], left[k], right[k])
+            for b in range(size):
+                stack[top + 1, k, b] = stack[top, k, 0]
+                for a in range(size - 1 - b):
+                    stack[top, k, a] = 0.5 * (stack[top, k, a] + stack[top, k, a + 1])
+        # The final values of row top are the right halves' coefficients, as in `flocking.engine.guards`.
         half = 0.5 * width[top]
-        start = begin[top]
-        stack[top] = right
-        begin[top], width[top] = start + half, half
-        stack[top + 1] = left
-        begin[top + 1], width[top + 1] = start, half
+        begin[top + 1], width[top + 1] = begin[top], half
+        begin[top], width[top] = begin[top] + half, half
         top += 1
     return NEVER
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def _polynomials(B: Array, i: int, j: int, heading: Array, c: float, out: Array) -> None:
     """Bernstein coefficients of |d|^2, L and Q, shape (3, 15)."""
     squared_distance(B, i, j, out[0])
@@ -77,7 +81,7 @@ def _polynomials(B: Array, i: int, j: int, heading: Array, c: float, out: Array)
         out[2, a] -= c * c * out[0, a]
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def _change(near: bool, square: Array, L: Array, Q: Array, c: float, radius: float, slack: float) -> float:
     """When a pair that is seen is lost, or one that is not is seen."""
     wide = 4.0 * radius * slack + slack * slack
@@ -102,7 +106,7 @@ def _change(near: bool, square: Array, L: Array, Q: Array, c: float, radius: flo
     return float(min(first, first_all_above(two)))
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def view_crossings(
     B: Array, far: Array, near: Array, headings: Array, cosines: Array, radii: Array, slack: float
 ) -> tuple[Array, Array]:

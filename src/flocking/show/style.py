@@ -207,13 +207,22 @@ def save(picture: Figure, path: str | Path, formats: Sequence[str] = ("svg", "pn
             raise InvalidInput("save", "formats", f"must be among {', '.join(FORMATS)}", name)
     base = Path(path)
     written = tuple(base.parent / f"{base.name}.{name}" for name in formats)
+    import matplotlib as mpl
+
+    layout = picture.get_layout_engine()
     try:
         for name, target in zip(formats, written, strict=True):
             drawn = io.BytesIO()
             picture.savefig(drawn, format=name, metadata=nothing[name], facecolor=picture.get_facecolor())
             write_through(target, drawn.getvalue(), lasting=False)
+            # All formats have the layout found for the first: it takes longer than to draw.
+            with mpl.rc_context({"figure.autolayout": False, "figure.constrained_layout.use": False}):
+                picture.set_layout_engine(None)
     except OSError as error:
         raise InvalidInput(
             "save", "path", f"must be writable ({error.strerror})", str(path), "Choose another folder."
         ) from None
+    finally:
+        if layout is not None:
+            picture.set_layout_engine(layout)
     return written
