@@ -8,6 +8,7 @@ velocity either, that point moves along with the group.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -61,7 +62,7 @@ class Origin:
         """Where the origin is at the session's own time, shape (m,)."""
         return self.place + self.velocity * (own - self.since)
 
-    @property
+    @cached_property
     def rests(self) -> bool:
         """Whether it is the origin of the user's coordinates."""
         return not (self.place.any() or self.velocity.any())

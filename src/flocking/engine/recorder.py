@@ -80,6 +80,8 @@ class Recorder:
             The time at which that is 0.
         """
         todo = self.frame_times[len(self.t) :]
+        if not len(todo) or todo[0] - base > until:
+            return []
         own = todo - base
         count = int(np.searchsorted(own, until, side="right"))
         return [(float(s), float(t)) for s, t in zip(own[:count], todo[:count], strict=True)]

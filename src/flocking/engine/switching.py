@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -60,6 +61,11 @@ class Watch:
     rise: float = 0.0
     smooth: bool = False
 
+    @cached_property
+    def farthest(self) -> float:
+        """The largest distance at which a pair leaves."""
+        return float(self.leave.max())
+
     @property
     def inner(self) -> bool:
         """Whether pieces of a formula meet there, inside the reach of the link or the obstacle."""
@@ -85,7 +91,7 @@ class Crossing:
 def slack_of(watch: Watch, size: float) -> float:
     """How far a pair must pass the distance of a watch to have crossed it, where coordinates have this ``size``."""
     graze = GRAZE if watch.smooth else 1e-13
-    return graze * float(watch.leave.max()) + 16 * np.finfo(float).eps * size
+    return graze * watch.farthest + 16 * np.finfo(float).eps * size
 
 
 class LinkState:
