@@ -135,6 +135,26 @@ def test_a_second_interrupt_ends_at_once() -> None:
         assert held.wait(timeout=60) == -signal.SIGINT
 
 
+def test_a_place_that_cannot_be_written_is_refused_before_anything_is_run(capsys: pytest.CaptureFixture[str]) -> None:
+    for command, name in (("plot", "net.svg"), ("animate", "film.gif")):
+        assert main([command, "nowhere", "--out", f"/proc/{name}"]) == 2
+        assert f"path must be writable (No such file or directory); got '/proc/{name}'" in capsys.readouterr().err
+
+
+LOGGED = """
+import logging, sys
+from flocking.apps import cli
+sys.argv = ["flocking", "schema"]
+cli.main()
+logging.getLogger("library").warning("a folder could not be made")
+"""
+
+
+def test_what_libraries_log_is_not_shown() -> None:
+    found = subprocess.run([sys.executable, "-c", LOGGED], capture_output=True, text=True)
+    assert (found.returncode, found.stderr) == (0, "")
+
+
 TURNED = """
 import os, signal
 from flocking.apps import cli

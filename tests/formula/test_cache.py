@@ -206,6 +206,39 @@ def test_without_any_writable_place_a_private_folder_is_used_and_said_once(tmp_p
     assert not Path(place).exists(), "it goes with the process"
 
 
+UNKEPT = """
+import subprocess, sys
+import flocking as fk
+print(fk.Potential("1/r")(2.0))
+if len(sys.argv) > 1:
+    found = subprocess.run([sys.executable, "-c", "import flocking as fk; fk.Potential('1/r')"], capture_output=True)
+    print(found.returncode, found.stderr)
+"""
+
+
+def test_where_nothing_can_be_written_nothing_is_kept(tmp_path: Path) -> None:
+    """As on a disk that can only be read, temporary folders included."""
+    (tmp_path / "home").write_text("no folder")
+    (tmp_path / "ask.py").write_text(UNKEPT)
+    unset = ("FLOCKING_CACHE", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR")
+    words = {k: v for k, v in os.environ.items() if k not in unset} | {"HOME": str(tmp_path / "home")}
+    nowhere = "import tempfile; tempfile._candidate_tempdir_list = lambda: ['/proc']; "
+    code = f"{nowhere} exec(compile(open({str(tmp_path / 'ask.py')!r}).read(), 'ask', 'exec'))"
+    found = subprocess.run([sys.executable, "-c", code, "child"], env=words, capture_output=True, text=True)
+    assert found.stdout == "0.5\n0 b''\n", found.stderr
+    assert found.stderr.count("compiled formulas are not kept") == 1
+    assert found.stderr.count("\n") == 1
+
+
+def test_a_cache_that_keeps_nothing_shows_nothing(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("FLOCKING_CACHE", os.devnull)
+    assert module(NUMBERS.format(9)).more(1) == 10
+    assert main(["cache"]) == main(["cache", "--clear"]) == 0
+    assert "0 files" in capsys.readouterr().out
+
+
 WRITER = """
 import sys
 from pathlib import Path

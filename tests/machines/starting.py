@@ -11,13 +11,14 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[2]
 BLOCK = 4096
+TICKS = os.sysconf("SC_CLK_TCK")
 
 LONGEST = 600.0
 """Seconds after which a command counts as one that never ends, on a busy machine."""
@@ -67,6 +68,8 @@ class Ended:
     def sentence(self, *parts: str) -> str:
         """The one sentence it ended with, which holds the parts."""
         lines = [line for line in self.err.splitlines() if line.startswith("flocking: ")]
+        # Where machine code is kept is said before.
+        lines = lines[lines[0].startswith("flocking: your cache folder cannot be used") :]
         assert len(lines) == 1, self.err
         assert re.search(r"[.?!]$", lines[0]), self.err
         for part in parts:
@@ -175,12 +178,18 @@ class Running:
 
     def processor_time(self) -> float:
         """Seconds of processor time it has taken so far; infinite once it has ended."""
-        found = self._about()
-        return math.inf if found[0] == "Z" else sum(map(int, found[11:13])) / os.sysconf("SC_CLK_TCK")
+        found = _about(self.process)
+        return math.inf if found[0] == "Z" else sum(map(int, found[11:13])) / TICKS
 
-    def _about(self) -> list[str]:
-        """Fields of its line in /proc, from its state on."""
-        return Path(f"/proc/{self.process}/stat").read_text().rpartition(")")[2].split()
+    def processor_time_of_all(self) -> float:
+        """The same of it and of all processes that it started."""
+        found = 0
+        for name in os.listdir("/proc"):
+            if name.isdigit():
+                with suppress(OSError):  # it has ended
+                    about = _about(int(name))
+                    found += sum(map(int, about[11:15])) if int(about[3]) == self.process else 0
+        return found / TICKS
 
     def end(self) -> Ended:
         """Wait for its end."""
@@ -193,6 +202,11 @@ class Running:
             time.sleep(0.005)
         code, seconds = self.machines.ask("end", process=self.process)
         return Ended(code, _text(self.out), _text(self.err), seconds)
+
+
+def _about(process: int) -> list[str]:
+    """Fields of the line of a process in /proc, from its state on."""
+    return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
 
 
 def _text(path: Path) -> str:

@@ -48,6 +48,50 @@ def test_an_interrupt_that_falls_into_a_destructor_is_not_lost() -> None:
     assert (found.returncode, found.stdout, found.stderr) == (0, "interrupted\n", "")
 
 
+DEAF = """
+import signal, threading
+from flocking.apps.process import ended_by_signals
+from flocking.study.sweeps.crew import without_interrupts
+with ended_by_signals():
+    try:
+        with without_interrupts():
+            signal.raise_signal(signal.SIGTERM)
+        threading.Event().wait(60)
+    except KeyboardInterrupt:
+        print("interrupted")
+"""
+
+
+def test_sigterm_while_worker_processes_begin_is_not_lost() -> None:
+    found = subprocess.run([sys.executable, "-c", DEAF], capture_output=True, text=True, check=False)
+    assert (found.returncode, found.stdout, found.stderr) == (0, "interrupted\n", "")
+
+
+HALF = """
+import signal, sys
+from flocking.apps.process import ended_by_signals
+class Half:
+    def __init__(self):
+        signal.raise_signal(signal.SIGINT)
+        self.handle = 1
+    def __del__(self):
+        self.handle
+kept = []
+with ended_by_signals(for_good=True):
+    try:
+        Half()
+    except KeyboardInterrupt as error:
+        print("interrupted")
+        kept = [error] if sys.argv[1] == "late" else []
+"""
+
+
+@pytest.mark.parametrize("when", ["soon", "late"])
+def test_what_an_interrupt_left_half_made_goes_quietly(when: str) -> None:
+    found = subprocess.run([sys.executable, "-c", HALF, when], capture_output=True, text=True, check=False)
+    assert (found.returncode, found.stdout, found.stderr) == (0, "interrupted\n", "")
+
+
 AFTER = """
 import os, signal, sys, time
 from flocking.apps import cli

@@ -13,7 +13,6 @@ import shutil
 import signal
 import time
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -34,9 +33,10 @@ SOON = 2.0
 Seen = Callable[[], int]
 
 
-def moments(default: int, slow: int) -> pytest.MarkDecorator:
-    """How many signals are sent: in the default tests, and in the slow ones."""
-    return pytest.mark.parametrize("signals", [default, pytest.param(slow, marks=pytest.mark.slow)])
+def moments(number: int, default: int = 1) -> pytest.MarkDecorator:
+    """So many drawn moments, a few of them in the default tests; each is a test of its own."""
+    slow = [pytest.param(k, marks=pytest.mark.slow) for k in range(default, number)]
+    return pytest.mark.parametrize("moment", [*range(default), *slow])
 
 
 def commits(folder: Path) -> Seen:
@@ -76,16 +76,22 @@ def struck(
     reached = running.processor_time()
     while running.processor_time() < reached + further:
         time.sleep(0.002)
-    used = running.processor_time()
-    if used < math.inf:
+    met = running.processor_time() < math.inf
+    used = running.processor_time_of_all()
+    if met:
         os.kill(running.process, number)
     ended = running.end()
     said = f"{words[0]} {number.name} at {least} and {further:.3f} s"
-    ended.check(*((130, 0) if used < math.inf else (0, 1)))
+    done = (0, 1) if words[0] in ("reproduce", "showcase") else (0,)
+    ended.check(*((130, *done) if met else done))
     assert ended.code != 130 or ended.seconds - used < SOON, said
-    assert ended.code != 130 or "interrupted" in ended.err, said
-    count(f"odd machines: signals to {words[0]}, " + ("ended early" if ended.code == 130 else "at its end"))
-    return ended, ended.code == 130
+    early = "interrupted" in ended.err
+    assert not early or ended.code == 130, said
+    if not early:  # its work was done, and it has said so
+        assert ended.err == "", said
+        assert "--json" not in words or json.loads(ended.out), said
+    count(f"odd machines: signals to {words[0]}, " + ("ended early" if early else "at its end"))
+    return ended, early
 
 
 @pytest.fixture(scope="module")
@@ -108,15 +114,14 @@ def begun_long(machines: Machines, long: Path, place: Path) -> Path:
     return folder
 
 
-@moments(1, 70)
-def test_a_run_goes_on(machines: Machines, long: Path, memory: Path, signals: int) -> None:
-    rng = np.random.default_rng(31)
-    for k in range(signals):
-        folder = memory / f"run{k}"
-        struck(machines, ("run", long, "--out", folder, "--json"), commits(folder), rng, 2, 0.05)
-        if folder.exists():
-            check_run(folder)
-        assert not list(memory.glob("*.partial"))
+@moments(70)
+def test_a_run_goes_on(machines: Machines, long: Path, memory: Path, moment: int) -> None:
+    folder = memory / "run"
+    rng = np.random.default_rng((31, moment))
+    struck(machines, ("run", long, "--out", folder, "--json"), commits(folder), rng, 2, 0.05)
+    if folder.exists():
+        check_run(folder)
+    assert not list(memory.glob("*.partial"))
 
 
 def check_run(folder: Path) -> None:
@@ -129,77 +134,72 @@ def check_run(folder: Path) -> None:
     count("odd machines: interrupted runs that went on to the same bits")
 
 
-@moments(1, 60)
-def test_going_on_goes_on(machines: Machines, begun_long: Path, memory: Path, signals: int) -> None:
-    rng = np.random.default_rng(33)
-    first = commits(begun_long)()
-    for k in range(signals):
-        folder = memory / f"run{k}"
-        shutil.copytree(begun_long, folder)
-        struck(machines, ("resume", folder, "--json"), lambda: commits(folder)() - first, rng, 1, 0.05)  # noqa: B023
-        check_run(folder)
+@moments(60)
+def test_going_on_goes_on(machines: Machines, begun_long: Path, memory: Path, moment: int) -> None:
+    folder = memory / "run"
+    shutil.copytree(begun_long, folder)
+    rng, first = np.random.default_rng((33, moment)), commits(begun_long)()
+    struck(machines, ("resume", folder, "--json"), lambda: commits(folder)() - first, rng, 1, 0.05)
+    check_run(folder)
 
 
-@moments(1, 40)
-def test_a_sweep_goes_on(machines: Machines, sweep: Path, memory: Path, signals: int) -> None:
-    rng = np.random.default_rng(23)
-    expected = None
-    for k in range(signals):
-        folder = memory / f"sweep{k}"
-        words = ("sweep", sweep, "--workers", str(1 + (k % 10 == 9)), "--out", folder, "--json")
-        struck(machines, words, files(folder / "results", "*.json"), rng, 4, 0.2)
-        if (folder / "results" / "sweep.json").exists():
-            kept = fk.read_sweep(folder / "results").rows
-            machines.call(*words).check(0)
-            table = fk.read_sweep(folder / "results")
-            assert table.complete
-            assert {index: table.rows[index] for index in kept} == kept, "what was kept is not made again"
-            values = table.values("velocity_spread")
-            expected = values if expected is None else expected
-            assert np.array_equal(values, expected)
-            count("odd machines: interrupted sweeps that went on to the same values")
+@pytest.fixture(scope="module")
+def spreads(machines: Machines, sweep: Path, place: Path) -> np.ndarray:
+    """What the sweep comes to when nobody interrupts it."""
+    machines.call("sweep", sweep, "--workers", "1", "--out", place / "sweep", "--json").check(0)
+    return fk.read_sweep(place / "sweep" / "results").values("velocity_spread")
 
 
-@moments(1, 14)
-def test_a_film_is_whole_or_not_there(machines: Machines, whole: Path, memory: Path, signals: int) -> None:
-    rng = np.random.default_rng(24)
-    for k in range(signals):
-        film = memory / f"film{k}.gif"
-        words = ("animate", whole, "--out", film, "--seconds", "0.3")
-        _, early = struck(machines, words, files(memory, "*.gif"), rng, 0, 1.5)
-        assert film.exists() != early
-        assert [p for p in memory.iterdir() if "partial" in p.name] == []
+@moments(40)
+def test_a_sweep_goes_on(machines: Machines, sweep: Path, spreads: np.ndarray, memory: Path, moment: int) -> None:
+    words = ("sweep", sweep, "--workers", str(1 + (moment % 10 == 9)), "--out", memory / "sweep", "--json")
+    results = memory / "sweep" / "results"
+    struck(machines, words, files(results, "*.json"), np.random.default_rng((23, moment)), 4, 0.2)
+    kept = fk.read_sweep(results).rows if (results / "sweep.json").exists() else {}
+    machines.call(*words).check(0)
+    table = fk.read_sweep(results)
+    assert table.complete
+    assert {index: table.rows[index] for index in kept} == kept, "what was kept is not made again"
+    assert np.array_equal(table.values("velocity_spread"), spreads)
+    count("odd machines: interrupted sweeps that went on to the same values")
 
 
-@pytest.mark.slow
-def test_a_reproduction_leaves_whole_files(machines: Machines, memory: Path) -> None:
-    rng = np.random.default_rng(25)
-    for k in range(8):
-        out = memory / f"out{k}"
-        words = ("reproduce", "tanner-2003-fixed", "--seeds", "1", "--workers", "1", "--out", out)
-        struck(machines, words, files(out, "*.*"), rng, 6, 1.0)
-        for path in out.rglob("*.json"):
-            json.loads(path.read_text())
-        assert [p for p in out.rglob("*") if "partial" in p.name] == []
+@moments(14)
+def test_a_film_is_whole_or_not_there(machines: Machines, whole: Path, memory: Path, moment: int) -> None:
+    film = memory / "film.gif"
+    words = ("animate", whole, "--out", film, "--seconds", "0.3")
+    rng = np.random.default_rng((24, moment))
+    _, early = struck(machines, words, files(memory, "*.gif"), rng, 0, 1.5)
+    assert film.exists() != early
+    assert [p for p in memory.iterdir() if "partial" in p.name] == []
+
+
+@moments(8, 0)
+def test_a_reproduction_leaves_whole_files(machines: Machines, memory: Path, moment: int) -> None:
+    out = memory / "out"
+    words = ("reproduce", "tanner-2003-fixed", "--seeds", "1", "--workers", "1", "--out", out)
+    struck(machines, words, files(out, "*.*"), np.random.default_rng((25, moment)), 6, 1.0)
+    for path in out.rglob("*.json"):
+        json.loads(path.read_text())
+    assert [p for p in out.rglob("*") if "partial" in p.name] == []
 
 
 NOISE = ("showcase", "flock-from-noise", "--agents", "300", "--until", "6", "--threads", "1", "--json")
 
 
-@pytest.mark.slow
-def test_a_showcase_goes_on(machines: Machines, memory: Path) -> None:
-    @cache
-    def expected() -> fk.Run:
-        machines.call(*NOISE, "--out", memory / "whole").check(0, 1)
-        return read_run(memory / "whole" / "run")
+@pytest.fixture(scope="module")
+def crowd(machines: Machines, place: Path) -> fk.Run:
+    """The showcase that nobody interrupts."""
+    machines.call(*NOISE, "--out", place / "noise").check(0, 1)
+    return read_run(place / "noise" / "run")
 
-    rng = np.random.default_rng(26)
-    for k in range(8):
-        out = memory / f"out{k}"
-        words = (*NOISE, "--out", out)
-        struck(machines, words, commits(out / "run"), rng, 8, 0.3)
-        machines.call(*words).check(0, 1)
-        run = read_run(out / "run")
-        for name in ("t", "q", "p", "trace", "observables"):
-            assert getattr(run, name).tobytes() == getattr(expected(), name).tobytes(), name
-        count("odd machines: interrupted runs that went on to the same bits")
+
+@moments(8, 0)
+def test_a_showcase_goes_on(machines: Machines, crowd: fk.Run, memory: Path, moment: int) -> None:
+    words = (*NOISE, "--out", memory)
+    struck(machines, words, commits(memory / "run"), np.random.default_rng((26, moment)), 8, 0.3)
+    machines.call(*words).check(0, 1)
+    run = read_run(memory / "run")
+    for name in ("t", "q", "p", "links", "switches", "trace"):
+        assert getattr(run, name).tobytes() == getattr(crowd, name).tobytes(), name
+    count("odd machines: interrupted runs that went on to the same bits")

@@ -94,6 +94,24 @@ def test_workers_that_die_before_they_begin_end_the_sweep_with_a_reason(tmp_path
         run(make=lambda seed: (bomb, make(seed=seed))[1], out=tmp_path / "out")
 
 
+def test_an_interrupt_that_a_library_made_its_own_error_of_is_no_failed_run(tmp_path):
+    """As pydantic does while it builds a schema: the run is made when the sweep goes on."""
+
+    def struck(speed, seed):
+        if (speed, seed) == (1.0, 3) and not (tmp_path / "struck").exists():
+            (tmp_path / "struck").touch()
+            raise RuntimeError("Error building a serializer: KeyboardInterrupt: ")
+        return make(speed=speed, seed=seed)
+
+    table = run(make=struck, grid={"speed": SPEEDS}, seeds=range(8), workers=1, out=tmp_path / "out")
+    assert 0 < len(table) < 24
+    assert table.failures == []
+    assert not table.complete
+    table = run(make=struck, grid={"speed": SPEEDS}, seeds=range(8), workers=1, out=tmp_path / "out")
+    assert table.complete
+    assert np.array_equal(table.values("velocity_spread"), expected())
+
+
 SWEEP = """
 import sys
 sys.path.insert(0, {root!r})

@@ -19,7 +19,6 @@ from flocking.apps.process import (
     ended_by_signals,
     give_up_output,
     harmless,
-    interrupted,
     open_streams,
     quiet_warnings,
 )
@@ -28,6 +27,7 @@ from flocking.apps.showcase_commands import showcase
 from flocking.apps.storage_commands import diff, export, info
 from flocking.apps.sweep_commands import sweep
 from flocking.apps.whole_numbers import check_whole_numbers
+from flocking.engine.interruption import interrupted
 from flocking.engine.shortage import LEAST_ADDRESS_SPACE, address_space, starved
 
 FINE, DIFFERENT, BAD_INPUT = 0, 1, 2
@@ -88,11 +88,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     alone = arguments is None
     if alone:
         quiet_warnings()
-    with ended_by_signals(for_good=alone) as signals:
+    with ended_by_signals(for_good=alone):
         try:
             return _run(words)
         except (KeyboardInterrupt, Exception) as error:
-            if not (signals.raised or interrupted(error)):
+            if not interrupted(error):
                 raise
             with suppress(OSError):
                 print(SENTENCE, file=sys.stderr)

@@ -51,7 +51,7 @@ def plot(
     """
     from flocking.errors import InvalidInput
     from flocking.show.plot import KINDS, plot
-    from flocking.show.style import FORMATS, save
+    from flocking.show.style import FORMATS, check_writable, save
 
     kinds = list(dict.fromkeys(kind or ["net"]))
     if "list" in kinds:
@@ -66,8 +66,11 @@ def plot(
     known = format_name in FORMATS
     if format_name in OTHER_FORMATS:
         raise InvalidInput("plot", "out", "must end in .svg, .png or .pdf, or have no such ending", str(out))
+    if out is not None:
+        check_writable("save", out)  # a wrong place should not cost a run first
     run, place = _run_of("plot", source, seed, most_agents)
     base = place if out is None else out.with_suffix("") if known else out
+    check_writable("save", base)
     for name in kinds:
         made = plot(run, name, theme=theme) if time is None else plot(run, name, theme=theme, time=time)
         named = base.with_name(f"{base.name}-{name}") if out is None or len(kinds) > 1 else base
@@ -113,9 +116,10 @@ def animate(
         Largest number of agents a file may ask for.
     """
     from flocking.show.animate import animate, film_path
+    from flocking.show.style import check_writable
 
     if out is not None:
-        film_path(out)  # a wrong ending should not cost a run first
+        check_writable("animate", film_path(out))  # a wrong ending or place should not cost a run first
     run, place = _run_of("animate", source, seed, most_agents)
     print(
         animate(run, place if out is None else out, seconds=seconds, fps=fps, follow=follow, theme=theme, trails=trails)

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import io
+import logging
 import os
 import signal
 import sys
 import threading
+import time
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from types import FrameType
 from typing import Any
 
 from flocking.apps.early_signals import INTERRUPTED, end_now
 from flocking.engine import interruption
-from flocking.engine.shortage import causes
 from flocking.errors import SuspectInput
 
 
@@ -73,17 +73,6 @@ class _ErrorsNamed(io.FileIO):
             raise
 
 
-def interrupted(error: BaseException) -> bool:
-    """Whether an error was raised while an interrupt was on its way up: it says nothing that the interrupt does not.
-
-    Parameters
-    ----------
-    error
-        The error; those that it came of are looked at too.
-    """
-    return any(isinstance(x, KeyboardInterrupt) for x in causes(error))
-
-
 def give_up_output() -> None:
     """Send what is still to be written to nowhere, where nobody reads it: Python must not try again at exit."""
     for stream in (sys.stdout, sys.stderr):
@@ -100,10 +89,12 @@ def quiet_warnings() -> None:
     """Keep warnings of other libraries off the terminal, unless Python was asked for them with ``-W``.
 
     What a user has hardly meant is said in a line of its own. It is for good: what is destroyed while the process ends
-    may warn, too.
+    may warn, too. Warnings that are logged, and that nobody asked to see, are no different.
     """
     if sys.warnoptions:
         return
+    if logging.lastResort is not None:
+        logging.lastResort.setLevel(logging.ERROR)
     warnings.simplefilter("ignore")
     warnings.simplefilter("default", SuspectInput)
     warnings.showwarning = _said
@@ -117,22 +108,21 @@ AGAIN = 0.01
 """Seconds until an interrupt that no code could raise is raised again."""
 
 
-@dataclass
-class Signals:
-    """What signals did within `ended_by_signals`.
+def _interrupt_soon() -> None:
+    """Interrupt the main thread after a moment, once interrupts are no longer ignored."""
 
-    Parameters
-    ----------
-    raised
-        Whether one of them raised ``KeyboardInterrupt``, wherever that was. Compiled libraries may turn it into an
-        error of their own, which does not name it as its cause.
-    """
+    def wait() -> None:
+        time.sleep(AGAIN)
+        while signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+            time.sleep(AGAIN)
+        # Only a signal to the main thread ends what it waits for.
+        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
 
-    raised: bool = False
+    threading.Thread(target=wait, daemon=True).start()
 
 
 @contextmanager
-def ended_by_signals(*, for_good: bool = False) -> Iterator[Signals]:
+def ended_by_signals(*, for_good: bool = False) -> Iterator[None]:
     """Within it SIGTERM does what Ctrl-C does, and a second one of them ends the process at once.
 
     Parameters
@@ -140,31 +130,36 @@ def ended_by_signals(*, for_good: bool = False) -> Iterator[Signals]:
     for_good
         Whether nothing but the end of the process comes after it: a signal that comes then has nothing to keep.
     """
-    signals = Signals()
     if threading.current_thread() is not threading.main_thread():
-        yield signals
+        yield
         return
     owner = os.getpid()
 
     def interrupt(number: int, frame: FrameType | None) -> None:
-        signals.raised = True
+        interruption.RAISED = True
         signal.signal(signal.SIGINT, signal.SIG_DFL)
         raise KeyboardInterrupt
 
     def terminate(number: int, frame: FrameType | None) -> None:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        # A process that was forked from this one ends as it is told to.
-        signal.raise_signal(signal.SIGINT if os.getpid() == owner else signal.SIGTERM)
+        if os.getpid() != owner:
+            # A process that was forked from this one ends as it is told to.
+            signal.raise_signal(signal.SIGTERM)
+        elif signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+            # As while worker processes begin, which inherit it.
+            _interrupt_soon()
+        else:
+            signal.raise_signal(signal.SIGINT)
 
     def unraisable(lost: Any) -> None:
         # Python drops what is raised while it calls a destructor or is called by compiled code.
         if not issubclass(lost.exc_type, KeyboardInterrupt):
-            hook(lost)
+            # What was interrupted while it was made complains when it is destroyed.
+            if not interruption.RAISED:
+                hook(lost)
         elif threading.current_thread() is threading.main_thread():
             signal.signal(signal.SIGINT, interrupt)
-            again = threading.Timer(AGAIN, signal.raise_signal, (signal.SIGINT,))
-            again.daemon = True
-            again.start()
+            _interrupt_soon()
 
     hook = sys.unraisablehook
     before: dict[signal.Signals, Any] = {}
@@ -173,12 +168,13 @@ def ended_by_signals(*, for_good: bool = False) -> Iterator[Signals]:
         before[signal.SIGINT] = signal.signal(signal.SIGINT, interrupt)
         if signal.getsignal(signal.SIGTERM) in (signal.SIG_DFL, end_now):
             before[signal.SIGTERM] = signal.signal(signal.SIGTERM, terminate)
-    ends, interruption.SECOND_ENDS = interruption.SECOND_ENDS, True
+    ends, interruption.SECOND_ENDS, interruption.RAISED = interruption.SECOND_ENDS, True, False
     try:
-        yield signals
+        yield
     finally:
         interruption.SECOND_ENDS = ends
-        sys.unraisablehook = hook
+        if not (for_good and interruption.RAISED):
+            sys.unraisablehook, interruption.RAISED = hook, False
         for number, handler in before.items():
             signal.signal(number, _end_silently if for_good else handler)
 

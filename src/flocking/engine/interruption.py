@@ -1,4 +1,8 @@
-"""Ctrl-C that waits for the end of a step: an interrupt inside compiled code could not be told from a crash."""
+"""Interrupts that come at a bad moment.
+
+Ctrl-C waits for the end of a step, as inside compiled code it could not be told from a crash; and an error that a
+library made of an interrupt is told from one of what the library was given.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +11,33 @@ import threading
 from types import FrameType, TracebackType
 from typing import Any
 
+from flocking.engine.shortage import causes
+from flocking.errors import FlockingError
+
 _asked = threading.Event()
 
 SECOND_ENDS = False
 """Whether a second Ctrl-C ends the process, even within compiled code: right for a command, not for a notebook."""
+
+RAISED = False
+"""Whether a signal has raised ``KeyboardInterrupt`` in a command, wherever that was."""
+
+
+def interrupted(error: BaseException) -> bool:
+    """Whether an error comes of an interrupt: it says nothing that the interrupt does not.
+
+    Compiled libraries may make an error of their own of it, which does not name it as its cause, but in its text.
+
+    Parameters
+    ----------
+    error
+        The error; those that it came of are looked at too.
+    """
+    return RAISED or any(
+        isinstance(x, KeyboardInterrupt)
+        or (not isinstance(x, FlockingError | OSError) and KeyboardInterrupt.__name__ in str(x))
+        for x in causes(error)
+    )
 
 
 class Noted(KeyboardInterrupt):

@@ -27,6 +27,7 @@ from flocking.engine.columns import (
     switch_table,
 )
 from flocking.engine.durable import NO_MEMORY, end_zarr_patiently, read_soundly, told
+from flocking.engine.interruption import interrupted
 from flocking.engine.record import SCENARIO, read_record
 from flocking.engine.record_checks import check_records
 from flocking.engine.run import Closest, Run
@@ -199,6 +200,8 @@ def _read(folder: Path, array: Any, name: str, count: int, begin: int = 0) -> np
             raise ValueError(f"{array.shape[0]} rows instead of {count}")
         return np.asarray(array[begin:count])
     except Exception as fault:  # each codec has errors of its own
+        if interrupted(fault):
+            raise KeyboardInterrupt from None
         if starved(fault):
             raise StorageError(f"{folder}: {NO_MEMORY}") from None
         size = array.chunks[0]

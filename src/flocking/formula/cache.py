@@ -45,13 +45,17 @@ GENERATED = "flocking_generated_"
 MACHINE = "machine"
 """Folder of machine code within the folder."""
 
+NOWHERE = Path(os.devnull)
+"""In place of the folder where nothing can be written: nothing is kept, and every process compiles for itself."""
+
 _written = 0
 
 
 def cache_folder() -> Path:
     """Folder of generated code: ``$FLOCKING_CACHE``, or ``flocking`` in the user's cache folder.
 
-    Where no place can be written, and none was chosen, it is a temporary folder of this process and those it starts.
+    Where no place can be written, and none was chosen, it is a temporary folder of this process and those it starts,
+    and `NOWHERE` where none can be made. Who chooses `NOWHERE` has nothing kept.
 
     Raises
     ------
@@ -61,6 +65,8 @@ def cache_folder() -> Path:
     chosen = os.environ.get("FLOCKING_CACHE")
     if chosen:
         folder = Path(chosen).expanduser()
+        if folder == NOWHERE:
+            return NOWHERE
         try:
             _make(folder)
         except OSError as error:
@@ -91,11 +97,10 @@ def _temporary(reason: str) -> Path:
     """A private folder that goes when the process ends; those that it starts use it too."""
     try:
         folder = Path(tempfile.mkdtemp(prefix="flocking-"))
-    except OSError as error:
-        raise CacheError(
-            f"Compiled formulas need a folder, and neither your cache folder ({reason}) nor a temporary one "
-            f"({error.strerror}) can be written. Set FLOCKING_CACHE to a folder you can write."
-        ) from None
+        place = f"are kept in {folder} until this process ends"
+    except OSError:
+        folder = NOWHERE
+        place = "are not kept, as no temporary folder can be made either"
     owner = os.getpid()
     os.environ["FLOCKING_CACHE"] = str(folder)
 
@@ -103,11 +108,12 @@ def _temporary(reason: str) -> Path:
         if os.getpid() == owner:
             shutil.rmtree(folder, ignore_errors=True)
 
-    atexit.register(remove)
+    if folder != NOWHERE:
+        atexit.register(remove)
     if sys.stderr is not None:
         print(
-            f"flocking: your cache folder cannot be used ({reason}); compiled formulas are kept in {folder} until this "
-            "process ends. Set FLOCKING_CACHE to a folder you can write.",
+            f"flocking: your cache folder cannot be used ({reason}); compiled formulas {place}. "
+            "Set FLOCKING_CACHE to a folder you can write.",
             file=sys.stderr,
         )  # fmt: skip
     return folder
@@ -168,6 +174,9 @@ def _written_whole(path: Path) -> Iterator[BinaryIO]:
     CacheError
         When it cannot be written.
     """
+    if path.is_relative_to(NOWHERE):
+        yield io.BytesIO()
+        return
     temporary = None
     try:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)

@@ -16,7 +16,7 @@ from typing import Any
 import numba as numba
 from numba.core import caching
 
-from flocking.formula.cache import GENERATED, MACHINE, cache_folder, is_sealed, sealing
+from flocking.formula.cache import GENERATED, MACHINE, NOWHERE, cache_folder, is_sealed, sealing
 
 PACKAGE = Path(__file__).resolve().parent.parent
 
@@ -49,6 +49,10 @@ class Locator(caching._SourceFileBackedLocatorMixin, caching._CacheLocator):  # 
     def ensure_cache_path(self) -> None:
         """Files make their folder when they are written."""
 
+    def get_source_stamp(self) -> Any:
+        """What tells versions of the source apart; a generated one that is not kept has one version."""
+        return None if Path(self._py_file).is_relative_to(NOWHERE) else super().get_source_stamp()
+
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> Locator | None:
         """A locator for a function of this library, or None.
@@ -62,7 +66,7 @@ class Locator(caching._SourceFileBackedLocatorMixin, caching._CacheLocator):  # 
         """
         path = Path(py_file)
         ours = path.name.startswith(GENERATED) or PACKAGE in path.resolve().parents
-        return cls(py_func, py_file) if ours and path.exists() else None
+        return cls(py_func, py_file) if ours and (path.exists() or path.is_relative_to(NOWHERE)) else None
 
 
 _File = caching.IndexDataCacheFile

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.engine.interruption import interrupted
 from flocking.engine.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, integer, number
@@ -104,7 +105,7 @@ def animate(
             _film(run, partial, frames, fps, follow, size, dpi, options)
         os.replace(partial, target)
     except Exception as error:
-        if isinstance(error.__context__, KeyboardInterrupt):
+        if interrupted(error):
             # The writer could not finish a film without pictures.
             raise KeyboardInterrupt from None
         if not isinstance(error, CalledProcessError | OSError):

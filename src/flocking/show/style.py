@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -171,6 +172,31 @@ def axes_or_new(
     if axes is not None:
         return axes
     return figure(width, height).add_subplot(projection=projection)
+
+
+def check_writable(owner: str, path: Path) -> None:
+    """Refuse a place where no file can be made, before anything is drawn for it.
+
+    Parameters
+    ----------
+    owner
+        Who would write.
+    path
+        What would be written; a folder of it that is missing counts as the one above.
+
+    Raises
+    ------
+    InvalidInput
+        When no file can be made there.
+    """
+    folder = next(above for above in path.absolute().parents if above.is_dir())
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise InvalidInput(
+            owner, "path", f"must be writable ({error.strerror})", str(path), "Choose another folder."
+        ) from None
 
 
 @in_style

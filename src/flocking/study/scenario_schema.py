@@ -21,6 +21,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 from typing_extensions import TypedDict
 
+from flocking.engine.interruption import interrupted
 from flocking.errors import InvalidInput
 from flocking.study.scenario_kinds import Context, Field, Group, Kind, Nested, Short
 from flocking.study.scenario_parts import GROUPS, SCENARIO, SECTIONS
@@ -125,6 +126,8 @@ def _kind_type(kind: Kind, group: Group) -> Any:
                 facts["rule"] = f"{error.parameter} {error.rule}"
             raise PydanticCustomError("refused", "{rule}", facts) from None
         except Exception as error:
+            if interrupted(error):
+                raise KeyboardInterrupt from None
             # A file is never trusted: whatever a part makes of odd values is told in one line.
             facts = {"rule": f"cannot be used ({type(error).__name__}: {error})", "fix": "", "at": (), "value": None}
             raise PydanticCustomError("refused", "{rule}", facts) from None

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.engine.interruption import interrupted
 from flocking.engine.lammps import library
 from flocking.engine.lammps.deck import Deck
 from flocking.engine.lammps.ranks import Ranks
@@ -110,6 +111,8 @@ class Atoms:
         try:
             self._lammps.commands_string(text)
         except Exception as error:
+            if interrupted(error):
+                raise KeyboardInterrupt from None
             raise LammpsError(_words(error), alone=type(error).__name__ == "MPIAbortException") from None
 
     @property

@@ -12,6 +12,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from flocking.engine.interruption import interrupted
 from flocking.errors import FlockingError, InvalidInput
 from flocking.study.sweeps.measures import Measuring, plain_measure
 from flocking.study.sweeps.plan import Task
@@ -64,6 +65,8 @@ def run_task(work: Work, task: Task) -> Row:
         if work.audit is not None:
             row["verdicts"] = {r.claim.key: str(r.verdict) for r in work.audit(run).results}
     except Exception as error:
+        if interrupted(error):
+            raise KeyboardInterrupt from error
         text = str(error) if isinstance(error, FlockingError) else f"{type(error).__name__}: {error}"
         where = f"{doing}: " if doing != "make" else ""
         row |= {"status": "failed", "values": {}, "verdicts": {}, "message": f"{where}{text}"[:LONGEST_MESSAGE]}
