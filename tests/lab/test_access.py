@@ -16,6 +16,7 @@ from flocking.apps.lab.access import (
     RateLimit,
 )
 from flocking.apps.lab.confinement import Folder
+from tests.counting import count
 from tests.lab.foreign import HOSTS, ORIGINS, OWN, PORT, TOKENS, WAYS_OUT, handshake
 
 
@@ -39,6 +40,7 @@ def test_pages_of_other_origins_are_refused(access, origin):
     assert access.judge("/secret", handshake(OWN, origin)) is FOREIGN
     assert access.judge("/secret/", [("Host", OWN), ("Origin", origin)]) is FOREIGN
     assert access.judge("/secret", [*handshake(OWN, f"http://{OWN}"), ("Origin", origin)]) is FOREIGN
+    count("lab: requests of foreign origins", 3)
 
 
 def test_a_handshake_without_an_origin_is_refused(access):
@@ -52,6 +54,7 @@ def test_forged_hosts_are_refused(access, host):
     assert access.judge("/secret/", [("Host", host)]) is FOREIGN
     assert access.judge("/secret", handshake(host, f"http://{host}")) is FOREIGN
     assert access.judge("/secret/", [("Host", OWN), ("Host", host)]) is FOREIGN
+    count("lab: requests with a forged host", 3)
 
 
 def test_a_request_that_names_no_host_is_refused(access):
@@ -62,6 +65,7 @@ def test_a_request_that_names_no_host_is_refused(access):
 def test_addresses_without_the_token_are_refused(access, path):
     assert access.judge(path, [("Host", OWN)]) is NO_TOKEN
     assert access.judge(path, handshake(OWN, f"http://{OWN}")) is NO_TOKEN
+    count("lab: requests without the token", 2)
 
 
 def test_before_the_port_is_known_nobody_is_let_in():
@@ -130,6 +134,7 @@ def test_names_inside_a_folder_lead_there(folder):
 def test_no_name_leads_out(folder, name):
     with pytest.raises(fk.InvalidInput):
         folder.inside(name.format(out=folder.path.parent / "outside"))
+    count("lab: names that lead out of its folder")
 
 
 def test_the_answer_is_the_same_whether_something_is_there(folder):

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 import flocking as fk
+from tests.counting import count
 from tests.lab.foreign import HOSTS, ORIGINS, OWN, PORT, TOKENS, WAYS_OUT, handshake
 from tests.lab.tabs import wait
 
-pytestmark = pytest.mark.browser
+pytestmark = pytest.mark.server
 
 
 def here(text, page):
@@ -49,6 +50,7 @@ def test_pages_of_other_origins_are_refused(page):
         assert (status, b"<html" in words) == (403, False), origin
         headers = [("Host", here(OWN, page)), ("Origin", origin)]
         assert answer(page, here("/secret/", page), headers)[0] == 403, origin
+        count("lab: requests of foreign origins to its server", 2)
 
 
 def test_forged_hosts_are_refused(page):
@@ -57,6 +59,7 @@ def test_forged_hosts_are_refused(page):
         # A browser trims what stands around a value.
         expected = {101} if host.strip() == here(OWN, page) else {400, 403}
         assert answer(page, here("/secret", page), handshake(host, f"http://{host.strip()}"))[0] in expected, host
+        count("lab: requests with a forged host to its server", 101 not in expected)
 
 
 def test_addresses_without_the_token_are_refused(page):
@@ -64,6 +67,7 @@ def test_addresses_without_the_token_are_refused(page):
     for path in filter(str.isascii, filter(None, TOKENS)):
         status, words, _ = answer(page, here(path, page), own)
         assert (status, b"<html" in words) == (403, False), path
+        count("lab: requests without the token to its server")
     assert answer(page, "/", own)[1].startswith(b"This address lacks the lab's token")
 
 
@@ -135,6 +139,7 @@ def test_no_file_outside_the_folder_is_opened(page, tmp_path):
             except fk.InvalidInput as error:
                 page.trouble = str(error)
             assert "must be that of something in the folder" in page.trouble, (name, page.trouble)
+            count("lab: names that lead out of its folder")
     for name in (f"{outside}/run", "door/run", "../" + outside.name + "/run"):
         with pytest.raises(fk.InvalidInput):
             page.keeping.open_run(name)
