@@ -165,11 +165,13 @@ def uneven():
 def functionals():
     """Weights of each agent's own by the left eigenvector of the Laplacian (Shi, Remark 3)."""
     edges = ((0, 1), (1, 2), (2, 0), (3, 0), (0, 3), (4, 2), (2, 4))
-    law = Law(Fixed(N, edges, directed=True), (Consensus(0.9, weights=W, functional=True),))
+    # Each end of a link weighs the other in its own way.
+    weights = W + np.triu(W, 1) / 2
+    law = Law(Fixed(N, edges, directed=True), (Consensus(0.9, weights=weights, functional=True),))
     L = np.zeros((N, N))
     for i, j in edges:
-        L[i, j] -= W[i, j]
-        L[i, i] += W[i, j]
+        L[i, j] -= weights[i, j]
+        L[i, i] += weights[i, j]
     xi = np.linalg.svd(L.T)[2][-1]
     xi = xi / xi.sum()
     assert_allclose(control(law, STATE), -0.9 * xi[:, None] * (L @ P), rtol=1e-8)

@@ -181,6 +181,7 @@ def shi_scenario():
     q, p = by_hand.ball_start(1, radius=10.0, speed=4.0, range_of_sight=4.0)
     assert_allclose(wide.q, q, rtol=1e-12)
     assert_allclose(wide.p, p, rtol=1e-12)
+    assert shi.scenario().seed == 0
     few = shi.scenario(seed=1, informed=2).law.terms[2]
     assert np.count_nonzero(few.velocity_gain) == 2
     for wrong, words in (({"name": "shi-2009-nobody"}, "name"), ({"figure": 13}, "figure")):
