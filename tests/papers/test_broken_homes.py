@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import ast
+import math
 import os
 import textwrap
 from contextlib import suppress
 
+import numpy as np
 import pytest
 
 import flocking as fk
@@ -85,6 +87,23 @@ def test_a_fault_that_cannot_be_put_in_force_is_not_noticed(monkeypatch: pytest.
     fault = Mutant("sign", "of nothing", f"{HOME}:1", install)
     monkeypatch.setattr(running, "mutants_of", lambda parts, places: [fault])
     assert "sign: of nothing [study.nets.degree_matrix:1]" in break_home(HOME).survivors
+
+
+def test_a_test_that_is_stopped_has_noticed_nothing_unless_it_never_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    (row,) = running.rows_at(HOME)
+    sound = row.build(1.0)
+
+    def endless(row: Row) -> None:
+        while not np.array_equal(row.build(1.0), sound):
+            pass
+
+    monkeypatch.setattr(running, "LEAST_SECONDS", 0.1)
+    monkeypatch.setattr(running, "ENDLESS", math.inf)
+    slow = break_home(HOME, most=4, test=endless, check=lambda: None).survivors
+    assert len(slow) >= 2
+    assert all(words.endswith("(a test was stopped)") for words in slow)
+    monkeypatch.setattr(running, "ENDLESS", 0.0)
+    assert break_home(HOME, most=4, test=endless, check=lambda: None).survivors == ()
 
 
 def test_runs_are_computed_anew_after_homes_were_broken() -> None:

@@ -28,8 +28,13 @@ from tests.papers.rows import ROWS, identity, statement
 
 MOST = 60
 """Largest number of faults tried for a home."""
-LEAST_SECONDS = 8.0
-"""Processor time after which a test that goes on is taken to have noticed: at least so much, or ten times its own."""
+LEAST_SECONDS = 20.0
+"""Processor time after which a test is stopped: at least so much, or five times what it takes while it is watched."""
+ENDLESS = 20.0
+"""A test that is stopped after so many times what it takes while watched would go on for ever, which nobody overlooks;
+one stopped earlier may only be slow, and has noticed nothing."""
+STOPPED = " (a test was stopped)"
+"""Said of a fault which no test noticed, one of which was stopped."""
 
 Test = Callable[[Row], None]
 
@@ -183,7 +188,8 @@ def _forget(home: str, folder: str) -> None:
 
 
 def _in_child(home: str, work: Callable[[], Any], limit: float) -> tuple[str, Any]:
-    """Result of ``work`` in a forked process that forgot the home: ("done", result), ("raised", text), ("time", None).
+    """Result of ``work`` in a forked process that forgot the home: ("done", result), ("raised", text), ("time", None),
+    or ("died", None).
 
     The limit is of processor time, so that a busy machine does not decide.
     """
@@ -212,9 +218,11 @@ def _in_child(home: str, work: Callable[[], Any], limit: float) -> tuple[str, An
     os.close(into)
     with os.fdopen(out, "rb") as pipe:
         data = pipe.read()
-    os.waitpid(child, 0)
+    _, ended = os.waitpid(child, 0)
     shutil.rmtree(folder, ignore_errors=True)
-    return pickle.loads(data) if data else ("time", None)
+    if data:
+        return pickle.loads(data)
+    return "time" if os.WIFSIGNALED(ended) and os.WTERMSIG(ended) == signal.SIGPROF else "died", None
 
 
 def _sound(home: str, parts: list[Part], name: str, run: Callable[[], None]) -> Sound | str:
@@ -234,7 +242,9 @@ def _sound(home: str, parts: list[Part], name: str, run: Callable[[], None]) -> 
     return Sound(name, run, places, {m.key for m in mutants_of(parts, places)}, seconds)
 
 
-def _notices(home: str, test: Sound, faults: Sequence[Mutant]) -> bool:
+def _notices(home: str, test: Sound, faults: Sequence[Mutant]) -> bool | None:
+    """Whether a test fails while these faults are in force; None where it was stopped and might have passed."""
+
     def work() -> None:
         try:
             for fault in faults:
@@ -244,7 +254,10 @@ def _notices(home: str, test: Sound, faults: Sequence[Mutant]) -> bool:
             return
         test.run()
 
-    state, _ = _in_child(home, work, max(LEAST_SECONDS, 10 * test.seconds))
+    limit = max(LEAST_SECONDS, 5 * test.seconds)
+    state, _ = _in_child(home, work, limit)
+    if state == "time" and limit < ENDLESS * test.seconds:
+        return None
     return state != "done"
 
 
@@ -324,18 +337,23 @@ def _broken(home: str, most: int | None, test: Test, check: Callable[[], None] |
     equivalent, by_a_row = [], []
     tests.sort(key=lambda t: t.seconds)
     for mutant in tried:
-        if whole and mutant.key in whole.known and _notices(home, whole, [mutant]):
+        found = [_notices(home, whole, [mutant])] if whole and mutant.key in whole.known else []
+        if found == [True]:
             continue
         words = f"{mutant.kind}: {mutant.what} [{mutant.where.removeprefix('flocking.')}]"
         why = reason(mutant)
         if why:
             equivalent.append(f"{words} -- {why}")
             continue
-        seen = next((t for t in tests if mutant.key in t.known and _notices(home, t, [mutant])), None)
-        if seen is None:
-            survivors.append(words)
-        elif whole:
-            by_a_row.append(f"{words}: {seen.name}")
+        for one in tests:
+            if mutant.key in one.known:
+                found.append(_notices(home, one, [mutant]))
+                if found[-1]:
+                    if whole:
+                        by_a_row.append(f"{words}: {one.name}")
+                    break
+        else:
+            survivors.append(words + STOPPED * (None in found))
     names = tuple(identity(row) for row in rows)
     took = _processor_time() - began
     return Outcome(home, names, len(mutants), len(tried), tuple(survivors), tuple(equivalent), tuple(by_a_row), took)
