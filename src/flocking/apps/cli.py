@@ -396,3 +396,7 @@ def _keys(papers: Sequence[str]) -> Sequence[str]:
     from flocking.papers import KEYS
 
     return tuple(dict.fromkeys(papers)) or KEYS
+
+
+if __name__ == "__main__":
+    sys.exit(main())
