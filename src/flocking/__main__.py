@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
+import threading
 
 from flocking.apps.early_signals import end_now
 
@@ -16,7 +17,8 @@ def main() -> int:
     int
         The exit code.
     """
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+    first = threading.current_thread() is threading.main_thread()
+    if first and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, end_now)
         if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
             signal.signal(signal.SIGTERM, end_now)

@@ -20,6 +20,7 @@ from flocking.engine.guards import (
     squared_distance,
 )
 from flocking.engine.segment import Segment
+from flocking.engine.view_guards import first_all_above
 
 GRID = np.linspace(0.0, 1.0, 4001)
 coefficients = st.lists(st.floats(-1.0, 1.0), min_size=15, max_size=15).map(np.array)
@@ -216,3 +217,12 @@ def test_a_cut_segment_is_the_same_curve(seed: int, x: float) -> None:
     for share in (0.0, 0.3, 0.77, 1.0):
         t = part.t0 + share * (part.t1 - part.t0)
         np.testing.assert_allclose(part.at(t), whole.at(t), atol=2e-15 * 50)
+
+
+@pytest.mark.parametrize("place", [0, 1, 7, 14])
+def test_what_is_no_number_is_never_above(place: int) -> None:
+    g = np.ones((1, 15))
+    g[0, 0] = -1.0
+    assert first_all_above(g) < 1.0
+    g[0, place] = np.nan
+    assert first_all_above(g) == NEVER

@@ -3,6 +3,7 @@ import subprocess
 import sys
 
 import matplotlib
+import matplotlib.figure
 import numpy as np
 import pytest
 
@@ -33,6 +34,22 @@ def test_saved_figures_have_the_same_bytes_each_time(run, tmp_path):
     assert first == second
     assert b"<dc:date>" not in first[0]
     assert (tmp_path / "a" / "figure.one.svg").exists()
+
+
+@pytest.mark.parametrize("engine", ["figure.autolayout", "figure.constrained_layout.use"])
+def test_a_figure_of_one_s_own_keeps_its_layout(tmp_path, engine):
+    with matplotlib.rc_context({engine: True}):
+        own = matplotlib.figure.Figure()
+        axes = own.add_subplot()
+        own.colorbar(axes.scatter([0.0, 1.0], [0.0, 1.0], c=[0.0, 1.0]))
+        before = own.get_layout_engine()
+        places = []
+        for formats in (("svg", "png"), ("png",)):
+            style.save(own, tmp_path / "own", formats)
+            assert own.get_layout_engine() is before
+            places.append(axes.get_position().bounds)
+    assert places[0] == pytest.approx(places[1], abs=0.01)
+    assert places[0] != matplotlib.figure.Figure().add_subplot().get_position().bounds
 
 
 def test_another_process_writes_the_same_svg(tmp_path):

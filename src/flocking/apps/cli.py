@@ -16,6 +16,7 @@ from flocking.apps.early_signals import INTERRUPTED, SENTENCE
 from flocking.apps.lab.command import lab
 from flocking.apps.picture_commands import animate, plot
 from flocking.apps.process import (
+    Signals,
     ended_by_signals,
     give_up_output,
     harmless,
@@ -90,7 +91,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         quiet_warnings()
     with ended_by_signals(for_good=alone):
         try:
-            return _run(words)
+            return _run(words, signals)
         except (KeyboardInterrupt, Exception) as error:
             if not interrupted(error):
                 raise
@@ -101,8 +102,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
             give_up_output()
 
 
-def _run(words: Sequence[str]) -> int:
+def _run(words: Sequence[str], signals: Signals) -> int:
     from flocking.errors import FlockingError
+
+    def refused(message: str, fix: str = "") -> int:
+        if not signals.raised:
+            return _complain(message, fix)
+        # What a library makes of an interrupt says nothing of files or memory.
+        _complain(f"interrupted; what was under way ended with: {message}")
+        return INTERRUPTED
 
     app = command_line()
     try:
@@ -118,7 +126,7 @@ def _run(words: Sequence[str]) -> int:
     except FlockingError as error:
         if interrupted(error):
             raise
-        return BAD_INPUT if getattr(error, "told_elsewhere", False) else _complain(str(error))
+        return BAD_INPUT if getattr(error, "told_elsewhere", False) else refused(str(error))
     except BrokenPipeError:
         # Whoever read the output has seen enough.
         return FINE
@@ -126,10 +134,10 @@ def _run(words: Sequence[str]) -> int:
         if interrupted(error):
             raise
         if starved(error):
-            return _complain(*_memory())
+            return refused(*_memory())
         if not isinstance(error, OSError):
             raise
-        return _complain(f"{error.filename}: {error.strerror}" if error.filename else str(error.strerror or error))
+        return refused(f"{error.filename}: {error.strerror}" if error.filename else str(error.strerror or error))
 
 
 def _memory() -> tuple[str, str]:

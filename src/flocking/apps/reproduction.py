@@ -239,7 +239,10 @@ def _result(claim: Claim, row: tuple[str, str, float, float, str]) -> Result:
 
 
 def _further_seed_tasks(modules: dict[str, ModuleType], found: _Found, first: range) -> list[Task]:
-    """For each scenario with a claim that too few seeds tell of so far: as many further seeds as are missing."""
+    """For each scenario with a claim that too few seeds tell of so far: as many further seeds as are missing.
+
+    A claim is told of by the seeds whose run meets its hypothesis, an observation by those whose run decides it.
+    """
     if len(first) < FEWEST_SEEDS:
         return []
     tasks = []

@@ -309,9 +309,9 @@ def _radial(
     for t in (segment.t1 - 0.01 * span, segment.t1):
         d, w = pair.with_slope(t)
         r = float(np.linalg.norm(d))
-        if r == 0.0:
-            return 0.0, np.inf, np.inf
-        rates.append(float(d @ w) / r)
+        rates.append(float(d @ w) / r if r > 0.0 else 0.0)
+    if r == 0.0:
+        return 0.0, np.inf, np.inf
     drift = float(np.linalg.norm(w - rates[1] * d / r)) / r
     off = 0.0
     if difference is not None:

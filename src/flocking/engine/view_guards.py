@@ -33,10 +33,11 @@ def first_all_above(g: Array) -> float:
     while top >= 0:
         possible, holds = True, True
         for k in range(count):
-            above = False
+            above, number = False, True
             for b in range(size):
                 above = above or stack[top, k, b] > 0.0
-            possible = possible and above
+                number = number and stack[top, k, b] == stack[top, k, b]
+            possible = possible and above and number
             holds = holds and stack[top, k, 0] > 0.0
         if holds:
             return float(begin[top])

@@ -237,15 +237,16 @@ def save(picture: Figure, path: str | Path, formats: Sequence[str] = ("svg", "pn
 
     layout = picture.get_layout_engine()
     try:
-        if layout is not None:
-            # Found once for all formats: Matplotlib finds it anew for each, and draws everything once more to do so.
-            layout.execute(picture)
-            with mpl.rc_context({"figure.autolayout": False, "figure.constrained_layout.use": False}):
+        # Found once for all formats: Matplotlib finds the layout anew for each, and draws everything once more for it.
+        with mpl.rc_context({"figure.autolayout": False, "figure.constrained_layout.use": False}):
+            if layout is not None:
+                if picture.axes:
+                    layout.execute(picture)
                 picture.set_layout_engine(None)
-        for name, target in zip(formats, written, strict=True):
-            drawn = io.BytesIO()
-            picture.savefig(drawn, format=name, metadata=nothing[name], facecolor=picture.get_facecolor())
-            write_through(target, drawn.getvalue(), lasting=False)
+            for name, target in zip(formats, written, strict=True):
+                drawn = io.BytesIO()
+                picture.savefig(drawn, format=name, metadata=nothing[name], facecolor=picture.get_facecolor())
+                write_through(target, drawn.getvalue(), lasting=False)
     except OSError as error:
         raise InvalidInput(
             "save", "path", f"must be writable ({error.strerror})", str(path), "Choose another folder."
