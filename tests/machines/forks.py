@@ -33,6 +33,8 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot  # noqa: F401 - imported before forking, so that a command starts at once
+import rich.table  # noqa: F401
+import sympy  # noqa: F401
 import zarr  # noqa: F401
 
 import flocking
