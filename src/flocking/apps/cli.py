@@ -16,7 +16,6 @@ from flocking.apps.early_signals import INTERRUPTED, SENTENCE
 from flocking.apps.lab.command import lab
 from flocking.apps.picture_commands import animate, plot
 from flocking.apps.process import (
-    Signals,
     ended_by_signals,
     give_up_output,
     harmless,
@@ -28,7 +27,7 @@ from flocking.apps.showcase_commands import showcase
 from flocking.apps.storage_commands import diff, export, info
 from flocking.apps.sweep_commands import sweep
 from flocking.apps.whole_numbers import check_whole_numbers
-from flocking.engine.interruption import interrupted
+from flocking.engine import interruption
 from flocking.engine.shortage import LEAST_ADDRESS_SPACE, address_space, starved
 
 FINE, DIFFERENT, BAD_INPUT = 0, 1, 2
@@ -91,9 +90,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         quiet_warnings()
     with ended_by_signals(for_good=alone):
         try:
-            return _run(words, signals)
+            return _run(words)
         except (KeyboardInterrupt, Exception) as error:
-            if not interrupted(error):
+            if not interruption.interrupted(error):
                 raise
             with suppress(OSError):
                 print(SENTENCE, file=sys.stderr)
@@ -102,11 +101,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             give_up_output()
 
 
-def _run(words: Sequence[str], signals: Signals) -> int:
+def _run(words: Sequence[str]) -> int:
     from flocking.errors import FlockingError
 
     def refused(message: str, fix: str = "") -> int:
-        if not signals.raised:
+        if not interruption.RAISED:
             return _complain(message, fix)
         # What a library makes of an interrupt says nothing of files or memory.
         _complain(f"interrupted; what was under way ended with: {message}")
@@ -124,14 +123,14 @@ def _run(words: Sequence[str], signals: Signals) -> int:
     except CycloptsError as error:
         return _complain(str(error) or type(error).__name__, "Try 'flocking --help'.")
     except FlockingError as error:
-        if interrupted(error):
+        if interruption.comes_of_interrupt(error):
             raise
         return BAD_INPUT if getattr(error, "told_elsewhere", False) else refused(str(error))
     except BrokenPipeError:
         # Whoever read the output has seen enough.
         return FINE
     except Exception as error:
-        if interrupted(error):
+        if interruption.comes_of_interrupt(error):
             raise
         if starved(error):
             return refused(*_memory())

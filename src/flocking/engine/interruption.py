@@ -24,7 +24,18 @@ RAISED = False
 
 
 def interrupted(error: BaseException) -> bool:
-    """Whether an error comes of an interrupt: it says nothing that the interrupt does not.
+    """Whether an error was raised after a signal, or comes of an interrupt by its own account.
+
+    Parameters
+    ----------
+    error
+        The error.
+    """
+    return RAISED or comes_of_interrupt(error)
+
+
+def comes_of_interrupt(error: BaseException) -> bool:
+    """Whether an error names an interrupt as what it comes of: it says nothing that the interrupt does not.
 
     Compiled libraries may make an error of their own of it, which does not name it as its cause, but in its text.
 
@@ -33,7 +44,7 @@ def interrupted(error: BaseException) -> bool:
     error
         The error; those that it came of are looked at too.
     """
-    return RAISED or any(
+    return any(
         isinstance(x, KeyboardInterrupt)
         or (not isinstance(x, FlockingError | OSError) and KeyboardInterrupt.__name__ in str(x))
         for x in causes(error)
