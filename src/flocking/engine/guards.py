@@ -191,7 +191,13 @@ def _moving_so(square: Array, x: float, B: Array, P: Array, i: int, j: int, sign
 
 @numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def with_more_rows(rows: Array) -> Array:
-    """Twice as many rows, the first of them those given."""
+    """Twice as many rows, the first of them those given.
+
+    Parameters
+    ----------
+    rows
+        The rows, shape (k, columns).
+    """
     more = np.empty((2 * rows.shape[0], rows.shape[1]))
     for row in range(rows.shape[0]):
         for column in range(rows.shape[1]):
@@ -201,7 +207,15 @@ def with_more_rows(rows: Array) -> Array:
 
 @numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def places_and_pairs(found: Array, count: int) -> tuple[Array, Any]:
-    """Places, shape (count,), and pairs, shape (count, 2), of the first rows (place, i, j)."""
+    """Places, shape (count,), and pairs, shape (count, 2), of some rows.
+
+    Parameters
+    ----------
+    found
+        Rows (place, i, j), shape (k, 3).
+    count
+        How many of them count: the first ones.
+    """
     when, who = np.empty(count), np.empty((count, 2), dtype=np.int64)
     for row in range(count):
         when[row], who[row, 0], who[row, 1] = found[row, 0], int(found[row, 1]), int(found[row, 2])
