@@ -3,6 +3,7 @@
 import asyncio
 import http.client
 import re
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -89,7 +90,9 @@ def order(page, origin, path, *messages):
             return error.response.status_code
         return 101
 
-    return asyncio.run(send())
+    # The browser of other tests may hold an event loop in this thread.
+    with ThreadPoolExecutor(1) as another:
+        return another.submit(asyncio.run, send()).result()
 
 
 def pressed(handle):
