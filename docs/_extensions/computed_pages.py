@@ -63,7 +63,7 @@ def command_line_page() -> str:
     for command in commands:
         words = [sys.executable, "-m", "flocking", *([command] if command else []), "--help"]
         shown = subprocess.run(words, capture_output=True, text=True, env=environment, check=True)
-        text = "\n".join(line.rstrip() for line in shown.stdout.strip().splitlines()).replace("cli.py", "flocking")
+        text = "\n".join(line.rstrip() for line in shown.stdout.strip().splitlines())
         parts.append(f"## flocking {command}\n\n```text\n{text}\n```\n".replace("flocking \n", "flocking\n"))
     return "\n".join(parts)
 

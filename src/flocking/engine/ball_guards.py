@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flocking.engine.guards import _PRODUCT, NEVER, first_above, places_and_pairs, with_more_rows
+from flocking.engine.guards import _PRODUCT, NEVER, first_above, places_and_pairs, with_room
 from flocking.formula.machine_code import numba
 from flocking.model.avoidance import ObstacleGroup
 from flocking.model.checks import Array
@@ -114,8 +114,7 @@ def ball_crossings(
                 square[k] = square[k] - edge if near[i, o] else edge - square[k]
             x = first_above(square)
             if x < NEVER:
-                if count == found.shape[0]:
-                    found = with_more_rows(found)
+                found = with_room(found, count)
                 found[count, 0], found[count, 1], found[count, 2] = x, i, o
                 count += 1
     when, who = places_and_pairs(found, count)

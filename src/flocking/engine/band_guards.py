@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.guards import NEVER, first_above, part_from, smallest_value, squared_distance, with_more_rows
+from flocking.engine.guards import NEVER, first_above, part_from, smallest_value, squared_distance, with_room
 from flocking.formula.machine_code import numba
 from flocking.model.checks import Array
 
@@ -89,8 +89,7 @@ def within_error(
                 square[k] *= sign
             value, x = smallest_value(square, sign * border * border)
             if x <= 1.0:
-                if count == found.shape[0]:
-                    found = with_more_rows(found)
+                found = with_room(found, count)
                 found[count, 0], found[count, 1], found[count, 2] = i, j, x
                 found[count, 3] = sign * (np.sqrt(max(sign * value, 0.0)) - level)
                 found[count, 4] = error

@@ -46,14 +46,35 @@ def squared_distance(B: Array, i: int, j: int, out: Array) -> None:
 
 
 @numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
-def _split(stack: Array, begin: Array, width: Array, top: int) -> None:
-    """Put the two halves of the polynomial on top of a stack in its place, the left one on top."""
+def halve_top(stack: Array, top: int) -> None:
+    """Put the two halves of the polynomial in row ``top`` of a stack in its place, the left one above.
+
+    Parameters
+    ----------
+    stack
+        Bernstein coefficients, one polynomial in each row.
+    top
+        Its row.
+    """
     size = stack.shape[1]
     for k in range(size):
         stack[top + 1, k] = stack[top, 0]
         for a in range(size - 1 - k):
             stack[top, a] = 0.5 * (stack[top, a] + stack[top, a + 1])
     # Row top was overwritten from the front: its final values are the right half's coefficients.
+
+
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
+def halve_interval(begin: Array, width: Array, top: int) -> None:
+    """Put the two halves of the interval in row ``top`` of a stack in its place, the left one above.
+
+    Parameters
+    ----------
+    begin, width
+        Where the intervals begin, and their widths.
+    top
+        Its row.
+    """
     half = 0.5 * width[top]
     begin[top + 1], width[top + 1] = begin[top], half
     begin[top], width[top] = begin[top] + half, half
@@ -79,7 +100,8 @@ def first_above(g: Array) -> float:
             continue
         if stack[top, 0] > 0.0 or width[top] < 1e-15 or top + 2 >= _DEPTH:
             return float(begin[top])
-        _split(stack, begin, width, top)
+        halve_top(stack, top)
+        halve_interval(begin, width, top)
         top += 1
     return NEVER
 
@@ -115,7 +137,8 @@ def smallest_value(g: Array, below: float) -> tuple[float, float]:
         if not possible or width[top] < 1e-12 or top + 2 >= _DEPTH:
             top -= 1
             continue
-        _split(stack, begin, width, top)
+        halve_top(stack, top)
+        halve_interval(begin, width, top)
         top += 1
     return best, where
 
@@ -190,14 +213,18 @@ def _moving_so(square: Array, x: float, B: Array, P: Array, i: int, j: int, sign
 
 
 @numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
-def with_more_rows(rows: Array) -> Array:
-    """Twice as many rows, the first of them those given.
+def with_room(rows: Array, count: int) -> Array:
+    """The rows, or twice as many that begin with them where all are taken.
 
     Parameters
     ----------
     rows
         The rows, shape (k, columns).
+    count
+        How many of them are taken.
     """
+    if count < rows.shape[0]:
+        return rows
     more = np.empty((2 * rows.shape[0], rows.shape[1]))
     for row in range(rows.shape[0]):
         for column in range(rows.shape[1]):
@@ -283,8 +310,7 @@ def crossings(
             if x <= 1.0 and P.shape[1]:
                 x = _moving_so(square, x, B, P, i, j, 1.0 if near[i, j] else -1.0)
             if x <= 1.0:
-                if count == found.shape[0]:
-                    found = with_more_rows(found)
+                found = with_room(found, count)
                 found[count, 0], found[count, 1], found[count, 2] = x, i, j
                 count += 1
     when, who = places_and_pairs(found, count)

@@ -10,7 +10,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from flocking.engine.guards import _DEPTH, _PRODUCT, NEVER, squared_distance
+from flocking.engine.guards import (
+    _DEPTH,
+    _PRODUCT,
+    NEVER,
+    halve_interval,
+    halve_top,
+    places_and_pairs,
+    squared_distance,
+    with_room,
+)
 from flocking.formula.machine_code import numba
 from flocking.model.checks import Array
 
@@ -53,14 +62,8 @@ def first_all_above(g: Array) -> float:
             top -= 1
             continue
         for k in range(count):
-            for b in range(size):
-                stack[top + 1, k, b] = stack[top, k, 0]
-                for a in range(size - 1 - b):
-                    stack[top, k, a] = 0.5 * (stack[top, k, a] + stack[top, k, a + 1])
-        # The final values of row top are the right halves' coefficients, as in `flocking.engine.guards`.
-        half = 0.5 * width[top]
-        begin[top + 1], width[top + 1] = begin[top], half
-        begin[top], width[top] = begin[top] + half, half
+            halve_top(stack[:, k], top)
+        halve_interval(begin, width, top)
         top += 1
     return NEVER
 
@@ -134,8 +137,7 @@ def view_crossings(
         Crossing positions in [0, 1], shape (k,), and ordered pairs, shape (k, 2).
     """
     n = B.shape[1]
-    when = np.empty(n * n)
-    who = np.empty((n * n, 2), dtype=np.int64)
+    found = np.empty((16, 3))
     count = 0
     out = np.empty((3, 15))
     for i in range(n):
@@ -151,8 +153,8 @@ def view_crossings(
             _polynomials(B, i, j, headings[i], cosines[i], out)
             x = _change(near[i, j], out[0], out[1], out[2], cosines[i], radii[i], slack)
             if x <= 1.0:
-                when[count] = x
-                who[count, 0] = i
-                who[count, 1] = j
+                found = with_room(found, count)
+                found[count, 0], found[count, 1], found[count, 2] = x, i, j
                 count += 1
-    return when[:count], who[:count]
+    when, who = places_and_pairs(found, count)
+    return when, who

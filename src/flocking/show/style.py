@@ -194,9 +194,11 @@ def check_writable(owner: str, path: Path) -> None:
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
-        raise InvalidInput(
-            owner, "path", f"must be writable ({error.strerror})", str(path), "Choose another folder."
-        ) from None
+        raise _unwritable(owner, path, error) from None
+
+
+def _unwritable(owner: str, path: str | Path, error: OSError) -> InvalidInput:
+    return InvalidInput(owner, "path", f"must be writable ({error.strerror})", str(path), "Choose another folder.")
 
 
 @in_style
@@ -222,6 +224,8 @@ def save(picture: Figure, path: str | Path, formats: Sequence[str] = ("svg", "pn
     InvalidInput
         When a format is unknown or the folder cannot be written.
     """
+    import matplotlib as mpl
+
     nothing: dict[str, dict[str, None]] = {
         "svg": {"Date": None, "Creator": None},
         "png": {"Software": None},
@@ -233,8 +237,6 @@ def save(picture: Figure, path: str | Path, formats: Sequence[str] = ("svg", "pn
             raise InvalidInput("save", "formats", f"must be among {', '.join(FORMATS)}", name)
     base = Path(path)
     written = tuple(base.parent / f"{base.name}.{name}" for name in formats)
-    import matplotlib as mpl
-
     layout = picture.get_layout_engine()
     try:
         # Found once for all formats: Matplotlib finds the layout anew for each, and draws everything once more for it.
@@ -248,9 +250,7 @@ def save(picture: Figure, path: str | Path, formats: Sequence[str] = ("svg", "pn
                 picture.savefig(drawn, format=name, metadata=nothing[name], facecolor=picture.get_facecolor())
                 write_through(target, drawn.getvalue(), lasting=False)
     except OSError as error:
-        raise InvalidInput(
-            "save", "path", f"must be writable ({error.strerror})", str(path), "Choose another folder."
-        ) from None
+        raise _unwritable("save", path, error) from None
     finally:
         if layout is not None:
             picture.set_layout_engine(layout)
