@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import inspect
 import pkgutil
 import shutil
@@ -63,7 +64,7 @@ def paper_names() -> str:
 
     text = ""
     for key in KEYS:
-        module = paper(key)
+        module = importlib.import_module(paper(key).package)
         given = [(n, getattr(module, n)) for n in module.__all__ if callable(getattr(module, n))]
         text += title(f"fk.papers.{module.__name__.rpartition('.')[2]}", "~")
         text += "\n".join([".. list-table::", "   :widths: 25 75", ""]) + "\n"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -13,6 +14,7 @@ from text_tables import code, number, plain, table
 from flocking.model.law import Scenario
 from flocking.model.terms import Gradient
 from flocking.papers import KEYS, paper
+from flocking.papers.description import Paper
 from flocking.papers.numbered import index
 from flocking.study.equations import Demonstration, Fault, Row
 
@@ -82,14 +84,14 @@ def potentials(scenario: Scenario) -> str:
     return f"The potential\n\n$$\\psi(r) = {shape}$$\n\n{where}$$\\psi'(r) = {slope}$$\n\n"
 
 
-def claim_rows(module: ModuleType, name: str) -> list[tuple[str, ...]]:
+def claim_rows(article: Paper, name: str) -> list[tuple[str, ...]]:
     """One row for each claim about a scenario."""
     return [
         (
             code(c.key), plain(c.source), plain(c.statement),
             plain(c.expected) + (f": {plain(c.reason)}" if c.reason else ""),
         )
-        for c in module.claims(name)
+        for c in article.claims(name)
     ]  # fmt: skip
 
 
@@ -122,25 +124,24 @@ ERRATUM_HEAD = ("number", "statement", "reading", "example", "as printed", "comp
 
 def paper_page(key: str) -> str:
     """The page of one paper."""
-    from importlib import import_module
-
-    module = paper(key)
-    system = import_module(f"{module.__name__}.system")
-    rows = list(module.equations())
-    lines = [f"# {plain(module.TITLE)}\n\n{plain(module.AUTHORS)}, {module.YEAR}. Key: {code(key)}.\n\n"]
-    folder = module.__name__.rsplit(".", 1)[1]
+    article = paper(key)
+    system = import_module(f"{article.package}.system")
+    rows = list(article.equations())
+    about = f"{article.authors}. {article.venue}, {article.year}"
+    lines = [f"# {plain(article.title)}\n\n{plain(about)}. Key: {code(key)}.\n\n"]
+    folder = article.package.rsplit(".", 1)[1]
     lines.append(f"A run and its picture: {{ref}}`sphx_glr_gallery_plot_{folder}.py`.\n\n")
     lines.append("## Numbers\n\n" + table(("name", "value", "note"), [tuple(map(plain, r)) for r in constants(system)]))
     lines.append("## Scenarios and claims\n\n")
     shown = ""
-    for name, make in module.scenarios().items():
+    for name, make in article.scenarios().items():
         scenario = make(0)
         lines.append(f"### {plain(name)}\n\n" + "\n".join(parts(scenario)) + "\n\n")
         formulas = potentials(scenario)
         if formulas != shown:
             lines.append(formulas)
             shown = formulas
-        lines.append(table(("claim", "source", "statement", "expected"), claim_rows(module, name)))
+        lines.append(table(("claim", "source", "statement", "expected"), claim_rows(article, name)))
     lines.append("## How it is read\n\n" + errata_sections(rows, 3))
     listed = [
         (plain(r.number), plain(r.kind), plain(" ".join(filter(None, (f"{r.title}.", r.note)))), code(r.home),
@@ -163,7 +164,7 @@ def errata_page() -> str:
         "Both sides of every counter-example were computed when this page was built.\n\n"
     ]
     for key in KEYS:
-        module = paper(key)
-        head = f"## {plain(module.TITLE)} ({module.YEAR})\n\n"
-        lines.append(head + errata_sections(list(module.equations()), 3))
+        article = paper(key)
+        head = f"## {plain(article.title)} ({article.year})\n\n"
+        lines.append(head + errata_sections(list(article.equations()), 3))
     return "".join(lines)

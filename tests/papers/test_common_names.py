@@ -8,6 +8,7 @@ import pytest
 
 import flocking as fk
 from flocking.papers import KEYS, paper
+from flocking.papers.studies.shipped import STUDIES
 from flocking.study.claims import Origin
 from flocking.study.equations import Fault, fault_counts
 
@@ -16,10 +17,28 @@ LAST = {"olfati-saber-2003": 9, "tanner-2003-fixed": 8, "tanner-2003-dynamic": 7
 
 @pytest.mark.parametrize("key", KEYS)
 def test_a_paper_has_the_common_names(key: str) -> None:
-    module = paper(key)
+    described, package = paper(key), getattr(fk.papers, key.replace("-", "_"))
     for name in ("scenario", "scenarios", "claims", "figure", "figures", "equations", "errata"):
-        assert callable(getattr(module, name)), name
-    assert {module.KEY, module.TITLE, module.AUTHORS}
+        assert callable(getattr(package, name)), name
+        assert getattr(package, name) == getattr(described, name), name
+    assert (
+        described.key, described.title, described.authors, described.year,
+    ) == (package.KEY, package.TITLE, package.AUTHORS, package.YEAR)  # fmt: skip
+    assert described.key == key
+    for part in (described.authors, described.title, described.venue, str(described.year)):
+        assert part
+        assert part in described.citation
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_a_paper_gives_the_names_of_its_package_and_no_others(key: str) -> None:
+    assert key == paper(key).system.KEY
+    with pytest.raises(AttributeError, match=f"'{key}' has no attribute 'nothing'"):
+        paper(key).nothing  # noqa: B018
+
+
+def test_every_study_belongs_to_one_paper() -> None:
+    assert sorted(name for key in KEYS for name in paper(key).studies) == sorted(STUDIES)
 
 
 @pytest.mark.parametrize("key", KEYS)

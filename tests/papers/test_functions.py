@@ -26,11 +26,12 @@ GIVEN = {
 
 @pytest.mark.parametrize("key", KEYS)
 def test_a_paper_gives_its_functions_with_documentation(key: str) -> None:
-    module = paper(key)
-    assert getattr(fk.papers, key.replace("-", "_")) is module
+    package = getattr(fk.papers, key.replace("-", "_"))
+    assert package.PAPER is paper(key)
     for name in GIVEN[key]:
-        assert name in module.__all__, name
-        function = getattr(module, name)
+        assert name in package.__all__, name
+        function = getattr(package, name)
+        assert getattr(paper(key), name) is function
         text = inspect.getdoc(function) or ""
         assert text.split("\n")[0].endswith("."), name
         assert all(parameter in text for parameter in inspect.signature(function).parameters if parameter != "n"), name

@@ -7,6 +7,7 @@ import re
 import pytest
 
 from flocking.papers import KEYS, paper
+from flocking.papers.description import Paper
 from flocking.papers.numbered import NUMBERED, index
 
 COUNTS = {"olfati-saber-2003": 99, "tanner-2003-fixed": 26, "tanner-2003-dynamic": 33, "shi-2009": 45, "zhou-2015": 50}
@@ -39,9 +40,8 @@ def test_a_row_is_of_the_kind_that_its_number_says(key: str) -> None:
 
 
 def test_a_missing_row_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    module = paper("zhou-2015")
-    rows = [row for row in module.equations() if row.number not in ("(17)", "Fig. 4")]
-    monkeypatch.setattr(module, "equations", lambda: rows)
+    rows = [row for row in paper("zhou-2015").equations() if row.number not in ("(17)", "Fig. 4")]
+    monkeypatch.setattr(Paper, "equations", lambda _: rows)
     assert [number for number, found in index("zhou-2015").items() if not found] == ["(17)", "Fig. 4"]
 
 

@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Mapping
 from html import escape
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from flocking.apps.film import film_in
@@ -20,6 +19,7 @@ from flocking.engine.durable import write_file
 from flocking.engine.run import Run
 from flocking.model.potentials import Potential
 from flocking.model.terms import Gradient
+from flocking.papers.description import Paper
 from flocking.show.declaration import Figure
 from flocking.study.claims import Origin, Verdict
 from flocking.study.equations import Fault
@@ -43,14 +43,14 @@ COUNTED = (
 """What the summary counts for each paper."""
 
 
-def write_report(found: Reproduction, modules: dict[str, ModuleType], out: Path) -> Path:
+def write_report(found: Reproduction, papers: dict[str, Paper], out: Path) -> Path:
     """Write ``report.html``; figures and films are read from the folder.
 
     Parameters
     ----------
     found
         What the reproduction found.
-    modules
+    papers
         The papers, by key.
     out
         Folder that holds the figures and films, to write to.
@@ -60,8 +60,8 @@ def write_report(found: Reproduction, modules: dict[str, ModuleType], out: Path)
     Path
         The report.
     """
-    sections = [_paper(key, module, found, out) for key, module in modules.items()]
-    text = _page(_summary(found, modules) + "".join(sections) + _provenance(found))
+    sections = [_paper(key, article, found, out) for key, article in papers.items()]
+    text = _page(_summary(found, papers) + "".join(sections) + _provenance(found))
     return write_file(out / "report.html", text.encode(), "write the report")
 
 
@@ -80,18 +80,18 @@ def seeds_of(figure: Figure, runs: Mapping[str, Run]) -> str:
     return f" Seed{'s' * (len(seeds) > 1)} {' and '.join(map(str, seeds))}." if seeds else ""
 
 
-def figures_of(module: ModuleType, name: str) -> dict[str, str]:
+def figures_of(article: Paper, name: str) -> dict[str, str]:
     """Captions of the figures that are drawn from a scenario, alone or beside others, by number.
 
     Parameters
     ----------
-    module
+    article
         The paper.
     name
         Name of the scenario.
     """
-    first = next(iter(module.scenarios()))
-    return {str(k): f.caption for k, f in module.figures().items() if name in f.scenarios(first)}
+    first = next(iter(article.scenarios()))
+    return {str(k): f.caption for k, f in article.figures().items() if name in f.scenarios(first)}
 
 
 def _page(body: str) -> str:
@@ -107,7 +107,7 @@ def _all(found: Reproduction) -> list[Judgement]:
     return [j for judgements in found.judgements.values() for j in judgements]
 
 
-def _summary(found: Reproduction, modules: dict[str, ModuleType]) -> str:
+def _summary(found: Reproduction, papers: dict[str, Paper]) -> str:
     judged = _all(found)
     counts = Counter(j.verdict for j in judged)
     faults = Counter(row["verdict"] for rows in found.errata.values() for row in rows)
@@ -128,7 +128,7 @@ def _summary(found: Reproduction, modules: dict[str, ModuleType]) -> str:
         (f"{found.seconds:.0f} s", "computing time"),
     ]
     boxes = "".join(f"<div><b>{escape(value)}</b>{escape(name)}</div>" for value, name in numbers)
-    rows = "".join(_paper_row(key, module, found) for key, module in modules.items())
+    rows = "".join(_paper_row(key, article, found) for key, article in papers.items())
     head = head_row("paper", *COUNTED)
     return (
         "<h1>Flocking control: the papers, reproduced</h1>\n"
@@ -151,8 +151,8 @@ def _outcome(judged: list[Judgement]) -> str:
     return f"{claims} came out other than its proof or counter-example demands, framed below.{few}"
 
 
-def _paper_row(key: str, module: ModuleType, found: Reproduction) -> str:
-    judged = [j for name in module.scenarios() for j in found.judgements[name]]
+def _paper_row(key: str, article: Paper, found: Reproduction) -> str:
+    judged = [j for name in article.scenarios() for j in found.judgements[name]]
     shown = (Verdict.HOLDS, Verdict.FAILS, Verdict.OBSERVED)
     holds, fails, seen = (sum(j.verdict == v for j in judged) for v in shown)
     undecided = len(judged) - holds - fails - seen
@@ -161,7 +161,7 @@ def _paper_row(key: str, module: ModuleType, found: Reproduction) -> str:
     own = faults[Fault.OWN] + sum(j.claim.origin is Origin.OWN for j in judged)
     cells = (*counted, faults[Fault.FALSE], faults[Fault.MISPRINT], faults[Fault.READING], own)
     counts = "".join(f'<td class="count" data-name="{name}">{n}</td>' for name, n in zip(COUNTED, cells, strict=True))
-    return f'<tr><td><a href="#{escape(key)}">{escape(_name(module))}</a></td>{counts}</tr>'
+    return f'<tr><td><a href="#{escape(key)}">{escape(_name(article))}</a></td>{counts}</tr>'
 
 
 FAILING = {
@@ -192,34 +192,34 @@ def _failing_of(found: Reproduction, origin: Origin, heading: str) -> str:
     return f"<h3>{escape(heading)}</h3>\n<ul>{''.join(items)}</ul>\n"
 
 
-def _name(module: ModuleType) -> str:
-    return f"{module.AUTHORS.split(',')[0].split()[-1]} {module.YEAR}: {module.TITLE}"
+def _name(article: Paper) -> str:
+    return f"{article.authors.split(',')[0].split()[-1]} {article.year}: {article.title}"
 
 
-def _paper(key: str, module: ModuleType, found: Reproduction, out: Path) -> str:
-    about = f"{escape(module.AUTHORS)}, {module.YEAR}"
-    parts = [f'<h2 id="{escape(key)}">{escape(module.TITLE)}</h2>\n<p class="dim">{about}</p>\n']
-    parts.append(_formulas(found, module))
+def _paper(key: str, article: Paper, found: Reproduction, out: Path) -> str:
+    about = escape(f"{article.authors}. {article.venue}, {article.year}")
+    parts = [f'<h2 id="{escape(key)}">{escape(article.title)}</h2>\n<p class="dim">{about}</p>\n']
+    parts.append(_formulas(found, article))
     drawn = {p.stem.removeprefix("figure-"): p for p in found.figures if p.parent.name == key and p.suffix == ".svg"}
-    captions = {str(k): f.caption + seeds_of(f, found.runs) for k, f in module.figures().items()}
+    captions = {str(k): f.caption + seeds_of(f, found.runs) for k, f in article.figures().items()}
     told: set[str] = set()
-    for name in module.scenarios():
+    for name in article.scenarios():
         judgements = found.judgements[name]
         seed = f" Seed {found.runs[name].scenario.seed}." if name in found.runs else ""
-        figures = {n: (drawn[n], captions[n]) for n in figures_of(module, name) if n in drawn}
+        figures = {n: (drawn[n], captions[n]) for n in figures_of(article, name) if n in drawn}
         told |= cited(judgements, figures)
         beside = claims_beside_pictures(name, judgements, out / key / CLAIMS, figures, seed)
         parts.append(f'<h3>{escape(name)}</h3>\n<div class="groups">\n{beside}</div>\n')
-    filmed = next(iter(module.scenarios())) in found.runs
+    filmed = next(iter(article.scenarios())) in found.runs
     rest = {n: path for n, path in drawn.items() if n not in told}
     parts.append(_figures(captions, rest, film_in(out / key) if filmed else None))
     parts.append(errata_tables(found.errata.get(key, [])))
-    parts.append(equation_table(module))
+    parts.append(equation_table(article))
     return "".join(parts)
 
 
-def _formulas(found: Reproduction, module: ModuleType) -> str:
-    runs = [found.runs[name] for name in module.scenarios() if name in found.runs]
+def _formulas(found: Reproduction, article: Paper) -> str:
+    runs = [found.runs[name] for name in article.scenarios() if name in found.runs]
     shown: dict[str, Potential] = {}
     for run in runs:
         for term in run.scenario.law.pair_terms:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from html import escape
-from types import ModuleType
 from typing import Any
 
 from flocking.apps.report_tables import head_row, table
+from flocking.papers.description import Paper
 from flocking.study.equations import Fault
 
 HEADINGS = {
@@ -62,15 +62,15 @@ def _number(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, int | float) else escape(str(value))
 
 
-def equation_table(module: ModuleType) -> str:
+def equation_table(article: Paper) -> str:
     """Every row of a paper's equation table, folded away.
 
     Parameters
     ----------
-    module
+    article
         The paper.
     """
-    rows = [row.as_dict() for row in module.equations()]
+    rows = [row.as_dict() for row in article.equations()]
     counts = Counter(row["verdict"] for row in rows)
     body = "".join(map(_equation, rows))
     told = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))

@@ -8,7 +8,6 @@ import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from flocking.apps.claim_pictures import draw_pictures, picture_of
@@ -20,6 +19,7 @@ from flocking.engine.run import Run
 from flocking.errors import InvalidInput, SimulationError
 from flocking.model.checks import integer
 from flocking.papers import KEYS, paper
+from flocking.papers.description import Paper
 from flocking.study.claims import Basis, Claim, Result, Verdict
 from flocking.study.equations import Fault
 from flocking.study.judgement import FEWEST_SEEDS, Judgement
@@ -75,10 +75,10 @@ def examine(task: Task) -> tuple[Verdicts, Run | None]:
     task
         What to run.
     """
-    module = paper(task.key)
-    claims = [c for c in module.claims(task.name) if task.judged and task.claim in ("", c.key)]
+    article = paper(task.key)
+    claims = [c for c in article.claims(task.name) if task.judged and task.claim in ("", c.key)]
     made = claims[0].counterexample if task.claim else None
-    scenario = made() if made is not None else module.scenarios()[task.name](task.seed)
+    scenario = made() if made is not None else article.scenarios()[task.name](task.seed)
     run: Run | None = None
     try:
         for longest, judged in settled_runs(scenario, claims, fine=task.keep):
@@ -129,7 +129,7 @@ def reproduce(
     from joblib import Parallel, delayed
 
     begin = time.monotonic()
-    modules = {key: paper(key) for key in keys}
+    papers = {key: paper(key) for key in keys}
     if integer("reproduce", "seeds", seeds, least=1) > MOST_SEEDS:
         raise InvalidInput("reproduce", "seeds", f"must be at most {MOST_SEEDS}", seeds)
     integer("reproduce", "first_seed", first_seed, least=0)
@@ -137,45 +137,45 @@ def reproduce(
         integer("reproduce", "workers", workers, least=1)
     if out is not None:
         _make_folders(out, keys)
-    count = (workers or min(os.cpu_count() or 1, 8)) if seeds * len(modules) >= 8 else 1
-    drawings = 0 if out is None else sum(len(m.figures()) + 1 + len(m.scenarios()) for m in modules.values())
+    count = (workers or min(os.cpu_count() or 1, 8)) if seeds * len(papers) >= 8 else 1
+    drawings = 0 if out is None else sum(len(p.figures()) + 1 + len(p.scenarios()) for p in papers.values())
     figures: list[Path] = []
     found = _Found({}, {})
     first = range(first_seed, first_seed + seeds)
-    tasks = _seed_tasks(modules, first) + _counterexample_tasks(modules)
+    tasks = _seed_tasks(papers, first) + _counterexample_tasks(papers)
     with Parallel(n_jobs=count, return_as="generator") as parallel, _bar(progress, len(tasks) + drawings) as step:
         found.examine(parallel, tasks, step)
-        while further := _further_seed_tasks(modules, found, first):
+        while further := _further_seed_tasks(papers, found, first):
             step.more(len(further))
             found.examine(parallel, further, step)
-        again = _runs_to_draw(modules, found)
+        again = _runs_to_draw(papers, found)
         step.more(len(again))
         found.examine(parallel, again, step)
-        errata = dict(zip(modules, parallel(delayed(_errata)(key) for key in modules), strict=True))
+        errata = dict(zip(papers, parallel(delayed(_errata)(key) for key in papers), strict=True))
         if out is not None:
-            for drawn in parallel(delayed(draw)(*job) for job in _drawings(modules, found.runs, out)):
+            for drawn in parallel(delayed(draw)(*job) for job in _drawings(papers, found.runs, out)):
                 figures += drawn
                 step()
-    judgements = {name: found.judgements(m, name) for m in modules.values() for name in m.scenarios()}
+    judgements = {name: found.judgements(p, name) for p in papers.values() for name in p.scenarios()}
     found_all = Reproduction(judgements, errata, figures, time.monotonic() - begin, found.runs, first_seed)
     if out is not None:
         write_file(out / "claims.json", _json(claim_rows(judgements)), "write the claims")
         write_file(out / "errata.json", _json(errata), "write the errata")
-        write_report(found_all, modules, out)
+        write_report(found_all, papers, out)
     return found_all
 
 
-def _seed_tasks(modules: dict[str, ModuleType], seeds: range) -> list[Task]:
+def _seed_tasks(papers: dict[str, Paper], seeds: range) -> list[Task]:
     # By seed, so that two workers seldom compile the same kernel; the first run of each scenario is kept for drawing.
-    names = [(name, key) for key, module in modules.items() for name in module.scenarios()]
+    names = [(name, key) for key, article in papers.items() for name in article.scenarios()]
     return [Task(name, key, seed, keep=seed == seeds.start) for seed in seeds for name, key in names]
 
 
-def _runs_to_draw(modules: dict[str, ModuleType], found: _Found) -> list[Task]:
+def _runs_to_draw(papers: dict[str, Paper], found: _Found) -> list[Task]:
     """For scenarios whose first run misses a hypothesis: the first seed that meets all, so that it is drawn."""
     wanted = []
-    for key, module in modules.items():
-        for name in module.scenarios():
+    for key, article in papers.items():
+        for name in article.scenarios():
             by_seed = {k: v for k, v in found.verdicts[name].items() if isinstance(k, int)}
             meeting = [
                 s for s, rows in sorted(by_seed.items()) if all(r[1] != Verdict.HYPOTHESIS_NOT_MET for r in rows)
@@ -185,12 +185,12 @@ def _runs_to_draw(modules: dict[str, ModuleType], found: _Found) -> list[Task]:
     return wanted
 
 
-def _counterexample_tasks(modules: dict[str, ModuleType]) -> list[Task]:
+def _counterexample_tasks(papers: dict[str, Paper]) -> list[Task]:
     return [
         Task(name, key, COUNTEREXAMPLE, claim.key)
-        for key, module in modules.items()
-        for name in module.scenarios()
-        for claim in module.claims(name)
+        for key, article in papers.items()
+        for name in article.scenarios()
+        for claim in article.claims(name)
         if claim.counterexample is not None
     ]
 
@@ -221,12 +221,12 @@ class _Found:
                 self.runs[task.name] = run
             step()
 
-    def judgements(self, module: ModuleType, name: str) -> list[Judgement]:
+    def judgements(self, article: Paper, name: str) -> list[Judgement]:
         """What the runs of a scenario come to, claim by claim."""
         found = self.verdicts[name]
         seeds = sorted(k for k in found if isinstance(k, int))
         judged = []
-        for number, claim in enumerate(module.claims(name)):
+        for number, claim in enumerate(article.claims(name)):
             results = tuple(_result(claim, found[seed][number]) for seed in seeds)
             refuted = _result(claim, found[claim.key][0]) if claim.key in found else None
             judged.append(Judgement(claim, results, refuted))
@@ -238,7 +238,7 @@ def _result(claim: Claim, row: tuple[str, str, float, float, str]) -> Result:
     return Result(claim, Verdict(verdict), margin, error, note)
 
 
-def _further_seed_tasks(modules: dict[str, ModuleType], found: _Found, first: range) -> list[Task]:
+def _further_seed_tasks(papers: dict[str, Paper], found: _Found, first: range) -> list[Task]:
     """For each scenario with a claim that too few seeds tell of so far: as many further seeds as are missing.
 
     A claim is told of by the seeds whose run meets its hypothesis, an observation by those whose run decides it.
@@ -246,10 +246,10 @@ def _further_seed_tasks(modules: dict[str, ModuleType], found: _Found, first: ra
     if len(first) < FEWEST_SEEDS:
         return []
     tasks = []
-    for key, module in modules.items():
-        for name in module.scenarios():
+    for key, article in papers.items():
+        for name in article.scenarios():
             begin = first.start + len([k for k in found.verdicts[name] if isinstance(k, int)])
-            missing = max(map(_missing_seeds, found.judgements(module, name)), default=0)
+            missing = max(map(_missing_seeds, found.judgements(article, name)), default=0)
             end = min(begin + missing, first.start + FURTHER * len(first))
             tasks += [Task(name, key, seed) for seed in range(begin, end)]
     return tasks
@@ -273,15 +273,15 @@ def _make_folders(out: Path, keys: Sequence[str]) -> None:
         raise InvalidInput("reproduce", "out", rule, str(out), "Choose another one.") from None
 
 
-def errata_rows(module: ModuleType) -> list[dict[str, Any]]:
+def errata_rows(article: Paper) -> list[dict[str, Any]]:
     """Statements of a paper that are not read as printed, with their counter-examples, computed now.
 
     Parameters
     ----------
-    module
+    article
         The paper.
     """
-    return [row.as_dict() for row in module.equations() if row.fault is not Fault.NONE]
+    return [row.as_dict() for row in article.equations() if row.fault is not Fault.NONE]
 
 
 def _errata(key: str) -> list[dict[str, Any]]:
@@ -293,14 +293,14 @@ def _json(data: object) -> bytes:
 
 
 def _drawings(
-    modules: dict[str, ModuleType], runs: dict[str, Run], out: Path
+    papers: dict[str, Paper], runs: dict[str, Run], out: Path
 ) -> Iterator[tuple[str, str | None, tuple[Run, ...], Path]]:
     """What is to be drawn: a paper, what of it (see `draw`), the runs, the folder."""
-    for key, module in modules.items():
-        first = next(iter(module.scenarios()))
+    for key, article in papers.items():
+        first = next(iter(article.scenarios()))
         wanted: list[tuple[str | None, tuple[str, ...]]] = [(None, (first,))]
-        wanted += [(number, figure.scenarios(first)) for number, figure in module.figures().items()]
-        wanted += [(CLAIMS, (name,)) for name in module.scenarios()]
+        wanted += [(number, figure.scenarios(first)) for number, figure in article.figures().items()]
+        wanted += [(CLAIMS, (name,)) for name in article.scenarios()]
         for what, names in wanted:
             if all(name in runs for name in names):
                 yield key, what, tuple(runs[name] for name in names), out / key
@@ -320,20 +320,20 @@ def draw(key: str, what: str | None, runs: tuple[Run, ...], folder: Path) -> lis
     folder
         Folder of the paper.
     """
-    module, run = paper(key), runs[0]
+    article, run = paper(key), runs[0]
     if what is None:
         if len(run.t) >= 2:
             write_film(run, folder)
         return []
     if what == CLAIMS:
         name = run.scenario.name
-        drawn = figures_of(module, name)
-        names = dict.fromkeys(picture_of(claim, drawn) for claim in module.claims(name))
+        drawn = figures_of(article, name)
+        names = dict.fromkeys(picture_of(claim, drawn) for claim in article.claims(name))
         draw_pictures(run, (n for n in names if not n.startswith("figure-")), folder / CLAIMS)
         return []
     from flocking.show.style import save
 
-    return list(save(module.figures()[what].draw(*runs), folder / f"figure-{what}"))
+    return list(save(article.figures()[what].draw(*runs), folder / f"figure-{what}"))
 
 
 class _Steps:

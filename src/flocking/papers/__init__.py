@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from importlib import import_module
-from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from flocking.papers.description import Paper
 
 KEYS = ("olfati-saber-2003", "tanner-2003-fixed", "tanner-2003-dynamic", "zhou-2015", "shi-2009")
 """Keys of the papers, in the order they are reproduced."""
 
 
-def paper(key: str) -> ModuleType:
-    """Module of a paper by its key.
+def paper(key: str) -> Paper:
+    """A paper by its key.
 
     Raises
     ------
@@ -22,6 +24,11 @@ def paper(key: str) -> ModuleType:
         from flocking.errors import InvalidInput
 
         raise InvalidInput("papers", "key", f"must be one of {', '.join(KEYS)}", key)
+    found: Paper = _package(key).PAPER
+    return found
+
+
+def _package(key: str) -> Any:
     return import_module(f"flocking.papers.{key.replace('-', '_')}")
 
 
@@ -32,5 +39,5 @@ def paper_of(scenario: str) -> str:
 
 def __getattr__(name: str) -> Any:
     if name.replace("_", "-") in KEYS:
-        return paper(name.replace("_", "-"))
+        return _package(name)
     raise AttributeError(f"module 'flocking.papers' has no attribute {name!r}")

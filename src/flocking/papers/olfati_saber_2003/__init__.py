@@ -2,24 +2,36 @@
 
 from __future__ import annotations
 
+from flocking.papers.description import Paper
 from flocking.papers.olfati_saber_2003.closed_forms import (
     contraction,
     contraction_rate,
     gathering_energy,
     translational_energy,
 )
-from flocking.papers.olfati_saber_2003.pictures import figure, figures
+from flocking.papers.olfati_saber_2003.pictures import figures
 from flocking.papers.olfati_saber_2003.system import KEY, scenario, scenarios
-from flocking.papers.olfati_saber_2003.table import equations, errata
 from flocking.papers.olfati_saber_2003.theorems import claims
 
-TITLE = "Flocking with Obstacle Avoidance"
-AUTHORS = "R. Olfati-Saber"
-YEAR = 2003
+PAPER = Paper(
+    key=KEY,
+    title="Flocking with Obstacle Avoidance",
+    authors="R. Olfati-Saber",
+    year=2003,
+    venue="California Institute of Technology",
+    scenario=scenario,
+    scenarios=scenarios,
+    claims=claims,
+    figures=figures,
+    studies=("olfati-saber-density",),
+)
+TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
+equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure
 
 __all__ = [
     "AUTHORS",
     "KEY",
+    "PAPER",
     "TITLE",
     "YEAR",
     "claims",

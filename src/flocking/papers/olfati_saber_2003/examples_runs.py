@@ -100,19 +100,6 @@ def known_figures() -> Mapping[str, Figure]:
     return figures()
 
 
-def picture(number: str, make: Callable[[], Scenario] | None = None) -> Callable[[float], examples.Pictured]:
-    """Builder: a figure as it is drawn.
-
-    Parameters
-    ----------
-    number
-        Its number.
-    make
-        The scenario whose run it shows; absent for figures of no run.
-    """
-    return examples.pictured(known_figures, number, make)
-
-
 def few_for_figures() -> Scenario:
     """The first task with few agents, as far as Fig. 7 and 8 need it."""
     return few_through_obstacles().with_(t_end=26.0, name="")
@@ -121,6 +108,21 @@ def few_for_figures() -> Scenario:
 def few_gathering() -> Scenario:
     """The second task with few agents, for the first snapshots of Fig. 9."""
     return few_to_sink().with_(t_end=8.0, frames=81, name="")
+
+
+DRAWN: dict[str, Callable[[], Scenario]] = {"7": few_for_figures, "8": few_for_figures, "9": few_gathering}
+"""Scenarios whose runs stand in for those of figures, by number; the other figures show no run."""
+
+
+def picture(number: str) -> Callable[[float], examples.Pictured]:
+    """Builder of what a figure shows.
+
+    Parameters
+    ----------
+    number
+        Its number.
+    """
+    return examples.pictured(known_figures, number, DRAWN.get(number))
 
 
 def newton(scale: float) -> tuple[Scenario, Run]:

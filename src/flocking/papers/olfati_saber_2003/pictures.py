@@ -9,7 +9,7 @@ from flocking.papers.olfati_saber_2003 import diagrams
 from flocking.papers.olfati_saber_2003.passage import obstacles_of
 from flocking.papers.olfati_saber_2003.system import KEY, SINK, SINK_DURATION
 from flocking.show import plane
-from flocking.show.declaration import Figure, drawn_figure
+from flocking.show.declaration import Figure
 from flocking.show.sheet import panel, sheet
 from flocking.show.style import PAGE
 
@@ -75,21 +75,3 @@ def figures() -> dict[str, Figure]:
         Figure("9", "A flock forms from a net at a sink.", gathering, scenario=SINK),
     ]
     return {f.number: f for f in found}
-
-
-def figure(number: int | str, run: Run) -> Picture:
-    """Draw one figure from a run.
-
-    Parameters
-    ----------
-    number
-        Its number, 1 to 9. The first six are the same for every run.
-    run
-        A run of the scenario it shows.
-
-    Raises
-    ------
-    InvalidInput
-        When there is no such figure.
-    """
-    return drawn_figure(figures(), number, run)

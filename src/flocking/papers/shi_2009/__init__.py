@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from flocking.papers.description import Paper
 from flocking.papers.shi_2009.bounds import distance_bound, speed_bounds
 from flocking.papers.shi_2009.closed_forms import (
     centre_motion,
@@ -12,19 +13,29 @@ from flocking.papers.shi_2009.closed_forms import (
     ramp_motion,
     steady_velocity_error,
 )
-from flocking.papers.shi_2009.pictures import figure, figures
-from flocking.papers.shi_2009.system import potential, scenario, scenarios
-from flocking.papers.shi_2009.table import equations, errata
+from flocking.papers.shi_2009.pictures import figures
+from flocking.papers.shi_2009.system import KEY, potential, scenario, scenarios
 from flocking.papers.shi_2009.theorems import claims
 
-KEY = "shi-2009"
-TITLE = "Flocking of multi-agent systems with a dynamic virtual leader"
-AUTHORS = "H. Shi, L. Wang, T. Chu"
-YEAR = 2009
+PAPER = Paper(
+    key=KEY,
+    title="Flocking of multi-agent systems with a dynamic virtual leader",
+    authors="H. Shi, L. Wang, T. Chu",
+    year=2009,
+    venue="International Journal of Control",
+    scenario=scenario,
+    scenarios=scenarios,
+    claims=claims,
+    figures=figures,
+    studies=("shi-informed",),
+)
+TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
+equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure
 
 __all__ = [
     "AUTHORS",
     "KEY",
+    "PAPER",
     "TITLE",
     "YEAR",
     "centre_motion",

@@ -5,7 +5,7 @@ Every function takes the factor by which its decisive number is off; 1 is the pa
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any
@@ -310,7 +310,7 @@ def beginning(name: str) -> Callable[[], Scenario]:
     return lambda: system.scenario(seed=0, name=name).with_(t_end=FIGURE_SECONDS, frames=61, name="")
 
 
-def picture(number: int, *names: str) -> Callable[[float], examples.Pictured]:
+def picture(number: int, names: Sequence[str] = ()) -> Callable[[float], examples.Pictured]:
     """Builder: a figure as it is drawn.
 
     Parameters

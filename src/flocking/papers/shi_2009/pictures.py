@@ -11,7 +11,7 @@ from flocking.model.checks import Array
 from flocking.papers.shi_2009.system import DURATION, KEY, SETTINGS, potential
 from flocking.show import declaration, plane, series
 from flocking.show.curves import curve
-from flocking.show.declaration import Figure, drawn_figure
+from flocking.show.declaration import Figure
 from flocking.show.sheet import panel, sheet
 from flocking.show.style import PAGE
 
@@ -86,23 +86,3 @@ def figures() -> dict[int, Figure]:
         ),
     ]
     return {int(f.number): f for f in sorted(found, key=lambda f: int(f.number))}
-
-
-def figure(number: int, run: Run, *beside: Run) -> Any:
-    """Draw one figure from a run; Fig. 9 and 12 from the runs of two scenarios.
-
-    Parameters
-    ----------
-    number
-        Its number, 1 to 12.
-    run
-        A run of the scenario it shows.
-    beside
-        A run of the second scenario that Fig. 9 and 12 show: those of Fig. 8 and 11.
-
-    Raises
-    ------
-    InvalidInput
-        When there is no such figure, or it shows another number of scenarios.
-    """
-    return drawn_figure(figures(), number, run, *beside)

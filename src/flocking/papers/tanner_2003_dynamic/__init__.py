@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from flocking.papers.tanner_2003_dynamic.pictures import figure, figures
+from flocking.papers.description import Paper
+from flocking.papers.tanner_2003_dynamic.pictures import figures
 from flocking.papers.tanner_2003_dynamic.system import (
     KEY,
     boundary_value,
@@ -12,16 +13,27 @@ from flocking.papers.tanner_2003_dynamic.system import (
     scenario,
     scenarios,
 )
-from flocking.papers.tanner_2003_dynamic.table import equations, errata
 from flocking.papers.tanner_2003_dynamic.theorems import claims
 
-TITLE = "Stable Flocking of Mobile Agents, Part II: Dynamic Topology"
-AUTHORS = "H. G. Tanner, A. Jadbabaie, G. J. Pappas"
-YEAR = 2003
+PAPER = Paper(
+    key=KEY,
+    title="Stable Flocking of Mobile Agents, Part II: Dynamic Topology",
+    authors="H. G. Tanner, A. Jadbabaie, G. J. Pappas",
+    year=2003,
+    venue="IEEE Conference on Decision and Control",
+    scenario=scenario,
+    scenarios=scenarios,
+    claims=claims,
+    figures=figures,
+    studies=("tanner-connectivity",),
+)
+TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
+equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure
 
 __all__ = [
     "AUTHORS",
     "KEY",
+    "PAPER",
     "TITLE",
     "YEAR",
     "boundary_value",

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flocking.engine.run import Run
 from flocking.papers.tanner_2003_dynamic import system
-from flocking.show.declaration import Figure, drawn_figure, initial, potential, snapshot
+from flocking.show.declaration import Figure, initial, potential, snapshot
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Picture
+    pass
 
 CAPTIONS = {
     4: "Cohesion forces make new links.",
@@ -39,21 +38,3 @@ def figures() -> dict[int, Figure]:
         3: Figure("3", "Initial configuration.", initial(), system.KEY),
         **shown,
     }
-
-
-def figure(number: int, run: Run) -> Picture:
-    """Draw a figure of the paper from a run.
-
-    Parameters
-    ----------
-    number
-        Its number.
-    run
-        A run of the paper's scenario.
-
-    Raises
-    ------
-    InvalidInput
-        When there is no such figure.
-    """
-    return drawn_figure(figures(), number, run)

@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
-from flocking.papers.tanner_2003_fixed.pictures import figure, figures
+from flocking.papers.description import Paper
+from flocking.papers.tanner_2003_fixed.pictures import figures
 from flocking.papers.tanner_2003_fixed.system import KEY, potential, scenario, scenarios
-from flocking.papers.tanner_2003_fixed.table import equations, errata
 from flocking.papers.tanner_2003_fixed.theorems import claims, longest_path
 
-TITLE = "Stable Flocking of Mobile Agents, Part I: Fixed Topology"
-AUTHORS = "H. G. Tanner, A. Jadbabaie, G. J. Pappas"
-YEAR = 2003
+PAPER = Paper(
+    key=KEY,
+    title="Stable Flocking of Mobile Agents, Part I: Fixed Topology",
+    authors="H. G. Tanner, A. Jadbabaie, G. J. Pappas",
+    year=2003,
+    venue="IEEE Conference on Decision and Control",
+    scenario=scenario,
+    scenarios=scenarios,
+    claims=claims,
+    figures=figures,
+)
+TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
+equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure
 
 __all__ = [
     "AUTHORS",
     "KEY",
+    "PAPER",
     "TITLE",
     "YEAR",
     "claims",

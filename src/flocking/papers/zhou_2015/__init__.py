@@ -2,19 +2,31 @@
 
 from __future__ import annotations
 
+from flocking.papers.description import Paper
 from flocking.papers.zhou_2015.bounds import largest_energy, most_new_links
-from flocking.papers.zhou_2015.pictures import figure, figures
+from flocking.papers.zhou_2015.pictures import figures
 from flocking.papers.zhou_2015.system import KEY, potential, scenario, scenarios
-from flocking.papers.zhou_2015.table import equations, errata
 from flocking.papers.zhou_2015.theorems import claims
 
-TITLE = "Flocking Control of Multiple Mobile Agents with the Rules of Avoiding Collision"
-AUTHORS = "H. Zhou, W. Zhou, W. Zeng"
-YEAR = 2015
+PAPER = Paper(
+    key=KEY,
+    title="Flocking Control of Multiple Mobile Agents with the Rules of Avoiding Collision",
+    authors="H. Zhou, W. Zhou, W. Zeng",
+    year=2015,
+    venue="Mathematical Problems in Engineering",
+    scenario=scenario,
+    scenarios=scenarios,
+    claims=claims,
+    figures=figures,
+    studies=("zhou-bound",),
+)
+TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
+equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure
 
 __all__ = [
     "AUTHORS",
     "KEY",
+    "PAPER",
     "TITLE",
     "YEAR",
     "claims",

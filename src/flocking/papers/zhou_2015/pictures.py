@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from flocking.engine.run import Run
-from flocking.errors import InvalidInput
 from flocking.papers.zhou_2015 import system
-from flocking.show.declaration import Draw, Figure, drawn_figure, initial, positions, snapshot, velocities
+from flocking.show.declaration import Draw, Figure, initial, positions, snapshot, velocities
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Picture
+    pass
 
 FIRST_WITH_LEADER = 8
 FINAL_TIME = 12.0
@@ -64,26 +62,3 @@ def until(end: float, draw: Draw) -> Draw:
         Draws a figure from a run.
     """
     return lambda run: draw(run.until(end))
-
-
-def figure(number: int, run: Run) -> Picture:
-    """Draw a figure of the paper from a run.
-
-    Parameters
-    ----------
-    number
-        Its number.
-    run
-        A run of the scenario the figure shows: with the leader from Fig. 8 on.
-
-    Raises
-    ------
-    InvalidInput
-        When there is no such figure, or the run is of the other scenario.
-    """
-    if number in figures() and bool(run.scenario.law.leaders) != (number >= FIRST_WITH_LEADER):
-        raise InvalidInput(
-            "figure", "run", f"must be a run of {scenario_of(number)}", run.scenario.name,
-            f"Use scenario(figure={number}).",
-        )  # fmt: skip
-    return drawn_figure(figures(), number, run)

@@ -1,0 +1,146 @@
+"""Reads the equation tables, one ``equations.toml`` in the folder of each paper.
+
+A table is a list of ``[[statement]]``, each with these keys:
+
+``number``, ``kind``, ``title``, ``home``, ``also``
+    As in `flocking.study.equations.Row`.
+``example``
+    The function that gives `Row.build`, as ``"module.function"`` of the paper's package. With ``example_arguments`` it
+    is called with them first, and returns the builder.
+``reading``, ``note``, ``fault``
+    As in `Row`; a fault in the words of `flocking.study.equations.Fault`.
+``same_reading_as``, ``same_note_as``
+    Number of the statement that has the same reading or note, written there.
+``counterexample``
+    The function that gives `Row.demonstration`, with ``counterexample_arguments`` as above.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from importlib.resources import files
+from typing import Any
+
+from flocking.study.equations import Fault, Row
+
+FILE = "equations.toml"
+TEXTS = ("number", "kind", "title", "home", "example", "reading", "note", "fault", "same_reading_as", "same_note_as",
+         "counterexample")  # fmt: skip
+REQUIRED = ("number", "kind", "title", "home", "example")
+ARGUMENTS = ("example_arguments", "counterexample_arguments")
+KEYS = {*TEXTS, *ARGUMENTS, "also"}
+
+Statement = Mapping[str, Any]
+"""One statement as the file has it; `checked` says what each key holds."""
+
+
+def read_statements(package: str, key: str) -> tuple[Row, ...]:
+    """Rows of the equation table in the folder of a paper.
+
+    Parameters
+    ----------
+    package
+        Dotted name of the paper's package.
+    key
+        Key of the paper.
+
+    Raises
+    ------
+    ValueError
+        When a statement has an unknown key or lacks one, names a function or a statement that is not there, or its
+        fault, reading and counter-example do not go together.
+    """
+    text = files(package).joinpath(FILE).read_text(encoding="utf-8")
+    return rows_of(tomllib.loads(text)["statement"], package, key)
+
+
+def rows_of(statements: list[Statement], package: str, key: str) -> tuple[Row, ...]:
+    """Rows of the statements of one file.
+
+    Parameters
+    ----------
+    statements
+        The statements, in the order of the file.
+    package
+        Dotted name of the paper's package.
+    key
+        Key of the paper.
+
+    Raises
+    ------
+    ValueError
+        As `read_statements`.
+    """
+    known: dict[str, Statement] = {}
+    rows = []
+    for statement in statements:
+        checked(statement, key)
+        known[statement["number"]] = statement
+        rows.append(_row(statement, known, package, key))
+    return tuple(rows)
+
+
+def checked(statement: Statement, key: str) -> None:
+    """Check the keys of a statement and the types of their values.
+
+    Parameters
+    ----------
+    statement
+        The statement.
+    key
+        Key of the paper.
+
+    Raises
+    ------
+    ValueError
+        When a key is unknown, missing, or holds a value of another type.
+    """
+    where = f"{key}/{FILE}, statement {statement.get('number', 'without a number')}"
+    unknown = ", ".join(sorted(set(statement) - KEYS))
+    if unknown:
+        raise ValueError(f"{where}: unknown key {unknown}; known are {', '.join(sorted(KEYS))}")
+    missing = ", ".join(name for name in REQUIRED if name not in statement)
+    if missing:
+        raise ValueError(f"{where}: lacks {missing}")
+    wrong = [name for name in TEXTS if not isinstance(statement.get(name, ""), str)]
+    wrong += [name for name in ARGUMENTS if not isinstance(statement.get(name, {}), dict)]
+    if not isinstance(also := statement.get("also", []), list) or any(not isinstance(number, str) for number in also):
+        wrong.append("also")
+    if wrong:
+        raise ValueError(f"{where}: {', '.join(wrong)} must be text, arguments a table, also a list of texts")
+
+
+def _row(statement: Statement, known: Mapping[str, Statement], package: str, key: str) -> Row:
+    return Row(
+        key, statement["number"], statement["kind"], statement["title"], statement["home"],
+        _function(statement, "example", package, key),
+        reading=_words(statement, "reading", known, key),
+        demonstration=_function(statement, "counterexample", package, key) if "counterexample" in statement else None,
+        fault=Fault(statement["fault"]) if "fault" in statement else Fault.NONE,
+        note=_words(statement, "note", known, key),
+        also=tuple(statement.get("also", ())),
+    )  # fmt: skip
+
+
+def _function(statement: Statement, role: str, package: str, key: str) -> Callable[..., Any]:
+    module, _, name = statement[role].partition(".")
+    found = getattr(import_module(f"{package}.{module}"), name, None)
+    if not callable(found):
+        raise ValueError(f"{key}/{FILE}, statement {statement['number']}: no function {statement[role]} for {role}")
+    arguments = statement.get(f"{role}_arguments")
+    made: Callable[..., Any] = found if arguments is None else found(**arguments)
+    return made
+
+
+def _words(statement: Statement, name: str, known: Mapping[str, Statement], key: str) -> str:
+    other = statement.get(f"same_{name}_as")
+    if other is None:
+        return str(statement.get(name, ""))
+    if name in statement or name not in known.get(other, ()):
+        raise ValueError(
+            f"{key}/{FILE}, statement {statement['number']}: same_{name}_as names {other}, which must stand before it "
+            f"and have a {name}, and the statement has none of its own"
+        )
+    return str(known[other][name])
