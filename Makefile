@@ -37,8 +37,8 @@ test: $(READY)
 	$(BIN)/python -m pytest -n $(WORKERS) $(PYTEST_ARGS)
 
 # Types, and the tests that compile few laws: what another version of Python, or of a library, breaks first.
-QUICK := tests/test_floors.py tests/formula tests/model tests/contracts tests/study tests/fuzz tests/engine/test_closed_forms.py \
-	tests/engine/test_storage.py tests/engine/test_formats.py tests/engine/tiles/test_forces.py tests/apps/test_cli.py
+QUICK := tests/test_floors.py tests/formula tests/model tests/contracts tests/study tests/fuzz tests/engine/exact/test_closed_forms.py \
+	tests/engine/storage/test_storage.py tests/engine/storage/test_formats.py tests/engine/tiles/test_forces.py tests/apps/test_cli.py
 test-quick: $(READY)
 	$(BIN)/python -m pytest -n $(WORKERS) $(QUICK) $(PYTEST_ARGS)
 
@@ -73,7 +73,7 @@ test-browser: $(BROWSER_READY)
 	@command -v chromium >/dev/null || command -v chromium-browser >/dev/null || command -v google-chrome >/dev/null || \
 		{ apt-get update -qq && apt-get install -y -qq chromium; } || \
 		{ echo "make test-browser needs Chromium: install it and run this again."; exit 1; }
-	$(BIN)/python -m pytest -m "browser or server" -p no:xdist tests/lab tests/show $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -m "browser or server" -p no:xdist tests/apps/lab tests/show $(PYTEST_ARGS)
 
 $(BROWSER_READY): $(READY)
 	$(BIN)/python -m pip install --quiet --editable '.[browser]'
@@ -123,11 +123,11 @@ TIER_quick := not slow
 TIER_slow := slow or not slow
 robustness: $(CLUSTER_READY) $(LAB_READY)
 	$(BIN)/python -m pytest -m "($(TIER_$(TIER))) and not mpi and not browser" -n $(WORKERS) --dist loadfile \
-		tests/engine/test_storage.py tests/engine/test_storage_kill.py tests/engine/test_crafted_checkpoints.py \
-		tests/engine/test_foreign_runs.py tests/engine/test_formats.py tests/engine/tiles/test_saving.py \
-		tests/engine/test_storage_creation.py tests/apps/test_process.py tests/machines \
-		tests/engine/test_storage_resume.py tests/lab/test_access.py tests/lab/test_server.py \
-		tests/formula/test_cache.py tests/study/test_sweep_kills.py tests/study/test_sweep_store.py tests/fuzz tests/cluster $(PYTEST_ARGS)
+		tests/engine/storage/test_storage.py tests/engine/storage/test_storage_kill.py tests/engine/storage/test_crafted_checkpoints.py \
+		tests/engine/storage/test_foreign_runs.py tests/engine/storage/test_formats.py tests/engine/tiles/test_saving.py \
+		tests/engine/storage/test_storage_creation.py tests/apps/test_process.py tests/machines \
+		tests/engine/storage/test_storage_resume.py tests/apps/lab/test_access.py tests/apps/lab/test_server.py \
+		tests/formula/test_cache.py tests/study/sweeps/test_sweep_kills.py tests/study/sweeps/test_sweep_store.py tests/fuzz tests/cluster $(PYTEST_ARGS)
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -17,7 +17,7 @@ import numpy as np
 from tests.mpi.laws import NAMES, RADIUS, law, start
 
 import flocking as fk
-from flocking.engine.exact import ExactSession
+from flocking.engine.exact.session import ExactSession
 from flocking.engine.lammps.session import LammpsOptions, LammpsSession
 from flocking.engine.tiles.session import TilesOptions, TilesSession
 from flocking.errors import UnsupportedLaw

@@ -14,7 +14,7 @@ flock falls apart, and the record of what was done gives the same bits again.
 import numpy as np
 
 import flocking as fk
-from flocking.apps.lab.experiment import Experiment, replay
+from flocking.apps.lab.experiment.experiment import Experiment, replay
 from flocking.model.observables import flocks
 
 experiment = Experiment(fk.papers.olfati_saber_2003.scenario(seed=0))

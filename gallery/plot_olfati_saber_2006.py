@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 import flocking as fk
-from flocking.model.avoidance import ObstacleTerm
 from flocking.model.observables import flocks
+from flocking.model.terms.avoidance import ObstacleTerm
 from flocking.show.plane import net
 from flocking.show.sheet import panel, sheet
 

@@ -50,7 +50,7 @@ def public_names() -> str:
             continue
         home = getattr(value, "__module__", "")
         label = getattr(value, "__qualname__", name)
-        target = f"{home}.{label}" if hasattr(value, "__qualname__") else f"flocking.engine.starting.{name}"
+        target = f"{home}.{label}" if hasattr(value, "__qualname__") else f"flocking.engine.driver.starting.{name}"
         rows.append((f":py:obj:`{name} <{target}>`", first_sentence(value)))
     lines = [".. list-table::", "   :widths: 25 75", ""]
     for name, text in rows:

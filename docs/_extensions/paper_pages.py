@@ -12,11 +12,11 @@ import sympy
 from text_tables import code, number, plain, table
 
 from flocking.model.law import Scenario
-from flocking.model.terms import Gradient
+from flocking.model.terms.pair_terms import Gradient
 from flocking.papers import KEYS, paper
 from flocking.papers.description import Paper
 from flocking.papers.numbered import index
-from flocking.study.equations import Demonstration, Fault, Row
+from flocking.study.equation_table import Demonstration, Fault, Row
 
 
 def constants(module: ModuleType) -> list[tuple[str, str, str]]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import flocking as fk
-from flocking.engine.guards import squared_distance
+from flocking.engine.exact.crossings.guards import squared_distance
 from flocking.show.sheet import sheet
 
 OFFSET, RADIUS, SPEED = 0.96, 1.0, 1.0

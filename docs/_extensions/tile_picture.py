@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import flocking as fk
-from flocking.engine.tiles.lists import NUMBER, WIDTH
+from flocking.engine.tiles.neighbours.neighbour_lists import NUMBER, WIDTH
 from flocking.show.sheet import sheet
 
 RADIUS, SKIN, SHOWN = 1.2, 0.3, 5

@@ -48,7 +48,7 @@ class FormulaError(InvalidInput):
 
 
 class SimulationError(FlockingError):
-    """A run that could not go on; ``run`` holds what was computed until then, a `flocking.engine.run.Run`.
+    """A run that could not go on; ``run`` holds what was computed until then, a `flocking.engine.runs.run.Run`.
 
     Parameters
     ----------

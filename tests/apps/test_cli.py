@@ -13,8 +13,9 @@ from pathlib import Path
 import pytest
 
 import flocking as fk
-from flocking.apps import cli, reproduction
-from flocking.apps.reproduction import Reproduction
+from flocking.apps import cli
+from flocking.apps.reproduction import reproduce as reproduction
+from flocking.apps.reproduction.reproduce import Reproduction
 from flocking.papers import KEYS
 
 QUICK = """
@@ -249,8 +250,8 @@ def test_reproduce_says_why_claims_are_untested_and_what_to_open(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     from flocking.papers import paper
-    from flocking.study.claims import Result, Verdict
-    from flocking.study.judgement import Judgement
+    from flocking.study.claims.claim import Result, Verdict
+    from flocking.study.claims.judgement import Judgement
 
     claim = paper("zhou-2015").claims("zhou-2015")[0]
     few = Judgement(claim, (Result(claim, Verdict.HOLDS, 1.0, 0.0),) * 4)

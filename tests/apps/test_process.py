@@ -17,7 +17,7 @@ from flocking.apps.early_signals import INTERRUPTED, SENTENCE
 from flocking.apps.process import harmless
 from flocking.errors import FormulaError, InvalidInput
 from flocking.study.sweeps.sweep_file import read_sweep_file
-from tests.engine.stored_runs import scenario
+from tests.engine.storage.stored_runs import scenario
 
 COMMAND = f"{sys.executable} -m flocking"
 

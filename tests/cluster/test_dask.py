@@ -201,7 +201,7 @@ def test_the_command_line_takes_the_address(address, tmp_path):
 
 
 def test_an_address_where_nobody_answers_is_told(monkeypatch):
-    from flocking.study.sweeps import crew
+    from flocking.study.sweeps import worker_pool as crew
 
     monkeypatch.setattr(crew, "CONNECT_SECONDS", 1)
     for odd in ("tcp://127.0.0.1:9", "nonsense://x"):
@@ -212,7 +212,7 @@ def test_an_address_where_nobody_answers_is_told(monkeypatch):
 def test_a_cluster_without_workers_is_told(tmp_path, monkeypatch):
     from distributed import LocalCluster
 
-    from flocking.study.sweeps import crew
+    from flocking.study.sweeps import worker_pool as crew
 
     monkeypatch.setattr(crew, "CONNECT_SECONDS", 3)
     with (

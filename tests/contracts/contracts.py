@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.engine.reference import Evaluation
-from flocking.model.terms import SYMMETRIES
+from flocking.engine.reference.control import Evaluation
+from flocking.model.terms.pair_terms import SYMMETRIES
 from tests.contracts.strategies import Case
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from hypothesis import strategies as st
 
 import flocking as fk
-from flocking.model.bumps import BUMPS
-from flocking.model.graphs import pair_distances
+from flocking.model.graphs.distance_graphs import pair_distances
+from flocking.model.potentials.bumps import BUMPS
 
 RADIUS = 3.0
 SMOOTH = fk.Smooth(RADIUS, 0.5)

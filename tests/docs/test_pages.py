@@ -93,4 +93,7 @@ def test_make_docs_builds_pages_without_a_warning_that_load_nothing_from_elsewhe
         assert (pages / "_images" / f"sphx_glr_{script.stem}_001.png").exists()
     for name in ("quick_start", "notation", "switches", "verdicts", "computed/mutants", "computed/papers/errata"):
         assert f"{name}.html" in read
-    assert "flocking.model.terms.Gradient" in (pages / "api" / "flocking.model.terms.html").read_text()
+    assert (
+        "flocking.model.terms.pair_terms.Gradient"
+        in (pages / "api" / "flocking.model.terms.pair_terms.html").read_text()
+    )

@@ -9,8 +9,8 @@ import pytest
 
 import flocking as fk
 from flocking.engine import interruption
-from flocking.engine.dynamics import Dynamics
-from tests.engine.test_sessions import crowd
+from flocking.engine.exact.dynamics import Dynamics
+from tests.engine.exact.test_sessions import crowd
 
 
 def test_a_real_signal_in_the_middle_of_a_step_ends_the_run_at_its_end(monkeypatch: pytest.MonkeyPatch) -> None:

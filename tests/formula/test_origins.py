@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.engine.codegen import array_kernels, compiled_kernels
-from flocking.engine.layout import Layout
+from flocking.engine.kernels.codegen import array_kernels, compiled_kernels
+from flocking.engine.kernels.layout import Layout
 from flocking.errors import InvalidInput
 from flocking.formula import compiled, origins
 
@@ -35,9 +35,9 @@ def cache(tmp_path, monkeypatch):
 def everything_of_the_library():
     """One law with every kind of part, and all functions that are printed of parts and laws."""
     from flocking.engine.lammps.pairs import _evaluated
-    from flocking.engine.tiles.kernels import tile_kernels
-    from flocking.engine.tiles.spec import KernelSpec, graph_kinds
-    from flocking.model.graph_weights import weight_function
+    from flocking.engine.tiles.kernels.spec import KernelSpec, graph_kinds
+    from flocking.engine.tiles.kernels.step_kernel import tile_kernels
+    from flocking.model.graphs.graph_weights import weight_function
 
     leader = fk.Path(["sin(t)", "cos(2*t)"])
     ball, wall = fk.Ball([5.0, 0], 1.0), fk.Wall([0.0, -3], [0, 1])
@@ -84,9 +84,24 @@ def printing(tmp_path_factory):
 
 def test_every_module_that_prints_changes_the_key(printing, tmp_path):
     names = {path.as_posix() for path in printing}
-    known = {"engine/encounter_formulas.py", "engine/codegen.py", "engine/expressions.py", "engine/tiles/kernels.py"}
-    known |= {"engine/tiles/printing.py", "formula/printing.py", "model/obstacles.py", "model/polygons.py"}
-    known |= {"model/leaders.py", "model/bumps.py", "engine/lammps/pairs.py", "model/graph_weights.py"}
+    known = {
+        "engine/kernels/obstacle_formulas.py",
+        "engine/kernels/codegen.py",
+        "engine/kernels/expressions.py",
+        "engine/tiles/kernels/step_kernel.py",
+    }
+    known |= {
+        "engine/tiles/kernels/printing.py",
+        "formula/printing.py",
+        "model/leaders_and_obstacles/obstacles.py",
+        "model/leaders_and_obstacles/polygons.py",
+    }
+    known |= {
+        "model/leaders_and_obstacles/leaders.py",
+        "model/potentials/bumps.py",
+        "engine/lammps/pairs.py",
+        "model/graphs/graph_weights.py",
+    }
     assert known <= names
     copy = tmp_path / "flocking"
     for floor in origins.FLOORS:
@@ -101,10 +116,10 @@ def test_every_module_that_prints_changes_the_key(printing, tmp_path):
 
 
 def test_functions_that_kernels_call_are_in_their_name():
-    source = "from flocking.engine.tiles.roots import inverse_root\n"
+    source = "from flocking.engine.tiles.simd.inverse_square_root import inverse_root\n"
     called = origins.runtime_digest(source)
     assert called
-    assert called != origins.runtime_digest("from flocking.engine.tiles.reductions import total\n")
+    assert called != origins.runtime_digest("from flocking.engine.tiles.simd.reductions import total\n")
     assert origins.runtime_digest("import numpy\n") == ""
 
 
@@ -134,7 +149,7 @@ def test_an_edited_printer_is_not_served_old_code(tmp_path):
     assert not warm
     assert first == again
     assert abs(first[0]) > 1e-3
-    printer = tmp_path / "copy" / "flocking" / "engine" / "encounter_formulas.py"
+    printer = tmp_path / "copy" / "flocking" / "engine" / "kernels" / "obstacle_formulas.py"
     text = printer.read_text()
     assert text.count("tuple(term.encounter(x))") == 1
     printer.write_text(text.replace("tuple(term.encounter(x))", "tuple(3 * f for f in term.encounter(x))"))
@@ -146,7 +161,7 @@ def test_an_edited_printer_is_not_served_old_code(tmp_path):
 PARTS = '''
 import flocking as fk
 import sympy
-from flocking.model.obstacles import Piece
+from flocking.model.leaders_and_obstacles.obstacles import Piece
 
 GAIN = {gain}
 
@@ -301,8 +316,8 @@ def test_the_exact_engine_runs_the_edited_term(cache):
 def test_parts_of_users_are_read_anew_in_a_new_process_and_print_once(tmp_path):
     script = """
         import json, users_parts as u, flocking as fk
-        from flocking.engine.codegen import compiled_kernels
-        from flocking.engine.layout import Layout
+        from flocking.engine.kernels.codegen import compiled_kernels
+        from flocking.engine.kernels.layout import Layout
         state = fk.State([[0.0, 0], [1, 0.5]], [[1.0, 0], [0, -1]], 0.5)
         found = {name: fk.control(law, state).ravel().tolist() for name, law in u.laws().items()}
         names = [compiled_kernels(Layout(law, fk.Energy()), 2, 2).__name__ for law in u.laws().values()]
@@ -346,7 +361,7 @@ def test_balls_of_users_and_of_the_library_keep_their_own_formulas(cache):
 
 
 def test_obstacles_that_hide_what_their_formulas_depend_on_are_refused(cache):
-    from flocking.model.obstacles import Piece
+    from flocking.model.leaders_and_obstacles.obstacles import Piece
 
     class Odd(fk.Ball):
         def __init__(self, centre, radius, power):

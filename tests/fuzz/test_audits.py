@@ -11,12 +11,12 @@ import numpy as np
 from hypothesis import strategies as st
 
 import flocking as fk
-from flocking.engine.run import Closest
+from flocking.engine.runs.run import Closest
 from flocking.papers import KEYS, paper
-from flocking.study.claims import UNCOMPUTED, Claim, Verdict
-from flocking.study.culprits import culprit
+from flocking.study.claims.claim import UNCOMPUTED, Claim, Verdict
+from flocking.study.claims.general_claims import GENERAL
+from flocking.study.claims.witnesses import culprit
 from flocking.study.evidence import Evidence
-from flocking.study.general_claims import GENERAL
 from flocking.study.trajectory import run_from_samples
 from tests.fuzz.guard import fuzz, guarded
 

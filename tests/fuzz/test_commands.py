@@ -9,8 +9,8 @@ import pytest
 from hypothesis import strategies as st
 
 from flocking.apps.cli import command_line, main
-from flocking.engine.storage import write_run
-from tests.engine.stored_runs import finished
+from flocking.engine.storage.stored_runs import write_run
+from tests.engine.storage.stored_runs import finished
 from tests.fuzz.formulas import FORMULAS
 from tests.fuzz.guard import files_below, fuzz, guarded
 

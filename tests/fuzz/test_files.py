@@ -11,11 +11,11 @@ from typing import Any
 from hypothesis import strategies as st
 
 import flocking as fk
-from flocking.study.scenario_file import ScenarioFileError, parse_scenario, read_scenario
-from flocking.study.toml_text import toml_text
+from flocking.study.scenario_files.scenario_file import ScenarioFileError, parse_scenario, read_scenario
+from flocking.study.scenario_files.toml_text import toml_text
 from tests.fuzz.formulas import FORMULAS
 from tests.fuzz.guard import files_below, fuzz, guarded
-from tests.study.test_scenario_file import BASES, VALUES, places
+from tests.study.scenario_files.test_scenario_file import BASES, VALUES, places
 
 TEXTS = st.text(max_size=60) | st.lists(
     st.sampled_from(

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.engine import record
-from flocking.engine.storage import read_run, write_run
+from flocking.engine.storage import record
+from flocking.engine.storage.stored_runs import read_run, write_run
 from flocking.errors import FormulaError, InvalidInput, StorageError
 from flocking.formula.grammar import Formula
 from flocking.model import starts
-from tests.engine.stored_runs import finished
+from tests.engine.storage.stored_runs import finished
 
 PSI = fk.Potential("1/r")
 LAW = fk.Law(fk.Proximity(1.0), [fk.Consensus(1.0)])

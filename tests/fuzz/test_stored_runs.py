@@ -12,12 +12,12 @@ from typing import Any
 from hypothesis import strategies as st
 
 import flocking as fk
-from flocking.engine import record
-from flocking.engine.run import Run
-from flocking.engine.storage import read_run, write_run
-from tests.engine.stored_runs import finished
+from flocking.engine.runs.run import Run
+from flocking.engine.storage import record
+from flocking.engine.storage.stored_runs import read_run, write_run
+from tests.engine.storage.stored_runs import finished
 from tests.fuzz.guard import files_below, fuzz, guarded, interrupted_after
-from tests.study.test_scenario_file import places
+from tests.study.scenario_files.test_scenario_file import places
 
 VALUES = st.sampled_from(
     [

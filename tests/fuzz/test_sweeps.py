@@ -13,14 +13,14 @@ from typing import Any
 from hypothesis import strategies as st
 
 import flocking as fk
-from flocking.papers.families import families
+from flocking.papers.scenario_families import families
+from flocking.study.scenario_files.toml_text import toml_text
 from flocking.study.sweeps.sweep_file import SweepFileError, read_sweep_file
-from flocking.study.toml_text import toml_text
 from tests.fuzz.formulas import FORMULAS
 from tests.fuzz.guard import files_below, fuzz, guarded
-from tests.study.sweep_cases import make
-from tests.study.test_scenario_file import places
-from tests.study.test_sweep_file import OF_A_PAPER, WRITTEN
+from tests.study.scenario_files.test_scenario_file import places
+from tests.study.sweeps.sweep_cases import make
+from tests.study.sweeps.test_sweep_file import OF_A_PAPER, WRITTEN
 
 BASES = [tomllib.loads(text) for text in (OF_A_PAPER, WRITTEN)]
 FAMILIES = families()

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 import flocking as fk
-from flocking.engine.storage import write_run
-from tests.engine.stored_runs import finished, scenario
+from flocking.engine.storage.stored_runs import write_run
+from tests.engine.storage.stored_runs import finished, scenario
 from tests.machines.starting import Machines
 
 

@@ -39,9 +39,10 @@ import zarr  # noqa: F401
 
 import flocking
 import flocking as fk
-from flocking.apps import cli, reproduction
-from flocking.engine import saving
-from tests.engine.stored_runs import scenario
+from flocking.apps import cli
+from flocking.apps.reproduction import reproduce as reproduction
+from flocking.engine.driver import session_writer as saving
+from tests.engine.storage.stored_runs import scenario
 
 NEW_NAMESPACE, NEW_USER = 0x00020000, 0x10000000
 READ_ONLY, REMOUNT, BIND, RECURSIVE, PRIVATE = 0x1, 0x20, 0x1000, 0x4000, 0x40000

@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 
 import flocking as fk
-from tests.engine.stored_runs import finished
+from tests.engine.storage.stored_runs import finished
 
 BUSY = """
 import sys, time
 import zarr.core.sync as sync
-from flocking.engine.storage import read_run
+from flocking.engine.storage.stored_runs import read_run
 read_run(sys.argv[1])
 sync.loop[0].call_soon_threadsafe(time.sleep, 1.0)
 """
@@ -51,7 +51,7 @@ def test_an_interrupt_that_falls_into_a_destructor_is_not_lost() -> None:
 DEAF = """
 import signal, threading
 from flocking.apps.process import ended_by_signals
-from flocking.study.sweeps.crew import without_interrupts
+from flocking.study.sweeps.worker_pool import without_interrupts
 with ended_by_signals():
     try:
         with without_interrupts():

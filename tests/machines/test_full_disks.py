@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 import flocking as fk
-from flocking.engine.storage import read_run
+from flocking.engine.storage.stored_runs import read_run
 from tests.counting import count
-from tests.engine.stored_runs import assert_same, finished
+from tests.engine.storage.stored_runs import assert_same, finished
 from tests.machines.starting import BLOCK, Ended, Machines
 
 LARGE = 2**26

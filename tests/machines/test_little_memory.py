@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.engine.shortage import LEAST_ADDRESS_SPACE
-from flocking.engine.storage import read_run
+from flocking.engine.memory_shortage import LEAST_ADDRESS_SPACE
+from flocking.engine.storage.stored_runs import read_run
 from flocking.errors import StorageError
 from tests.counting import count
-from tests.engine.stored_runs import assert_same, finished
+from tests.engine.storage.stored_runs import assert_same, finished
 from tests.machines.starting import Ended, Machines
 
 MIB = 2**20

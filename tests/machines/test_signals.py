@@ -19,9 +19,9 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.engine.storage import read_run
+from flocking.engine.storage.stored_runs import read_run
 from tests.counting import count
-from tests.engine.stored_runs import assert_same, finished, scenario
+from tests.engine.storage.stored_runs import assert_same, finished, scenario
 from tests.machines.starting import Ended, Machines
 
 LONG = 6.0

@@ -22,7 +22,7 @@ PLACES_OF_ALGEBRA = {
     # finds zeros and drops every other result
     "formula/identities.py",
     # expands polynomials of masked functions
-    "model/leader_positions.py",
+    "model/leaders_and_obstacles/leader_positions.py",
 }
 
 

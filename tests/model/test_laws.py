@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import flocking as fk
 from flocking.errors import InvalidInput
-from flocking.model.weights import pair_uniform
+from flocking.model.graphs.weights import pair_uniform
 
 PSI = fk.Potential("1/r + 1/(R - r)", R=4)
 GRAPH = fk.Proximity(4)

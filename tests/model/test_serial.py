@@ -16,18 +16,18 @@ from hypothesis import strategies as st
 import flocking as fk
 import flocking.model
 from flocking.errors import FlockingError, InvalidInput
-from flocking.model.avoidance import Avoid
-from flocking.model.bumps import Bump
-from flocking.model.graphs import Graph
-from flocking.model.leaders import Leader
-from flocking.model.obstacles import Ball, Obstacle, Wall
-from flocking.model.polygons import ConvexPolygon
-from flocking.model.schedules import Schedule
+from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.graphs.smooth_graphs import PerAgentRadii, Smooth
+from flocking.model.graphs.views import Cone, FieldOfView, HeadingWeights, SmoothCone
+from flocking.model.graphs.weights import PairWeights
+from flocking.model.leaders_and_obstacles.leaders import Leader
+from flocking.model.leaders_and_obstacles.obstacles import Ball, Obstacle, Wall
+from flocking.model.leaders_and_obstacles.polygons import ConvexPolygon
+from flocking.model.potentials.bumps import Bump
 from flocking.model.serial import HOMES, ForeignPart, from_data, to_data
-from flocking.model.smooth_graphs import PerAgentRadii, Smooth
-from flocking.model.terms import Term
-from flocking.model.views import Cone, FieldOfView, HeadingWeights, SmoothCone
-from flocking.model.weights import PairWeights
+from flocking.model.terms.avoidance import Avoid
+from flocking.model.terms.pair_terms import Term
+from flocking.model.terms.schedules import Schedule
 
 
 def again(part: Any) -> Any:
@@ -90,8 +90,8 @@ def fields_of(value: Any) -> Any:
 
 
 def _concrete(base: type) -> list[type]:
-    for module in pkgutil.iter_modules(flocking.model.__path__):
-        import_module(f"flocking.model.{module.name}")
+    for module in pkgutil.walk_packages(flocking.model.__path__, "flocking.model."):
+        import_module(module.name)
     found, todo = [], [base]
     while todo:
         kind = todo.pop()

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import flocking as fk
 from flocking.errors import InvalidInput
-from flocking.model.connectivity import is_connected
+from flocking.model.graphs.connectivity import is_connected
 
 SEEDS = st.integers(0, 10**6)
 

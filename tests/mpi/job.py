@@ -10,7 +10,7 @@ import sys
 import numpy as np
 
 import flocking as fk
-from flocking.engine.lammps.run import drive_ranks
+from flocking.engine.driver.lammps_runs import drive_ranks
 from flocking.engine.lammps.session import LammpsOptions, LammpsSession
 from tests.mpi.laws import law, start
 

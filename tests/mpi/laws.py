@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import flocking as fk
-from flocking.model.structural import structural_potential
+from flocking.model.potentials.structural_potential import structural_potential
 from flocking.papers.shi_2009 import system as shi
 from flocking.papers.tanner_2003_dynamic import system as tanner
 

@@ -11,7 +11,7 @@ import pytest
 
 import flocking as fk
 from flocking.apps.cli import main
-from flocking.engine.lammps.export import export_deck
+from flocking.engine.driver.lammps_export import export_deck
 from flocking.engine.lammps.session import LammpsOptions, LammpsSession
 from flocking.errors import InvalidInput, StorageError
 from tests.mpi.job import scenario

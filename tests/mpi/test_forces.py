@@ -7,7 +7,7 @@ import pytest
 
 import flocking as fk
 from flocking.engine.lammps.session import LammpsOptions, LammpsSession
-from flocking.model.structural import structural_potential
+from flocking.model.potentials.structural_potential import structural_potential
 from tests.mpi.laws import NAMES, RADIUS, law, start
 
 pytestmark = pytest.mark.mpi

@@ -5,7 +5,7 @@ import pytest
 
 import flocking as fk
 from flocking.errors import LawNotObeyed, StepTooLarge, UnsupportedLaw
-from flocking.study.claims import Verdict
+from flocking.study.claims.claim import Verdict
 from tests.mpi.job import scenario
 
 pytestmark = pytest.mark.mpi

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.engine.lammps.run import drive_ranks
+from flocking.engine.driver.lammps_runs import drive_ranks
 from flocking.engine.lammps.session import LammpsOptions, LammpsSession
-from flocking.engine.run_writer import RunWriter
+from flocking.engine.storage.run_writer import RunWriter
 from flocking.errors import StorageError
 from tests.mpi.job import scenario
 from tests.mpi.jobs import launch, run_job

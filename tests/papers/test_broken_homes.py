@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.study.equations import Row
+from flocking.study.equation_table import Row
 from tests.papers.broken import running
 from tests.papers.broken.__main__ import homes, outcomes, told
 from tests.papers.broken.edits import edits_of
 from tests.papers.broken.homes import Mutant
 from tests.papers.broken.running import break_home
-from tests.papers.rows import ROWS, identity
+from tests.papers.transcriptions.rows import ROWS, identity
 
 FUNCTION = """
 def f(x: Array, k: int = 2) -> float:
@@ -55,7 +55,7 @@ def test_checks_of_arguments_are_left_alone() -> None:
                and "return 1.0" not in source)  # fmt: skip
 
 
-HOME = "flocking.study.nets.degree_matrix"
+HOME = "flocking.study.nets.matrices.degree_matrix"
 
 
 def test_a_test_that_looks_at_nothing_lets_every_fault_live() -> None:

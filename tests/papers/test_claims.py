@@ -7,10 +7,10 @@ import pytest
 
 import flocking as fk
 from flocking.papers import KEYS, paper
-from flocking.study.audit import audit
-from flocking.study.claims import Basis, Verdict
-from flocking.study.judgement import judge
-from flocking.study.settled_run import settled_runs
+from flocking.study.claims.audit import audit
+from flocking.study.claims.claim import Basis, Verdict
+from flocking.study.claims.judgement import judge
+from flocking.study.claims.settled_run import settled_runs
 
 NAMES = [
     (key, name) for key in ("tanner-2003-fixed", "tanner-2003-dynamic", "zhou-2015") for name in paper(key).scenarios()

@@ -6,8 +6,8 @@ import importlib
 
 import pytest
 
-from flocking.study.equations import KINDS, Demonstration, Fault, Row
-from tests.papers.rows import ROWS, examine, identity
+from flocking.study.equation_table import KINDS, Demonstration, Fault, Row
+from tests.papers.transcriptions.rows import ROWS, examine, identity
 
 
 @pytest.mark.parametrize("row", ROWS, ids=identity)

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.engine.run import SWITCH_FIELDS, TRACE_FIELDS
+from flocking.engine.runs.run import SWITCH_FIELDS, TRACE_FIELDS
 from flocking.papers import olfati_saber_2003 as paper
 from flocking.papers.olfati_saber_2003 import density, examples_runs, passage, system
-from flocking.study.audit import audit
-from flocking.study.judgement import judge
+from flocking.study.claims.audit import audit
+from flocking.study.claims.judgement import judge
 
 
 @pytest.fixture(autouse=True)

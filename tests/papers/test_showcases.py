@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.engine.run import SWITCH_FIELDS, TRACE_FIELDS, Run
+from flocking.engine.runs.run import SWITCH_FIELDS, TRACE_FIELDS, Run
 from flocking.errors import InvalidInput
-from flocking.model.avoidance import Avoid
+from flocking.model.terms.avoidance import Avoid
 from flocking.papers.olfati_saber_2003 import system
 from flocking.papers.showcases import flock_from_noise
 from flocking.papers.showcases.files import TITLES, showcase_scenario, showcase_text
-from flocking.papers.showcases.kept import Kept, packed, unpacked
 from flocking.papers.showcases.obstacle_views import LATTICE, CloseView, ObstacleViews, balls_of, surface_distances
 from flocking.papers.showcases.shipped import FIELD, RESULTS, SHOWCASES, SIX, showcase
+from flocking.papers.showcases.stored_summary import Kept, packed, unpacked
 
 STORED = sorted(path.stem.split(".") for path in RESULTS.glob("*.npz"))
 

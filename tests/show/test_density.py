@@ -6,7 +6,7 @@ import pytest
 import flocking as fk
 from flocking.errors import InvalidInput
 from flocking.show.density import density
-from flocking.show.grains import lattice_colors
+from flocking.show.lattice_orientation import lattice_colors
 from flocking.study.density_maps import DensityMap, density_map
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import flocking as fk
 from flocking.show.motion import BINS, thinned, thinned_path
 from flocking.show.series import velocities
-from tests.engine.test_fine_samples import encounter
+from tests.engine.exact.test_fine_samples import encounter
 
 
 def test_thinning_keeps_the_extrema_of_every_column() -> None:

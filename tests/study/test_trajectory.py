@@ -9,7 +9,7 @@ import pytest
 
 import flocking as fk
 from flocking.papers.tanner_2003_dynamic import scenario
-from flocking.study.claims import Verdict
+from flocking.study.claims.claim import Verdict
 from flocking.study.trajectory import read_trajectory, run_from_samples
 
 

@@ -11,10 +11,14 @@ from typing import Annotated, Any
 
 from cyclopts import App, CycloptsError, Parameter
 
-from flocking.apps.cache_command import cache
+from flocking.apps.commands.cache_command import cache
+from flocking.apps.commands.picture_commands import animate, plot
+from flocking.apps.commands.run_commands import resume, run
+from flocking.apps.commands.showcase_commands import showcase
+from flocking.apps.commands.storage_commands import diff, export, info
+from flocking.apps.commands.sweep_commands import sweep
 from flocking.apps.early_signals import INTERRUPTED, SENTENCE
 from flocking.apps.lab.command import lab
-from flocking.apps.picture_commands import animate, plot
 from flocking.apps.process import (
     ended_by_signals,
     give_up_output,
@@ -22,13 +26,9 @@ from flocking.apps.process import (
     open_streams,
     quiet_warnings,
 )
-from flocking.apps.run_commands import resume, run
-from flocking.apps.showcase_commands import showcase
-from flocking.apps.storage_commands import diff, export, info
-from flocking.apps.sweep_commands import sweep
 from flocking.apps.whole_numbers import check_whole_numbers
 from flocking.engine import interruption
-from flocking.engine.shortage import LEAST_ADDRESS_SPACE, address_space, starved
+from flocking.engine.memory_shortage import LEAST_ADDRESS_SPACE, address_space, starved
 
 FINE, DIFFERENT, BAD_INPUT = 0, 1, 2
 
@@ -217,8 +217,8 @@ def reproduce(
     as_json
         Print JSON.
     """
-    from flocking.apps.findings import rate_of
-    from flocking.apps.reproduction import reproduce as reproduce_papers
+    from flocking.apps.reproduction.reproduce import reproduce as reproduce_papers
+    from flocking.apps.reproduction.results import rate_of
     from flocking.apps.tables import print_table, short
 
     found = reproduce_papers(
@@ -283,7 +283,7 @@ def audit(folder: Path, *, as_json: Json = False) -> int:
         Print JSON.
     """
     from flocking.apps.tables import print_table, short
-    from flocking.engine.storage import read_run
+    from flocking.engine.storage.stored_runs import read_run
     from flocking.papers.auditing import audit as audit_run
 
     report = audit_run(read_run(folder))
@@ -320,8 +320,8 @@ def check(
         Print JSON.
     """
     from flocking.apps.tables import print_table
-    from flocking.model.potentials import Potential
-    from flocking.study.potential_check import check_potential
+    from flocking.model.potentials.potential import Potential
+    from flocking.study.potentials.potential_check import check_potential
 
     potential = Potential(formula, **_named_values(parameter or []))
     report = check_potential(potential, radius=radius, definition=definition)
@@ -391,8 +391,8 @@ def schema(*, sweep: bool = False) -> int:
     sweep
         That of sweep files instead.
     """
-    from flocking.papers.families import families
-    from flocking.study.scenario_file import scenario_schema
+    from flocking.papers.scenario_families import families
+    from flocking.study.scenario_files.scenario_file import scenario_schema
     from flocking.study.sweeps.editor_schema import sweep_schema
 
     _print_json(sweep_schema(families()) if sweep else scenario_schema())

@@ -41,10 +41,10 @@ def find_scenario(name: str, seed: int | None, most_agents: int | None) -> Scena
     if name in TITLES:
         return showcase_scenario(name, seed)
     if Path(name).suffix == ".toml" or Path(name).exists():
-        from flocking.study.scenario_file import MOST_AGENTS, read_scenario
+        from flocking.study.scenario_files.scenario_file import MOST_AGENTS, read_scenario
 
         return read_scenario(name, seed=seed, most_agents=MOST_AGENTS if most_agents is None else most_agents)
-    from flocking.study.scenario_values import nearest
+    from flocking.study.scenario_files.scenario_values import nearest
 
     raise InvalidInput(
         "run",

@@ -11,7 +11,7 @@ import threading
 from types import FrameType, TracebackType
 from typing import Any
 
-from flocking.engine.shortage import causes
+from flocking.engine.memory_shortage import causes
 from flocking.errors import FlockingError
 
 _asked = threading.Event()

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from flocking.errors import InvalidInput
 from flocking.model.checks import number, one_of
-from flocking.model.leaders import Leader
+from flocking.model.leaders_and_obstacles.leaders import Leader
 
 FRAMES = ("lab", "centre of mass", "leader")
 

@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 
 from flocking.errors import InvalidInput
-from flocking.model.balances import check_body_term, check_pair_term
 from flocking.model.checks import array, integer, number
-from flocking.model.coincidence import coincident_groups, linked_pair
 from flocking.model.energy import Energy
-from flocking.model.graphs import Graph
-from flocking.model.leaders import Leader
-from flocking.model.potential_reach import check_reach
+from flocking.model.graphs.coincident_starts import coincident_groups, linked_pair
+from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.leaders_and_obstacles.leaders import Leader
 from flocking.model.state import Agents, State
-from flocking.model.terms import Gradient, PairTerm, Term
-from flocking.model.tracking import BodyTerm
+from flocking.model.terms.balances import check_body_term, check_pair_term
+from flocking.model.terms.body_terms import BodyTerm
+from flocking.model.terms.pair_terms import Gradient, PairTerm, Term
+from flocking.model.terms.potential_reach import check_reach
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ class Law:
     @property
     def symmetries(self) -> frozenset[str]:
         """Symmetries that all terms and graphs keep."""
-        from flocking.model.terms import SYMMETRIES
+        from flocking.model.terms.pair_terms import SYMMETRIES
 
         kept = SYMMETRIES
         for term in self.terms:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.model.checks import Array
-from flocking.model.connectivity import Links, components
+from flocking.model.graphs.connectivity import Links, components
 from flocking.model.state import State
 
 

@@ -16,17 +16,29 @@ import numpy as np
 from flocking.errors import InvalidInput
 
 HOMES: dict[str, str] = {
-    "Agents": "state", "Avoid": "avoidance", "Ball": "obstacles", "Bump": "bumps", "Compensate": "tracking",
-    "Cone": "views", "Consensus": "terms", "ConvexPolygon": "polygons", "Energy": "energy", "FieldOfView": "views",
-    "Fixed": "graphs", "Gradient": "terms", "HashedWeights": "weights", "HeadingWeights": "views",
-    "Hysteresis": "graphs", "Law": "law", "MatrixWeights": "weights", "Path": "leaders",
-    "PerAgentRadii": "smooth_graphs", "Potential": "potentials", "Proximity": "graphs", "Scenario": "law",
-    "Schedule": "schedules", "Sink": "leaders", "Smooth": "smooth_graphs", "SmoothCone": "views", "State": "state",
-    "Track": "tracking", "Velocity": "leaders", "Wall": "obstacles",
+    "Agents": "state", "Avoid": "terms.avoidance", "Ball": "leaders_and_obstacles.obstacles", "Bump":
+    "potentials.bumps", "Compensate": "terms.body_terms", "Cone": "graphs.views", "Consensus": "terms.pair_terms",
+    "ConvexPolygon": "leaders_and_obstacles.polygons", "Energy": "energy", "FieldOfView": "graphs.views", "Fixed":
+    "graphs.distance_graphs", "Gradient": "terms.pair_terms", "HashedWeights": "graphs.weights", "HeadingWeights":
+    "graphs.views", "Hysteresis": "graphs.distance_graphs", "Law": "law", "MatrixWeights": "graphs.weights", "Path":
+    "leaders_and_obstacles.leaders", "PerAgentRadii": "graphs.smooth_graphs", "Potential": "potentials.potential",
+    "Proximity": "graphs.distance_graphs", "Scenario": "law", "Schedule": "terms.schedules", "Sink":
+    "leaders_and_obstacles.leaders", "Smooth": "graphs.smooth_graphs", "SmoothCone": "graphs.views", "State":
+    "state", "Track": "terms.body_terms", "Velocity": "leaders_and_obstacles.leaders", "Wall":
+    "leaders_and_obstacles.obstacles",
 }  # fmt: skip
 """Module under `flocking.model` of every part that data may name. A new dataclass part needs its line here only."""
 
-SHARED = frozenset({"graphs", "leaders", "obstacles", "polygons", "smooth_graphs", "views"})
+SHARED = frozenset(
+    {
+        "graphs.distance_graphs",
+        "leaders_and_obstacles.leaders",
+        "leaders_and_obstacles.obstacles",
+        "leaders_and_obstacles.polygons",
+        "graphs.smooth_graphs",
+        "graphs.views",
+    }
+)
 """Modules whose parts keep their identity: two terms that look at one leader still do after a round trip."""
 
 LONGEST_LIST = 1000

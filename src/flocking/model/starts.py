@@ -9,11 +9,11 @@ import numpy as np
 
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, array, integer, number, one_of
-from flocking.model.connectivity import is_connected
+from flocking.model.graphs.connectivity import is_connected
 from flocking.model.state import State
 
 if TYPE_CHECKING:
-    from flocking.model.graphs import Graph
+    from flocking.model.graphs.distance_graphs import Graph
 
 MOST_DRAWS = 100_000
 """Draws tried before a connected start is declared out of reach."""
@@ -189,7 +189,7 @@ def _count(owner: str, n: int, dimension: int, most_agents: int) -> int:
 
 
 def _check_graph(owner: str, n: int, graph: object) -> None:
-    from flocking.model.graphs import Graph
+    from flocking.model.graphs.distance_graphs import Graph
 
     if graph is None:
         return

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from flocking.engine.run import Run
+from flocking.engine.runs.run import Run
 from flocking.papers import paper, paper_of
-from flocking.study.audit import Report
-from flocking.study.audit import audit as audit_claims
-from flocking.study.claims import Claim
+from flocking.study.claims.audit import Report
+from flocking.study.claims.audit import audit as audit_claims
+from flocking.study.claims.claim import Claim
 
 
 def audit(run: Run, claims: Sequence[Claim] | None = None) -> Report:

@@ -8,13 +8,13 @@ from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol
 
-from flocking.engine.run import Run
+from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
 from flocking.papers.equation_files import read_statements
 from flocking.show.declaration import Figure, drawn_figure
-from flocking.study.claims import Claim
-from flocking.study.equations import Erratum, Row, errata_of
+from flocking.study.claims.claim import Claim
+from flocking.study.equation_table import Erratum, Row, errata_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Picture

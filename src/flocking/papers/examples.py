@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flocking.engine.run import Run
-from flocking.engine.simulate import simulate
+from flocking.engine.driver.simulate import simulate
+from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, integer
 from flocking.model.law import Law, Scenario
-from flocking.model.potentials import Potential
+from flocking.model.potentials.potential import Potential
 from flocking.model.state import Agents, State
-from flocking.study.audit import audit
-from flocking.study.claims import Claim
-from flocking.study.judgement import Judgement, judge
-from flocking.study.potential_check import check_potential
+from flocking.study.claims.audit import audit
+from flocking.study.claims.claim import Claim
+from flocking.study.claims.judgement import Judgement, judge
+from flocking.study.potentials.potential_check import check_potential
 
 if TYPE_CHECKING:
     from flocking.show.contents import PanelContents

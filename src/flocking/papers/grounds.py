@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from flocking.model.law import Scenario
-from flocking.study.claims import Basis, Claim
+from flocking.study.claims.claim import Basis, Claim
 
 
 @dataclass(frozen=True)

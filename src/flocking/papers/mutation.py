@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from flocking.engine.run import Run
-from flocking.engine.simulate import simulate
+from flocking.engine.driver.simulate import simulate
+from flocking.engine.runs.run import Run
 from flocking.model.law import Scenario
 from flocking.papers import paper
 from flocking.papers.auditing import paper_claims
-from flocking.study.audit import audit
-from flocking.study.claims import Verdict
+from flocking.study.claims.audit import audit
+from flocking.study.claims.claim import Verdict
 from flocking.study.mutants import MUTATIONS, coarse_step, mutated_run
 from flocking.study.trajectory import run_from_samples
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from flocking.papers import KEYS, paper
-from flocking.study.equations import Row
+from flocking.study.equation_table import Row
 
 
 def equation_table(keys: Sequence[str] = KEYS) -> list[Row]:

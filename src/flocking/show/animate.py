@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from flocking.engine.interruption import interrupted
-from flocking.engine.run import Run
+from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, integer, number
 from flocking.show.plane import net

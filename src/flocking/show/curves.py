@@ -10,7 +10,7 @@ import numpy as np
 
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, number
-from flocking.model.potentials import Potential
+from flocking.model.potentials.potential import Potential
 from flocking.show.style import BLUE, GREEN, VERMILION, axes_or_new, in_style, theme
 
 if TYPE_CHECKING:

@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from flocking.engine.run import Run
+from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
-from flocking.model.potentials import Potential
+from flocking.model.potentials.potential import Potential
 from flocking.show import curves, plane, series
 from flocking.show.sheet import panel, sheet
 from flocking.show.style import COLUMN, PAGE

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from flocking.engine.run import Run
+from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, number
-from flocking.model.leaders import Leader
+from flocking.model.leaders_and_obstacles.leaders import Leader
 
 
 def frame_at(run: Run, time: float | None = None, frame: int | None = None) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flocking.engine.run import FineSamples, Run
+from flocking.engine.runs.run import FineSamples, Run
 from flocking.model.checks import Array
 
 BINS = 800

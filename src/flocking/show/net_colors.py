@@ -8,7 +8,7 @@ import numpy as np
 
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
-from flocking.model.connectivity import components
+from flocking.model.graphs.connectivity import components
 from flocking.show.style import BLUE, GREEN, GREY, ORANGE, PALETTE, PURPLE, VERMILION, theme
 
 CHOICES = ("plain", "flock", "speed", "heading")

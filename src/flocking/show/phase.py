@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flocking.engine.run import Run
+from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
-from flocking.model.potentials import Potential
-from flocking.model.terms import Gradient
+from flocking.model.potentials.potential import Potential
+from flocking.model.terms.pair_terms import Gradient
 from flocking.show.motion import motion_of
 from flocking.show.style import BLUE, ORANGE, axes_or_new, in_style, theme
 

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.engine.run import Run
+from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
-from flocking.model.avoidance import ObstacleTerm
 from flocking.model.checks import Array, number
-from flocking.model.leaders import Leader
+from flocking.model.leaders_and_obstacles.leaders import Leader
 from flocking.model.state import State
+from flocking.model.terms.avoidance import ObstacleTerm
 from flocking.show.frames import frame_at, leader_at
 from flocking.show.motion import motion_of, thinned_path
 from flocking.show.net_colors import net_colors

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flocking.engine.run import Run
+from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
-from flocking.model.leaders import Leader
+from flocking.model.leaders_and_obstacles.leaders import Leader
 from flocking.show.frames import checked_axis, dimension_name, leader_track
 from flocking.show.motion import motion_of, thinned
 from flocking.show.style import PALETTE, RED, VERMILION, axes_or_new, in_style, theme

@@ -13,7 +13,7 @@ from flocking.show.style import PAGE, figure, in_style
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from flocking.engine.run import Run
+    from flocking.engine.runs.run import Run
 
 
 @dataclass(frozen=True)

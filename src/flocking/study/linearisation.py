@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.engine.reference import evaluate, graph_links
+from flocking.engine.reference.control import evaluate, graph_links
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
 from flocking.model.law import Law

@@ -12,18 +12,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flocking.engine.reference import control
-from flocking.engine.run import Run
-from flocking.engine.simulate import simulate
+from flocking.engine.driver.simulate import simulate
+from flocking.engine.reference.control import control
+from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
-from flocking.model.avoidance import Avoid, ObstacleTerm
 from flocking.model.checks import Array
-from flocking.model.graphs import Fixed, Graph, Hysteresis, Proximity
+from flocking.model.graphs.distance_graphs import Fixed, Graph, Hysteresis, Proximity
+from flocking.model.graphs.weights import MatrixWeights
 from flocking.model.law import Law, Scenario
 from flocking.model.state import Agents, State
-from flocking.model.symbols import ObstacleSymbols, PairSymbols
-from flocking.model.terms import Consensus, PairTerm, Term, Value
-from flocking.model.weights import MatrixWeights
+from flocking.model.terms.avoidance import Avoid, ObstacleTerm
+from flocking.model.terms.pair_terms import Consensus, PairTerm, Term, Value
+from flocking.model.terms.symbols import ObstacleSymbols, PairSymbols
 from flocking.study.trajectory import run_from_samples
 
 if TYPE_CHECKING:

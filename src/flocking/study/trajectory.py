@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.engine.reference import evaluate
-from flocking.engine.run import SWITCH_FIELDS, TRACE_FIELDS, Closest, Run
+from flocking.engine.reference.control import evaluate
+from flocking.engine.runs.run import SWITCH_FIELDS, TRACE_FIELDS, Closest, Run
 from flocking.errors import InvalidInput
 from flocking.formula.compiled import Reading
 from flocking.model.checks import Array, array
-from flocking.model.graphs import pair_distances
+from flocking.model.graphs.distance_graphs import pair_distances
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
-from flocking.model.terms import Gradient
+from flocking.model.terms.pair_terms import Gradient
 
 LARGEST_FILE = 2_000_000_000
 """Bytes a trajectory file may have."""

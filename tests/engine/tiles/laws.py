@@ -6,7 +6,7 @@ import numpy as np
 
 import flocking as fk
 from flocking.engine.tiles.session import TilesOptions, TilesSession
-from flocking.model.smooth_graphs import PerAgentRadii, Smooth
+from flocking.model.graphs.smooth_graphs import PerAgentRadii, Smooth
 
 STRUCTURAL = "(a + b)/2*(sqrt(1 + (r - d + c)**2) - sqrt(1 + c**2)) + (a - b)/2*(r - d)"
 

@@ -6,7 +6,7 @@ import pytest
 import flocking as fk
 from flocking.engine.tiles.session import TilesOptions, TilesSession
 from flocking.errors import LawNotObeyed, StepTooLarge
-from flocking.study.claims import Verdict
+from flocking.study.claims.claim import Verdict
 from tests.counting import count
 from tests.engine.tiles.laws import shi
 from tests.engine.tiles.test_law_check import saber, zhou

@@ -5,8 +5,8 @@ import pytest
 
 import flocking as fk
 from flocking.engine.tiles.session import TilesOptions, TilesSession
-from flocking.model.avoidance import Avoid
-from flocking.model.obstacles import Ball
+from flocking.model.leaders_and_obstacles.obstacles import Ball
+from flocking.model.terms.avoidance import Avoid
 from tests.engine.tiles.laws import (
     PerAgentRadii,
     Smooth,

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.engine.law_gaps import is_due
+from flocking.engine.fixed_step.law_gaps import is_due
 from flocking.engine.tiles.session import TilesOptions, TilesSession
 from flocking.errors import LawNotObeyed
-from flocking.study.claims import Verdict
+from flocking.study.claims.claim import Verdict
 from tests.engine.tiles.laws import STRUCTURAL
 
 
@@ -68,7 +68,7 @@ def test_a_plant_with_a_gain_one_per_cent_off_fails_the_ledger(precision):
 
 @pytest.mark.parametrize("part", ["kick", "drift"])
 def test_steps_that_are_one_per_cent_off_show(part, monkeypatch):
-    from flocking.engine.tiles import crowd
+    from flocking.engine.tiles import particle_arrays as crowd
 
     original = crowd.Crowd.move
 

@@ -16,16 +16,16 @@ import pytest
 import xarray
 
 import flocking as fk
-from flocking.engine import saving
-from flocking.engine.checkpoint import pack, unpack
-from flocking.engine.run import Run
-from flocking.engine.storage import read_run
+from flocking.engine.driver import session_writer as saving
+from flocking.engine.driver.checkpoint import pack, unpack
+from flocking.engine.runs.run import Run
+from flocking.engine.storage.stored_runs import read_run
 from flocking.engine.tiles.records import Records
 from flocking.engine.tiles.session import TilesOptions, TilesSession, TilesSnapshot
 from flocking.errors import InvalidInput, StepTooLarge, StorageError
-from flocking.model.avoidance import Avoid
-from flocking.model.obstacles import Ball
-from tests.engine.stored_runs import fill_the_disk_after_three_commits
+from flocking.model.leaders_and_obstacles.obstacles import Ball
+from flocking.model.terms.avoidance import Avoid
+from tests.engine.storage.stored_runs import fill_the_disk_after_three_commits
 from tests.engine.tiles.laws import PerAgentRadii, saber, structural, zhou
 
 
@@ -75,7 +75,7 @@ def scenario(kind: str, n: int = 500) -> fk.Scenario:
 @pytest.fixture
 def stop_after(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
     """Stop after every step, commit after two of them, and fall at the second as a crash would."""
-    monkeypatch.setattr("flocking.engine.simulate.GLANCE_SECONDS", 0.0)
+    monkeypatch.setattr("flocking.engine.driver.simulate.GLANCE_SECONDS", 0.0)
 
     def arrange(count: int) -> None:
         seen = 0
@@ -313,7 +313,7 @@ def test_a_checkpoint_holds_all_of_a_snapshot(tmp_path: Path) -> None:
 
 
 def test_a_checkpoint_refuses_what_it_cannot_hold() -> None:
-    from flocking.engine.tiles.memory import flattened
+    from flocking.engine.tiles.checkpoint import flattened
 
     with pytest.raises(TypeError, match="cannot hold a set"):
         flattened({"x": [{1, 2}]}, {})

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.engine.tiles import crowd as crowd_module
-from flocking.engine.tiles.pairs import listed_pairs
+from flocking.engine.tiles import particle_arrays as crowd_module
+from flocking.engine.tiles.listed_pairs import listed_pairs
 from flocking.engine.tiles.session import TilesOptions, TilesSession
 from flocking.errors import LawNotObeyed, LinkLost, NotFinite, StepTooLarge, TooCrowded
-from flocking.model.avoidance import Avoid
-from flocking.model.obstacles import Ball
+from flocking.model.leaders_and_obstacles.obstacles import Ball
+from flocking.model.terms.avoidance import Avoid
 from tests.engine.tiles.laws import saber, states, structural, zhou
 
 

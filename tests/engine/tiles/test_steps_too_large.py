@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.engine.passing import check_passing, singular_reach
-from flocking.engine.step_checks import STRIDE
+from flocking.engine.fixed_step.passing_pairs import check_passing, singular_reach
+from flocking.engine.fixed_step.step_checks import STRIDE
 from flocking.engine.tiles.session import TilesOptions, TilesSession
 from flocking.errors import StepTooLarge
 from tests.engine.tiles.laws import saber, states

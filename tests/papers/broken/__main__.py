@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 
 from tests.papers.broken.running import Outcome, break_home, warmed
-from tests.papers.rows import ROWS
+from tests.papers.transcriptions.rows import ROWS
 
 
 def homes(paper: str = "", part: str = "", numbers: Sequence[str] = ("",)) -> list[str]:

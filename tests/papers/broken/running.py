@@ -19,12 +19,12 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from flocking.study.equations import Row
+from flocking.study.equation_table import Row
 from tests.papers.broken.equivalent import reason
 from tests.papers.broken.homes import Mutant, Part, mutants_of, names_of, parts_of
 from tests.papers.broken.tracing import traced
 from tests.papers.homes import HOMES
-from tests.papers.rows import ROWS, identity, statement
+from tests.papers.transcriptions.rows import ROWS, identity, statement
 
 MOST = 60
 """Largest number of faults tried for a home."""
@@ -103,7 +103,7 @@ def changes_runs(home: str) -> bool:
 
 
 def changes_generated_code(home: str) -> bool:
-    return changes_runs(home) or home.startswith("flocking.study.nets.")
+    return changes_runs(home) or home.startswith("flocking.study.nets.matrices.")
 
 
 # -- runs once computed -------------------------------------------------------------------------------------------
@@ -116,7 +116,7 @@ def remembered_runs() -> Iterator[None]:
     """Within it every module's ``simulate`` keeps its results: faults above the engine do not change them."""
     import cloudpickle
 
-    from flocking.engine import simulate as home
+    from flocking.engine.driver import simulate as home
 
     original = home.simulate
 

@@ -9,15 +9,15 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from flocking.errors import InvalidInput
-from flocking.model.avoidance import Avoid
-from flocking.model.graphs import Fixed, Hysteresis, Proximity
-from flocking.model.leaders import Velocity
-from flocking.model.obstacles import Ball
-from flocking.model.potentials import Potential
-from flocking.model.smooth_graphs import PerAgentRadii, Smooth
-from flocking.model.terms import Gradient
-from flocking.model.tracking import Track
-from flocking.model.views import Cone, SmoothCone
+from flocking.model.graphs.distance_graphs import Fixed, Hysteresis, Proximity
+from flocking.model.graphs.smooth_graphs import PerAgentRadii, Smooth
+from flocking.model.graphs.views import Cone, SmoothCone
+from flocking.model.leaders_and_obstacles.leaders import Velocity
+from flocking.model.leaders_and_obstacles.obstacles import Ball
+from flocking.model.potentials.potential import Potential
+from flocking.model.terms.avoidance import Avoid
+from flocking.model.terms.body_terms import Track
+from flocking.model.terms.pair_terms import Gradient
 
 
 def kept(part, **expected):
@@ -105,14 +105,14 @@ def avoid():
 
 MODEL = "flocking.model"
 CHECKS: dict[str, Callable[[], None]] = {
-    f"{MODEL}.graphs.Proximity": proximity,
-    f"{MODEL}.graphs.Hysteresis": hysteresis,
-    f"{MODEL}.graphs.Fixed": fixed,
-    f"{MODEL}.smooth_graphs.Smooth": smooth,
-    f"{MODEL}.smooth_graphs.PerAgentRadii": per_agent_radii,
-    f"{MODEL}.views.Cone": cone,
-    f"{MODEL}.views.SmoothCone": smooth_cone,
-    f"{MODEL}.terms.Gradient": gradient,
-    f"{MODEL}.tracking.Track": track,
-    f"{MODEL}.avoidance.Avoid": avoid,
+    f"{MODEL}.graphs.distance_graphs.Proximity": proximity,
+    f"{MODEL}.graphs.distance_graphs.Hysteresis": hysteresis,
+    f"{MODEL}.graphs.distance_graphs.Fixed": fixed,
+    f"{MODEL}.graphs.smooth_graphs.Smooth": smooth,
+    f"{MODEL}.graphs.smooth_graphs.PerAgentRadii": per_agent_radii,
+    f"{MODEL}.graphs.views.Cone": cone,
+    f"{MODEL}.graphs.views.SmoothCone": smooth_cone,
+    f"{MODEL}.terms.pair_terms.Gradient": gradient,
+    f"{MODEL}.terms.body_terms.Track": track,
+    f"{MODEL}.terms.avoidance.Avoid": avoid,
 }

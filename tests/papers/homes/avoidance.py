@@ -8,16 +8,16 @@ import numpy as np
 import sympy
 from numpy.testing import assert_allclose
 
-from flocking.engine.reference import control, evaluate
-from flocking.model.avoidance import Avoid
+from flocking.engine.reference.control import control, evaluate
 from flocking.model.energy import Energy
-from flocking.model.graphs import Proximity
+from flocking.model.graphs.distance_graphs import Proximity
 from flocking.model.law import Law
-from flocking.model.leaders import Velocity
-from flocking.model.obstacles import Ball, Obstacle, Piece, Wall
-from flocking.model.potentials import Potential
+from flocking.model.leaders_and_obstacles.leaders import Velocity
+from flocking.model.leaders_and_obstacles.obstacles import Ball, Obstacle, Piece, Wall
+from flocking.model.potentials.potential import Potential
 from flocking.model.state import State
-from flocking.study.obstacle_links import beta_links
+from flocking.model.terms.avoidance import Avoid
+from flocking.study.nets.obstacle_links import beta_links
 
 CENTRE, RADIUS, DRIFT = np.array([1.0, -2.0]), 1.5, np.array([0.4, -0.3])
 Q = np.array([[3.0, -1.5], [1.2, 0.2], [-1.8, -3.0], [1.0, 1.2], [6.0, 6.0], [1.3, -1.7]])
@@ -214,9 +214,9 @@ def links():
 
 MODEL = "flocking.model"
 HOMES = {
-    "flocking.study.obstacle_links.beta_links": links,
-    f"{MODEL}.avoidance.Avoid": avoided,
-    f"{MODEL}.obstacles.Obstacle.distance": geometry,
-    f"{MODEL}.obstacles.Obstacle.project": geometry,
-    f"{MODEL}.obstacles.Obstacle.geometry": geometry,
+    "flocking.study.nets.obstacle_links.beta_links": links,
+    f"{MODEL}.terms.avoidance.Avoid": avoided,
+    f"{MODEL}.leaders_and_obstacles.obstacles.Obstacle.distance": geometry,
+    f"{MODEL}.leaders_and_obstacles.obstacles.Obstacle.project": geometry,
+    f"{MODEL}.leaders_and_obstacles.obstacles.Obstacle.geometry": geometry,
 }

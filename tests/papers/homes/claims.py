@@ -12,7 +12,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from flocking.papers import paper
-from flocking.study.claims import Basis, Origin, Verdict
+from flocking.study.claims.claim import Basis, Origin, Verdict
 
 KEPT = "energy energy-falls velocities-agree linked-apart all-apart stationary minimal local-minimum speed-bound"
 LINKED = "energy energy-falls energy-bound energy-per-link new-links connected links-kept linked-apart all-apart"

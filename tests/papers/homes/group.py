@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from flocking.model.potentials import Potential
+from flocking.model.potentials.potential import Potential
 from flocking.model.state import State
 
 RNG = np.random.default_rng(77)

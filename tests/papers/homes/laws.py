@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from flocking.engine.reference import control, evaluate
+from flocking.engine.reference.control import control, evaluate
 from flocking.errors import InvalidInput
 from flocking.model.energy import Energy
-from flocking.model.graphs import Fixed, Proximity
+from flocking.model.graphs.distance_graphs import Fixed, Proximity
+from flocking.model.graphs.smooth_graphs import Smooth
 from flocking.model.law import Law
-from flocking.model.leaders import Sink, Velocity
-from flocking.model.potentials import Potential
-from flocking.model.smooth_graphs import Smooth
+from flocking.model.leaders_and_obstacles.leaders import Sink, Velocity
+from flocking.model.potentials.potential import Potential
 from flocking.model.state import Agents, State
-from flocking.model.terms import Consensus, Gradient, PairTerm
-from flocking.model.tracking import Compensate, Track
+from flocking.model.terms.body_terms import Compensate, Track
+from flocking.model.terms.pair_terms import Consensus, Gradient, PairTerm
 from tests.papers.homes.group import DAMPING, GUIDE, MASSES, PSI, STATE, N, P, Q, R, W, near_pairs, slope, value
 
 
@@ -210,6 +210,6 @@ def infinite():
 
 HOMES = {
     "flocking.model.law.Law": law,
-    "flocking.engine.reference.control": memory,
-    "flocking.engine.reference.evaluate": ledger,
+    "flocking.engine.reference.control.control": memory,
+    "flocking.engine.reference.control.evaluate": ledger,
 }

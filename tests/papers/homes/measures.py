@@ -8,12 +8,12 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.testing import assert_allclose
 
-from flocking.model.graphs import Fixed, Hysteresis, Proximity
+from flocking.model.graphs.distance_graphs import Fixed, Hysteresis, Proximity
 from flocking.model.law import Law
-from flocking.model.leaders import Path, Velocity
-from flocking.model.potentials import Potential
-from flocking.model.terms import Consensus, Gradient
-from flocking.model.tracking import Track
+from flocking.model.leaders_and_obstacles.leaders import Path, Velocity
+from flocking.model.potentials.potential import Potential
+from flocking.model.terms.body_terms import Track
+from flocking.model.terms.pair_terms import Consensus, Gradient
 from flocking.papers.tanner_2003_dynamic import system as dynamic
 from flocking.papers.tanner_2003_dynamic import theorems as dynamic_theorems
 from flocking.papers.tanner_2003_fixed import system as fixed
@@ -21,8 +21,8 @@ from flocking.papers.tanner_2003_fixed import theorems as fixed_theorems
 from flocking.papers.zhou_2015 import bounds as zhou_bounds
 from flocking.papers.zhou_2015 import system as zhou
 from flocking.papers.zhou_2015 import theorems as zhou_theorems
-from flocking.study import general_claims
-from tests.papers import transcribed as by_hand
+from flocking.study.claims import general_claims
+from tests.papers.transcriptions import transcribed as by_hand
 
 
 def tanner_law(law):
@@ -256,5 +256,5 @@ HOMES = {
     f"{ZHOU}.speeds_bounded": zhou_speeds,
     f"{ZHOU}.links_have_one_length": one_length,
     f"{ZHOU}.mean_velocity_decays": mean_velocity,
-    f"{STUDY}.general_claims.speeds_bounded": speeds,
+    f"{STUDY}.claims.general_claims.speeds_bounded": speeds,
 }

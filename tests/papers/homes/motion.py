@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.testing import assert_allclose
 
-from flocking.engine import codegen
+from flocking.engine.kernels import codegen
 
 N = 3
 
@@ -51,4 +51,4 @@ def double_integrators():
             assert_allclose(dy, np.concatenate([*(r.ravel() for r in rows), powers]), rtol=1e-12)
 
 
-HOMES = {"flocking.engine.codegen._stages_source": double_integrators}
+HOMES = {"flocking.engine.kernels.codegen._stages_source": double_integrators}

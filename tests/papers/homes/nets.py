@@ -9,15 +9,16 @@ import numpy as np
 import sympy
 from numpy.testing import assert_allclose, assert_array_equal
 
-from flocking.model.bumps import BUMPS
-from flocking.model.connectivity import is_connected
-from flocking.model.graphs import Fixed, Hysteresis, Proximity
+from flocking.model.graphs.connectivity import is_connected
+from flocking.model.graphs.distance_graphs import Fixed, Hysteresis, Proximity
+from flocking.model.graphs.smooth_graphs import PerAgentRadii, Smooth
+from flocking.model.graphs.views import Cone, SmoothCone, heading_gaps
 from flocking.model.observables import density, flocks
-from flocking.model.smooth_graphs import PerAgentRadii, Smooth
-from flocking.model.views import Cone, SmoothCone, heading_gaps
-from flocking.study import conformations, nets
-from flocking.study.agreement import agree, agreement_law
-from flocking.study.rigidity import rigidity_matrix
+from flocking.model.potentials.bumps import BUMPS
+from flocking.study.nets import conformations
+from flocking.study.nets import matrices as nets
+from flocking.study.nets.agreement import agree, agreement_law
+from flocking.study.nets.rigidity import rigidity_matrix
 
 RNG = np.random.default_rng(31)
 Q = np.array([[0.0, 0.0], [3.0, 4.0], [5.0, 0.0], [4.0, -3.0], [-2.0, 1.0], [9.0, 9.0]])
@@ -254,7 +255,7 @@ def connected():
 
 
 def law_of_agreement():
-    from flocking.engine.reference import evaluate
+    from flocking.engine.reference.control import evaluate
     from flocking.model.state import Agents, State
 
     theta = np.array([0.3, -1.0, 2.0, 0.7])
@@ -323,29 +324,29 @@ def refused_beyond_four():
 
 MODEL, STUDY = "flocking.model", "flocking.study"
 HOMES = {
-    f"{MODEL}.smooth_graphs.PerAgentRadii": per_agent_radii,
-    f"{MODEL}.smooth_graphs.Smooth": smooth,
-    f"{MODEL}.graphs.Proximity": proximity,
-    f"{MODEL}.graphs.Hysteresis": hysteresis,
-    f"{MODEL}.graphs.Fixed": fixed,
-    f"{MODEL}.views.Cone": cone,
-    f"{MODEL}.views.SmoothCone": smooth_cone,
-    f"{MODEL}.views.heading_gaps": views,
+    f"{MODEL}.graphs.smooth_graphs.PerAgentRadii": per_agent_radii,
+    f"{MODEL}.graphs.smooth_graphs.Smooth": smooth,
+    f"{MODEL}.graphs.distance_graphs.Proximity": proximity,
+    f"{MODEL}.graphs.distance_graphs.Hysteresis": hysteresis,
+    f"{MODEL}.graphs.distance_graphs.Fixed": fixed,
+    f"{MODEL}.graphs.views.Cone": cone,
+    f"{MODEL}.graphs.views.SmoothCone": smooth_cone,
+    f"{MODEL}.graphs.views.heading_gaps": views,
     f"{MODEL}.observables.density": flock_members,
     f"{MODEL}.observables.flocks": flock_members,
-    f"{MODEL}.connectivity.is_connected": connected,
-    f"{STUDY}.nets.adjacency": adjacency,
-    f"{STUDY}.nets.in_degree": in_degree,
-    f"{STUDY}.nets.degree_matrix": degree_matrix,
-    f"{STUDY}.nets.laplacian": laplacian,
-    f"{STUDY}.nets.is_balanced": is_balanced,
-    f"{STUDY}.nets.flock_members": flock_members,
-    f"{STUDY}.nets.is_quasi_flock": is_quasi_flock,
-    f"{STUDY}.nets.algebraic_connectivity": algebraic_connectivity,
-    f"{STUDY}.agreement.agreement_law": law_of_agreement,
-    f"{STUDY}.agreement.agree": agreement,
-    f"{STUDY}.rigidity.rigidity_matrix": rigidity,
-    f"{STUDY}.conformations.conformations": refused_beyond_four,
-    f"{STUDY}.conformations.count": shapes,
-    f"{STUDY}.conformations.upper_bound": shapes,
+    f"{MODEL}.graphs.connectivity.is_connected": connected,
+    f"{STUDY}.nets.matrices.adjacency": adjacency,
+    f"{STUDY}.nets.matrices.in_degree": in_degree,
+    f"{STUDY}.nets.matrices.degree_matrix": degree_matrix,
+    f"{STUDY}.nets.matrices.laplacian": laplacian,
+    f"{STUDY}.nets.matrices.is_balanced": is_balanced,
+    f"{STUDY}.nets.matrices.flock_members": flock_members,
+    f"{STUDY}.nets.matrices.is_quasi_flock": is_quasi_flock,
+    f"{STUDY}.nets.matrices.algebraic_connectivity": algebraic_connectivity,
+    f"{STUDY}.nets.agreement.agreement_law": law_of_agreement,
+    f"{STUDY}.nets.agreement.agree": agreement,
+    f"{STUDY}.nets.rigidity.rigidity_matrix": rigidity,
+    f"{STUDY}.nets.conformations.conformations": refused_beyond_four,
+    f"{STUDY}.nets.conformations.count": shapes,
+    f"{STUDY}.nets.conformations.upper_bound": shapes,
 }

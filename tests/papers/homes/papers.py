@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.testing import assert_allclose
 
-from flocking.model.avoidance import Avoid
-from flocking.model.leaders import Sink, Velocity
-from flocking.model.smooth_graphs import Smooth
-from flocking.model.terms import Consensus, Gradient
+from flocking.model.graphs.smooth_graphs import Smooth
+from flocking.model.leaders_and_obstacles.leaders import Sink, Velocity
+from flocking.model.terms.avoidance import Avoid
+from flocking.model.terms.pair_terms import Consensus, Gradient
 from flocking.papers.olfati_saber_2003 import closed_forms as olfati_forms
 from flocking.papers.olfati_saber_2003 import passage
 from flocking.papers.olfati_saber_2003 import system as olfati

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from flocking.engine.simulate import simulate
-from flocking.model.graphs import Proximity
+from flocking.engine.driver.simulate import simulate
+from flocking.model.graphs.distance_graphs import Proximity
 from flocking.model.law import Law, Scenario
-from flocking.model.potentials import Potential
+from flocking.model.potentials.potential import Potential
 from flocking.model.state import State
-from flocking.model.terms import Consensus, Gradient
-from flocking.study import nonsmooth
+from flocking.model.terms.pair_terms import Consensus, Gradient
 from flocking.study.evidence import Evidence, NotResolvable
-from flocking.study.potential_check import check_potential
+from flocking.study.potentials import nonsmooth
+from flocking.study.potentials.potential_check import check_potential
 
 R = 2.0
 SLOPE = 2 / R - 2 / R**3
@@ -221,16 +221,16 @@ def first_disconnected():
             first_disconnected_of(few)
 
 
-MODEL, STUDY = "flocking.model.potentials", "flocking.study"
+MODEL, STUDY = "flocking.model.potentials.potential", "flocking.study"
 HOMES = {
     f"{MODEL}.Potential": potential,
     f"{MODEL}.Potential.capped": capped,
-    f"{STUDY}.potential_check.check_potential": definitions,
-    f"{STUDY}.nonsmooth.generalized_gradient": gradients,
-    f"{STUDY}.nonsmooth.generalized_derivative": gradients,
-    f"{STUDY}.nonsmooth.is_regular": gradients,
-    f"{STUDY}.nonsmooth.filippov_corners": corners,
-    f"{STUDY}.nonsmooth.energy_rates": rates,
+    f"{STUDY}.potentials.potential_check.check_potential": definitions,
+    f"{STUDY}.potentials.nonsmooth.generalized_gradient": gradients,
+    f"{STUDY}.potentials.nonsmooth.generalized_derivative": gradients,
+    f"{STUDY}.potentials.nonsmooth.is_regular": gradients,
+    f"{STUDY}.potentials.nonsmooth.filippov_corners": corners,
+    f"{STUDY}.potentials.nonsmooth.energy_rates": rates,
     f"{STUDY}.evidence.Evidence.distance_rate": distance_rate,
     f"{STUDY}.evidence.Evidence.first_disconnected": first_disconnected,
 }

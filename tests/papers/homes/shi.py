@@ -11,14 +11,14 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from flocking.errors import InvalidInput
-from flocking.model.graphs import Proximity
-from flocking.model.terms import Gradient
-from flocking.model.tracking import Compensate
+from flocking.model.graphs.distance_graphs import Proximity
+from flocking.model.terms.body_terms import Compensate
+from flocking.model.terms.pair_terms import Gradient
 from flocking.papers.shi_2009 import bounds
 from flocking.papers.shi_2009 import closed_forms as shi_forms
 from flocking.papers.shi_2009 import system as shi
-from tests.papers import transcribed as by_hand
-from tests.papers.shi_closed_forms import any_gains
+from tests.papers.transcriptions import transcribed as by_hand
+from tests.papers.transcriptions.shi_closed_forms import any_gains
 
 
 def centre_motion():

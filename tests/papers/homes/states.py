@@ -10,22 +10,22 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from flocking.engine.layout import Layout
-from flocking.engine.reference import control
+from flocking.engine.kernels.layout import Layout
+from flocking.engine.reference.control import control
 from flocking.errors import InvalidInput
 from flocking.model.energy import Energy
-from flocking.model.graphs import Fixed, Proximity
+from flocking.model.graphs.distance_graphs import Fixed, Proximity
+from flocking.model.graphs.smooth_graphs import Smooth
+from flocking.model.graphs.views import Cone
 from flocking.model.law import Law
-from flocking.model.leaders import Velocity
+from flocking.model.leaders_and_obstacles.leaders import Velocity
 from flocking.model.observables import headings, mean_position, mean_velocity
-from flocking.model.potentials import Potential
-from flocking.model.smooth_graphs import Smooth
+from flocking.model.potentials.potential import Potential
 from flocking.model.state import Agents, State
-from flocking.model.terms import Consensus, Gradient
-from flocking.model.tracking import Compensate
-from flocking.model.views import Cone
-from flocking.study.equilibrium import Equilibrium
-from flocking.study.state_energy import agent_energies, total_energy
+from flocking.model.terms.body_terms import Compensate
+from flocking.model.terms.pair_terms import Consensus, Gradient
+from flocking.study.potentials.equilibrium import Equilibrium
+from flocking.study.potentials.state_energy import agent_energies, total_energy
 from tests.papers.homes.group import (
     DAMPING,
     GUIDE,
@@ -209,7 +209,7 @@ HOMES = {
     f"{MODEL}.observables.headings": angles,
     f"{MODEL}.state.State": states,
     f"{MODEL}.state.Agents": agents,
-    f"{STUDY}.state_energy.total_energy": energies,
-    f"{STUDY}.state_energy.agent_energies": energies,
-    f"{STUDY}.equilibrium.Equilibrium": equilibrium,
+    f"{STUDY}.potentials.state_energy.total_energy": energies,
+    f"{STUDY}.potentials.state_energy.agent_energies": energies,
+    f"{STUDY}.potentials.equilibrium.Equilibrium": equilibrium,
 }

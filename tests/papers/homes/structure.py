@@ -7,13 +7,13 @@ import math
 import numpy as np
 from numpy.testing import assert_allclose
 
-from flocking.model.bumps import BUMPS, Bump
-from flocking.model.graphs import Proximity
-from flocking.model.smooth_graphs import PerAgentRadii, Smooth
+from flocking.model.graphs.distance_graphs import Proximity
+from flocking.model.graphs.smooth_graphs import PerAgentRadii, Smooth
+from flocking.model.graphs.views import Cone
+from flocking.model.potentials.bumps import BUMPS, Bump
+from flocking.model.potentials.structural_potential import structural_potential
 from flocking.model.state import State
-from flocking.model.structural import structural_potential
-from flocking.model.views import Cone
-from flocking.study import rigid_motion, structure
+from flocking.study.nets import rigid_motion, structure
 
 A, B, D, R = 2.0, 5.0, 3.0, 4.5
 Q = np.array([[0.0, 0.0], [2.5, 0.4], [0.3, 3.4], [-2.8, 1.0], [1.9, 3.9], [-8.0, -8.0]])
@@ -290,12 +290,12 @@ def converse():
     assert rigid_motion.converse_conditions(Proximity(2.0), State(q, spin, links=links))[0] is False
 
 
-MODEL, STUDY = "flocking.model", "flocking.study.structure"
+MODEL, STUDY = "flocking.model", "flocking.study.nets.structure"
 HOMES = {
-    f"{MODEL}.structural.structural_potential": potentials,
-    f"{MODEL}.bumps.Bump": bumps,
-    f"{MODEL}.bumps.Bump.steepest": slopes,
-    "flocking.study.rigid_motion.converse_conditions": converse,
+    f"{MODEL}.potentials.structural_potential.structural_potential": potentials,
+    f"{MODEL}.potentials.bumps.Bump": bumps,
+    f"{MODEL}.potentials.bumps.Bump.steepest": slopes,
+    "flocking.study.nets.rigid_motion.converse_conditions": converse,
     f"{STUDY}.structural_energy": energy,
     f"{STUDY}.vote_weights": weights,
     f"{STUDY}.vote": votes,

@@ -10,14 +10,14 @@ import numpy as np
 import sympy
 from numpy.testing import assert_allclose, assert_array_equal
 
-from flocking.engine.reference import evaluate
-from flocking.model.graphs import Fixed, Proximity
+from flocking.engine.reference.control import evaluate
+from flocking.model.graphs.distance_graphs import Fixed, Proximity
+from flocking.model.graphs.smooth_graphs import Smooth
 from flocking.model.law import Law
-from flocking.model.leaders import Sink, Velocity
-from flocking.model.potentials import Potential
-from flocking.model.smooth_graphs import Smooth
-from flocking.model.terms import SYMMETRIES, Consensus, Gradient
-from flocking.model.tracking import Track
+from flocking.model.leaders_and_obstacles.leaders import Sink, Velocity
+from flocking.model.potentials.potential import Potential
+from flocking.model.terms.body_terms import Track
+from flocking.model.terms.pair_terms import SYMMETRIES, Consensus, Gradient
 from tests.papers.homes.group import PSI, STATE, N, P, R, W, near_pairs, slope, value
 
 
@@ -187,7 +187,7 @@ def pushed():
 
 
 def scheduled():
-    from flocking.model.schedules import Schedule
+    from flocking.model.terms.schedules import Schedule
 
     term = Track(
         Velocity((1.0, 0.0)), 0.0, Schedule([2.0, 5.0], [1.0, 0.5, 3.0]), Schedule([5.0, 7.0], [0.0, 1.0, 0.0])
@@ -199,10 +199,10 @@ def scheduled():
 
 MODEL = "flocking.model"
 HOMES = {
-    f"{MODEL}.terms.Consensus": consensus,
-    f"{MODEL}.terms.Consensus.dissipation": dissipation,
-    f"{MODEL}.terms.Consensus.symmetries": consensus,
-    f"{MODEL}.terms.Gradient": gradient,
-    f"{MODEL}.tracking.Track": track,
-    f"{MODEL}.tracking.Track.balance": track,
+    f"{MODEL}.terms.pair_terms.Consensus": consensus,
+    f"{MODEL}.terms.pair_terms.Consensus.dissipation": dissipation,
+    f"{MODEL}.terms.pair_terms.Consensus.symmetries": consensus,
+    f"{MODEL}.terms.pair_terms.Gradient": gradient,
+    f"{MODEL}.terms.body_terms.Track": track,
+    f"{MODEL}.terms.body_terms.Track.balance": track,
 }

@@ -7,22 +7,22 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from flocking.apps.lab.access import RateLimit
-from flocking.apps.lab.banner import Banner
-from flocking.apps.lab.choices import first_choice, in_space, is_built_in, library, scenario_of
-from flocking.apps.lab.clock import Clock
-from flocking.apps.lab.comparison import Comparison
-from flocking.apps.lab.confinement import Folder
-from flocking.apps.lab.controls import Controls
-from flocking.apps.lab.display import Display
-from flocking.apps.lab.events import Event, EventLog
-from flocking.apps.lab.experiment import Experiment, replay
-from flocking.apps.lab.guarded_server import Guarded
-from flocking.apps.lab.handling import Handling
-from flocking.apps.lab.instruments import Instruments
-from flocking.apps.lab.keeping import Keeping
-from flocking.apps.lab.scene import Scene
-from flocking.apps.lab.transport import Transport
+from flocking.apps.lab.access.confinement import Folder
+from flocking.apps.lab.access.guarded_server import Guarded
+from flocking.apps.lab.access.request_checks import RateLimit
+from flocking.apps.lab.experiment.clock import Clock
+from flocking.apps.lab.experiment.events import Event, EventLog
+from flocking.apps.lab.experiment.experiment import Experiment, replay
+from flocking.apps.lab.panels.banner import Banner
+from flocking.apps.lab.panels.choices import first_choice, in_space, is_built_in, library, scenario_of
+from flocking.apps.lab.panels.comparison import Comparison
+from flocking.apps.lab.panels.controls import Controls
+from flocking.apps.lab.panels.display import Display
+from flocking.apps.lab.panels.interventions import Handling
+from flocking.apps.lab.panels.measurement_panel import Instruments
+from flocking.apps.lab.panels.playback import Transport
+from flocking.apps.lab.panels.saving_panel import Keeping
+from flocking.apps.lab.scene.scene import Scene
 from flocking.errors import FlockingError, InvalidInput
 from flocking.model.law import Scenario
 

@@ -8,8 +8,8 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flocking.apps.lab.access import AccessCheck
-from flocking.apps.lab.guarded_server import Guarded, guarding, is_guarded
+from flocking.apps.lab.access.guarded_server import Guarded, guarding, is_guarded
+from flocking.apps.lab.access.request_checks import AccessCheck
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
 

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flocking.engine.kernels.layout import DAMPING, MASS, Layout
 from flocking.engine.lammps.pairs import numbers
 from flocking.engine.lammps.printing import variable
-from flocking.engine.layout import DAMPING, MASS, Layout
-from flocking.model.leaders import Sink
-from flocking.model.obstacles import Ball
+from flocking.model.leaders_and_obstacles.leaders import Sink
+from flocking.model.leaders_and_obstacles.obstacles import Ball
 
 if TYPE_CHECKING:
     import sympy
 
-    from flocking.engine.expressions import LawFormulas
+    from flocking.engine.kernels.expressions import LawFormulas
 
 AXES = "xyz"
 MOST_GROUPS = 24

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from flocking.engine.layout import Layout
+from flocking.engine.kernels.layout import Layout
 from flocking.errors import InvalidInput, UnsupportedLaw
-from flocking.model.graphs import Hysteresis, Proximity
+from flocking.model.graphs.distance_graphs import Hysteresis, Proximity
+from flocking.model.graphs.smooth_graphs import Smooth
+from flocking.model.graphs.weights import PairWeights
 from flocking.model.law import Scenario
-from flocking.model.schedules import Schedule
-from flocking.model.smooth_graphs import Smooth
-from flocking.model.weights import PairWeights
+from flocking.model.terms.schedules import Schedule
 
 MOST_AGENTS = 2**31 - 1
 

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from flocking.engine.kernels.layout import MASS, Layout
 from flocking.engine.lammps.bodies import AXES, BodyDeck, body_deck
 from flocking.engine.lammps.checks import check_supported
 from flocking.engine.lammps.pairs import PairPart, pair_commands, pair_part, table_text
-from flocking.engine.layout import MASS, Layout
 from flocking.model.checks import number
 from flocking.model.law import Scenario
 from flocking.model.state import State
@@ -173,7 +173,7 @@ def make_deck(scenario: Scenario, skin: float | None = None) -> Deck:
     UnsupportedLaw
         When a part has no translation.
     """
-    from flocking.engine.expressions import law_formulas
+    from flocking.engine.kernels.expressions import law_formulas
 
     check_supported(scenario)
     layout = Layout(scenario.law, scenario.energy)

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.declared import Declared, Group
+from flocking.engine.fixed_step.declared_law import Declared, Group
+from flocking.engine.fixed_step.law_gaps import LawGaps
 from flocking.engine.lammps.deck import Deck
 from flocking.engine.lammps.neighbours import near_pairs
-from flocking.engine.law_gaps import LawGaps
-from flocking.engine.reference import frame_velocity
+from flocking.engine.reference.control import frame_velocity
 from flocking.errors import LawNotObeyed, UnsupportedLaw
 from flocking.model.law import Scenario
 from flocking.model.state import State

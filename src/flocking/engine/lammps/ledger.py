@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.codegen import RATES, compiled_kernels
-from flocking.engine.encounters import Encounters
+from flocking.engine.exact.crossings.obstacle_contacts import Encounters
+from flocking.engine.kernels.codegen import RATES, compiled_kernels
+from flocking.engine.kernels.layout import Layout
+from flocking.engine.kernels.pieces import free_pieces
 from flocking.engine.lammps.neighbours import near_pairs
-from flocking.engine.layout import Layout
-from flocking.engine.pieces import free_pieces
-from flocking.engine.run import Closest
+from flocking.engine.runs.run import Closest
 from flocking.errors import NotFinite
 from flocking.model.law import Scenario
 from flocking.model.state import State
@@ -117,7 +117,7 @@ class Ledger:
 
 
 def observation(scenario: Scenario, state: State, pairs: tuple[Any, Any]) -> tuple[float, ...]:
-    """A row of `flocking.engine.run.OBSERVED_FIELDS` from a whole state and its pairs under the law's graph."""
+    """A row of `flocking.engine.runs.run.OBSERVED_FIELDS` from a whole state and its pairs under the law's graph."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.automatic_step import SAMPLE, SampledPairs
+from flocking.engine.fixed_step.automatic_step import SAMPLE, SampledPairs
 from flocking.model.law import Law
 
 

@@ -13,7 +13,7 @@ from flocking.errors import UnsupportedLaw
 if TYPE_CHECKING:
     import sympy
 
-    from flocking.engine.expressions import PairFormulas
+    from flocking.engine.kernels.expressions import PairFormulas
 
 TABLE_ROWS = 20_000
 """Rows of a table, evenly spaced in r^2."""

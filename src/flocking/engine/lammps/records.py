@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from flocking.engine.lammps.ledger import Ledger
-from flocking.engine.run import OBSERVED_FIELDS, SWITCH_FIELDS, TRACE_FIELDS, Run
+from flocking.engine.runs.run import OBSERVED_FIELDS, SWITCH_FIELDS, TRACE_FIELDS, Run
 from flocking.model.law import Scenario
 from flocking.model.state import State
 

@@ -10,8 +10,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from flocking.engine.archive import UNREADABLE, read_archive, write_archive
-from flocking.engine.forms import And, Names, Real, Row, Table, Whole, Word
+from flocking.engine.archives.archive import UNREADABLE, read_archive, write_archive
+from flocking.engine.archives.data_checks import And, Names, Real, Row, Table, Whole, Word
 from flocking.engine.lammps.options import LammpsOptions
 from flocking.errors import StorageError
 from flocking.model.law import Scenario

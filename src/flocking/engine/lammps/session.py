@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.engine.fixed_step.passing_pairs import check_passing, singular_reach
 from flocking.engine.lammps import library
 from flocking.engine.lammps.atoms import Atoms, LammpsError
 from flocking.engine.lammps.deck import Deck, make_deck
@@ -17,10 +18,9 @@ from flocking.engine.lammps.ranks import Ranks
 from flocking.engine.lammps.records import Records
 from flocking.engine.lammps.restart import Restart
 from flocking.engine.lammps.steps import check_books, check_strides, chosen_step, step_too_large, steps_between
-from flocking.engine.passing import check_passing, singular_reach
-from flocking.engine.plants import check_plant
-from flocking.engine.provenance import provenance
-from flocking.engine.run import Run
+from flocking.engine.reference.plants import check_plant
+from flocking.engine.runs.provenance import provenance
+from flocking.engine.runs.run import Run
 from flocking.errors import SimulationError
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flocking.engine.automatic_step import largest_step
+from flocking.engine.fixed_step.automatic_step import largest_step
+from flocking.engine.fixed_step.step_checks import RESIDUAL, check_ledger, check_stride
+from flocking.engine.fixed_step.step_checks import step_too_large as too_large
 from flocking.engine.lammps.neighbours import sampled_pairs
-from flocking.engine.step_checks import RESIDUAL, check_ledger, check_stride
-from flocking.engine.step_checks import step_too_large as too_large
 from flocking.errors import StepTooLarge
 
 if TYPE_CHECKING:

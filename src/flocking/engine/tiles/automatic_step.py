@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.automatic_step import SAMPLE, SampledPairs, largest_step, resolving_step
-from flocking.engine.tiles.crowd import Crowd
-from flocking.engine.tiles.pairs import tile_pairs
+from flocking.engine.fixed_step.automatic_step import SAMPLE, SampledPairs, largest_step, resolving_step
+from flocking.engine.tiles.listed_pairs import tile_pairs
+from flocking.engine.tiles.particle_arrays import Crowd
 from flocking.model.law import Scenario
 
 FEW = 400

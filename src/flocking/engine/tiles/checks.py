@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flocking.engine.contact import singular_graphs
-from flocking.engine.passing import check_passing
-from flocking.engine.run import Closest
-from flocking.engine.step_checks import STRIDE, check_ledger, check_stride, step_too_large
-from flocking.engine.tiles.crowd import Crowd
-from flocking.engine.tiles.pairs import tile_pairs
+from flocking.engine.fixed_step.contact_limits import singular_graphs
+from flocking.engine.fixed_step.passing_pairs import check_passing
+from flocking.engine.fixed_step.step_checks import STRIDE, check_ledger, check_stride, step_too_large
+from flocking.engine.runs.run import Closest
+from flocking.engine.tiles.listed_pairs import tile_pairs
+from flocking.engine.tiles.particle_arrays import Crowd
 from flocking.errors import LinkLost, NotFinite, OutOfPrecision
 
 if TYPE_CHECKING:

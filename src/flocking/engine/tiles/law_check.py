@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flocking.engine.declared import POWERS, Declared, Group
-from flocking.engine.law_gaps import LawGaps
-from flocking.engine.tiles.lists import NUMBER, WIDTH
-from flocking.engine.tiles.schemes import Verlet
-from flocking.engine.tiles.sums import SUMS
+from flocking.engine.fixed_step.declared_law import POWERS, Declared, Group
+from flocking.engine.fixed_step.law_gaps import LawGaps
+from flocking.engine.tiles.integrators import Verlet
+from flocking.engine.tiles.kernels.tile_sums import SUMS
+from flocking.engine.tiles.neighbours.neighbour_lists import NUMBER, WIDTH
 from flocking.errors import LawNotObeyed
 
 if TYPE_CHECKING:
-    from flocking.engine.tiles.crowd import Crowd
+    from flocking.engine.tiles.particle_arrays import Crowd
     from flocking.engine.tiles.session import TilesSession
 
 TILES = 4

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.tiles.spec import KernelSpec
+from flocking.engine.tiles.kernels.spec import KernelSpec
 from flocking.formula.machine_code import numba
 
 _compiled = numba.njit(cache=True, nogil=True, error_model="numpy")

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.run import OBSERVED_FIELDS as OBSERVED_FIELDS
-from flocking.engine.tiles.crowd import Crowd
-from flocking.engine.tiles.lists import LINKED, NUMBER
+from flocking.engine.runs.run import OBSERVED_FIELDS as OBSERVED_FIELDS
+from flocking.engine.tiles.neighbours.neighbour_lists import LINKED, NUMBER
+from flocking.engine.tiles.particle_arrays import Crowd
 from flocking.formula.machine_code import numba
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 
-from flocking.engine.tiles.spec import PRECISIONS, SCHEMES
+from flocking.engine.tiles.kernels.spec import PRECISIONS, SCHEMES
 from flocking.errors import InvalidInput
 from flocking.model.checks import integer, number
 

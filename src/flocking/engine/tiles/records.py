@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.appending import NewRecords
-from flocking.engine.columns import GROWING
-from flocking.engine.run import OBSERVED_FIELDS, SWITCH_FIELDS, TRACE_FIELDS, Closest
-from flocking.engine.tiles.schemes import Books
-from flocking.engine.tiles.spec import PRECISIONS
+from flocking.engine.runs.columns import GROWING
+from flocking.engine.runs.new_records import NewRecords
+from flocking.engine.runs.run import OBSERVED_FIELDS, SWITCH_FIELDS, TRACE_FIELDS, Closest
+from flocking.engine.tiles.integrators import Books
+from flocking.engine.tiles.kernels.spec import PRECISIONS
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
 

@@ -11,25 +11,25 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flocking.engine import interruption
-from flocking.engine.law_gaps import LawGaps, is_due
-from flocking.engine.layout import Layout
-from flocking.engine.passing import singular_reach
-from flocking.engine.plants import check_plant
-from flocking.engine.provenance import provenance
-from flocking.engine.run import Closest, Run
-from flocking.engine.step_checks import step_too_large
+from flocking.engine.fixed_step.law_gaps import LawGaps, is_due
+from flocking.engine.fixed_step.passing_pairs import singular_reach
+from flocking.engine.fixed_step.step_checks import step_too_large
+from flocking.engine.kernels.layout import Layout
+from flocking.engine.reference.plants import check_plant
+from flocking.engine.runs.provenance import provenance
+from flocking.engine.runs.run import Closest, Run
 from flocking.engine.tiles import automatic_step, checks
-from flocking.engine.tiles.crowd import Crowd
 from flocking.engine.tiles.instability import Instability
-from flocking.engine.tiles.kernels import is_compiled
-from flocking.engine.tiles.lists import TooManyNeighboursError
+from flocking.engine.tiles.integrators import Scheme, scheme_named
+from flocking.engine.tiles.kernels.spec import KernelSpec, check_supported, graph_kinds
+from flocking.engine.tiles.kernels.step_kernel import is_compiled
+from flocking.engine.tiles.listed_pairs import listed_pairs
+from flocking.engine.tiles.neighbours.neighbour_lists import TooManyNeighboursError
 from flocking.engine.tiles.options import TilesOptions as TilesOptions
-from flocking.engine.tiles.pairs import listed_pairs
-from flocking.engine.tiles.planted import Planted
+from flocking.engine.tiles.particle_arrays import Crowd
+from flocking.engine.tiles.planted_law import Planted
 from flocking.engine.tiles.records import MOST_LINKED, Records
-from flocking.engine.tiles.schemes import Scheme, scheme_named
 from flocking.engine.tiles.snapshot import TilesSnapshot as TilesSnapshot
-from flocking.engine.tiles.spec import KernelSpec, check_supported, graph_kinds
 from flocking.engine.tiles.threads import Workers
 from flocking.errors import InvalidInput, NotFinite, SimulationError, TooCrowded
 from flocking.model.law import Law, Scenario

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from flocking.engine.law_gaps import LawGaps
-from flocking.engine.tiles.crowd_memory import CrowdMemory
+from flocking.engine.fixed_step.law_gaps import LawGaps
 from flocking.engine.tiles.instability import Instability
 from flocking.engine.tiles.options import TilesOptions
+from flocking.engine.tiles.particle_memory import CrowdMemory
 from flocking.engine.tiles.records import Records
 from flocking.model.law import Law, Scenario
 

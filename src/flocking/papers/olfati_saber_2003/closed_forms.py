@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.model.checks import Array
-from flocking.model.leaders import Leader, Sink
+from flocking.model.leaders_and_obstacles.leaders import Leader, Sink
 
 
 def translational_energy(q: Array, p: Array, leader: Leader) -> float:

@@ -4,25 +4,26 @@ from __future__ import annotations
 
 import numpy as np
 
-from flocking.engine.reference import control
-from flocking.engine.simulate import simulate
-from flocking.model.bumps import BUMPS
+from flocking.engine.driver.simulate import simulate
+from flocking.engine.reference.control import control
 from flocking.model.checks import Array
-from flocking.model.graphs import Graph, Proximity, pair_distances
+from flocking.model.graphs.distance_graphs import Graph, Proximity, pair_distances
+from flocking.model.graphs.smooth_graphs import Smooth
+from flocking.model.graphs.views import Cone, FieldOfView, SmoothCone
 from flocking.model.law import Law
-from flocking.model.smooth_graphs import Smooth
+from flocking.model.potentials.bumps import BUMPS
+from flocking.model.potentials.structural_potential import structural_potential
 from flocking.model.state import State
-from flocking.model.structural import structural_potential
-from flocking.model.terms import Gradient
-from flocking.model.views import Cone, FieldOfView, SmoothCone
+from flocking.model.terms.pair_terms import Gradient
 from flocking.papers.olfati_saber_2003 import examples_energy as energies
 from flocking.papers.olfati_saber_2003 import examples_nets as examples
 from flocking.papers.olfati_saber_2003 import examples_obstacles as obstacles
 from flocking.papers.olfati_saber_2003 import examples_protocols as protocols
 from flocking.papers.olfati_saber_2003 import system
-from flocking.study import nets, structure
-from flocking.study.conformations import conformations, count
-from flocking.study.equations import Demonstration
+from flocking.study.equation_table import Demonstration
+from flocking.study.nets import matrices as nets
+from flocking.study.nets import structure
+from flocking.study.nets.conformations import conformations, count
 
 # -- nets -----------------------------------------------------------------------------------------------
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.simulate import simulate
+from flocking.engine.driver.simulate import simulate
 from flocking.model.observables import density, flocks
 from flocking.papers.olfati_saber_2003 import passage, system
 from flocking.show.style import BLUE, COLUMN, VERMILION, axes_or_new, in_style, theme

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flocking.engine.run import Run
-from flocking.model.bumps import BUMPS
+from flocking.engine.runs.run import Run
 from flocking.model.checks import Array
-from flocking.model.connectivity import Links
+from flocking.model.graphs.connectivity import Links
+from flocking.model.graphs.views import FieldOfView
+from flocking.model.potentials.bumps import BUMPS
+from flocking.model.potentials.structural_potential import structural_potential
 from flocking.model.state import State
-from flocking.model.structural import structural_potential
-from flocking.model.views import FieldOfView
 from flocking.papers.olfati_saber_2003 import examples_energy, examples_nets, examples_obstacles, system
 from flocking.show.curves import curve
 from flocking.show.plane import net
@@ -128,7 +128,7 @@ def potentials(_: Run) -> Picture:
 
 def pair_potentials(_: Run) -> Picture:
     """Fig. 5: potential of two agents over the deviation of their distance, (a) nonsmooth and (b) smooth."""
-    from flocking.study.nets import adjacency
+    from flocking.study.nets.matrices import adjacency
 
     d = examples_energy.WIDE
     psi = structural_potential(d, system.ATTRACTION, system.REPULSION)

@@ -9,20 +9,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from flocking.engine.reference import control, evaluate
+from flocking.engine.reference.control import control, evaluate
 from flocking.model.checks import Array
-from flocking.model.graphs import Graph, Proximity
+from flocking.model.graphs.distance_graphs import Graph, Proximity
 from flocking.model.law import Law
 from flocking.model.observables import mean_position, mean_velocity
-from flocking.model.potentials import Potential
+from flocking.model.potentials.potential import Potential
+from flocking.model.potentials.structural_potential import structural_potential
 from flocking.model.starts import hexagonal
 from flocking.model.state import State
-from flocking.model.structural import structural_potential
-from flocking.model.terms import Gradient
+from flocking.model.terms.pair_terms import Gradient
 from flocking.papers.olfati_saber_2003 import system
-from flocking.study.equilibrium import Equilibrium
-from flocking.study.rigid_motion import converse_conditions, largest_distance_rate
-from flocking.study.structure import Defect, defect, is_quasi_realization, structural_energy
+from flocking.study.nets.rigid_motion import converse_conditions, largest_distance_rate
+from flocking.study.nets.structure import Defect, defect, is_quasi_realization, structural_energy
+from flocking.study.potentials.equilibrium import Equilibrium
 
 EXAMPLE_AGENTS = 12
 WIDE = 10.0
@@ -183,8 +183,8 @@ def pair_net(smooth: bool, scale: float = 1.0) -> Graph:
     smooth
         Whether links fade to zero before the radius; else they end at it.
     """
-    from flocking.model.graphs import Proximity
-    from flocking.model.smooth_graphs import Smooth
+    from flocking.model.graphs.distance_graphs import Proximity
+    from flocking.model.graphs.smooth_graphs import Smooth
 
     radius = 1.2 * WIDE * scale
     return Smooth(radius, WIDE / radius) if smooth else Proximity(radius, closed=True)
@@ -211,7 +211,7 @@ def pair_potentials(scale: float) -> tuple[Array, Array]:
 
 def edge_deviation(scale: float) -> tuple[State, float]:
     """Two agents and the deviation of their link from d_alpha times ``scale``."""
-    from flocking.study.structure import deviation
+    from flocking.study.nets.structure import deviation
 
     q = np.array([[1.0, 2.0], [9.0, 3.0]])
     return State(q), deviation(q, system.hard_net().initial(q), system.DISTANCE * scale)
@@ -262,7 +262,7 @@ def wheel_defect(scale: float) -> tuple[State, Defect, tuple[bool, ...]]:
 
 def invariance(scale: float) -> tuple[Array, Array]:
     """Sum of the controls (34) and of the controls (35) of the example state, one agent's damping off by ``scale``."""
-    from flocking.model.terms import Consensus
+    from flocking.model.terms.pair_terms import Consensus
 
     gains = np.full(EXAMPLE_AGENTS, system.DAMPING)
     gains[0] *= scale

@@ -9,18 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.reference import evaluate
-from flocking.model.bumps import BUMPS
+from flocking.engine.reference.control import evaluate
 from flocking.model.checks import Array
-from flocking.model.connectivity import Links
-from flocking.model.graphs import Proximity
-from flocking.model.smooth_graphs import PerAgentRadii, Smooth
+from flocking.model.graphs.connectivity import Links
+from flocking.model.graphs.distance_graphs import Proximity
+from flocking.model.graphs.smooth_graphs import PerAgentRadii, Smooth
+from flocking.model.graphs.views import Cone, FieldOfView, SmoothCone
+from flocking.model.potentials.bumps import BUMPS
 from flocking.model.state import Agents, State
-from flocking.model.views import Cone, FieldOfView, SmoothCone
 from flocking.papers.olfati_saber_2003 import system
-from flocking.study import conformations as shapes
-from flocking.study import nets, rigidity, structure
-from flocking.study.agreement import agree, agreement_law
+from flocking.study.nets import conformations as shapes
+from flocking.study.nets import matrices as nets
+from flocking.study.nets import rigidity, structure
+from flocking.study.nets.agreement import agree, agreement_law
 
 OPENING = 0.6
 """phi_0 of the example cones."""

@@ -10,17 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.reference import control
-from flocking.engine.simulate import simulate
-from flocking.model.avoidance import Avoid
+from flocking.engine.driver.simulate import simulate
+from flocking.engine.reference.control import control
 from flocking.model.checks import Array
 from flocking.model.law import Law
-from flocking.model.leaders import Velocity
-from flocking.model.obstacles import Ball
+from flocking.model.leaders_and_obstacles.leaders import Velocity
+from flocking.model.leaders_and_obstacles.obstacles import Ball
+from flocking.model.potentials.structural_potential import structural_potential
 from flocking.model.state import State
-from flocking.model.structural import structural_potential
+from flocking.model.terms.avoidance import Avoid
 from flocking.papers.olfati_saber_2003 import closed_forms, passage, system
-from flocking.study.obstacle_links import beta_links
+from flocking.study.nets.obstacle_links import beta_links
 
 CENTRE, SIZE = (100.0, 20.0), 10.0
 """The first obstacle of (59)."""

@@ -7,19 +7,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from flocking.engine.reference import control, evaluate
+from flocking.engine.reference.control import control, evaluate
 from flocking.model.checks import Array
 from flocking.model.energy import Energy
 from flocking.model.law import Law
-from flocking.model.leaders import Leader, Sink, Velocity
+from flocking.model.leaders_and_obstacles.leaders import Leader, Sink, Velocity
 from flocking.model.state import State
-from flocking.model.terms import Consensus, Gradient, Term
-from flocking.model.tracking import Track
+from flocking.model.terms.body_terms import Track
+from flocking.model.terms.pair_terms import Consensus, Gradient, Term
 from flocking.papers.olfati_saber_2003 import system
 from flocking.papers.olfati_saber_2003.closed_forms import gathering_energy, translational_energy
 from flocking.papers.olfati_saber_2003.examples_energy import example_state, potential, rate_of_structural_energy
-from flocking.study.nets import laplacian
-from flocking.study.structure import Vote, structural_energy, vote, vote_weights
+from flocking.study.nets.matrices import laplacian
+from flocking.study.nets.structure import Vote, structural_energy, vote, vote_weights
 
 TRACKING_DAMPING = 2.0
 """c2 of the example controllers."""

@@ -9,20 +9,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flocking.engine.run import Run
-from flocking.engine.simulate import simulate
+from flocking.engine.driver.simulate import simulate
+from flocking.engine.runs.run import Run
 from flocking.model.checks import Array
 from flocking.model.law import Law, Scenario
 from flocking.model.observables import mean_position, mean_velocity
 from flocking.model.state import Agents, State
-from flocking.model.terms import Consensus
+from flocking.model.terms.pair_terms import Consensus
 from flocking.papers import examples
 from flocking.papers.olfati_saber_2003 import system
 from flocking.papers.olfati_saber_2003.examples_energy import example_state
 from flocking.papers.olfati_saber_2003.theorems import claims
-from flocking.study.audit import Report, audit
+from flocking.study.claims.audit import Report, audit
+from flocking.study.claims.judgement import Judgement, judge
 from flocking.study.evidence import Evidence
-from flocking.study.judgement import Judgement, judge
 
 if TYPE_CHECKING:
     from flocking.show.declaration import Figure

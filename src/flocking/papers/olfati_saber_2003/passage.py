@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flocking.engine.run import Run
-from flocking.model.avoidance import ObstacleTerm
+from flocking.engine.runs.run import Run
 from flocking.model.checks import Array
-from flocking.model.obstacles import Obstacle
+from flocking.model.leaders_and_obstacles.obstacles import Obstacle
+from flocking.model.terms.avoidance import ObstacleTerm
 from flocking.papers.olfati_saber_2003 import system
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def _distances(obstacle: Obstacle, times: Array, points: Array) -> Array:
 @lru_cache(maxsize=1)
 def flock_counts(e: Evidence) -> tuple[int, int, int]:
     """Flocks when the first obstacle becomes active, the most until the last one is left, and at the end."""
-    from flocking.study.nets import flocks
+    from flocking.study.nets.matrices import flocks
 
     switches = e.all_switches
     times = switches["time"][switches["kind"] == "obstacle"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flocking.engine.run import Run
+from flocking.engine.runs.run import Run
 from flocking.papers.olfati_saber_2003 import diagrams
 from flocking.papers.olfati_saber_2003.passage import obstacles_of
 from flocking.papers.olfati_saber_2003.system import KEY, SINK, SINK_DURATION

@@ -8,16 +8,16 @@ import numpy as np
 
 from flocking.errors import InvalidInput
 from flocking.model import starts
-from flocking.model.avoidance import Avoid
 from flocking.model.energy import Energy
-from flocking.model.graphs import Graph, Proximity
+from flocking.model.graphs.distance_graphs import Graph, Proximity
+from flocking.model.graphs.smooth_graphs import Smooth
 from flocking.model.law import Law, Scenario
-from flocking.model.leaders import Sink, Velocity
-from flocking.model.obstacles import Ball
-from flocking.model.smooth_graphs import Smooth
-from flocking.model.structural import structural_potential
-from flocking.model.terms import Consensus, Gradient, Term
-from flocking.model.tracking import Track
+from flocking.model.leaders_and_obstacles.leaders import Sink, Velocity
+from flocking.model.leaders_and_obstacles.obstacles import Ball
+from flocking.model.potentials.structural_potential import structural_potential
+from flocking.model.terms.avoidance import Avoid
+from flocking.model.terms.body_terms import Track
+from flocking.model.terms.pair_terms import Consensus, Gradient, Term
 
 KEY = "olfati-saber-2003"
 SINK = "olfati-saber-2003-sink"

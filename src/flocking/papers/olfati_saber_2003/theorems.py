@@ -8,17 +8,17 @@ from dataclasses import replace
 import numpy as np
 
 from flocking.model.checks import Array
-from flocking.model.potentials import Potential
-from flocking.model.structural import structural_potential
-from flocking.model.terms import Gradient
+from flocking.model.potentials.potential import Potential
+from flocking.model.potentials.structural_potential import structural_potential
+from flocking.model.terms.pair_terms import Gradient
 from flocking.papers.grounds import grounded
 from flocking.papers.olfati_saber_2003 import passage, system
 from flocking.papers.olfati_saber_2003.grounds import grounds
 from flocking.papers.olfati_saber_2003.system import FREE, KEY, SINK, SMOOTH
-from flocking.study import general_claims as general
-from flocking.study.claims import Claim, Measure, Origin, Verdict, above, below, happens
+from flocking.study.claims import general_claims as general
+from flocking.study.claims.claim import Claim, Measure, Origin, Verdict, above, below, happens
+from flocking.study.claims.settling import limit_of, limit_of_configuration, limit_of_series, of_configuration
 from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
-from flocking.study.settling import limit_of, limit_of_configuration, limit_of_series, of_configuration
 
 LEAST_DENSITY = 0.9
 """A net counts as a quasi-flock from here on; the paper reports about 0.97."""
@@ -49,7 +49,7 @@ def potential_of(e: Evidence) -> Potential:
 
 def dense_at_end(e: Evidence) -> Measure:
     """Density (7) at the end."""
-    from flocking.study.nets import density
+    from flocking.study.nets.matrices import density
 
     return limit_of(
         e, 1 - LEAST_DENSITY, lambda frame: 1 - density(e.links_at(frame)), lambda rest: f"density {1 - rest:.2f}"
@@ -129,7 +129,7 @@ def starts_apart(e: Evidence) -> Measure:
 
 def connected_since(e: Evidence) -> float:
     """Time from which on the net is connected; infinite when it is not at the end."""
-    from flocking.model.connectivity import is_connected
+    from flocking.model.graphs.connectivity import is_connected
 
     found = []
     for history in e.possible_histories:
@@ -161,7 +161,7 @@ def centred(e: Evidence) -> Measure:
 
 def rigid(e: Evidence) -> Measure:
     """Motions that keep all lengths and are no motion of the whole framework."""
-    from flocking.study.rigidity import degrees_of_freedom
+    from flocking.study.nets.rigidity import degrees_of_freedom
 
     free = degrees_of_freedom(e.q[-1], e.end_links)
     return of_configuration(e, below(free, 0.5, f"{free} degrees of freedom"))
@@ -173,14 +173,14 @@ def planar(e: Evidence) -> Measure:
 
 
 def _crossings(e: Evidence, frame: int) -> int:
-    from flocking.study.rigidity import crossing_links
+    from flocking.study.nets.rigidity import crossing_links
 
     return crossing_links(e.q[frame], e.links_at(frame))
 
 
 def triangular(e: Evidence) -> Measure:
     """Share of triangles among the bounded faces; where links cross, there are none."""
-    from flocking.study.rigidity import triangle_share
+    from flocking.study.nets.rigidity import triangle_share
 
     def others(frame: int) -> float:
         return 1.0 if _crossings(e, frame) else 1 - triangle_share(e.q[frame], e.links_at(frame))
@@ -193,7 +193,7 @@ def triangular(e: Evidence) -> Measure:
 
 def little_defect(e: Evidence) -> Measure:
     """Normalized defect factor (47) at the end, for w = 0.01."""
-    from flocking.study.structure import defect
+    from flocking.study.nets.structure import defect
 
     psi = potential_of(e)
 
@@ -207,7 +207,7 @@ def little_defect(e: Evidence) -> Measure:
 
 def realizes(e: Evidence) -> Measure:
     """Largest deviation of a link's length from d_alpha at the end."""
-    from flocking.study.structure import deviation
+    from flocking.study.nets.structure import deviation
 
     def off(frame: int) -> float:
         return deviation(e.q[frame], e.links_at(frame), system.DISTANCE) / system.DISTANCE
@@ -226,7 +226,7 @@ def structural_energy_vanishes(e: Evidence) -> Measure:
 
 def structural_energies(e: Evidence) -> Array:
     """H_s at the frames, shape (F,)."""
-    from flocking.study.structure import structural_energy
+    from flocking.study.nets.structure import structural_energy
 
     psi = potential_of(e)
     return np.array([structural_energy(e.law.graph, psi, e.state(k)).total for k in range(len(e.t))])

@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.run import Run
-from flocking.engine.simulate import simulate
+from flocking.engine.driver.simulate import simulate
+from flocking.engine.runs.run import Run
 from flocking.model.checks import Array
 from flocking.model.energy import Energy
-from flocking.model.functionals import left_eigenvector
-from flocking.model.graphs import Fixed
+from flocking.model.graphs.distance_graphs import Fixed
+from flocking.model.graphs.functionals import left_eigenvector
 from flocking.model.law import Law, Scenario
-from flocking.model.leaders import Path
+from flocking.model.leaders_and_obstacles.leaders import Path
 from flocking.model.state import State
-from flocking.model.terms import Consensus
-from flocking.model.tracking import Track
+from flocking.model.terms.body_terms import Track
+from flocking.model.terms.pair_terms import Consensus
 from flocking.papers.shi_2009 import system
 from flocking.papers.shi_2009.closed_forms import (
     centre_motion,
@@ -29,7 +29,7 @@ from flocking.papers.shi_2009.closed_forms import (
     ramp_motion,
     steady_velocity_error,
 )  # fmt: skip
-from flocking.study.equations import Demonstration
+from flocking.study.equation_table import Demonstration
 
 
 def single_agent(
@@ -186,7 +186,7 @@ def unequal_gains(scale: float) -> float:
     """Rate of the mean velocity when two agents at opposite velocities have gains 1 and 2, off by ``scale``."""
     leader = Path(["0*t"])
     law = Law(Fixed.complete(2), (Track(leader, velocity_gain=np.array([1.0, 2.0 * scale])),))
-    from flocking.engine.reference import control
+    from flocking.engine.reference.control import control
 
     return float(control(law, State(np.array([[0.0], [1.0]]), np.array([[1.0], [-1.0]]))).mean())
 
@@ -213,7 +213,7 @@ def not_minimal(name: str) -> Callable[[], Demonstration]:
 
 def wrong_sign() -> Demonstration:
     """(8) as printed, -sum w_ij (v^j - v^i): the relative speed of two agents grows."""
-    from flocking.engine.reference import control
+    from flocking.engine.reference.control import control
 
     pair = Law(Fixed.complete(2), (Consensus(1.0),))
     state = State(np.array([[0.0], [1.0]]), np.array([[0.0], [1.0]]))

@@ -12,25 +12,25 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flocking.engine.reference import Evaluation, control, evaluate
-from flocking.engine.run import Run
-from flocking.engine.simulate import simulate
+from flocking.engine.driver.simulate import simulate
+from flocking.engine.reference.control import Evaluation, control, evaluate
+from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
-from flocking.model.connectivity import is_connected
 from flocking.model.energy import Energy
-from flocking.model.graphs import Fixed, Proximity
+from flocking.model.graphs.connectivity import is_connected
+from flocking.model.graphs.distance_graphs import Fixed, Proximity
 from flocking.model.law import Law, Scenario
 from flocking.model.observables import mean_position, mean_velocity
-from flocking.model.potentials import Potential
+from flocking.model.potentials.potential import Potential
 from flocking.model.state import Agents, State
-from flocking.model.terms import Consensus, Gradient, Term
-from flocking.model.tracking import Track
+from flocking.model.terms.body_terms import Track
+from flocking.model.terms.pair_terms import Consensus, Gradient, Term
 from flocking.papers import examples
 from flocking.papers.shi_2009 import bounds, system
 from flocking.papers.shi_2009.theorems import claims
-from flocking.study.audit import Report, audit
-from flocking.study.potential_minimum import smallest_value
+from flocking.study.claims.audit import Report, audit
+from flocking.study.claims.potential_minimum import smallest_value
 
 if TYPE_CHECKING:
     from flocking.show.declaration import Figure

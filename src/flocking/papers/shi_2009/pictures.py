@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.run import Run
+from flocking.engine.runs.run import Run
 from flocking.model.checks import Array
 from flocking.papers.shi_2009.system import DURATION, KEY, SETTINGS, potential
 from flocking.show import declaration, plane, series

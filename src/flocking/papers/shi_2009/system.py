@@ -14,13 +14,13 @@ from flocking.errors import InvalidInput
 from flocking.model import starts
 from flocking.model.checks import Array, one_of
 from flocking.model.energy import Energy
-from flocking.model.graphs import Proximity
+from flocking.model.graphs.distance_graphs import Proximity
 from flocking.model.law import Law, Scenario
-from flocking.model.leaders import Path
-from flocking.model.potentials import Potential
+from flocking.model.leaders_and_obstacles.leaders import Path
+from flocking.model.potentials.potential import Potential
 from flocking.model.state import Agents, State
-from flocking.model.terms import Consensus, Gradient, Term
-from flocking.model.tracking import Compensate, Track
+from flocking.model.terms.body_terms import Compensate, Track
+from flocking.model.terms.pair_terms import Consensus, Gradient, Term
 from flocking.papers.examples import check_figure
 
 KEY = "shi-2009"

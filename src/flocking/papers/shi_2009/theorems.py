@@ -12,10 +12,10 @@ from flocking.papers.grounds import grounded
 from flocking.papers.shi_2009.closed_forms import centre_motion, steady_velocity_error
 from flocking.papers.shi_2009.grounds import grounds
 from flocking.papers.shi_2009.system import KEY, SETTINGS, VELOCITY_GAIN
-from flocking.study import general_claims as general
-from flocking.study.claims import Claim, Measure, Origin, Verdict, below
+from flocking.study.claims import general_claims as general
+from flocking.study.claims.claim import Claim, Measure, Origin, Verdict, below
+from flocking.study.claims.settling import limit_of_series
 from flocking.study.evidence import Evidence, NotMeasurable
-from flocking.study.settling import limit_of_series
 
 LAST = 2 * np.pi
 """Steady errors are taken over the last period of v0(t) = (sin t, cos t)."""

@@ -51,7 +51,7 @@ def showcase_scenario(name: str, seed: int | None = None, agents: int | None = N
     InvalidInput
         When there is none of that name, or the group would not be smaller.
     """
-    from flocking.study.scenario_file import parse_scenario
+    from flocking.study.scenario_files.scenario_file import parse_scenario
 
     whole = parse_scenario(showcase_text(name), source=f"{name}.toml", seed=seed)
     if agents is None or agents == whole.start.n:

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.engine.run import Run
+from flocking.engine.runs.run import Run
 from flocking.model.checks import Array
 from flocking.papers.olfati_saber_2003.system import DISTANCE, RADIUS
-from flocking.papers.showcases.kept import Kept
-from flocking.study.hexatic import hexatic, hexatic_map, largest_share
+from flocking.papers.showcases.stored_summary import Kept
+from flocking.study.hexatic_order import hexatic, hexatic_map, largest_share
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -89,8 +89,8 @@ def draw_close(kept: Kept, axes: Any) -> Any:
     """
     from matplotlib.collections import LineCollection
 
-    from flocking.show.grains import lattice_colors
-    from flocking.study.hexatic import neighbour_pairs
+    from flocking.show.lattice_orientation import lattice_colors
+    from flocking.study.hexatic_order import neighbour_pairs
 
     place = CLOSE * 1.2 * (kept.arrays["close_place"] / 65535.0 - 0.5)
     order, count = uncoded(kept.arrays["close_order"]), kept.arrays["close_count"]
@@ -159,7 +159,7 @@ def _nearest(q: Array) -> Array:
 
 def _shades(kept: Kept, name: str, side: float, title: str, inner: float = 0.0) -> Any:
     """A panel of a map, with a square about the next smaller window."""
-    from flocking.show.grains import lattice_colors, wheel
+    from flocking.show.lattice_orientation import lattice_colors, wheel
 
     def drawn(axes: Any) -> Any:
         half, small = side / 2 / RADIUS, inner / 2 / RADIUS

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flocking.engine.run import Run
-from flocking.model.avoidance import Avoid
+from flocking.engine.runs.run import Run
 from flocking.model.checks import Array
 from flocking.model.law import Scenario
-from flocking.model.obstacles import Ball
+from flocking.model.leaders_and_obstacles.obstacles import Ball
+from flocking.model.terms.avoidance import Avoid
 from flocking.papers.olfati_saber_2003.system import DISTANCE, RADIUS
 from flocking.papers.showcases.files import showcase_scenario
-from flocking.papers.showcases.kept import Kept, packed, unpacked
+from flocking.papers.showcases.stored_summary import Kept, packed, unpacked
 from flocking.study.density_maps import DensityMap, density_map
-from flocking.study.hexatic import largest_share
+from flocking.study.hexatic_order import largest_share
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

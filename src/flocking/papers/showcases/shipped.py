@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flocking.engine.run import Run
+from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
 from flocking.papers.showcases import flock_from_noise
 from flocking.papers.showcases.files import TITLES, showcase_scenario
-from flocking.papers.showcases.kept import Kept
 from flocking.papers.showcases.obstacle_views import CloseView, ObstacleViews
-from flocking.study.audit import Report
+from flocking.papers.showcases.stored_summary import Kept
+from flocking.study.claims.audit import Report
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -133,9 +133,9 @@ class Showcase:
         InvalidInput
             When ``folder`` holds a run of another scenario.
         """
-        from flocking.engine.resuming import resume
-        from flocking.engine.simulate import simulate
-        from flocking.engine.storage import read_scenario_of
+        from flocking.engine.driver.resuming import resume
+        from flocking.engine.driver.simulate import simulate
+        from flocking.engine.storage.stored_runs import read_scenario_of
 
         if folder.exists() and any(folder.iterdir()):
             found, _ = read_scenario_of(folder)
@@ -189,7 +189,7 @@ def showcase(name: str) -> Showcase:
     InvalidInput
         When there is none of that name.
     """
-    from flocking.study.scenario_values import nearest
+    from flocking.study.scenario_files.scenario_values import nearest
 
     if name not in SHOWCASES:
         raise InvalidInput("showcase", "name", "must be a showcase", name, nearest(name, SHOWCASES))

@@ -48,7 +48,7 @@ class Study:
         most_runs
             Largest number of runs allowed; 100,000 when absent.
         """
-        from flocking.papers.families import families
+        from flocking.papers.scenario_families import families
         from flocking.study.sweeps.plan import MOST_RUNS
         from flocking.study.sweeps.sweep_file import parse_sweep
 
@@ -85,7 +85,7 @@ def study(name: str) -> Study:
     InvalidInput
         When there is none of that name.
     """
-    from flocking.study.scenario_values import nearest
+    from flocking.study.scenario_files.scenario_values import nearest
 
     if name not in STUDIES:
         raise InvalidInput("studies", "name", "must be a shipped study", name, nearest(name, STUDIES))
@@ -113,7 +113,7 @@ def _tanner(table: SweepTable) -> Figure:
 
 
 def _olfati_saber(table: SweepTable) -> Figure:
-    from flocking.papers.families import OBSTACLE_AREA
+    from flocking.papers.scenario_families import OBSTACLE_AREA
     from flocking.show.sweep_pictures import bands
 
     axes = bands(

@@ -7,24 +7,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flocking.engine.reference import evaluate
-from flocking.engine.simulate import simulate
+from flocking.engine.driver.simulate import simulate
+from flocking.engine.reference.control import evaluate
 from flocking.model.checks import Array
-from flocking.model.connectivity import Links
-from flocking.model.graphs import Proximity
+from flocking.model.graphs.connectivity import Links
+from flocking.model.graphs.distance_graphs import Proximity
 from flocking.model.law import Law, Scenario
 from flocking.model.observables import headings
-from flocking.model.potentials import Potential
+from flocking.model.potentials.potential import Potential
 from flocking.model.state import State
-from flocking.model.terms import Consensus, Gradient
+from flocking.model.terms.pair_terms import Consensus, Gradient
 from flocking.papers import examples
 from flocking.papers.tanner_2003_dynamic import system, theorems
-from flocking.study import nonsmooth
-from flocking.study.equilibrium import Equilibrium
+from flocking.study.claims.judgement import Judgement
+from flocking.study.claims.potential_minimum import smallest_value
 from flocking.study.evidence import Evidence
-from flocking.study.judgement import Judgement
-from flocking.study.potential_minimum import smallest_value
-from flocking.study.state_energy import agent_energies, total_energy
+from flocking.study.potentials import nonsmooth
+from flocking.study.potentials.equilibrium import Equilibrium
+from flocking.study.potentials.state_energy import agent_energies, total_energy
 
 if TYPE_CHECKING:
     from flocking.show.declaration import Figure
@@ -103,14 +103,14 @@ def links_of(scale: float) -> Links:
 
 def laplacian_of(scale: float) -> Array:
     """Laplacian of that chain."""
-    from flocking.study.nets import laplacian
+    from flocking.study.nets.matrices import laplacian
 
     return np.asarray(laplacian(links_of(scale)))
 
 
 def second_eigenvalue_of(scale: float) -> float:
     """Algebraic connectivity of four agents in a square of side 1.99 under the scaled radius 2/1.01."""
-    from flocking.study.nets import algebraic_connectivity
+    from flocking.study.nets.matrices import algebraic_connectivity
 
     q = 1.99 * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     return float(algebraic_connectivity(Proximity(system.RADIUS / scale**0.6).initial(q)))
@@ -217,7 +217,7 @@ def first_loss_of(scale: float) -> float:
 
 def speed_margin_of(scale: float) -> float:
     """Margin of the speed bound sqrt(2 c) for a pair of which one agent moves at the scaled speed 2."""
-    from flocking.study.general_claims import speeds_bounded
+    from flocking.study.claims.general_claims import speeds_bounded
 
     return speeds_bounded(2.0)(_short_look(2.0 * scale)).margin
 

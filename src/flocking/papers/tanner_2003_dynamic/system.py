@@ -7,10 +7,10 @@ from collections.abc import Callable
 from flocking.model import starts
 from flocking.model.checks import number
 from flocking.model.energy import Energy
-from flocking.model.graphs import Proximity
+from flocking.model.graphs.distance_graphs import Proximity
 from flocking.model.law import Law, Scenario
-from flocking.model.potentials import Potential
-from flocking.model.terms import Consensus, Gradient
+from flocking.model.potentials.potential import Potential
+from flocking.model.terms.pair_terms import Consensus, Gradient
 from flocking.papers.examples import check_figure
 
 KEY = "tanner-2003-dynamic"

@@ -9,8 +9,8 @@ import numpy as np
 from flocking.papers.grounds import grounded
 from flocking.papers.tanner_2003_dynamic.grounds import grounds
 from flocking.papers.tanner_2003_dynamic.system import KEY
-from flocking.study import general_claims as general
-from flocking.study.claims import Claim, Measure, Origin, Verdict, above
+from flocking.study.claims import general_claims as general
+from flocking.study.claims.claim import Claim, Measure, Origin, Verdict, above
 from flocking.study.evidence import Evidence
 
 THEOREM = "Theorem VI.2"
@@ -31,7 +31,7 @@ def kept_apart(e: Evidence) -> Measure:
 
 def forbidden_distance(e: Evidence) -> float:
     """Distance whose potential is the initial Q, less what the other pairs hold at least."""
-    from flocking.study.potential_minimum import distance_of, smallest_value
+    from flocking.study.claims.potential_minimum import distance_of, smallest_value
 
     psi = e.potential
     best, lowest = smallest_value(psi, float(np.max(np.asarray(e.law.graph.break_radius))))

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from flocking.engine.simulate import simulate
-from flocking.model.graphs import Fixed
+from flocking.engine.driver.simulate import simulate
+from flocking.model.graphs.distance_graphs import Fixed
 from flocking.model.law import Law
-from flocking.model.potentials import Potential
+from flocking.model.potentials.potential import Potential
 from flocking.model.state import State
-from flocking.model.terms import Gradient
+from flocking.model.terms.pair_terms import Gradient
 from flocking.papers.tanner_2003_fixed import system
-from flocking.study.equations import Demonstration
+from flocking.study.claims.potential_minimum import smallest_value
+from flocking.study.equation_table import Demonstration
 from flocking.study.evidence import Evidence
-from flocking.study.potential_minimum import smallest_value
-from flocking.study.state_energy import total_energy
+from flocking.study.potentials.state_energy import total_energy
 
 
 def speed_bound() -> Demonstration:

@@ -7,21 +7,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flocking.engine.reference import evaluate
+from flocking.engine.reference.control import evaluate
 from flocking.model.checks import Array
-from flocking.model.connectivity import is_connected
-from flocking.model.graphs import Fixed, Proximity
+from flocking.model.graphs.connectivity import is_connected
+from flocking.model.graphs.distance_graphs import Fixed, Proximity
 from flocking.model.law import Law, Scenario
 from flocking.model.observables import headings
-from flocking.model.potentials import Potential
+from flocking.model.potentials.potential import Potential
 from flocking.model.state import State
-from flocking.model.terms import Consensus, Gradient
+from flocking.model.terms.pair_terms import Consensus, Gradient
 from flocking.papers import examples
 from flocking.papers.tanner_2003_fixed import system, theorems
-from flocking.study.equilibrium import Equilibrium
-from flocking.study.judgement import Judgement
-from flocking.study.potential_minimum import smallest_value
-from flocking.study.state_energy import agent_energies, total_energy
+from flocking.study.claims.judgement import Judgement
+from flocking.study.claims.potential_minimum import smallest_value
+from flocking.study.potentials.equilibrium import Equilibrium
+from flocking.study.potentials.state_energy import agent_energies, total_energy
 
 if TYPE_CHECKING:
     from flocking.show.declaration import Figure
@@ -92,7 +92,7 @@ def invariant_set_of(scale: float) -> tuple[Array, Array]:
 
 def laplacian_of(scale: float) -> Array:
     """Laplacian of the graph of chain links shorter than the scaled radius."""
-    from flocking.study.nets import laplacian
+    from flocking.study.nets.matrices import laplacian
 
     return np.asarray(laplacian(chain_links(scale)))
 
@@ -162,7 +162,7 @@ def potential_forces_of(scale: float) -> Array:
 
 def speed_limit_of(scale: float) -> float:
     """Margin of the speed bound sqrt(2 c) for a pair of which one agent moves at the scaled speed 2."""
-    from flocking.study.general_claims import speeds_bounded
+    from flocking.study.claims.general_claims import speeds_bounded
 
     evidence = _moving_pair(2.0 * scale)
     return speeds_bounded(2.0)(evidence).margin
@@ -180,7 +180,7 @@ def distance_limit_of(scale: float) -> float:
 
 
 def _moving_pair(speed: float) -> Any:
-    from flocking.engine.simulate import simulate
+    from flocking.engine.driver.simulate import simulate
     from flocking.model.law import Scenario
     from flocking.study.evidence import Evidence
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from flocking.model import starts
-from flocking.model.graphs import Fixed
+from flocking.model.graphs.distance_graphs import Fixed
 from flocking.model.law import Law, Scenario
-from flocking.model.potentials import Potential
-from flocking.model.terms import Consensus, Gradient
+from flocking.model.potentials.potential import Potential
+from flocking.model.terms.pair_terms import Consensus, Gradient
 from flocking.papers.examples import check_figure
 
 KEY = "tanner-2003-fixed"

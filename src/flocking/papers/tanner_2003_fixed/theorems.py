@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from flocking.model.potentials import Potential
+from flocking.model.potentials.potential import Potential
 from flocking.papers.grounds import grounded
 from flocking.papers.tanner_2003_fixed.grounds import grounds
 from flocking.papers.tanner_2003_fixed.system import COMPLETE, KEY
-from flocking.study import general_claims as general
-from flocking.study.claims import Claim, Measure, Origin, Verdict
+from flocking.study.claims import general_claims as general
+from flocking.study.claims.claim import Claim, Measure, Origin, Verdict
+from flocking.study.claims.potential_minimum import distance_of
 from flocking.study.evidence import Evidence
-from flocking.study.potential_minimum import distance_of
 
 THEOREM = "Theorem IV.4"
 

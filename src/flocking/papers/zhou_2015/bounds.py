@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from flocking.model.checks import integer, number
-from flocking.model.potentials import Potential
+from flocking.model.potentials.potential import Potential
 
 
 def most_new_links(n: int) -> int:

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from flocking.engine.reference import evaluate
-from flocking.engine.simulate import simulate
+from flocking.engine.driver.simulate import simulate
+from flocking.engine.reference.control import evaluate
 from flocking.model.checks import Array
-from flocking.model.connectivity import is_connected
-from flocking.model.graphs import pair_distances
+from flocking.model.graphs.connectivity import is_connected
+from flocking.model.graphs.distance_graphs import pair_distances
 from flocking.model.law import Law, Scenario
-from flocking.model.leaders import Velocity
+from flocking.model.leaders_and_obstacles.leaders import Velocity
 from flocking.model.state import State
-from flocking.model.terms import Consensus, Gradient
-from flocking.model.tracking import Track
+from flocking.model.terms.body_terms import Track
+from flocking.model.terms.pair_terms import Consensus, Gradient
 from flocking.papers.zhou_2015 import examples, system
-from flocking.study.equations import Demonstration
+from flocking.study.equation_table import Demonstration
 from flocking.study.evidence import Evidence
-from flocking.study.state_energy import total_energy
+from flocking.study.potentials.state_energy import total_energy
 
 
 def printed_indicator(linked: bool, distance: float) -> set[int]:

@@ -7,27 +7,27 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flocking.engine.reference import evaluate
-from flocking.engine.simulate import simulate
+from flocking.engine.driver.simulate import simulate
+from flocking.engine.reference.control import evaluate
 from flocking.model.checks import Array
-from flocking.model.connectivity import Links
 from flocking.model.energy import Energy
-from flocking.model.graphs import Hysteresis
+from flocking.model.graphs.connectivity import Links
+from flocking.model.graphs.distance_graphs import Hysteresis
 from flocking.model.law import Law, Scenario
-from flocking.model.leaders import Velocity
+from flocking.model.leaders_and_obstacles.leaders import Velocity
 from flocking.model.observables import mean_position, mean_velocity
-from flocking.model.potentials import Potential
+from flocking.model.potentials.potential import Potential
 from flocking.model.state import State
-from flocking.model.terms import Consensus, Gradient, PairTerm
-from flocking.model.tracking import Track
+from flocking.model.terms.body_terms import Track
+from flocking.model.terms.pair_terms import Consensus, Gradient, PairTerm
 from flocking.papers import examples
 from flocking.papers.zhou_2015 import bounds, system, theorems
-from flocking.study.claims import Measure
-from flocking.study.equilibrium import Equilibrium
+from flocking.study.claims.claim import Measure
+from flocking.study.claims.judgement import Judgement
+from flocking.study.claims.potential_minimum import smallest_value
 from flocking.study.evidence import Evidence
-from flocking.study.judgement import Judgement
-from flocking.study.potential_minimum import smallest_value
-from flocking.study.state_energy import total_energy
+from flocking.study.potentials.equilibrium import Equilibrium
+from flocking.study.potentials.state_energy import total_energy
 
 if TYPE_CHECKING:
     from flocking.show.declaration import Figure
@@ -93,7 +93,7 @@ def journey() -> Array:
 
 def laplacian_of(scale: float) -> Array:
     """Laplacian of a chain with spacings from 3.97 to 4.03 under the scaled radius."""
-    from flocking.study.nets import laplacian
+    from flocking.study.nets.matrices import laplacian
 
     q = np.stack([np.cumsum([0.0, 3.97, 3.99, 4.01, 4.03]), np.zeros(5)], axis=1)
     return np.asarray(laplacian(system.graph(system.RADIUS * scale).initial(q)))

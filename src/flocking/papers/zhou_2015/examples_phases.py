@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from flocking.model.checks import Array
-from flocking.model.graphs import pair_distances
+from flocking.model.graphs.distance_graphs import pair_distances
 from flocking.papers.examples import shown
 from flocking.papers.zhou_2015 import bounds, system
 from flocking.papers.zhou_2015.examples import alone, led, new_links_of

@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 from flocking.model import starts
 from flocking.model.energy import Energy
-from flocking.model.graphs import Hysteresis
+from flocking.model.graphs.distance_graphs import Hysteresis
 from flocking.model.law import Law, Scenario
-from flocking.model.leaders import Velocity
-from flocking.model.potentials import Potential
-from flocking.model.terms import Consensus, Gradient
-from flocking.model.tracking import Track
+from flocking.model.leaders_and_obstacles.leaders import Velocity
+from flocking.model.potentials.potential import Potential
+from flocking.model.terms.body_terms import Track
+from flocking.model.terms.pair_terms import Consensus, Gradient
 from flocking.papers.examples import check_figure
 
 KEY = "zhou-2015"

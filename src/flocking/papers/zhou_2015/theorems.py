@@ -6,15 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flocking.model.tracking import Track
+from flocking.model.terms.body_terms import Track
 from flocking.papers.grounds import grounded
 from flocking.papers.zhou_2015.bounds import largest_energy, most_new_links
 from flocking.papers.zhou_2015.grounds import grounds
 from flocking.papers.zhou_2015.system import KEY, LEADER
-from flocking.study import general_claims as general
-from flocking.study.claims import Claim, Measure, Origin, Verdict, above, below
+from flocking.study.claims import general_claims as general
+from flocking.study.claims.claim import Claim, Measure, Origin, Verdict, above, below
+from flocking.study.claims.settling import limit_of, limit_of_series, of_configuration
 from flocking.study.evidence import Evidence, NotMeasurable
-from flocking.study.settling import limit_of, limit_of_series, of_configuration
 
 
 def energy_limit(e: Evidence) -> float:
@@ -79,7 +79,7 @@ def agents_coincide(e: Evidence) -> Measure:
 
 def links_have_one_length(e: Evidence) -> Measure:
     """Largest difference between a link's length at the end and the distance where the potential is least."""
-    from flocking.study.potential_minimum import smallest_value
+    from flocking.study.claims.potential_minimum import smallest_value
 
     best, _ = smallest_value(e.potential, float(np.max(np.asarray(e.law.graph.break_radius))))
     lengths = e.equilibrium.r

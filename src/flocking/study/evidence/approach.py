@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from flocking.engine.run import Closest
+from flocking.engine.runs.run import Closest
 from flocking.study.evidence.basis import NotMeasurable, NotResolvable
 from flocking.study.evidence.doubts import DoubtEvidence
 from flocking.study.evidence.motion import MotionEvidence

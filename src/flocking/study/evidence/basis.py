@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.run import Run
+from flocking.engine.runs.run import Run
 from flocking.model.checks import Array
 from flocking.model.law import Law
 from flocking.model.state import State
@@ -136,7 +136,7 @@ class RunEvidence:
 
     @cached_property
     def trace(self) -> np.ndarray[Any, Any]:
-        """The ledger, fields `flocking.engine.run.TRACE_FIELDS`.
+        """The ledger, fields `flocking.engine.runs.run.TRACE_FIELDS`.
 
         Raises
         ------

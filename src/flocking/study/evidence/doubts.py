@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.run import Accuracy
-from flocking.model.connectivity import Links, is_connected
+from flocking.engine.runs.run import Accuracy
+from flocking.model.graphs.connectivity import Links, is_connected
 from flocking.study.evidence.basis import NotResolvable
 from flocking.study.evidence.links import LinkEvidence
 
@@ -39,7 +39,7 @@ class DoubtEvidence(LinkEvidence):
 
     @cached_property
     def link_doubts(self) -> np.ndarray[Any, Any]:
-        """Switches in doubt of links of the law's own graph, fields `flocking.engine.run.DOUBT_FIELDS`.
+        """Switches in doubt of links of the law's own graph, fields `flocking.engine.runs.run.DOUBT_FIELDS`.
 
         Raises
         ------

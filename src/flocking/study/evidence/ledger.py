@@ -6,9 +6,9 @@ from functools import cached_property
 
 import numpy as np
 
-from flocking.engine.step_checks import RESIDUAL
+from flocking.engine.fixed_step.step_checks import RESIDUAL
 from flocking.model.checks import Array
-from flocking.model.graphs import pair_distances
+from flocking.model.graphs.distance_graphs import pair_distances
 from flocking.study.evidence.links import LinkEvidence
 
 LEDGER_FACTOR = 100.0

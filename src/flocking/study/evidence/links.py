@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.model.connectivity import Links, components, is_connected
-from flocking.model.graphs import pair_distances
+from flocking.model.graphs.connectivity import Links, components, is_connected
+from flocking.model.graphs.distance_graphs import pair_distances
 from flocking.study.evidence.basis import NotMeasurable, NotResolvable, RunEvidence
 
 FASTER = 1.25

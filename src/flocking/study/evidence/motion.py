@@ -6,11 +6,11 @@ from functools import cached_property
 
 import numpy as np
 
-from flocking.engine.run import Largest
+from flocking.engine.runs.run import Largest
 from flocking.model.checks import Array
-from flocking.model.potentials import Potential
-from flocking.study.equilibrium import Equilibrium
+from flocking.model.potentials.potential import Potential
 from flocking.study.evidence.basis import NotMeasurable, NotResolvable, RunEvidence
+from flocking.study.potentials.equilibrium import Equilibrium
 
 
 class MotionEvidence(RunEvidence):
@@ -56,7 +56,7 @@ class MotionEvidence(RunEvidence):
         Parameters
         ----------
         name
-            As in `flocking.engine.run.Accuracy`.
+            As in `flocking.engine.runs.run.Accuracy`.
         """
         return None if self.run.accuracy is None else self.run.accuracy.largest.get(name)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NotRequired, Required
 
-from flocking.study.sweeps.families import Family
+from flocking.study.sweeps.scenario_families import Family
 
 
 def sweep_schema(families: Mapping[str, Family]) -> dict[str, Any]:
@@ -22,7 +22,7 @@ def sweep_schema(families: Mapping[str, Family]) -> dict[str, Any]:
     from pydantic import ConfigDict, TypeAdapter
     from typing_extensions import TypedDict
 
-    from flocking.study.scenario_file import scenario_schema
+    from flocking.study.scenario_files.scenario_file import scenario_schema
     from flocking.study.sweeps.measures import MEASURES
     from flocking.study.sweeps.sweep_schema import REQUIRED, SECTIONS, section_types
 

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.run import Run
+from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model import observables
-from flocking.model.tracking import Track
+from flocking.model.terms.body_terms import Track
+from flocking.study.claims.general_claims import SETTLED
 from flocking.study.evidence import Evidence, NotMeasurable
-from flocking.study.general_claims import SETTLED
 
 Measured = float | bool
 Measuring = Callable[[Evidence], Measured]
@@ -130,7 +130,7 @@ def find_measures(
     InvalidInput
         When a name is unknown or taken twice, or a function has no name.
     """
-    from flocking.study.scenario_values import nearest
+    from flocking.study.scenario_files.scenario_values import nearest
     from flocking.study.sweeps.plan import RESERVED
 
     known = {**MEASURES, **(more or {})}

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from flocking.engine import durable
+from flocking.engine.storage import atomic_files as durable
 from flocking.errors import StorageError
 from flocking.study.sweeps.work import LONGEST_MESSAGE, Row
 

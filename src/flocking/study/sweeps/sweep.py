@@ -8,10 +8,10 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from flocking.engine.run import Run
+from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
-from flocking.study.claims import Claim
+from flocking.study.claims.claim import Claim
 from flocking.study.sweeps.measures import code_of, find_measures
 from flocking.study.sweeps.plan import MOST_RUNS, Plan, make_plan
 from flocking.study.sweeps.sampling import Sample
@@ -70,7 +70,7 @@ def sweep(
     seed
         Where the seeds of the runs come from when ``seeds`` is a number.
     engine, options
-        Engine and its options, see `flocking.engine.simulate.simulate`.
+        Engine and its options, see `flocking.engine.driver.simulate.simulate`.
     most_runs
         Runs the sweep may have.
     progress
@@ -124,9 +124,9 @@ def _run(
     cluster: str | None,
     show: bool,
 ) -> SweepTable:
-    from flocking.study.sweeps.campaign import Campaign
-    from flocking.study.sweeps.crew import crew
     from flocking.study.sweeps.progress import Progress
+    from flocking.study.sweeps.scheduler import Campaign
+    from flocking.study.sweeps.worker_pool import crew
 
     rows: dict[int, Row] = {}
     status = "finished"
@@ -197,7 +197,7 @@ def auditing(audit: Auditing) -> Callable[[Run], Any] | None:
     InvalidInput
         When it is nothing that can audit.
     """
-    from flocking.study.audit import audit as audit_claims
+    from flocking.study.claims.audit import audit as audit_claims
 
     if audit is False or audit is None:
         return None
@@ -238,7 +238,7 @@ def _check_call(make: Callable[..., Any], plan: Plan) -> None:
 
 
 def _check_engine(engine: str) -> None:
-    from flocking.engine.simulate import ENGINES
+    from flocking.engine.driver.simulate import ENGINES
 
     if engine not in ENGINES:
         raise InvalidInput("sweep", "engine", f"must be one of {', '.join(ENGINES)}", engine)
@@ -249,6 +249,6 @@ def _provenance() -> dict[str, Any]:
 
     import numpy as np
 
-    from flocking.engine.provenance import _version
+    from flocking.engine.runs.provenance import _version
 
     return {"flocking": _version("flocking"), "numpy": np.__version__, "python": platform.python_version()}

@@ -13,13 +13,13 @@ import numpy as np
 
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
-from flocking.study.scenario_file import MOST_AGENTS, ScenarioFileError
-from flocking.study.scenario_values import RefusedError, nearest
-from flocking.study.sweeps.families import Family, FamilyScenario, FileScenario, path_steps, with_value
+from flocking.study.scenario_files.scenario_file import MOST_AGENTS, ScenarioFileError
+from flocking.study.scenario_files.scenario_values import RefusedError, nearest
+from flocking.study.scenario_files.text_files import read_text_file
 from flocking.study.sweeps.measures import MEASURES, Measuring
 from flocking.study.sweeps.plan import MOST_RUNS, Plan, make_plan
 from flocking.study.sweeps.sampling import Sample
-from flocking.study.text_files import read_text_file
+from flocking.study.sweeps.scenario_families import Family, FamilyScenario, FileScenario, path_steps, with_value
 
 LARGEST_FILE = 2**20
 MOST_TRIED = 200
@@ -152,7 +152,7 @@ def parse_sweep(
     SweepFileError
         When the text has faults; the message lists every one with its place.
     """
-    from flocking.study.scenario_file import _toml
+    from flocking.study.scenario_files.scenario_file import _toml
     from flocking.study.sweeps.sweep_schema import read_sections
 
     try:
@@ -213,7 +213,7 @@ class _Reader:
 
     def say(self, place: str, rule: str, value: Any = None, fix: str = "") -> None:
         """Note a fault."""
-        from flocking.study.scenario_schema import Problem, shown
+        from flocking.study.scenario_files.scenario_schema import Problem, shown
 
         self._lines.append(str(Problem(place, rule, "" if value is None else shown(value), fix)))
 

@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-from flocking.study.scenario_schema import Problem, place_of, shown
-from flocking.study.scenario_values import LARGEST_SEED, nearest
+from flocking.study.scenario_files.scenario_schema import Problem, place_of, shown
+from flocking.study.scenario_files.scenario_values import LARGEST_SEED, nearest
 
 MOST_VALUES = 10_000
 MOST_NAMES = 50

@@ -15,7 +15,7 @@ import numpy as np
 
 from flocking.errors import InvalidInput, StorageError
 from flocking.model.checks import Array
-from flocking.study.intervals import check_level, mean_interval, share_interval
+from flocking.study.confidence_intervals import check_level, mean_interval, share_interval
 from flocking.study.sweeps.plan import Plan, label
 from flocking.study.sweeps.work import Row
 
@@ -257,6 +257,6 @@ def write_csv(path: Path, rows: Sequence[Mapping[str, Any]], head: Sequence[str]
 
 
 def _put(path: Path, content: bytes) -> Path:
-    from flocking.engine.durable import write_file
+    from flocking.engine.storage.atomic_files import write_file
 
     return write_file(path, content, "write the table")

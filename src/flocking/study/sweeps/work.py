@@ -75,7 +75,7 @@ def run_task(work: Work, task: Task) -> Row:
 
 
 def _simulated(work: Work, task: Task) -> Any:
-    from flocking.engine.simulate import simulate
+    from flocking.engine.driver.simulate import simulate
     from flocking.model.law import Scenario
 
     scenario = work.make(**task.parameters, seed=task.seed)

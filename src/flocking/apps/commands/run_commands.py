@@ -1,0 +1,138 @@
+"""Commands that run scenarios: from their start, or from where a saved run stopped."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    from flocking.engine.runs.run import Run
+
+FINE, DIFFERENT, INTERRUPTED = 0, 1, 130
+
+Json = Annotated[bool, Parameter(name="--json")]
+
+
+def run(
+    scenario: str,
+    *,
+    out: Path | None = None,
+    seed: int | None = None,
+    engine: str = "auto",
+    step: float | None = None,
+    scheme: str | None = None,
+    precision: str | None = None,
+    threads: int | None = None,
+    observe: Annotated[bool | None, Parameter(negative="--no-observe")] = None,
+    keep_frames: Annotated[bool | None, Parameter(name="--frames", negative="--no-frames")] = None,
+    memory: float | None = None,
+    most_agents: int | None = None,
+    as_json: Json = False,
+) -> int:
+    """Simulate a scenario.
+
+    Parameters
+    ----------
+    scenario
+        A name that 'flocking list' shows, or a TOML file.
+    out
+        New folder for the run; it is saved while it goes on.
+    seed
+        Seed of the random draws.
+    engine
+        Which engine computes it: exact, tiles (large groups), lammps (also under mpiexec), or auto: exact up to
+        2,000 agents, tiles beyond.
+    step
+        Time step of the engines with a fixed one; they choose one when absent.
+    scheme
+        How tiles takes its steps: verlet, damped (for strong damping) or rk4.
+    precision
+        Numbers of tiles: float64 or float32.
+    threads
+        Threads of tiles; all processors when absent. Results do not depend on it.
+    observe
+        Record order, flocks, density and closest pair at the frames; tiles does unless told not to.
+    keep_frames
+        Keep positions and velocities at the frames; without them a run of any length is small.
+    memory
+        Largest size of the neighbour lists of tiles, in GiB; half the machine's memory when absent.
+    most_agents
+        Largest number of agents a file may ask for; one million by default.
+    as_json
+        Print JSON.
+    """
+    from flocking.apps.scenario_names import find_scenario
+    from flocking.engine.driver.simulate import chosen_engine, simulate
+
+    found = find_scenario(scenario, seed, most_agents)
+    engine = chosen_engine(found, engine)
+    given: dict[str, Any] = {
+        "step": step, "scheme": scheme, "precision": precision, "threads": threads, "observe": observe,
+        "keep_frames": keep_frames, "memory_limit": None if memory is None else memory * 2**30,
+    }  # fmt: skip
+    options = {name: value for name, value in given.items() if value is not None}
+    if engine == "tiles":
+        options = {"observe": True, "tell": True, **options}
+    return _print_run(lambda: simulate(found, engine=engine, save=out, progress=not as_json, **options), out, as_json)
+
+
+def resume(folder: Path, *, threads: int | None = None, as_json: Json = False) -> int:
+    """Go on with a saved run that was interrupted or killed.
+
+    Parameters
+    ----------
+    folder
+        Folder of the run.
+    threads
+        Threads of tiles; as before when absent. Results do not depend on it.
+    as_json
+        Print JSON.
+    """
+    from flocking.engine.driver.resuming import resume as resume_run
+
+    return _print_run(lambda: resume_run(folder, progress=not as_json, threads=threads), folder, as_json)
+
+
+def _print_run(make: Callable[[], Run], out: Path | None, as_json: bool) -> int:
+    from flocking.apps.commands.run_summary import facts, summary
+    from flocking.apps.tables import print_facts
+    from flocking.errors import SimulationError
+
+    stopped, begin = False, time.monotonic()
+    try:
+        result = make()
+        if result.provenance.get("rank", 0):
+            return FINE  # the first rank of the job speaks for all
+    except SimulationError as error:
+        if error.run is None:
+            raise
+        result, stopped = error.run, True
+        if result.provenance.get("rank", 0):
+            return DIFFERENT
+        print(f"flocking: {error}", file=sys.stderr)
+    found = summary(result)
+    if as_json:
+        print(json.dumps({**found, "out": str(out) if out else None}, indent=2, allow_nan=False, ensure_ascii=False))
+    else:
+        took = f"{time.monotonic() - begin:.3g} s"
+        print_facts([*facts(found), ("wall time", took), ("saved in", str(out) if out else "")])
+    if stopped or not result.status.startswith("interrupted"):
+        return DIFFERENT if stopped else FINE
+    print(f"flocking: {result.status}: {_kept(result, out)}", file=sys.stderr)
+    return INTERRUPTED
+
+
+def _kept(result: Run, out: Path | None) -> str:
+    """What Ctrl-C left of a run."""
+    if out is None:
+        return "no --out, nothing is kept."
+    from flocking.engine.storage.record import read_provenance
+
+    whole = read_provenance(out).get("steps") == result.provenance.get("steps")
+    return f"{out} holds it{'' if whole else ' up to its last commit'}; 'flocking resume {out}' goes on."

@@ -1,0 +1,115 @@
+"""What a run comes to, in a dozen numbers."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.runs.run import Run
+from flocking.model import observables
+
+
+def summary(run: Run) -> dict[str, Any]:
+    """Plain data for JSON: how the run ended, its last state, its closest pair and its ledger."""
+    kinds, counts = np.unique(run.switches["kind"], return_counts=True)
+    last = len(run.t) - 1
+    found: dict[str, Any] = {
+        "scenario": run.scenario.name,
+        "status": run.status,
+        "agents": run.n,
+        "dimension": int(run.q.shape[2]),
+        "time": float(run.t[last]) if last >= 0 else None,
+        "frames": len(run.t),
+        "switches": {str(kind): int(count) for kind, count in zip(kinds, counts, strict=True)},
+    }
+    if last >= 0:
+        state = run.state(last)
+        found["velocity_spread"] = observables.velocity_spread(state)
+        found["order"] = observables.order(state)
+        if state.links is not None:
+            found["flocks"] = observables.flocks(state.links)
+    seen = run.observables
+    if seen is not None and len(seen):
+        found["observed"] = {name: _number(seen[name][-1]) for name in seen.dtype.names or ()}
+        found.setdefault("flocks", int(seen["flocks"][-1]))
+        found.setdefault("order", float(seen["order"][-1]))
+        found.setdefault("velocity_spread", float(seen["spread"][-1]))
+        if found["time"] is None:
+            found["time"] = float(seen["time"][-1])
+    closest = run.closest
+    if math.isfinite(closest.distance):
+        found["closest"] = {"distance": closest.distance, "time": closest.time, "pair": list(closest.pair)}
+    if len(run.trace):
+        energy = run.trace["energy"]
+        found["energy"] = {"start": float(energy[0]), "end": float(energy[-1])}
+        found["ledger_residual"] = float(np.abs(run.residual).max())
+        found["turnover"] = run.turnover
+    found["provenance"] = run.provenance
+    return found
+
+
+def _number(value: Any) -> float | int | None:
+    number = value.item()
+    return number if math.isfinite(number) else None
+
+
+def _engine(about: dict[str, Any]) -> str:
+    """The engine and how it stepped, in words."""
+    words = [str(about.get("engine", ""))]
+    if "step" in about:
+        words.append(f"step {about['step']:.4g} ({about['scheme']})")
+    words += [str(about[name]) for name in ("precision",) if name in about]
+    if "steps" in about:
+        words.append(f"{about['steps']} steps")
+    if "rebuilds" in about:
+        words.append(f"{about['rebuilds']} list rebuilds")
+    return ", ".join(words)
+
+
+def _residual(found: dict[str, Any]) -> str:
+    """The ledger's residual, also as a share of the energy moved."""
+    if "ledger_residual" not in found:
+        return ""
+    moved = found["turnover"]
+    return f"{found['ledger_residual']:.2e}" + (f", of {moved:.4g} moved" if moved > 0 else "")
+
+
+def _flocks(found: dict[str, Any]) -> str:
+    """How many flocks, and where it was observed the share of the largest."""
+    share = (found.get("observed") or {}).get("density")
+    return str(found.get("flocks", "")) + (
+        "" if share is None else f", the largest with {100 * share:.6g} % of the agents"
+    )
+
+
+def facts(found: dict[str, Any]) -> list[tuple[str, str]]:
+    """The summary as names and values for reading.
+
+    Parameters
+    ----------
+    found
+        What `summary` gives.
+    """
+    switches = ", ".join(f"{count} {kind}" for kind, count in found["switches"].items())
+    closest, energy = found.get("closest"), found.get("energy")
+    pair = " and ".join(map(str, closest["pair"])) if closest else ""
+    return [
+        ("scenario", found["scenario"]),
+        ("status", found["status"]),
+        ("agents", f"{found['agents']} in {found['dimension']} dimensions"),
+        ("engine", _engine(found["provenance"])),
+        ("time reached", f"{found['time']:g}" if found["time"] is not None else ""),
+        ("frames", str(found["frames"])),
+        ("link switches", switches or found["provenance"].get("switches", "none")),
+        ("flocks at the end", _flocks(found)),
+        ("velocity spread", f"{found['velocity_spread']:.3e}" if "velocity_spread" in found else ""),
+        ("order", f"{found['order']:.6f}" if "order" in found else ""),
+        (
+            "closest pair ever",
+            f"{closest['distance']:.6g}, agents {pair}, t = {closest['time']:.4g}" if closest else "",
+        ),
+        ("energy", f"{energy['start']:.6g} at the start, {energy['end']:.6g} at the end" if energy else ""),
+        ("ledger residual", _residual(found)),
+    ]

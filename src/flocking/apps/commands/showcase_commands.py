@@ -1,0 +1,100 @@
+"""The showcase command: a large run of the gallery made for real, audited, and drawn."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    from flocking.papers.showcases.stored_summary import Kept
+    from flocking.study.claims.audit import Report
+
+FINE, DIFFERENT, INTERRUPTED = 0, 1, 130
+
+
+def showcase(
+    name: str,
+    /,
+    *,
+    out: Path | None = None,
+    engine: str = "tiles",
+    agents: int | None = None,
+    until: float | None = None,
+    threads: int | None = None,
+    as_json: Annotated[bool, Parameter(name="--json")] = False,
+) -> int:
+    """Make a large run of the gallery: run it, audit it, draw it. The same command again goes on with it.
+
+    The exit code is 1 when the ledger of the audit does not hold.
+
+    Parameters
+    ----------
+    name
+        One of obstacle-field, flock-from-noise, cluster-obstacles; 'flocking run' knows the same scenarios.
+    out
+        Folder for the run, its audit, what is kept of it and its picture; out/showcases/NAME when absent.
+    engine
+        Which engine computes it: tiles, or lammps (also under mpiexec).
+    agents
+        A smaller group, as dense and as far ahead of what is in its way.
+    until
+        An earlier end.
+    threads
+        Threads of the tiled engine; all processors when absent.
+    as_json
+        Print JSON.
+    """
+    from flocking.engine.storage.atomic_files import write_file
+    from flocking.papers.auditing import audit
+    from flocking.papers.showcases.shipped import showcase as showcase_named
+    from flocking.show.style import save
+    from flocking.study.claims.claim import Verdict
+
+    chosen = showcase_named(name)
+    folder = out or Path("out") / "showcases" / name
+    scenario = chosen.scenario(agents=agents, until=until)
+    run = chosen.run(folder / "run", scenario, engine=engine, progress=not as_json, threads=threads)
+    if run.provenance.get("rank", 0):
+        return FINE  # the first rank of the job speaks for all
+    if run.status.startswith("interrupted"):
+        print(f"flocking: {run.status}; the same command goes on.", file=sys.stderr)
+        return INTERRUPTED
+    report = audit(run)
+    kept = chosen.kept_of(run, report)
+    written = [kept.write(folder / f"{name}.npz"), folder / "audit.json"]
+    write_file(written[1], json.dumps(report.as_dict(), indent=2, default=str).encode(), "write the audit")
+    if kept.drawable:
+        written += save(chosen.draw(kept), folder / name, ("png",))
+    _print(chosen.title, report, kept, written, as_json)
+    return FINE if report["ledger"].verdict == Verdict.HOLDS else DIFFERENT
+
+
+def _print(title: str, report: Report, kept: Kept, written: list[Path], as_json: bool) -> None:
+    from flocking.apps.tables import print_facts, print_table, short
+
+    if as_json:
+        print(json.dumps({**kept.facts, "files": [str(path) for path in written]}, indent=2, allow_nan=False))
+        return
+    rows = [(r.claim.key, str(r.verdict), short(r.margin), r.note) for r in report.results]
+    print_table(("claim", "verdict", "margin", "measured"), rows, title=title)
+    print()
+    facts = kept.facts
+    seen: list[tuple[str, Any]] = [
+        ("agents", f"{facts['agents']:,}"),
+        ("steps", f"{facts['provenance']['steps']:,} of {facts['provenance']['step']:g}"),
+        ("in the largest flock", f"{100 * facts['largest'][-1]:.2f} % at the end, of {facts['flocks'][-1]:,} flocks"),
+    ]
+    if "clearance" in facts:
+        seen.append(
+            ("nearest an obstacle", f"{min(facts['clearance']):.3g} at the frames; {max(facts['inside'])} inside")
+        )
+    if "hexatic" in facts:
+        seen.append(("hexatic order", f"{facts['hexatic'][0]:.3f} at the start, {facts['hexatic'][-1]:.3f} at the end"))
+    print_facts([*seen, ("written", ", ".join(str(path) for path in written))])
+
+
+__all__ = ["showcase"]

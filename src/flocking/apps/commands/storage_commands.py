@@ -1,0 +1,109 @@
+"""Commands for runs on disk: what is in them, for other programs, and where two of them part."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+Json = Annotated[bool, Parameter(name="--json")]
+
+EQUAL, DIFFERENT = 0, 1
+
+
+def info(folder: Path, *, as_json: Json = False) -> int:
+    """Show what a saved run holds, checking every chunk of it.
+
+    Parameters
+    ----------
+    folder
+        Folder of the run.
+    as_json
+        Print JSON.
+    """
+    from flocking.apps.commands.run_summary import facts, summary
+    from flocking.apps.tables import print_facts
+    from flocking.engine.storage.stored_runs import read_run, stored_facts
+
+    stored = stored_facts(folder)
+    found = summary(read_run(folder)) if stored["scenario_stored"] else None
+    if as_json:
+        _print_json({**(found or {}), "stored": stored})
+        return EQUAL
+    rows = facts(found) if found else [("status", stored["status"]), ("frames", str(stored["frames"]))]
+    going_on = "yes, with 'flocking resume'" if stored["can_go_on"] else "no"
+    rows += [
+        ("commits", str(stored["commits"])),
+        ("size on disk", f"{stored['bytes'] / 1e6:.3g} MB"),
+        ("can go on", "" if stored["status"] == "finished" else going_on),
+        ("scenario", "not stored: it has a part from outside the library" if found is None else ""),
+    ]
+    print_facts(rows)
+    return EQUAL
+
+
+def export(
+    folder: Path, *, to: str = "gsd", out: Path | None = None, step: float | None = None, seed: int | None = None
+) -> int:
+    """Write a saved run for other programs, or a scenario as an input deck for LAMMPS.
+
+    Parameters
+    ----------
+    folder
+        Folder of the run; for lammps a scenario: a name that 'flocking list' shows, or a TOML file.
+    to
+        gsd (OVITO, freud), xyz (extended XYZ), npz (all arrays), csv or parquet (observables of every frame); lammps.
+    out
+        The file; the folder's name with the format as its ending when absent. For lammps a new folder.
+    step
+        Time step, for lammps; chosen from the start when absent.
+    seed
+        Seed of the scenario's draws, for lammps.
+    """
+    if to.lower() == "lammps":
+        return _export_deck(str(folder), out, step, seed)
+    from flocking.engine.storage.exchange import export_run
+    from flocking.engine.storage.stored_runs import read_run
+
+    place = out or folder.resolve().with_name(f"{folder.resolve().name}.{to.lower()}")
+    print(export_run(read_run(folder), place, to=to))
+    return EQUAL
+
+
+def _export_deck(scenario: str, out: Path | None, step: float | None, seed: int | None) -> int:
+    from flocking.apps.scenario_names import find_scenario
+    from flocking.engine.driver.lammps_export import export_deck
+
+    place = out or Path(f"{Path(scenario).stem}.lammps")
+    print(export_deck(find_scenario(scenario, seed, None), place, step=step))
+    return EQUAL
+
+
+def diff(one: Path, two: Path, *, tolerance: float = 0.0, as_json: Json = False) -> int:
+    """Find the first difference of two saved runs, by time and agent. Exit code 0 when equal, 1 when not.
+
+    Parameters
+    ----------
+    one, two
+        Folders of the runs.
+    tolerance
+        Differences of numbers up to this size do not count.
+    as_json
+        Print JSON.
+    """
+    from flocking.engine.runs.compare import first_difference
+    from flocking.engine.storage.stored_runs import read_run
+
+    found = first_difference(read_run(one), read_run(two), tolerance=tolerance)
+    if as_json:
+        about = None if found is None else {**vars(found), "first": str(found.first), "second": str(found.second)}
+        _print_json({"equal": found is None, "first_difference": about})
+    else:
+        print("The runs are equal." if found is None else found)
+    return EQUAL if found is None else DIFFERENT
+
+
+def _print_json(data: Any) -> None:
+    print(json.dumps(data, indent=2, allow_nan=False, ensure_ascii=False))

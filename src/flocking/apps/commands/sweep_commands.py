@@ -1,0 +1,207 @@
+"""The sweep command: a file or a shipped study, run or gone on with, its results written and drawn."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    from flocking.study.sweeps.sweep_file import SweepFile
+    from flocking.study.sweeps.table import SweepTable
+
+FINE, FAILED_RUNS, INTERRUPTED = 0, 1, 130
+LONGEST_SUMMARY = 60
+
+
+def sweep(
+    sweep: str,
+    /,
+    *,
+    out: Path | None = None,
+    workers: int | None = None,
+    cluster: str | None = None,
+    most_runs: int | None = None,
+    most_agents: int | None = None,
+    level: float = 0.95,
+    as_json: Annotated[bool, Parameter(name="--json")] = False,
+) -> int:
+    """Run a sweep: many runs over parameters and seeds. The same command again makes only what is missing.
+
+    Parameters
+    ----------
+    sweep
+        A TOML file, or a shipped study: tanner-connectivity, olfati-saber-density, shi-informed, zhou-bound.
+    out
+        Folder for the results; out/sweeps/NAME when absent. Tables and, for a study, its picture go beside the rows.
+    workers
+        Local processes; as many as cores when absent.
+    cluster
+        Address of a Dask scheduler to use instead, such as tcp://10.0.0.1:8786.
+    most_runs
+        Largest number of runs the file may ask for; 100,000 by default.
+    most_agents
+        Largest number of agents a scenario in the file may ask for; one million by default.
+    level
+        Level of confidence of the intervals.
+    as_json
+        Print JSON.
+    """
+    from flocking.model.checks import integer
+    from flocking.papers.studies.running import run_file
+    from flocking.study.confidence_intervals import check_level
+
+    check_level(level)
+    if most_runs is not None:
+        integer("sweep", "most_runs", most_runs, least=1)
+    file = find_sweep(sweep, most_runs, most_agents)
+    folder = out or Path("out") / "sweeps" / file.name
+    begin = time.monotonic()
+    try:
+        table = run_file(file, folder / "results", workers=workers, cluster=cluster, progress=not as_json)
+        written = write_results(table, folder, sweep, level)
+    except KeyboardInterrupt:
+        print(f"flocking: interrupted; what {folder} holds is whole, and the same command goes on.", file=sys.stderr)
+        return INTERRUPTED
+    _print(table, file, folder, written, level, time.monotonic() - begin, as_json)
+    if not table.complete:
+        kept = f"{len(table)} of {table.plan.size} runs are kept in {folder}; the same command goes on."
+        print(f"flocking: interrupted; {kept}", file=sys.stderr)
+        return INTERRUPTED
+    return FAILED_RUNS if table.failures else FINE
+
+
+def find_sweep(name: str, most_runs: int | None, most_agents: int | None) -> SweepFile:
+    """The sweep a user means: a shipped study by its name, or a TOML file.
+
+    Parameters
+    ----------
+    most_runs
+        Largest number of runs it may ask for; 100,000 when absent.
+    most_agents
+        Largest number of agents a scenario in it may ask for; one million when absent.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no such study or file, or the file has faults.
+    """
+    from flocking.errors import InvalidInput
+    from flocking.papers.scenario_families import families
+    from flocking.papers.studies.shipped import STUDIES
+    from flocking.study.scenario_files.scenario_file import MOST_AGENTS
+    from flocking.study.scenario_files.scenario_values import nearest
+    from flocking.study.sweeps.plan import MOST_RUNS
+    from flocking.study.sweeps.sweep_file import read_sweep_file
+
+    if name in STUDIES:
+        return STUDIES[name].plan(most_runs)
+    if not (name.endswith(".toml") or Path(name).exists()):
+        raise InvalidInput("sweep", "sweep", "must be a TOML file or a shipped study", name, nearest(name, STUDIES))
+    runs = MOST_RUNS if most_runs is None else most_runs
+    return read_sweep_file(
+        name, families(), most_runs=runs, most_agents=MOST_AGENTS if most_agents is None else most_agents
+    )
+
+
+def write_results(table: SweepTable, folder: Path, name: str, level: float) -> list[Path]:
+    """Write tables of the runs there are, and the picture of a shipped study once it is complete.
+
+    Parameters
+    ----------
+    table
+        What the sweep found.
+    level
+        Level of confidence of the intervals, between 0 and 1.
+    """
+    from importlib.util import find_spec
+
+    from flocking.papers.studies.shipped import STUDIES
+    from flocking.study.sweeps.table import write_csv
+
+    written = [table.to_csv(folder / "runs.csv")]
+    if find_spec("pyarrow") is not None:
+        written.append(table.to_parquet(folder / "runs.parquet"))
+    written.append(write_csv(folder / "summary.csv", _summary_rows(table, level)))
+    if name in STUDIES and table.complete:
+        from flocking.show.style import save
+
+        written += save(STUDIES[name].draw(table), folder / name)
+    return written
+
+
+def _print(
+    table: SweepTable, file: SweepFile, folder: Path, written: list[Path], level: float, seconds: float, as_json: bool
+) -> None:
+    from flocking.apps.tables import print_table, short
+
+    failures = table.failures
+    rows = _summary_rows(table, level)
+    if as_json:
+        about = {
+            "sweep": file.name, "runs": table.plan.size, "done": len(table), "failed": len(failures),
+            "status": table.status, "out": str(folder), "files": [str(path) for path in written],
+            "summary": rows, "failures": failures[:100], "seconds": seconds,
+        }  # fmt: skip
+        print(json.dumps(about, indent=2, allow_nan=False, ensure_ascii=False, default=str))
+        return
+    head = [*table.plan.grid, *(["sample"] if table.plan.sample else []), *table.measures]
+    # More intervals than these fold on a terminal; all are in the summary beside.
+    few = len(table.measures) <= 2
+    cells = []
+    for row in rows[:LONGEST_SUMMARY]:
+        places = [str(row[name]) for name in head[: len(head) - len(table.measures)]]
+        values = [f"{short(row[m])} ({_ends(row, m)})" if few else short(row[m]) for m in table.measures]
+        cells.append((*places, *values))
+    print_table(head, cells, title=f"{file.name}: means" + (f" with {100 * level:g} % intervals" if few else ""))
+    if len(rows) > LONGEST_SUMMARY:
+        print(f"... and {len(rows) - LONGEST_SUMMARY} more points in {folder / 'summary.csv'}")
+    for reason, measures in _reasons(rows, table.measures).items():
+        print(f"no {100 * level:g} % interval of {', '.join(measures)}: {reason}")
+    print(f"\n{len(table)} of {table.plan.size} runs, {len(failures)} failed, {seconds:.0f} s; results in {folder}")
+    for failure in failures[:5]:
+        print("  " + ", ".join(f"{name} = {value}" for name, value in failure.items()))
+
+
+def _ends(row: Mapping[str, Any], measure: str) -> str:
+    from flocking.apps.tables import short
+
+    if row[f"{measure}_low"] is None:
+        return "no interval"
+    return f"{short(row[f'{measure}_low'])}, {short(row[f'{measure}_high'])}"
+
+
+def _reasons(rows: Sequence[Mapping[str, Any]], measures: Sequence[str]) -> dict[str, list[str]]:
+    """Why means have no interval, with the measures that have none for that reason at some point."""
+    found: dict[str, list[str]] = {}
+    for measure in measures:
+        for method in dict.fromkeys(row[f"{measure}_interval"] for row in rows):
+            if method.startswith("none: "):
+                found.setdefault(method.removeprefix("none: "), []).append(measure)
+    return found
+
+
+def _summary_rows(table: SweepTable, level: float) -> list[dict[str, Any]]:
+    summary = table.summary(level)
+    columns = {str(name): summary[name].values.ravel() for name in summary.data_vars}
+    rows = []
+    for point in range(table.plan.points):
+        places = dict(table.plan.parameters(point))
+        if table.plan.sample is not None:
+            places["sample"] = point % table.plan.sample.count
+        rows.append({**places, **{name: _plain(column[point]) for name, column in columns.items()}})
+    return rows
+
+
+def _plain(value: Any) -> Any:
+    value = value.item() if hasattr(value, "item") else value
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+__all__ = ["find_sweep", "sweep", "write_results"]

@@ -1,0 +1,171 @@
+"""The access check put before viser's server, which asks nobody who they are.
+
+Viser serves pages and websockets through ``websockets.asyncio.server.serve``. While the server of a lab is made, that
+function hands it a check of every request; nothing else of viser is touched. Whether the check is in force is then
+asked of the server itself, so that a version of viser that serves in another way is refused, not trusted.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import http.client
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+from flocking.apps.lab.access.request_checks import (
+    MESSAGES_A_SECOND,
+    MOST_MESSAGES,
+    MOST_TABS,
+    AccessCheck,
+    RateLimit,
+    Refusal,
+)
+
+SERVED_BY = "viser."
+"""Modules whose servers are guarded."""
+
+LARGEST_MESSAGE = 2**20
+"""Bytes of the longest message that a page may send."""
+
+SAFER = {
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-store",
+    "X-Content-Type-Options": "nosniff",
+    "Content-Security-Policy": "frame-ancestors 'none'",
+}
+"""Headers of every answer: the token goes nowhere, and no page shows the lab within itself."""
+
+_one_at_a_time = threading.Lock()
+
+
+@dataclass(frozen=True, eq=False)
+class Guarded:
+    """A viser server, and the check of who may connect to it.
+
+    Parameters
+    ----------
+    server
+        The viser server.
+    access
+        The check.
+    """
+
+    server: Any
+    access: AccessCheck
+
+    @property
+    def address(self) -> str:
+        """Where the page is, with the token."""
+        return f"http://{self.server.get_host()}:{self.server.get_port()}/{self.access.token}/"
+
+
+@contextmanager
+def guarding(access: AccessCheck) -> Iterator[None]:
+    """While it lasts, the viser server that is made has its requests judged by an access check.
+
+    Parameters
+    ----------
+    access
+        The check.
+    """
+    import rich
+    import websockets.asyncio.server as place
+
+    with _one_at_a_time:
+        before, console = place.serve, rich.get_console()
+        quiet = console.quiet
+
+        def serve(handler: Any, *given: Any, process_request: Any = None, **options: Any) -> Any:
+            if not getattr(process_request, "__module__", "").startswith(SERVED_BY):
+                return before(handler, *given, process_request=process_request, **options)
+            options["max_size"] = LARGEST_MESSAGE
+            return before(_served(access, handler), *given, process_request=_judged(access, process_request), **options)
+
+        place.serve = serve
+        console.quiet = True  # viser prints its address, which lacks the token
+        try:
+            yield
+        finally:
+            place.serve, console.quiet = before, quiet
+
+
+def _judged(access: AccessCheck, answer: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    def judge(connection: Any, request: Any) -> Any:
+        found = access.judge(request.path, request.headers.raw_items())
+        if isinstance(found, Refusal):
+            response = connection.respond(found.status, found.words)
+        else:
+            request.path = found
+            response = answer(connection, request)
+        if response is not None:
+            for name, value in SAFER.items():
+                response.headers[name] = value
+        return response
+
+    return judge
+
+
+def _served(access: AccessCheck, handler: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    async def serve(connection: Any) -> None:
+        if access.tabs >= MOST_TABS:
+            await connection.close(1013, "too many tabs")
+            return
+        receive, limit = connection.recv, RateLimit(MESSAGES_A_SECOND, MOST_MESSAGES)
+
+        async def received(*given: Any, **options: Any) -> Any:
+            message = await receive(*given, **options)
+            wait = limit.wait()
+            if wait > 0:
+                await asyncio.sleep(wait)
+            return message
+
+        connection.recv = received
+        access.tabs += 1
+        try:
+            await handler(connection)
+        finally:
+            access.tabs -= 1
+
+    return serve
+
+
+def is_guarded(host: str, port: int, token: str) -> bool:
+    """Whether a server refuses those who are to be refused, and answers those who are not.
+
+    Parameters
+    ----------
+    host, port
+        Where it is.
+    token
+        What its address begins with.
+    """
+    own, elsewhere = f"{host}:{port}", "http://elsewhere.invalid"
+    upgrade = {
+        "Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13",
+        "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",
+    }  # fmt: skip
+    asked = [
+        _status(host, port, "/", {"Host": own}),
+        _status(host, port, f"/{token}/", {"Host": "elsewhere.invalid"}),
+        _status(host, port, f"/{token}/", {"Host": own, "Origin": elsewhere}),
+        _status(host, port, f"/{token}/", {"Host": own, "Origin": elsewhere, **upgrade}),
+        _status(host, port, "/", {"Host": own, "Origin": f"http://{own}", **upgrade}),
+    ]
+    return asked == [403] * len(asked) and _status(host, port, f"/{token}/", {"Host": own}) == 200
+
+
+def _status(host: str, port: int, path: str, headers: dict[str, str]) -> int:
+    connection = http.client.HTTPConnection(host, port, timeout=10)
+    try:
+        connection.putrequest("GET", path, skip_host=True, skip_accept_encoding=True)
+        for name, value in headers.items():
+            connection.putheader(name, value)
+        connection.endheaders()
+        return connection.getresponse().status
+    except (OSError, http.client.HTTPException):
+        return 0
+    finally:
+        connection.close()

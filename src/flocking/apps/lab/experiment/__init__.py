@@ -1,0 +1,1 @@
+"""A running experiment without a page: events, settings, clock and history."""

@@ -1,0 +1,291 @@
+"""What a user can do to a running experiment, as plain data, and the log of it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flocking.apps.lab.experiment.parts import changed, leader_at_point, substituted, value_at, with_children
+from flocking.apps.lab.experiment.selection import selected, state_of
+from flocking.engine.storage.atomic_files import write_through
+from flocking.errors import InvalidInput
+from flocking.model.checks import integer, number
+from flocking.model.graphs.distance_graphs import Fixed
+from flocking.model.law import Law, Scenario
+from flocking.model.leaders_and_obstacles.leaders import Leader
+from flocking.model.leaders_and_obstacles.obstacles import Ball, Obstacle
+from flocking.model.serial import from_data, to_data
+from flocking.model.state import State
+from flocking.model.terms.avoidance import Avoid, ObstacleTerm
+
+FORMAT = 1
+LARGEST_LOG = 64 * 2**20
+
+Event = dict[str, Any]
+"""An intervention: ``kind``, and what that kind needs. Everything in it survives a round trip through JSON."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What an event makes of an experiment.
+
+    Parameters
+    ----------
+    scenario
+        The scenario from then on; its start matters only where ``anew`` is set.
+    base
+        What factors multiply from then on.
+    state
+        A new state, where there is one.
+    anew
+        Whether a new session must start from the scenario: it has other agents.
+    """
+
+    scenario: Scenario
+    base: Scenario
+    state: State | None = None
+    anew: bool = False
+
+
+def outcome(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outcome:
+    """What ``event`` does to a scenario that stands at ``state``.
+
+    Parameters
+    ----------
+    base
+        The scenario as it was opened.
+
+    Raises
+    ------
+    InvalidInput
+        When the event is none, or a part refuses what it asks for.
+    """
+    kind = event.get("kind")
+    if kind not in _KINDS:
+        raise InvalidInput("lab", "kind", f"must be one of {', '.join(_KINDS)}", kind)
+    try:
+        return _KINDS[kind](event, scenario, base, state)
+    except KeyError as missing:
+        raise InvalidInput("lab", str(missing.args[0]), f"must be given for an event of kind {kind!r}", None) from None
+    except (TypeError, IndexError) as error:
+        raise InvalidInput("lab", kind, f"must be an event that fits the scenario ({error})", event) from None
+
+
+def _set(event: Event, scenario: Scenario, base: Scenario, _: State) -> Outcome:
+    path, value = event["path"], event["value"]
+    return Outcome(changed(scenario, path, value), changed(base, path, value))
+
+
+def _scale(event: Event, scenario: Scenario, base: Scenario, _: State) -> Outcome:
+    factor = number("lab", "factor", event["value"], least=0.0)
+    values = np.asarray(value_at(base, event["path"])) * factor
+    return Outcome(changed(scenario, event["path"], values), base)
+
+
+def _move(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outcome:
+    leader = value_at(scenario, event["path"])
+    if not isinstance(leader, Leader):
+        raise InvalidInput("lab", "path", "must lead to a leader or to what an obstacle moves with", leader)
+    moved = leader_at_point(leader, event["to"], state.t)
+    before = value_at(base, event["path"])
+    return Outcome(substituted(scenario, leader, moved), substituted(base, before, moved))
+
+
+def _kick(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outcome:
+    speed = number("lab", "speed", event["speed"], least=0.0)
+    agents = _agents(event["agents"], state.n)
+    draws = np.random.default_rng(integer("lab", "seed", event["seed"], least=0)).normal(
+        size=(len(agents), state.dimension)
+    )
+    p = np.array(state.p)
+    p[agents] += speed * draws / np.maximum(np.linalg.norm(draws, axis=1, keepdims=True), 1e-12)
+    return Outcome(scenario, base, State(state.q, p, state.t, state.links))
+
+
+def _kill(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outcome:
+    chosen = np.setdiff1d(np.arange(state.n), _agents(event["agents"], state.n))
+    left = state_of(state, chosen) if len(chosen) else state
+    return Outcome(selected(scenario, chosen, left), selected(base, chosen, left), anew=True)
+
+
+def _add(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outcome:
+    """One more agent, at ``q`` with ``p``: its own numbers are agent 0's, its links those of the graph's rule."""
+    q, p = (np.array([event[name]], dtype=np.float64) for name in ("q", "p"))
+    chosen = np.append(np.arange(state.n), 0)
+    bare = State(np.concatenate([state.q, q]), np.concatenate([state.p, p]), state.t)
+    larger = selected(scenario, chosen, bare)
+    links = None
+    if state.links is not None:
+        links = np.array(larger.law.graph.start_links(bare.q, larger.agents.headings))
+        links[:-1, :-1] = state.links
+    grown = State(bare.q, bare.p, state.t, links)
+    return Outcome(larger.with_(start=grown), selected(base, chosen, grown), anew=True)
+
+
+def _cut(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outcome:
+    pairs = [(integer("lab", "pairs", i, least=0), integer("lab", "pairs", j, least=0)) for i, j in event["pairs"]]
+    if any(max(pair) >= state.n for pair in pairs):
+        raise InvalidInput("lab", "pairs", f"must join agents of 0..{state.n - 1}", pairs)
+    graph = scenario.law.graph
+    if isinstance(graph, Fixed):
+        gone = {frozenset(pair) for pair in pairs}
+        kept = tuple(edge for edge in graph.edges if frozenset(edge) not in gone)
+        fewer = Fixed(graph.n, kept, directed=graph.directed)
+        return Outcome(substituted(scenario, graph, fewer), substituted(base, base.law.graph, fewer))
+    if state.links is None:
+        raise InvalidInput("lab", "pairs", "can be cut only where links are kept", f"{state.n} agents")
+    links = np.array(state.links)
+    for i, j in pairs:
+        links[i, j] = links[j, i] = False
+    return Outcome(scenario, base, State(state.q, state.p, state.t, links))
+
+
+def _term(event: Event, scenario: Scenario, base: Scenario, _: State) -> Outcome:
+    term = from_data(event["term"])
+    longer, reference = (x.with_(law=Law(x.law.graph, (*x.law.terms, term))) for x in (scenario, base))
+    return Outcome(longer, reference)
+
+
+def _drop(event: Event, scenario: Scenario, base: Scenario, _: State) -> Outcome:
+    number = integer("lab", "number", event["number"], least=0)
+    shorter, reference = (
+        x.with_(law=Law(x.law.graph, tuple(t for k, t in enumerate(x.law.terms) if k != number)))
+        for x in (scenario, base)
+    )
+    return Outcome(shorter, reference)
+
+
+def _obstacle(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outcome:
+    ball = Ball(event["centre"], event["radius"])
+    return Outcome(_with_obstacle(scenario, ball), _with_obstacle(base, ball))
+
+
+def _with_obstacle(scenario: Scenario, ball: Ball) -> Scenario:
+    for term in scenario.law.terms:
+        if isinstance(term, ObstacleTerm):
+            found: Scenario = substituted(scenario, term, with_children(term, {"obstacles": (*term.obstacles, ball)}))
+            return found
+    reach = float(np.max(np.asarray(scenario.law.graph.break_radius)))
+    reach = reach / 2 if np.isfinite(reach) else ball.radius
+    term = Avoid((ball,), range=reach, gamma_agents=False)
+    return scenario.with_(law=Law(scenario.law.graph, (*scenario.law.terms, term)))
+
+
+def _remove(event: Event, scenario: Scenario, base: Scenario, _: State) -> Outcome:
+    """One obstacle goes; with the last one its term."""
+    path = tuple(event["path"])
+    if not isinstance(value_at(scenario, path), Obstacle):
+        raise InvalidInput("lab", "path", "must lead to an obstacle", list(path))
+    return Outcome(_without_obstacle(scenario, path), _without_obstacle(base, path))
+
+
+def _without_obstacle(scenario: Scenario, path: tuple[Any, ...]) -> Scenario:
+    *way, _, number = path
+    term = value_at(scenario, way)
+    left = tuple(x for k, x in enumerate(term.obstacles) if k != number)
+    if left:
+        found: Scenario = substituted(scenario, term, with_children(term, {"obstacles": left}))
+        return found
+    terms = tuple(each for each in scenario.law.terms if each is not term)
+    if not terms:
+        raise InvalidInput("lab", "obstacles", "must leave at least one term in the law", "none")
+    return scenario.with_(law=Law(scenario.law.graph, terms))
+
+
+def _clear(_: Event, scenario: Scenario, base: Scenario, __: State) -> Outcome:
+    return Outcome(_without_obstacles(scenario), _without_obstacles(base))
+
+
+def _without_obstacles(scenario: Scenario) -> Scenario:
+    terms = tuple(term for term in scenario.law.terms if not isinstance(term, ObstacleTerm))
+    if not terms:
+        raise InvalidInput("lab", "obstacles", "must leave at least one term in the law", "none")
+    return scenario.with_(law=Law(scenario.law.graph, terms))
+
+
+def _agents(given: Sequence[int], n: int) -> np.ndarray[Any, np.dtype[np.intp]]:
+    numbers = [integer("lab", "agents", i, least=0) for i in given]
+    if any(i >= n for i in numbers):
+        raise InvalidInput("lab", "agents", f"must be agents of 0..{n - 1}", numbers)
+    return np.array(numbers, dtype=np.intp)
+
+
+_KINDS: dict[str, Callable[[Event, Scenario, Scenario, State], Outcome]] = {
+    "set": _set, "scale": _scale, "move": _move, "kick": _kick, "kill": _kill, "add": _add, "cut": _cut,
+    "term": _term, "drop": _drop, "obstacle": _obstacle, "remove": _remove,
+    "clear obstacles": _clear,
+}  # fmt: skip
+
+
+@dataclass
+class EventLog:
+    """A scenario, and everything that was done to it at which time.
+
+    Parameters
+    ----------
+    scenario
+        What was started.
+    engine
+        Engine that ran it.
+    entries
+        Times and events, in order.
+    end
+        Time until which it ran.
+    """
+
+    scenario: Scenario
+    engine: str
+    entries: list[tuple[float, Event]] = field(default_factory=list)
+    end: float = 0.0
+
+    def write(self, path: str | Path) -> Path:
+        """Write the log as JSON.
+
+        Raises
+        ------
+        InvalidInput
+            When the scenario has a part that files have no word for, or the file cannot be written.
+        """
+        data = {
+            "format": FORMAT, "engine": self.engine, "end": self.end,
+            "events": [{"time": t, **event} for t, event in self.entries], "scenario": to_data(self.scenario),
+        }  # fmt: skip
+        try:
+            write_through(Path(path), (json.dumps(data, allow_nan=False) + "\n").encode(), parents=False)
+        except (OSError, ValueError) as error:
+            raise InvalidInput("lab", "log", f"cannot be written ({error})", str(path)) from None
+        return Path(path)
+
+    @classmethod
+    def read(cls, path: str | Path) -> EventLog:
+        """Read a log.
+
+        Raises
+        ------
+        InvalidInput
+            When the file is none.
+        """
+        file = Path(path)
+        try:
+            if not file.is_file():
+                raise InvalidInput("lab", "log", "must be an event log", str(path))
+            if file.stat().st_size > LARGEST_LOG:
+                raise InvalidInput("lab", "log", f"must have at most {LARGEST_LOG} bytes", str(path))
+            data = json.loads(file.read_text(encoding="utf-8"))
+            if data["format"] != FORMAT:
+                raise InvalidInput("lab", "format", f"must be {FORMAT}", data["format"])
+            entries = [(float(e["time"]), {k: v for k, v in e.items() if k != "time"}) for e in data["events"]]
+            scenario = from_data(data["scenario"])
+            found = cls(scenario, str(data["engine"]), entries, float(data["end"]))
+        except InvalidInput:
+            raise
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+            raise InvalidInput("lab", "log", f"must be an event log ({error})", str(path)) from None
+        if not isinstance(scenario, Scenario):
+            raise InvalidInput("lab", "scenario", "must be a scenario", type(scenario).__name__)
+        return found

@@ -1,0 +1,156 @@
+"""What happened since the last intervention, thinned to stay small, as a run that claims can be held against."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from flocking.apps.lab.experiment.clock import Frame
+from flocking.engine.runs.run import SWITCH_FIELDS, TRACE_FIELDS, Accuracy, Closest, Run
+from flocking.model.state import State
+
+MOST_FRAMES = 400
+MOST_BYTES = 60e6
+"""Size that the frames kept for the claims may have."""
+
+MOST_ROWS = 4000
+SERIES_POINTS = 400
+CUMULATIVE = ("work", "dissipated", "supplied", "jumped")
+
+
+class History:
+    """Frames, ledger and switches of one experiment since it was last changed.
+
+    Parameters
+    ----------
+    which
+        Number of the experiment.
+    """
+
+    def __init__(self, which: int = 0) -> None:
+        self.which = which
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._mark: tuple[Any, ...] = ()
+        self.frames: list[State] = []
+        self._trace: list[tuple[float, ...]] = []
+        self._switches: list[tuple[Any, ...]] = []
+
+    def take(self, frame: Frame) -> None:
+        """Look at a frame: nothing is kept twice, and an intervention begins a new history."""
+        state, scenario = frame.states[self.which], frame.scenarios[self.which]
+        trace, switches = frame.rows[self.which]
+        mark = (frame.changed_at[self.which], frame.versions[self.which], id(trace))
+        if mark != self._mark or (self.frames and state.t < self.frames[-1].t):
+            self.clear()
+            self._mark = mark
+        if self.frames and state.t == self.frames[-1].t:
+            return
+        if self._trace:
+            self._trace += _between(trace, self._trace[-1][0], state.t)
+        else:
+            self._trace = _between(trace, -np.inf, state.t)[-1:]
+        self._switches += _between(switches, self.frames[-1].t if self.frames else state.t, state.t)
+        self.frames.append(state)
+        self._scenario = scenario
+        self._thin(state)
+
+    def _thin(self, state: State) -> None:
+        links = state.n**2 if state.links is not None else 0
+        room = int(min(MOST_FRAMES, max(8, MOST_BYTES // (16 * state.q.size + links + 1))))
+        if len(self.frames) > room:
+            self.frames = [*self.frames[:-1:2], self.frames[-1]]
+        if len(self._trace) > MOST_ROWS:
+            self._trace = [*self._trace[:-1:2], self._trace[-1]]
+        if len(self._switches) > MOST_ROWS:
+            # Links cannot be followed across switches that are forgotten: begin later.
+            half = float(self._switches[len(self._switches) // 2][0])
+            self.frames = [s for s in self.frames if s.t >= half] or self.frames[-1:]
+            self._switches = [row for row in self._switches if row[0] > self.frames[0].t]
+            self._trace = [row for row in self._trace if row[0] >= self.frames[0].t] or self._trace[-1:]
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """From when until when."""
+        return (self.frames[0].t, self.frames[-1].t) if self.frames else (0.0, 0.0)
+
+    def run(self, closest: tuple[Closest, Closest], accuracy: Accuracy | None = None) -> Run | None:
+        """What happened as a run; None before there are three frames.
+
+        Parameters
+        ----------
+        closest
+            Closest linked and unlinked pairs, which frames cannot tell.
+        accuracy
+            What is known of the errors of the session, where anything is.
+        """
+        frames = self.frames
+        if len(frames) < 3:
+            return None
+        with_links = all(s.links is not None for s in frames)
+        trace = np.array(self._trace, dtype=TRACE_FIELDS)
+        for name in CUMULATIVE:
+            if len(trace):
+                trace[name] -= trace[name][0]
+        known = accuracy
+        if known is not None:
+            # A largest value of the whole session that was reached since then is the largest since then.
+            doubts = known.doubts[known.doubts["end"] >= frames[0].t]
+            largest = {name: x for name, x in known.largest.items() if x.time >= frames[0].t}
+            known = replace(known, frames=np.full((len(frames), 2), np.nan), doubts=doubts, largest=largest)
+        return Run(
+            self._scenario, np.array([s.t for s in frames]), np.array([s.q for s in frames]),
+            np.array([s.p for s in frames]),
+            np.array([s.links for s in frames]) if with_links else np.zeros((len(frames), 0, 0), dtype=bool),
+            np.array(self._switches, dtype=SWITCH_FIELDS), trace, *closest, "running",
+            {"engine": "lab", "tolerance": self._scenario.tolerance}, accuracy=known,
+        )  # fmt: skip
+
+
+def _between(rows: Any, after: float, until: float) -> list[Any]:
+    """Rows later than ``after`` and not later than ``until``; rows may be added and dropped meanwhile."""
+    found = []
+    for row in reversed(list(rows)):
+        if row[0] <= after:
+            break
+        if row[0] <= until:
+            found.append(row)
+    found.reverse()
+    return found
+
+
+class Series:
+    """Measured numbers over time, the last few hundred of them.
+
+    Parameters
+    ----------
+    names
+        What they are called.
+    """
+
+    def __init__(self, names: tuple[str, ...]) -> None:
+        self.names = names
+        self.rows: deque[tuple[float, ...]] = deque(maxlen=SERIES_POINTS)
+
+    def add(self, t: float, values: tuple[float, ...]) -> None:
+        """Add a row; time that went back begins anew.
+
+        Parameters
+        ----------
+        values
+            The numbers of the row after its time.
+        """
+        if self.rows and t < self.rows[-1][0]:
+            self.rows.clear()
+        if not self.rows or t > self.rows[-1][0]:
+            self.rows.append((t, *values))
+
+    def columns(self) -> tuple[np.ndarray[Any, np.dtype[np.float64]], ...]:
+        """Time and the values, one array each."""
+        table = np.array(self.rows, dtype=np.float64).reshape(-1, 1 + len(self.names))
+        return tuple(np.ascontiguousarray(column) for column in table.T)

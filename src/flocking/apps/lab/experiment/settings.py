@@ -1,0 +1,174 @@
+"""The settings of a scenario, read from its parts: what a page shows as sliders, fields and choices."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flocking.apps.lab.experiment.parts import FORMULA, Step, children
+from flocking.model.graphs.distance_graphs import Fixed
+from flocking.model.graphs.views import MEASURES
+from flocking.model.graphs.weights import PairWeights
+from flocking.model.law import Scenario
+from flocking.model.leaders_and_obstacles.leaders import Leader, Path
+from flocking.model.leaders_and_obstacles.obstacles import Obstacle
+from flocking.model.potentials.bumps import BUMPS
+from flocking.model.potentials.potential import Potential
+
+CHOICES = {
+    "weighting": ("energy", "force"),
+    "stored": ("integral", "potential"),
+    "bump": tuple(BUMPS),
+    "measure": MEASURES,
+}
+"""What fields that hold a word may hold."""
+
+WIDE, ROOM = 4.0, 5.0
+"""A slider reaches this many times its value; one that stands at 0 reaches this far."""
+
+LARGEST_FACTOR = 4.0
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One value that a page can change.
+
+    Parameters
+    ----------
+    path
+        Where it is in the scenario.
+    kind
+        ``"number"``, ``"count"``, ``"flag"``, ``"choice"``, ``"formula"`` or ``"factor"``: a factor multiplies values
+        that differ between agents or pairs.
+    value
+        What it is; 1 for a factor.
+    low, high
+        Ends of a slider.
+    choices
+        What a choice may be.
+    """
+
+    path: tuple[Step, ...]
+    kind: str
+    value: Any
+    low: float = 0.0
+    high: float = 1.0
+    choices: tuple[str, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """Name on the page."""
+        last, before = self.path[-1], self.path[-2]
+        if isinstance(last, int):
+            return f"{before} {'xyz'[last] if last < 3 else last}"
+        return f"{last} (factor)" if self.kind == "factor" else str(last).replace("_", " ")
+
+
+@dataclass(frozen=True)
+class Section:
+    """The settings of one part.
+
+    Parameters
+    ----------
+    title
+        Name of the part.
+    settings
+        Its settings.
+    removal
+        The event that takes the part out of the law; None where it must stay.
+    """
+
+    title: str
+    settings: tuple[Setting, ...]
+    removal: dict[str, Any] | None = None
+
+
+def sections(scenario: Scenario) -> list[Section]:
+    """Settings of all parts of a scenario: the law's graph and terms, leaders, obstacles, agents and accuracy.
+
+    A part of another library shows the settings its fields hold, as long as it is a dataclass. A leader that
+    several terms look at is shown once.
+    """
+    seen: set[int] = set()
+    law = scenario.law
+    found = [_section(f"Graph: {type(law.graph).__name__}", law.graph, ("law", "graph"), seen)]
+    for k, term in enumerate(law.terms):
+        removal = {"kind": "drop", "number": k} if len(law.terms) > 1 else None
+        found.append(_section(type(term).__name__, term, ("law", "terms", k), seen, removal))
+    inner = [(path, part) for k, term in enumerate(law.terms) for path, part in _inner(term, ("law", "terms", k))]
+    obstacles = [part for _, part in inner if isinstance(part, Obstacle)]
+    for path, part in inner:
+        if id(part) not in seen:
+            number = f" {obstacles.index(part) + 1}" if isinstance(part, Obstacle) and len(obstacles) > 1 else ""
+            removal = {"kind": "remove", "path": list(path)} if isinstance(part, Obstacle) else None
+            found.append(_section(f"{_role(part)}{number}: {type(part).__name__}", part, path, seen, removal))
+    found.append(_section("Agents", scenario.agents, ("agents",), seen))
+    return [s for s in found if s.settings or s.removal]
+
+
+def _role(part: Any) -> str:
+    return "Leader" if isinstance(part, Leader) else "Obstacle" if isinstance(part, Obstacle) else "Graph"
+
+
+def _inner(part: Any, path: tuple[Step, ...]) -> Iterator[tuple[tuple[Step, ...], Any]]:
+    """Leaders, obstacles and graphs inside a term, each with its path."""
+    from flocking.model.graphs.distance_graphs import Graph
+
+    for step, child in children(part).items():
+        if isinstance(child, Leader | Obstacle | Graph):
+            yield (*path, step), child
+        if isinstance(child, Obstacle | tuple):
+            yield from _inner(child, (*path, step))
+
+
+def _section(
+    title: str, part: Any, path: tuple[Step, ...], seen: set[int], removal: dict[str, Any] | None = None
+) -> Section:
+    seen.add(id(part))
+    return Section(title, tuple(_settings(part, path)), removal)
+
+
+def _settings(part: Any, path: tuple[Step, ...]) -> Iterator[Setting]:
+    if isinstance(part, Fixed):
+        return
+    for step, value in children(part).items():
+        here = (*path, step)
+        if isinstance(value, bool):
+            yield Setting(here, "flag", value)
+        elif isinstance(value, str):
+            if str(step).startswith(FORMULA) and isinstance(part, Potential | Path):
+                yield Setting(here, "formula", value)
+            elif step in CHOICES:
+                yield Setting(here, "choice", value, choices=CHOICES[str(step)])
+        elif isinstance(value, int) and not isinstance(part, tuple):
+            if step == "seed":
+                yield Setting(here, "count", value)
+        elif isinstance(value, float) and math.isfinite(value):
+            if step != "start_time":
+                low, high = _ends(value)
+                yield Setting(here, "number", value, low, high)
+        elif isinstance(value, np.ndarray):
+            if isinstance(part, Leader | Obstacle):
+                yield from _components(value, here)
+            elif step != "headings":
+                yield Setting(here, "factor", 1.0, 0.0, LARGEST_FACTOR)
+        elif isinstance(value, Potential | PairWeights):
+            yield from _settings(value, here)
+
+
+def _components(value: np.ndarray[Any, Any], here: tuple[Step, ...]) -> Iterator[Setting]:
+    """Components of a velocity or a direction; places are dragged in the scene instead."""
+    if here[-1] in ("value", "normal"):
+        reach = WIDE * float(np.abs(value).max()) or ROOM
+        for k, x in enumerate(value):
+            yield Setting((*here, k), "number", float(x), -reach, reach)
+
+
+def _ends(value: float) -> tuple[float, float]:
+    if value == 0:
+        return 0.0, ROOM
+    return (0.0, WIDE * value) if value > 0 else (WIDE * value, -WIDE * value)

@@ -1,0 +1,1 @@
+"""What the lab draws: agents, obstacles, leaders, and the view of them."""

@@ -1,0 +1,130 @@
+"""Pictures and films of what a page shows, drawn by the picture room."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flocking.apps.lab.experiment.clock import Clock, Frame
+from flocking.apps.lab.scene.scene import Look
+from flocking.engine.runs.run import SWITCH_FIELDS, TRACE_FIELDS, Run
+from flocking.errors import InvalidInput
+from flocking.model.law import Scenario
+from flocking.model.state import State
+from flocking.model.terms.avoidance import ObstacleTerm
+
+MOST_FRAMES = 600
+FRAME_SECONDS = 0.05
+SECONDS_A_FRAME = 0.05
+PLAIN = "plain"
+
+_drawing = threading.Lock()
+
+
+def _options(scenario: Scenario, look: Look) -> dict[str, Any]:
+    obstacles = [x for term in scenario.law.terms if isinstance(term, ObstacleTerm) for x in term.obstacles]
+    color = look.color if look.color in ("speed", "heading", "flock") else PLAIN
+    return {"links": look.links, "color": color, "obstacles": obstacles}
+
+
+def _theme(look: Look) -> str:
+    return "dark" if look.dark else "light"
+
+
+def picture(state: State, scenario: Scenario, look: Look, path: Path) -> Path:
+    """Draw one moment.
+
+    Parameters
+    ----------
+    look
+        What is shown, and how.
+
+    Raises
+    ------
+    InvalidInput
+        When the agents live in more than two dimensions and cannot be drawn in the plane.
+    """
+    from flocking.show.plot import plot
+
+    options = _options(scenario, look)
+    if state.dimension > 2:
+        options.pop("obstacles")
+    with _drawing:
+        plot(_run([state], scenario), "net", save_as=path.with_suffix(""), theme=_theme(look), **options)
+    return path
+
+
+def _run(states: list[State], scenario: Scenario) -> Run:
+    linked = all(s.links is not None for s in states)
+    return Run(
+        scenario, np.array([s.t for s in states]), np.array([s.q for s in states]), np.array([s.p for s in states]),
+        np.array([s.links for s in states]) if linked else np.zeros((len(states), 0, 0), dtype=bool),
+        np.zeros(0, dtype=SWITCH_FIELDS), np.zeros(0, dtype=TRACE_FIELDS), status="running",
+    )  # fmt: skip
+
+
+class Film:
+    """Collects frames while a clock runs; of a long take every second one is dropped again and again.
+
+    Parameters
+    ----------
+    clock
+        The clock.
+    """
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._states: list[State] = []
+        self._every, self._skip = 1, 0
+        self._done = threading.Event()
+        self._thread = threading.Thread(target=self._collect, name="flocking-lab-film", daemon=True)
+        self._take(clock.frame)
+        self._thread.start()
+
+    def _collect(self) -> None:
+        number = self._clock.frame.number
+        while not self._done.is_set() and not self._clock.closed:
+            frame = self._clock.next_frame(number, timeout=0.5)
+            if frame is not None:
+                number = frame.number
+                self._take(frame)
+                self._done.wait(FRAME_SECONDS)
+
+    def _take(self, frame: Frame) -> None:
+        state, self.scenario = frame.states[0], frame.scenarios[0]
+        if self._states and (state.t <= self._states[-1].t or state.q.shape != self._states[-1].q.shape):
+            if state.q.shape != self._states[-1].q.shape or state.t < self._states[-1].t:
+                self._states = [state]
+            return
+        self._skip += 1
+        if self._skip >= self._every:
+            self._skip = 0
+            self._states.append(state)
+        if len(self._states) > MOST_FRAMES:
+            self._states, self._every = self._states[::2], 2 * self._every
+
+    def write(self, path: Path, look: Look) -> Path:
+        """End the take and write it, as MP4 where ffmpeg is installed, else as GIF.
+
+        Parameters
+        ----------
+        look
+            What is shown, and how.
+
+        Raises
+        ------
+        InvalidInput
+            When nothing moved while it was recorded.
+        """
+        self._done.set()
+        self._thread.join()
+        if len(self._states) < 2:
+            raise InvalidInput("lab", "film", "needs a run that plays while it is recorded", "one frame")
+        from flocking.show.animate import animate
+
+        with _drawing:
+            run = _run(self._states, self.scenario)
+            return animate(run, path, fps=20, theme=_theme(look), **_options(self.scenario, look))

@@ -1,0 +1,1 @@
+"""The reproduction of the papers and its report."""

@@ -1,0 +1,34 @@
+"""The film of a paper that lies beside the report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from flocking.engine.runs.run import Run
+
+FILM = "film"
+SECONDS = 5.0
+RATE = 10
+
+
+def write_film(run: Run, folder: Path) -> Path:
+    """Write a small film of a run, as long whatever the run's own time: MP4 where ffmpeg is installed, else GIF.
+
+    Parameters
+    ----------
+    run
+        A run of at least two frames.
+    folder
+        Where ``film.mp4`` or ``film.gif`` goes; the other one, of an earlier run, is removed.
+    """
+    from flocking.show.animate import animate
+
+    written = animate(run, folder / FILM, fps=RATE, seconds=SECONDS, follow=True, size=3.6, dpi=100, trails=False)
+    for suffix in {".mp4", ".gif"} - {written.suffix}:
+        written.with_suffix(suffix).unlink(missing_ok=True)
+    return written
+
+
+def film_in(folder: Path) -> Path | None:
+    """The film in a folder, or None."""
+    return next((film for film in (folder / f"{FILM}.mp4", folder / f"{FILM}.gif") if film.exists()), None)

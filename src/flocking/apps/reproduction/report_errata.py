@@ -1,0 +1,89 @@
+"""Errata and equation table of a paper in the report, as HTML."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from html import escape
+from typing import Any
+
+from flocking.apps.reproduction.report_tables import head_row, table
+from flocking.papers.description import Paper
+from flocking.study.equation_table import Fault
+
+HEADINGS = {
+    Fault.FALSE: "False statements, each with a computed counter-example",
+    Fault.MISPRINT: "Misprints, and how they are read",
+    Fault.READING: "Ambiguities and missing values, and what is chosen here",
+    Fault.OWN: "Not printed: questions of our own",
+}
+"""Headings of the tables of errata; only the first speaks against the mathematics of a paper."""
+
+
+def errata_tables(rows: Sequence[dict[str, Any]]) -> str:
+    """One table for each kind of fault that a paper has, with the number of its rows.
+
+    Parameters
+    ----------
+    rows
+        Rows of the equation table as plain data.
+    """
+    parts = []
+    for fault, heading in HEADINGS.items():
+        chosen = [row for row in rows if row["verdict"] == fault]
+        if chosen:
+            parts.append(f"<h3>{escape(heading)} ({len(chosen)})</h3>\n" + _faults(fault, chosen))
+    return "".join(parts)
+
+
+def _faults(fault: Fault, rows: Sequence[dict[str, Any]]) -> str:
+    shown = any(row["demonstration"] for row in rows)
+    items = [_fault(fault, row, shown) for row in rows]
+    columns = ("where", "what", "printed", "true", "example") if shown else ("where", "what")
+    return table(head_row(*columns), items)
+
+
+def _fault(fault: Fault, row: dict[str, Any], shown: bool) -> str:
+    colour = "wrong" if fault is Fault.FALSE else "other"
+    text = (
+        f'<tr><td class="verdict {colour}">{escape(row["number"])}</td><td>{escape(row["title"])}'
+        f'<br><span class="dim">{escape(row["reason"] or row["note"])}</span></td>'
+    )
+    if shown:
+        found = row["demonstration"] or {"printed": "", "true": "", "example": ""}
+        text += "".join(
+            f'<td class="count" data-name="{name}">{_number(found[name])}</td>' for name in ("printed", "true")
+        )
+        text += f"<td>{escape(str(found['example']))}</td>"
+    return text + "</tr>"
+
+
+def _number(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, int | float) else escape(str(value))
+
+
+def equation_table(article: Paper) -> str:
+    """Every row of a paper's equation table, folded away.
+
+    Parameters
+    ----------
+    article
+        The paper.
+    """
+    rows = [row.as_dict() for row in article.equations()]
+    counts = Counter(row["verdict"] for row in rows)
+    body = "".join(map(_equation, rows))
+    told = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
+    return (
+        f"<details><summary>Equation table: {len(rows)} rows ({escape(told)})</summary>"
+        f"<div class='scroll'><table><thead>{head_row('number', 'statement', 'verdict', 'home')}</thead>"
+        f"<tbody>{body}</tbody></table></div></details>\n"
+    )
+
+
+def _equation(row: dict[str, Any]) -> str:
+    note = f'<br><span class="dim">{escape(row["note"])}</span>' if row["note"] else ""
+    return (
+        f"<tr><td>{escape(row['number'])}</td><td>{escape(row['title'])}{note}</td><td>{escape(row['verdict'])}</td>"
+        f"<td><code>{escape(row['home'].removeprefix('flocking.'))}</code></td></tr>"
+    )

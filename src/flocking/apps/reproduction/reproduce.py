@@ -1,0 +1,377 @@
+"""Reproduce the papers: run every scenario for several seeds, judge every claim, draw every figure."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from flocking.apps.reproduction.claim_pictures import draw_pictures, picture_of
+from flocking.apps.reproduction.film import write_film
+from flocking.apps.reproduction.report import CLAIMS, figures_of, write_report
+from flocking.apps.reproduction.results import Reproduction, claim_rows
+from flocking.engine.runs.run import Run
+from flocking.engine.storage.atomic_files import write_file
+from flocking.errors import InvalidInput, SimulationError
+from flocking.model.checks import integer
+from flocking.papers import KEYS, paper
+from flocking.papers.description import Paper
+from flocking.study.claims.claim import Basis, Claim, Result, Verdict
+from flocking.study.claims.judgement import FEWEST_SEEDS, Judgement
+from flocking.study.claims.settled_run import settled_runs
+from flocking.study.equation_table import Fault
+
+MOST_SEEDS = 10_000
+"""Largest number of seeds: more is a slip of the hand."""
+
+FURTHER = 10
+"""So many times the seeds asked for are drawn at most, until five meet every hypothesis."""
+
+COUNTEREXAMPLE = -1
+"""Stands for the seed of a counter-example, which brings its own."""
+
+Verdicts = list[tuple[str, str, float, float, str]]
+
+
+@dataclass(frozen=True)
+class Task:
+    """One run to examine.
+
+    Parameters
+    ----------
+    name
+        Name of the scenario.
+    key
+        Key of the paper.
+    seed
+        Its seed, or `COUNTEREXAMPLE`.
+    claim
+        Key of the claim that a counter-example refutes; empty for a seed, whose run all claims are held against.
+    keep
+        Whether the run is handed back.
+    judged
+        Whether claims are held against it; one that is only drawn ends at its scenario's own end.
+    """
+
+    name: str
+    key: str
+    seed: int
+    claim: str = ""
+    keep: bool = False
+    judged: bool = True
+
+
+def examine(task: Task) -> tuple[Verdicts, Run | None]:
+    """Run a scenario, longer than it asks where claims need it, and audit it.
+
+    The run to the scenario's own end comes back, and only when asked for.
+
+    Parameters
+    ----------
+    task
+        What to run.
+    """
+    article = paper(task.key)
+    claims = [c for c in article.claims(task.name) if task.judged and task.claim in ("", c.key)]
+    made = claims[0].counterexample if task.claim else None
+    scenario = made() if made is not None else article.scenarios()[task.name](task.seed)
+    run: Run | None = None
+    try:
+        for longest, judged in settled_runs(scenario, claims, fine=task.keep):
+            run, report = run or longest, judged
+    except SimulationError as error:
+        lost = [(c.key, str(Verdict.NOT_RESOLVED), float("nan"), float("nan"), str(error)) for c in claims]
+        return lost, None
+    found = [(r.claim.key, str(r.verdict), r.margin, r.error, r.note) for r in report.results]
+    return found, run if task.keep else None
+
+
+def reproduce(
+    keys: Sequence[str] = KEYS,
+    *,
+    seeds: int = 10,
+    first_seed: int = 0,
+    out: Path | None = None,
+    workers: int | None = None,
+    progress: bool = True,
+) -> Reproduction:
+    """Run the scenarios of some papers, judge their claims, and draw their figures.
+
+    Where fewer than five seeds meet the hypothesis of a claim, further seeds are drawn; runs whose limits cannot be
+    judged yet go on, up to ten times as long. Claims that a counter-example refutes are held against it, too.
+
+    Parameters
+    ----------
+    keys
+        Keys of the papers.
+    seeds
+        Number of seeds per scenario, at most `MOST_SEEDS`.
+    first_seed
+        The first of them; the others follow one by one.
+    out
+        Folder for ``report.html``, ``claims.json``, ``errata.json``, figures and films; nothing is written when absent.
+    workers
+        Processes; the number of cores when absent.
+    progress
+        Show a progress bar.
+
+    Raises
+    ------
+    InvalidInput
+        When a key is unknown, a number is out of range, or the folder cannot be made.
+    """
+    import time
+
+    from joblib import Parallel, delayed
+
+    begin = time.monotonic()
+    papers = {key: paper(key) for key in keys}
+    if integer("reproduce", "seeds", seeds, least=1) > MOST_SEEDS:
+        raise InvalidInput("reproduce", "seeds", f"must be at most {MOST_SEEDS}", seeds)
+    integer("reproduce", "first_seed", first_seed, least=0)
+    if workers is not None:
+        integer("reproduce", "workers", workers, least=1)
+    if out is not None:
+        _make_folders(out, keys)
+    count = (workers or min(os.cpu_count() or 1, 8)) if seeds * len(papers) >= 8 else 1
+    drawings = 0 if out is None else sum(len(p.figures()) + 1 + len(p.scenarios()) for p in papers.values())
+    figures: list[Path] = []
+    found = _Found({}, {})
+    first = range(first_seed, first_seed + seeds)
+    tasks = _seed_tasks(papers, first) + _counterexample_tasks(papers)
+    with Parallel(n_jobs=count, return_as="generator") as parallel, _bar(progress, len(tasks) + drawings) as step:
+        found.examine(parallel, tasks, step)
+        while further := _further_seed_tasks(papers, found, first):
+            step.more(len(further))
+            found.examine(parallel, further, step)
+        again = _runs_to_draw(papers, found)
+        step.more(len(again))
+        found.examine(parallel, again, step)
+        errata = dict(zip(papers, parallel(delayed(_errata)(key) for key in papers), strict=True))
+        if out is not None:
+            for drawn in parallel(delayed(draw)(*job) for job in _drawings(papers, found.runs, out)):
+                figures += drawn
+                step()
+    judgements = {name: found.judgements(p, name) for p in papers.values() for name in p.scenarios()}
+    found_all = Reproduction(judgements, errata, figures, time.monotonic() - begin, found.runs, first_seed)
+    if out is not None:
+        write_file(out / "claims.json", _json(claim_rows(judgements)), "write the claims")
+        write_file(out / "errata.json", _json(errata), "write the errata")
+        write_report(found_all, papers, out)
+    return found_all
+
+
+def _seed_tasks(papers: dict[str, Paper], seeds: range) -> list[Task]:
+    # By seed, so that two workers seldom compile the same kernel; the first run of each scenario is kept for drawing.
+    names = [(name, key) for key, article in papers.items() for name in article.scenarios()]
+    return [Task(name, key, seed, keep=seed == seeds.start) for seed in seeds for name, key in names]
+
+
+def _runs_to_draw(papers: dict[str, Paper], found: _Found) -> list[Task]:
+    """For scenarios whose first run misses a hypothesis: the first seed that meets all, so that it is drawn."""
+    wanted = []
+    for key, article in papers.items():
+        for name in article.scenarios():
+            by_seed = {k: v for k, v in found.verdicts[name].items() if isinstance(k, int)}
+            meeting = [
+                s for s, rows in sorted(by_seed.items()) if all(r[1] != Verdict.HYPOTHESIS_NOT_MET for r in rows)
+            ]
+            if meeting and meeting[0] != min(by_seed):
+                wanted.append(Task(name, key, meeting[0], keep=True, judged=False))
+    return wanted
+
+
+def _counterexample_tasks(papers: dict[str, Paper]) -> list[Task]:
+    return [
+        Task(name, key, COUNTEREXAMPLE, claim.key)
+        for key, article in papers.items()
+        for name in article.scenarios()
+        for claim in article.claims(name)
+        if claim.counterexample is not None
+    ]
+
+
+@dataclass
+class _Found:
+    """What was found so far.
+
+    Parameters
+    ----------
+    verdicts
+        By scenario, and by seed or the claim of a counter-example.
+    runs
+        Of each scenario the run that is drawn: the first that meets every hypothesis, or the first.
+    """
+
+    verdicts: dict[str, dict[int | str, Verdicts]]
+    runs: dict[str, Run]
+
+    def examine(self, parallel: Any, tasks: Sequence[Task], step: _Steps) -> None:
+        """Examine some runs and keep what comes of them."""
+        from joblib import delayed
+
+        for task, (verdicts, run) in zip(tasks, parallel(delayed(examine)(t) for t in tasks), strict=True):
+            if task.judged:
+                self.verdicts.setdefault(task.name, {})[task.claim or task.seed] = verdicts
+            if run is not None:
+                self.runs[task.name] = run
+            step()
+
+    def judgements(self, article: Paper, name: str) -> list[Judgement]:
+        """What the runs of a scenario come to, claim by claim."""
+        found = self.verdicts[name]
+        seeds = sorted(k for k in found if isinstance(k, int))
+        judged = []
+        for number, claim in enumerate(article.claims(name)):
+            results = tuple(_result(claim, found[seed][number]) for seed in seeds)
+            refuted = _result(claim, found[claim.key][0]) if claim.key in found else None
+            judged.append(Judgement(claim, results, refuted))
+        return judged
+
+
+def _result(claim: Claim, row: tuple[str, str, float, float, str]) -> Result:
+    _, verdict, margin, error, note = row
+    return Result(claim, Verdict(verdict), margin, error, note)
+
+
+def _further_seed_tasks(papers: dict[str, Paper], found: _Found, first: range) -> list[Task]:
+    """For each scenario with a claim that too few seeds tell of so far: as many further seeds as are missing.
+
+    A claim is told of by the seeds whose run meets its hypothesis, an observation by those whose run decides it.
+    """
+    if len(first) < FEWEST_SEEDS:
+        return []
+    tasks = []
+    for key, article in papers.items():
+        for name in article.scenarios():
+            begin = first.start + len([k for k in found.verdicts[name] if isinstance(k, int)])
+            missing = max(map(_missing_seeds, found.judgements(article, name)), default=0)
+            end = min(begin + missing, first.start + FURTHER * len(first))
+            tasks += [Task(name, key, seed) for seed in range(begin, end)]
+    return tasks
+
+
+def _missing_seeds(judgement: Judgement) -> int:
+    """How many seeds a claim lacks whose run meets its hypothesis; of an observation, whose run decides it."""
+    if judgement.verdict != Verdict.UNTESTED:
+        return 0
+    enough = judgement.decided if judgement.claim.basis is Basis.OBSERVATION else judgement.met
+    return max(FEWEST_SEEDS - enough, 0)
+
+
+def _make_folders(out: Path, keys: Sequence[str]) -> None:
+    """Make the folders first: a place that cannot be written should not cost the runs."""
+    try:
+        for key in keys:
+            (out / key / CLAIMS).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        rule = f"must be a folder that can be written ({error.strerror})"
+        raise InvalidInput("reproduce", "out", rule, str(out), "Choose another one.") from None
+
+
+def errata_rows(article: Paper) -> list[dict[str, Any]]:
+    """Statements of a paper that are not read as printed, with their counter-examples, computed now.
+
+    Parameters
+    ----------
+    article
+        The paper.
+    """
+    return [row.as_dict() for row in article.equations() if row.fault is not Fault.NONE]
+
+
+def _errata(key: str) -> list[dict[str, Any]]:
+    return errata_rows(paper(key))
+
+
+def _json(data: object) -> bytes:
+    return (json.dumps(data, indent=2, allow_nan=False) + "\n").encode()
+
+
+def _drawings(
+    papers: dict[str, Paper], runs: dict[str, Run], out: Path
+) -> Iterator[tuple[str, str | None, tuple[Run, ...], Path]]:
+    """What is to be drawn: a paper, what of it (see `draw`), the runs, the folder."""
+    for key, article in papers.items():
+        first = next(iter(article.scenarios()))
+        wanted: list[tuple[str | None, tuple[str, ...]]] = [(None, (first,))]
+        wanted += [(number, figure.scenarios(first)) for number, figure in article.figures().items()]
+        wanted += [(CLAIMS, (name,)) for name in article.scenarios()]
+        for what, names in wanted:
+            if all(name in runs for name in names):
+                yield key, what, tuple(runs[name] for name in names), out / key
+
+
+def draw(key: str, what: str | None, runs: tuple[Run, ...], folder: Path) -> list[Path]:
+    """Draw something of a paper from a run, or from several; return the files of figures.
+
+    Parameters
+    ----------
+    key
+        Key of the paper.
+    what
+        Number of a figure, ``"claims"`` for the pictures beside the claims of the run's scenario, None for the film.
+    runs
+        The run; runs of all scenarios that a figure shows.
+    folder
+        Folder of the paper.
+    """
+    article, run = paper(key), runs[0]
+    if what is None:
+        if len(run.t) >= 2:
+            write_film(run, folder)
+        return []
+    if what == CLAIMS:
+        name = run.scenario.name
+        drawn = figures_of(article, name)
+        names = dict.fromkeys(picture_of(claim, drawn) for claim in article.claims(name))
+        draw_pictures(run, (n for n in names if not n.startswith("figure-")), folder / CLAIMS)
+        return []
+    from flocking.show.style import save
+
+    return list(save(article.figures()[what].draw(*runs), folder / f"figure-{what}"))
+
+
+class _Steps:
+    """Counts finished runs, with a bar on a terminal."""
+
+    def __init__(self, bar: Any, task: Any) -> None:
+        self._bar, self._task = bar, task
+
+    def __call__(self) -> None:
+        if self._bar is not None:
+            self._bar.advance(self._task)
+
+    def more(self, count: int) -> None:
+        """Expect so many more."""
+        if self._bar is not None:
+            self._bar.update(self._task, total=self._bar.tasks[0].total + count)
+
+
+class _bar:  # noqa: N801
+    def __init__(self, wanted: bool, total: int) -> None:
+        self._wanted = wanted and sys.stderr.isatty()
+        self._total = total
+        self._bar: Any = None
+
+    def __enter__(self) -> _Steps:
+        if not self._wanted:
+            return _Steps(None, None)
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+        columns = (TextColumn("runs"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+        self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
+        self._bar.start()
+        return _Steps(self._bar, self._bar.add_task("runs", total=self._total))
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+
+__all__ = ["Reproduction", "draw", "errata_rows", "examine", "reproduce"]

@@ -1,0 +1,80 @@
+"""What a reproduction of papers found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from flocking.engine.runs.run import Run
+from flocking.papers import paper_of
+from flocking.study.claims.claim import Verdict
+from flocking.study.claims.judgement import Judgement
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """What a reproduction found.
+
+    Parameters
+    ----------
+    judgements
+        Per scenario name, one judgement per claim.
+    errata
+        Per paper, the statements that are not read as printed, with their faults and counter-examples.
+    figures
+        Files drawn.
+    seconds
+        Wall time.
+    runs
+        Of each scenario the run that is drawn: the first that meets the hypothesis of every claim, or the first.
+    first_seed
+        The first seed; the others followed one by one.
+    """
+
+    judgements: dict[str, list[Judgement]]
+    errata: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
+    figures: list[Path] = field(default_factory=list)
+    seconds: float = 0.0
+    runs: dict[str, Run] = field(default_factory=dict)
+    first_seed: int = 0
+
+    @property
+    def as_expected(self) -> bool:
+        """Whether every claim came out as its proof or counter-example demands."""
+        return all(j.as_expected for found in self.judgements.values() for j in found)
+
+    @property
+    def untested(self) -> int:
+        """Number of claims whose hypothesis too few seeds met."""
+        return sum(j.verdict == Verdict.UNTESTED for found in self.judgements.values() for j in found)
+
+    @property
+    def waiting(self) -> int:
+        """Number of claims that are left open by a run whose motion has not settled."""
+        return sum(j.verdict == Verdict.NOT_YET for found in self.judgements.values() for j in found)
+
+    def as_list(self) -> list[dict[str, Any]]:
+        """Rows of ``claims.json``."""
+        return claim_rows(self.judgements)
+
+
+def rate_of(judgement: Judgement) -> str:
+    """How often an observation was so, with its interval in per cent; a note where a counter-example decides.
+
+    Parameters
+    ----------
+    judgement
+        What was found for a claim.
+    """
+    if judgement.counterexample is not None:
+        return "counter-example"
+    if judgement.verdict != Verdict.OBSERVED:
+        return ""
+    share, low, high = judgement.rate
+    return f"{100 * share:.0f} % ({100 * low:.0f} to {100 * high:.0f})"
+
+
+def claim_rows(judgements: dict[str, list[Judgement]]) -> list[dict[str, Any]]:
+    """Plain data of all judgements, by scenario name."""
+    return [j.as_dict(paper_of(name), name) for name, found in judgements.items() for j in found]

@@ -1,0 +1,90 @@
+"""Arrays and one text of numbers in a file, read back without trusting what the file says of its own size."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from pathlib import Path
+from typing import Any, BinaryIO, cast
+
+import numpy as np
+
+from flocking.engine.archives.data_checks import MalformedError
+
+Arrays = dict[str, np.ndarray[Any, Any]]
+"""Arrays by name."""
+
+NUMBERS = "numbers"
+"""Name of the array that holds the JSON text."""
+
+PLAIN = "biuf"
+"""Kinds of the types arrays may have: truth values, whole numbers and floating-point numbers."""
+
+UNREADABLE = (
+    ValueError, KeyError, TypeError, IndexError, AttributeError, ArithmeticError, RecursionError, OSError, EOFError,
+    NotImplementedError, zipfile.BadZipFile,
+)  # fmt: skip
+"""What comes of data that are no archive, or of another one."""
+
+
+def write_archive(file: BinaryIO, numbers: dict[str, Any], arrays: Arrays) -> None:
+    """Write numbers and arrays as an ``.npz`` file.
+
+    Parameters
+    ----------
+    numbers
+        Plain data for JSON.
+    arrays
+        Arrays by name.
+    """
+    text = json.dumps(numbers, default=lambda x: x.item()).encode()
+    whole: dict[str, Any] = {NUMBERS: np.frombuffer(text, dtype=np.uint8), **arrays}
+    np.savez(file, **whole)
+
+
+def read_archive(data: bytes | Path) -> tuple[dict[str, Any], Arrays]:
+    """Numbers and arrays of an ``.npz`` file; nothing is decompressed, and no array is larger than its part of it.
+
+    Parameters
+    ----------
+    data
+        The file, or its bytes.
+
+    Raises
+    ------
+    MalformedError, ValueError, KeyError, OSError, EOFError, RecursionError, zipfile.BadZipFile
+        When it is none.
+    """
+    with zipfile.ZipFile(io.BytesIO(data) if isinstance(data, bytes) else data) as file:
+        arrays = {entry.filename.removesuffix(".npy"): _array(file, entry) for entry in file.infolist()}
+    numbers = json.loads(arrays.pop(NUMBERS).tobytes())
+    if not isinstance(numbers, dict):
+        raise MalformedError("the numbers must have names")
+    return numbers, arrays
+
+
+def _array(file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> np.ndarray[Any, Any]:
+    if entry.compress_type != zipfile.ZIP_STORED:
+        raise MalformedError(f"{entry.filename} must not be compressed")
+    with file.open(entry) as part:
+        version = np.lib.format.read_magic(part)
+        read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+        shape, columns, dtype = read[version](part)
+        if dtype.kind not in PLAIN or dtype.hasobject:
+            raise MalformedError(f"{entry.filename} must hold plain numbers, not {dtype}")
+        begin, count = part.tell(), 1
+        for length in shape:
+            count *= length
+        if begin + count * dtype.itemsize != entry.file_size:
+            raise MalformedError(f"{entry.filename} says that it holds {count} numbers, and does not")
+        values = np.empty(count, dtype)
+        if count:
+            room, source = memoryview(values.view(np.uint8).data), io.BufferedReader(cast(io.RawIOBase, part))
+            while len(room) and (read_now := source.readinto(room)):
+                room = room[read_now:]
+            if len(room):
+                raise MalformedError(f"{entry.filename} ends too early")
+    if dtype.kind == "b" and count and values.view(np.uint8).max() > 1:
+        raise MalformedError(f"{entry.filename} must hold truth values, 0 or 1")
+    return values.reshape(shape[::-1]).T if columns else values.reshape(shape)

@@ -1,0 +1,91 @@
+"""A scenario written as files for a cluster that has LAMMPS alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from flocking.engine.lammps.bodies import AXES
+from flocking.engine.lammps.deck import make_deck
+from flocking.engine.lammps.steps import chosen_step, steps_between
+from flocking.engine.storage.atomic_files import put, told
+from flocking.errors import InvalidInput, StorageError
+from flocking.model.checks import number
+from flocking.model.law import Scenario
+
+
+def export_deck(scenario: Scenario, folder: str | Path, *, step: float | None = None) -> Path:
+    """Write a scenario for a cluster that has LAMMPS alone: ``in.flocking``, ``data.flocking`` and tables.
+
+    Run it there with ``mpiexec -n 64 lmp -in in.flocking``. Frames go to ``frames.lammpstrj``.
+
+    Parameters
+    ----------
+    scenario
+        What to simulate.
+    folder
+        A new or empty folder.
+    step
+        Largest time step; it is shortened a little so that frames fall on steps. Chosen from the start when absent.
+
+    Returns
+    -------
+    Path
+        The input deck.
+
+    Raises
+    ------
+    UnsupportedLaw
+        When a part has no translation.
+    InvalidInput
+        When the step is not positive, or the frames are not evenly spaced from the start on.
+    StorageError
+        When the folder holds something already or cannot be written.
+    """
+    deck = make_deck(scenario)
+    step = chosen_step(scenario, scenario.start) if step is None else number("export_deck", "step", step, above=0.0)
+    folder = Path(folder)
+    h, each, count = _clock(scenario, step)
+    velocities = " ".join(f"v{AXES[k]}" for k in range(deck.dimension))
+    places = " ".join(AXES[: deck.dimension])
+    lines = [
+        f"# {scenario.name or 'flock'}: {scenario.start.n} agents until t = {scenario.t_end:g}, written by flocking.",
+        "# Run it by: mpiexec -n 64 lmp -in in.flocking. Frames go to frames.lammpstrj.",
+        "# LAMMPS of July 2025 or newer with the packages LEPTON and DPD-BASIC. Equation numbers are the papers'.",
+        "# One unit of length, time and mass throughout.", "",
+        *deck.world(), "", *deck.agents("data.flocking"), "", *deck.law(ranks=2), "",
+        f"timestep {h!r}", f"thermo {each}", "thermo_style custom step time atoms ke pe",
+        f"dump frames all custom {each} frames.lammpstrj id {places} {velocities}",
+        "dump_modify frames sort id format float %.17g",
+        f"restart {max(each, 1000)} restart.1 restart.2", f"run {count}",
+    ]  # fmt: skip
+    with told(folder, "write the deck", full="What is there is not whole; free some space or choose another folder."):
+        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise StorageError(f"{folder}: not an empty folder. Choose another one; nothing is ever overwritten.")
+        files = {
+            "in.flocking": "\n".join(lines) + "\n",
+            "data.flocking": deck.data_text(scenario.start),
+            **deck.tables(),
+        }
+        for name, text in files.items():
+            put(folder / name, text.encode())
+    return folder / "in.flocking"
+
+
+def _clock(scenario: Scenario, step: float) -> tuple[float, int, int]:
+    """Time step, steps from frame to frame, and steps in all."""
+    start, times = scenario.start.t, scenario.frame_times
+    span = scenario.t_end - start
+    gaps = np.diff(times)
+    gap = float(gaps[0]) if len(gaps) else span
+    even = (times[:1] == start).all() and np.allclose(gaps, gap, rtol=1e-9)
+    each = steps_between(0.0, gap, step)
+    h = gap / each
+    count = round(span / h) if h else 0
+    if not even or abs(count * h - span) > 1e-9 * span:
+        raise InvalidInput(
+            "export_deck", "frames", "must be evenly spaced from the start to the end", [float(t) for t in times[:4]],
+            "Give a number of frames.",
+        )  # fmt: skip
+    return h, each, count

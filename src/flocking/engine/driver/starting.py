@@ -1,0 +1,25 @@
+"""``start``: called with a scenario it opens a session; its methods draw random initial states."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from flocking.engine.driver import simulate
+from flocking.model import starts
+from flocking.model.law import Law, Scenario
+
+
+class _Start:
+    """Opens sessions (``start(scenario)``) and draws starts (``start.box``, ``start.ball``, ``start.hexagonal``)."""
+
+    box = staticmethod(starts.box)
+    ball = staticmethod(starts.ball)
+    hexagonal = staticmethod(starts.hexagonal)
+
+    def __call__(self, scenario: Scenario, engine: str = "auto", *, plant: Law | None = None, **options: Any) -> Any:
+        """Open a session; see `flocking.engine.driver.simulate.start`."""
+        return simulate.start(scenario, engine, plant=plant, **options)
+
+
+start = _Start()
+"""The one object behind ``fk.start``."""

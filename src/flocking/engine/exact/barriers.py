@@ -1,0 +1,68 @@
+"""Steps that went over a barrier of a potential: they show in the energy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flocking.engine.exact.crossings.guards import deepest_dip, reach
+from flocking.engine.exact.dynamics import LEDGER, Dynamics
+from flocking.engine.exact.integrator.segment import Segment
+from flocking.model.checks import Array
+
+LEDGER_GAP = 1e5
+DIP_GAP = 1e-2
+"""A step whose energy its ledger misses by more than this, in tolerances at its end and relatively at a close
+encounter inside it, jumped over a barrier."""
+
+
+@dataclass(frozen=True, eq=False)
+class Books:
+    """The ledger at the start of a step.
+
+    Parameters
+    ----------
+    tail
+        Integrated quantities of the state vector.
+    energy, kinetic
+        Energy and kinetic energy.
+    """
+
+    tail: Array
+    energy: float
+    kinetic: float
+
+
+def jumps_barrier(dynamics: Dynamics, segment: Segment, books: Books) -> bool:
+    """Whether a step changes the energy by far more than its ledger explains.
+
+    Parameters
+    ----------
+    dynamics
+        The law in force.
+    segment
+        The step.
+    books
+        What the ledger says at the start of the step.
+    """
+    tolerance = dynamics.scenario.tolerance
+    if _gap(dynamics, segment.t1, segment.coefficients[-1], books) > LEDGER_GAP * tolerance:
+        return True
+    if not dynamics.singular:
+        return False
+    B = segment.positions(dynamics.n, dynamics.m)
+    x = deepest_dip(B, reach(B), dynamics.pairs[0], dynamics.pairs[1])
+    if x > 1.0:
+        return False
+    inside = segment.cut(x)
+    return _gap(dynamics, inside.t1, inside.coefficients[-1], books) > DIP_GAP
+
+
+def _gap(dynamics: Dynamics, t: float, y: Array, books: Books) -> float:
+    """What the ledger misses between the start of the step and ``y``, relative to the energies."""
+    _, dissipated, supplied = (y[dynamics.order * dynamics.n * dynamics.m :] - books.tail)[:LEDGER]
+    energy, kinetic = dynamics.energy(t, y)
+    gap = abs(energy - books.energy + dissipated - supplied)
+    gap /= max(1.0, abs(books.energy), abs(supplied), books.kinetic, kinetic)
+    return float(gap) if np.isfinite(gap) else np.inf

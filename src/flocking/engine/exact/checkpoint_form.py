@@ -1,0 +1,171 @@
+"""What a checkpoint of the exact engine must look like, by the scenario it belongs to."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.archives.archive import Arrays
+from flocking.engine.archives.data_checks import (
+    And,
+    Flag,
+    Form,
+    MalformedError,
+    Many,
+    Names,
+    Real,
+    Row,
+    Table,
+    Whole,
+    Word,
+    squarable,
+)
+from flocking.engine.exact.companion import NODES
+from flocking.engine.exact.crossings.switching import LinkState
+from flocking.engine.exact.dynamics import LEDGER
+from flocking.engine.exact.extremes import SPEEDS
+from flocking.engine.exact.integrator.segment import DEGREE
+from flocking.engine.kernels.layout import Layout
+from flocking.engine.runs.columns import KINDS
+from flocking.engine.runs.run import DOUBT_FIELDS
+from flocking.model.law import Law, Scenario
+
+ANY = Real(finite=False)
+POSITIVE = Real(least=0.0, finite=False)
+LARGEST = squarable("f8")
+"""No step that was accepted holds larger numbers."""
+LATE = 1e-9
+"""By how much, relative to their size, two ways of telling one moment may differ."""
+
+
+def check_exact(numbers: dict[str, Any], arrays: Arrays, scenario: Scenario, plant: Law | None) -> None:
+    """Refuse what cannot be a checkpoint of a session of this scenario.
+
+    Parameters
+    ----------
+    numbers, arrays
+        What was read.
+    plant
+        The law the agents really obey, where it is another.
+
+    Raises
+    ------
+    MalformedError
+        When they are none; the message names what is wrong.
+    """
+    acting = plant or scenario.law
+    acting.check_count(*scenario.start.q.shape)
+    origin: Any = numbers.get("origin")
+    _ORIGIN(scenario.start.dimension).check(origin, "origin")
+    base = float(origin[0])
+    links = LinkState(acting, scenario.start.q, headings=scenario.agents.headings, base=base)
+    _numbers(scenario, links).check(numbers, "")
+    _arrays(scenario, plant, links, numbers).check(arrays, "")
+    _check_times(numbers, scenario, base)
+    stepper, segment = numbers["stepper"], numbers["segment"]
+    if stepper[0] == segment[1] and (arrays["y"] != arrays["coefficients"][-1]).any():
+        raise MalformedError("y must be where the last step ended")
+    for k, (graph, matrix) in enumerate(zip(links.graphs, (arrays[f"links{k}"] for k in range(len(links.links))),
+                                            strict=True)):  # fmt: skip
+        allowed = graph.allowed(scenario.agents.headings)
+        if matrix.diagonal().any() or not (graph.directed or (matrix == matrix.T).all()):
+            raise MalformedError(f"links{k} must be links of a {type(graph).__name__} graph")
+        if allowed is not None and (matrix & ~allowed).any():
+            raise MalformedError(f"links{k} must be links that a {type(graph).__name__} graph allows")
+
+
+def _ORIGIN(m: int) -> Row:  # noqa: N802
+    place = Row([Real()] * m)
+    return Row([Real(), place, place, Real()])
+
+
+def _agent(n: int) -> Whole:
+    return Whole(0, n - 1)
+
+
+def _numbers(scenario: Scenario, links: LinkState) -> Names:
+    n, m = scenario.start.q.shape
+    agent, other = _agent(n), Whole(0, max(n, *(x.shape[1] for x in links.near), 1) - 1)
+    watch = Whole(0, len(links.watches) - 1)
+    pair = Row([watch, agent, other])
+    nobody = Row([Whole(-1, -1), Whole(-1, -1)])
+    closest = _Either(Row([ANY, ANY, nobody, ANY]), Row([ANY, ANY, Row([agent, agent]), ANY]))
+    kind, what = Word(("near miss", "switch")), Word(KINDS)
+    doubt = {"kind": kind, "what": what, "i": agent, "j": other, "graph": Whole(0, len(links.graphs) - 1)}
+    extreme = Row([ANY, ANY, Many(agent), ANY])
+    near = Row([pair, Row([ANY, ANY, ANY, ANY])])
+    fresh = Row([pair, Row([ANY, ANY, ANY, Flag(), what, ANY, Flag()])])
+    extremes = dict.fromkeys((*SPEEDS, "diameter", "ledger"), extreme)
+    return Names(
+        {
+            "engine": Word(("exact",)), "time": Real(), "energy": Real(), "jumped": Real(), "steps": Whole(),
+            "stepper": Row([Real(), POSITIVE]), "segment": Row([Real(), Real()]), "pending": Many(watch),
+            "graphs": Whole(len(links.graphs), len(links.graphs)),
+            "watches": Whole(len(links.watches), len(links.watches)), "origin": _ORIGIN(m),
+            "momentum": Row([Real()] * m),
+            "sliding": Many(Row([watch, agent, other, Real(), ANY, Whole()])),
+            "doubts": Many(Row([doubt.get(name, ANY) for name in DOUBT_FIELDS.names or ()])),
+            "closest": Row([closest, closest]), "largest": Names({}, extremes),
+        },
+        {"error": Row([POSITIVE, ANY, Row([Many(near), Many(fresh)])])},
+    )  # fmt: skip
+
+
+class _Either(Form):
+    """One of two forms."""
+
+    def __init__(self, one: Form, two: Form) -> None:
+        self.one, self.two = one, two
+
+    def check(self, value: object, name: str) -> None:
+        """Refuse what has neither form."""
+        try:
+            self.one.check(value, name)
+        except MalformedError:
+            self.two.check(value, name)
+
+
+def _arrays(scenario: Scenario, plant: Law | None, links: LinkState, numbers: dict[str, Any]) -> Names:
+    n, m = scenario.start.q.shape
+    laws = [plant or scenario.law] + ([] if plant is None else [scenario.law])
+    places = sum(len(Layout(law, scenario.energy).places) for law in laws)
+    size = scenario.agents.order * n * m + LEDGER + places
+    crossing = {f"pending{k}": _pairs_within(*links.near[watch].shape) for k, watch in enumerate(numbers["pending"])}
+    matrices: dict[str, Form] = {f"links{k}": Table("?", x.shape) for k, x in enumerate(links.links)}
+    matrices |= {f"near{k}": Table("?", x.shape) for k, x in enumerate(links.near)}
+    state = Table("f8", (size,), -LARGEST, LARGEST)
+    error = numbers.get("error")
+    # Once nothing is known of the error, it may be anything.
+    lost = isinstance(error, list) and error[1] < np.inf
+    difference = Table("f8", (NODES, size), finite=False) if lost else Table("f8", (NODES, size), -LARGEST, LARGEST)
+    return Names(
+        {
+            "y": state,
+            "slope": state,
+            "coefficients": Table("f8", (DEGREE + 1, size), -LARGEST, LARGEST),
+            **matrices,
+            **crossing,
+        },
+        {
+            "tolerance": Table("f8", (size,), least=float(np.finfo(float).tiny)),
+            "difference": difference,
+        },
+    )
+
+
+def _pairs_within(rows: int, columns: int) -> Form:
+    return And(
+        Table("i8", (None, 2), least=0), "name agents and obstacles that there are",
+        lambda pairs: bool((pairs < (rows, columns)).all()),
+    )  # fmt: skip
+
+
+def _check_times(numbers: dict[str, Any], scenario: Scenario, base: float) -> None:
+    time, (t0, t1), (t, _) = numbers["time"], numbers["segment"], numbers["stepper"]
+    slack = LATE * max(1.0, abs(time), abs(base))
+    begin, end = scenario.start.t, scenario.t_end
+    if not (begin - slack <= time <= end + slack and t0 <= t1 and t0 <= t + slack):
+        raise MalformedError(f"the time must lie in the run, {begin:g} to {end:g}, and on its last step, not {time:g}")
+    if not (t0 + base - slack <= time <= t1 + base + slack):
+        raise MalformedError(f"the time {time:g} must lie on the last step, {t0 + base:g} to {t1 + base:g}")

@@ -1,0 +1,121 @@
+"""Certified crossings of the distances from balls that stand still or move uniformly.
+
+The squared distance of an agent from such a ball's centre is a polynomial on a segment, like that of two agents:
+no excursion can be missed, however short. Other obstacles take the general way of `encounters`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flocking.engine.exact.crossings.guards import _PRODUCT, NEVER, first_above, places_and_pairs, with_room
+from flocking.formula.machine_code import numba
+from flocking.model.checks import Array
+from flocking.model.graphs.connectivity import Links
+from flocking.model.leaders_and_obstacles.leaders import Leader, Sink, Velocity
+from flocking.model.leaders_and_obstacles.obstacles import Ball
+from flocking.model.terms.avoidance import ObstacleGroup
+
+
+def uniform_balls(group: ObstacleGroup) -> bool:
+    """Whether all obstacles of a group are balls that stand still or move uniformly."""
+    # Subclasses may move otherwise.
+    return all(type(x) is Ball and type(x.centre) in (Sink, Velocity) for x in group.obstacles)
+
+
+def centre_paths(balls: Sequence[Ball], t0: float, t1: float) -> Array:
+    """Bernstein coefficients of the centres on [t0, t1], shape (8, K, m).
+
+    Parameters
+    ----------
+    balls
+        K balls whose centres rest or move on straight lines, in m dimensions.
+    t0, t1
+        Ends of the step.
+    """
+    begin = np.array([_place(b.centre, t0) for b in balls])
+    if all(type(b.centre) is Sink for b in balls):
+        return np.repeat(begin[None], 8, axis=0)
+    end = np.array([_place(b.centre, t1) for b in balls])
+    share = np.linspace(0.0, 1.0, 8)[:, None, None]
+    return np.asarray(begin + share * (end - begin))
+
+
+def _place(centre: Leader, t: float) -> Array:
+    return centre.point if type(centre) is Sink else centre.at(t)[0]
+
+
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
+def ball_crossings(
+    B: Array, centres: Array, radii: Array, near: Links, active: Links, level: float, slack: float
+) -> tuple[Array, Array]:
+    """First crossing of one level by every pair (agent, ball) that crosses it.
+
+    Parameters
+    ----------
+    B
+        Bernstein coefficients of the positions, shape (8, N, m).
+    centres
+        Those of the centres, shape (8, K, m).
+    radii
+        Radii of the balls, shape (K,).
+    near
+        Pairs that are within the level now, shape (N, K). They cross by leaving, the others by entering.
+    active
+        Pairs that are watched, shape (N, K).
+    level
+        Distance from the surface.
+    slack
+        Overshoot that counts as a crossing.
+
+    Returns
+    -------
+    tuple of Array
+        Positions in [0, 1], shape (k,), and pairs (agent, ball), shape (k, 2).
+    """
+    n, m = B.shape[1], B.shape[2]
+    found = np.empty((16, 3))
+    count = 0
+    relative = np.empty((8, m))
+    square = np.empty(15)
+    for i in range(n):
+        for o in range(centres.shape[1]):
+            if not active[i, o]:
+                continue
+            border = radii[o] + level + (slack if near[i, o] else -slack)
+            first = 0.0
+            stray = 0.0
+            for a in range(8):
+                gone = 0.0
+                for k in range(m):
+                    relative[a, k] = B[a, i, k] - centres[a, o, k]
+                    gone += (relative[a, k] - relative[0, k]) ** 2
+                    if a == 0:
+                        first += relative[0, k] ** 2
+                stray = max(stray, gone)
+            first, stray = np.sqrt(first), np.sqrt(stray) * (1.0 + 1e-14)
+            if near[i, o]:
+                if first + stray < border:
+                    continue
+            elif border <= 0.0 or first - stray > border:
+                continue
+            for a in range(15):
+                square[a] = 0.0
+            for a in range(8):
+                for b in range(8):
+                    dot = 0.0
+                    for k in range(m):
+                        dot += relative[a, k] * relative[b, k]
+                    square[a + b] += _PRODUCT[a, b] * dot
+            edge = max(border, 0.0) ** 2
+            for k in range(15):
+                square[k] = square[k] - edge if near[i, o] else edge - square[k]
+            x = first_above(square)
+            if x < NEVER:
+                found = with_room(found, count)
+                found[count, 0], found[count, 1], found[count, 2] = x, i, o
+                count += 1
+    when, who = places_and_pairs(found, count)
+    return when, who

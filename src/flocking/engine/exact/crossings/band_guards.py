@@ -1,0 +1,251 @@
+"""Which pairs come within the error of the distance at which they would switch: certified on a segment."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.exact.crossings.guards import (
+    NEVER,
+    first_above,
+    part_from,
+    smallest_value,
+    squared_distance,
+    with_room,
+)
+from flocking.formula.machine_code import numba
+from flocking.model.checks import Array
+
+
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
+def pair_error(nodes: Array, floor: float, i: int, j: int) -> float:
+    """Error of the distance of two agents: the largest difference of their errors at the nodes, shape (k, N, m).
+
+    Parameters
+    ----------
+    nodes
+        Errors of the positions at the nodes.
+    floor
+        Error that is always added.
+    """
+    most = 0.0
+    for k in range(nodes.shape[0]):
+        square = 0.0
+        for c in range(nodes.shape[2]):
+            square += (nodes[k, j, c] - nodes[k, i, c]) ** 2
+        most = max(most, square)
+    return float(np.sqrt(most) + floor)
+
+
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
+def within_error(
+    B: Array, far: Array, near: Any, active: Any, enter: Array, leave: Array, directed: bool,
+    nodes: Array, most: float, floor: float,
+) -> Array:  # fmt: skip
+    """Pairs that come within the error of the distance at which they would switch.
+
+    Parameters
+    ----------
+    B
+        Bernstein coefficients of the positions, shape (8, N, m).
+    far
+        Result of `flocking.engine.exact.crossings.guards.reach`.
+    near, active, enter, leave, directed
+        As for `flocking.engine.exact.crossings.guards.crossings`.
+    nodes
+        Errors of the positions at some times, shape (k, N, m).
+    most
+        Bound on the error of any distance.
+    floor
+        Error of a distance that is there in any case.
+
+    Returns
+    -------
+    Array
+        Rows: the pair, where on the segment it comes closest to switching, how close, its error, and 1 where it
+        is within the error at the end; shape (k, 6).
+    """
+    n = B.shape[1]
+    found = np.empty((16, 6))
+    count = 0
+    square = np.empty(15)
+    for i in range(n):
+        for j in range(0 if directed else i + 1, n):
+            if i == j or not active[i, j]:
+                continue
+            inside = near[i, j]
+            level = leave[i] if inside else enter[i]
+            if level == np.inf or (level <= 0.0 and not inside):
+                continue
+            d2 = 0.0
+            for k in range(B.shape[2]):
+                d2 += (B[0, j, k] - B[0, i, k]) ** 2
+            stray = far[i] + far[j] + most
+            if inside:
+                if level > stray and d2 < (level - stray) ** 2:
+                    continue
+            elif d2 > (level + stray) ** 2:
+                continue
+            error = pair_error(nodes, floor, i, j)
+            squared_distance(B, i, j, square)
+            # Inside, the largest distance is sought: the smallest value of what has the other sign.
+            sign = -1.0 if inside else 1.0
+            border = max(level - error, 0.0) if inside else level + error
+            for k in range(15):
+                square[k] *= sign
+            value, x = smallest_value(square, sign * border * border)
+            if x <= 1.0:
+                found = with_room(found, count)
+                found[count, 0], found[count, 1], found[count, 2] = i, j, x
+                found[count, 3] = sign * (np.sqrt(max(sign * value, 0.0)) - level)
+                found[count, 4] = error
+                found[count, 5] = 1.0 if square[14] < sign * border * border else 0.0
+                count += 1
+    return found[:count]
+
+
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
+def first_beyond(B: Array, i: int, j: int, distance: float, outward: bool) -> float:
+    """First position in [0, 1] at which two agents are further apart than a distance, or closer; or `NEVER`.
+
+    Parameters
+    ----------
+    B
+        Bernstein coefficients of the positions, shape (8, N, m).
+    outward
+        Whether further apart is asked for, or closer.
+    """
+    square = np.empty(15)
+    squared_distance(B, i, j, square)
+    level = max(distance, 0.0) ** 2
+    for k in range(15):
+        square[k] = square[k] - level if outward else level - square[k]
+    return float(first_above(square))
+
+
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
+def closest_after(B: Array, i: int, j: int, level: float, inside: bool, x: float) -> tuple[float, float]:
+    """How close a pair comes to a distance from position ``x`` on, and where.
+
+    Parameters
+    ----------
+    B
+        Bernstein coefficients of the positions, shape (8, N, m).
+    inside
+        Whether the pair is closer than the distance, so that it would have to go further.
+    level
+        The distance.
+    """
+    square = np.empty(15)
+    squared_distance(B, i, j, square)
+    rest = part_from(square, x)
+    sign = -1.0 if inside else 1.0
+    for k in range(15):
+        rest[k] *= sign
+    value, where = smallest_value(rest, np.inf)
+    return sign * (np.sqrt(max(sign * value, 0.0)) - level), x + where * (1.0 - x)
+
+
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
+def _farthest(B: Array, i: int, j: int, square: Array, best: float) -> tuple[float, float]:
+    """Largest squared distance of two points on the segment, where it is more than ``best``, and where; or `NEVER`."""
+    hull = 0.0
+    for a in range(B.shape[0]):
+        d2 = 0.0
+        for k in range(B.shape[2]):
+            d2 += (B[a, j, k] - B[a, i, k]) ** 2
+        hull = max(hull, d2)
+    # The curve lies in the hull of its coefficients.
+    if hull <= best:
+        return best, NEVER
+    squared_distance(B, i, j, square)
+    possible = False
+    for k in range(15):
+        possible = possible or not square[k] <= best
+        square[k] *= -1.0
+    if not possible:
+        return best, NEVER
+    value, x = smallest_value(square, -best)
+    return -value, x
+
+
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
+def _farthest_from_mean(B: Array, far: Array) -> Array:
+    """Bound on the distance of each agent from the mean of the group on the segment, shape (N,)."""
+    n, m = B.shape[1], B.shape[2]
+    away, mean = np.empty(n), np.zeros(m)
+    for k in range(m):
+        for i in range(n):
+            mean[k] += B[0, i, k] / n
+    for i in range(n):
+        square = 0.0
+        for k in range(m):
+            square += (B[0, i, k] - mean[k]) ** 2
+        away[i] = (far[i] + np.sqrt(square)) * (1.0 + 1e-12)
+    return away
+
+
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
+def diameter(B: Array, far: Array, least: float) -> tuple[float, float, int, int]:
+    """Largest distance of two points on the segment where it is more than ``least``: value, where, which.
+
+    Parameters
+    ----------
+    B
+        Bernstein coefficients of the points, shape (8, N, m).
+    far
+        Result of `flocking.engine.exact.crossings.guards.reach`.
+    """
+    best, where, one, two = max(least, -1.0) * abs(least), NEVER, -1, -1
+    square = np.empty(15)
+    away = _farthest_from_mean(B, far)
+    for i in range(B.shape[1]):
+        for j in range(i + 1, B.shape[1]):
+            if (away[i] + away[j]) ** 2 <= best:
+                continue
+            value, x = _farthest(B, i, j, square, best)
+            if x <= 1.0:
+                best, where, one, two = value, x, i, j
+    return np.sqrt(max(best, 0.0)), where, one, two
+
+
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
+def fastest(P: Array, shares: Array, goal: Array, speed: float, spread: float, relative: float) -> Array:
+    """Largest speed, distance of a velocity from the mean one, and speed relative to a goal, on the segment.
+
+    Parameters
+    ----------
+    P
+        Bernstein coefficients of the velocities, shape (8, N, m).
+    shares
+        Weights of the mean, shape (N,).
+    goal
+        Constant velocity, shape (m,).
+    speed, spread, relative
+        What each of the three is looked for above.
+
+    Returns
+    -------
+    Array
+        A row for each: value, where in [0, 1] or `NEVER`, and whose; shape (3, 3).
+    """
+    n, m = P.shape[1], P.shape[2]
+    whole = np.zeros((P.shape[0], n + 3, m))
+    for a in range(P.shape[0]):
+        for k in range(m):
+            for i in range(n):
+                whole[a, i, k] = P[a, i, k]
+                whole[a, n + 1, k] += shares[i] * P[a, i, k]
+            whole[a, n + 2, k] = goal[k]
+    square, rows = np.empty(15), np.empty((3, 3))
+    for row in range(3):
+        least = speed if row == 0 else spread if row == 1 else relative
+        best, where, who = max(least, -1.0) * abs(least), NEVER, -1
+        if least < np.inf:
+            for i in range(n):
+                value, x = _farthest(whole, n + row, i, square, best)
+                if x <= 1.0:
+                    best, where, who = value, x, i
+        rows[row, 0], rows[row, 1], rows[row, 2] = np.sqrt(max(best, 0.0)), where, who
+    return rows

@@ -1,0 +1,274 @@
+"""Which agents are within range of which obstacles, and when that next changes.
+
+The distance to an obstacle changes no faster than the agent and the obstacle move. On a piece of a segment it
+therefore stays within the agent's reach of its value in the middle: halving the segment either proves that a
+distance is not crossed or closes in on the first crossing. Excursions shorter than `FINE` of a step that leave
+no trace at the ends and the middle of their piece are not seen. Balls that stand still or move uniformly are
+watched by `ball_guards`, which misses nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flocking.engine.exact.crossings.ball_guards import ball_crossings, centre_paths, uniform_balls
+from flocking.engine.exact.crossings.guards import NEVER
+from flocking.engine.exact.integrator.segment import Segment
+from flocking.formula.compiled import Reading
+from flocking.formula.machine_code import numba
+from flocking.model.checks import Array
+from flocking.model.graphs.connectivity import Links
+from flocking.model.law import Law
+from flocking.model.leaders_and_obstacles.leaders import Sink, Velocity
+from flocking.model.leaders_and_obstacles.obstacles import Obstacle
+from flocking.model.terms.avoidance import ObstacleGroup, ObstacleTerm
+
+Indices = NDArray[np.intp]
+
+FINE = 1e-7
+CLOSED = 1e-15
+"""Fraction of a step to which a crossing is located."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """A distance from the obstacles of one group at which something happens.
+
+    Parameters
+    ----------
+    group
+        Number of the group.
+    kind
+        ``"obstacle"`` at the range of the term, ``"rim"`` at a kink of its force below it.
+    distance
+        The distance.
+    """
+
+    group: int
+    kind: str
+    distance: float
+
+
+class Encounters:
+    """Distances of agents from the obstacles of a law, and the levels they cross.
+
+    Parameters
+    ----------
+    law
+        The law.
+    """
+
+    def __init__(self, law: Law) -> None:
+        self.groups: list[ObstacleGroup] = []
+        self.levels: list[Level] = []
+        for term in law.body_terms:
+            if isinstance(term, ObstacleTerm):
+                inner = sorted(d for d in term.kinks() if d < term.range)
+                for group in term.groups:
+                    number = len(self.groups)
+                    self.levels.append(Level(number, "obstacle", term.range))
+                    self.levels += [Level(number, "rim", distance) for distance in inner]
+                    self.groups.append(group)
+        self._reading = Reading()
+        self._distance = [g.obstacles[0].distance_function() for g in self.groups]
+        self._balls = [uniform_balls(g) for g in self.groups]
+        self._rows = [np.array([v.values for v in g.rows.values()]) for g in self.groups]
+
+    def distances(self, group: int, q: Array, t: float) -> Array:
+        """Signed distances of all agents from the obstacles of a group, shape (N, K)."""
+        n, count = len(q), len(self.groups[group].obstacles)
+        points = np.repeat(q, count, axis=0)
+        found = self._clearance(group, points, np.full(n * count, t), np.tile(np.arange(count), n))
+        return found.reshape(n, count)
+
+    def within(self, level: Level, q: Array, t: float) -> Links:
+        """Which agents are closer than the level, shape (N, K); at the range itself closed, as printed."""
+        distance = self.distances(level.group, q, t)
+        return np.asarray(distance <= level.distance if level.kind == "obstacle" else distance < level.distance)
+
+    def record(self, group: int, t: float, q: Array, p: Array, pair: tuple[int, int]) -> tuple[Any, ...]:
+        """The switch of one pair (agent, obstacle), fields `SWITCH_FIELDS`; ``j`` numbers the obstacle in its term.
+
+        Parameters
+        ----------
+        group
+            Number of the group of obstacles.
+        """
+        i, o = (int(k) for k in pair)
+        step = 1e-6
+        low, high = (
+            self._clearance(group, (q[i] + s * p[i])[None], np.array([t + s]), np.array([o]))[0] for s in (-step, step)
+        )
+        speed = float(high - low) / (2 * step)
+        slow = abs(speed) < 1e-6 * max(float(np.linalg.norm(p[i])), 1e-12)
+        return (t, i, self.groups[group].numbers[o], "obstacle", group, speed, slow)
+
+    def _clearance(self, group: int, points: Array, t: Array, obstacle: Indices) -> Array:
+        return self._distance[group](points, t, list(self._rows[group][:, obstacle]))
+
+    def next_crossings(
+        self, segment: Segment, B: Array, near: list[Links], active: list[Links]
+    ) -> list[tuple[int, Array, Indices]]:
+        """First crossings on a segment.
+
+        Parameters
+        ----------
+        segment
+            The segment.
+        B
+            Bernstein coefficients of the positions, shape (8, N, m).
+        near
+            Which pairs are within each level, shape (N, K) each.
+        active
+            Which pairs are within the range of each group.
+
+        Returns
+        -------
+        list
+            Number of the level, positions in [0, 1] and pairs (agent, obstacle), for each level crossed.
+        """
+        with self._reading:
+            return self._crossings(segment, B, near, active)
+
+    def _crossings(
+        self, segment: Segment, B: Array, near: list[Links], active: list[Links]
+    ) -> list[tuple[int, Array, Indices]]:
+        stray = np.sqrt(((B - B[0]) ** 2).sum(axis=2).max(axis=0))
+        slack = 1e-13 + 16 * np.finfo(float).eps * float(np.abs(B).max(initial=0.0))
+        length = segment.t1 - segment.t0
+        found = []
+        for g, group in enumerate(self.groups):
+            if self._balls[g]:
+                found += self._ball_crossings(g, segment, B, near, active, slack)
+                continue
+            clear = self.distances(g, B[0], segment.t0)
+            moved = length * np.array([_speed_bound(x, segment.t0, segment.t1) for x in group.obstacles])
+            parts = []
+            for number, level in enumerate(self.levels):
+                if level.group != g:
+                    continue
+                room = stray[:, None] + moved + 2 * slack * max(level.distance, 1.0)
+                candidates = np.abs(clear - level.distance) <= room
+                if level.kind == "rim":
+                    candidates &= active[g]
+                i, o = np.nonzero(candidates)
+                sign = np.where(near[number][i, o], 1.0, -1.0)
+                border = level.distance + sign * slack * max(level.distance, 1.0)
+                parts.append((np.full(len(i), number), i, o, sign, border))
+            levels, i, o, sign, border = (np.concatenate(x) for x in zip(*parts, strict=True))
+            if len(i):
+                above = self._excess(segment, g, o, sign, border)
+                when = first_crossings(above, np.ascontiguousarray(B[:, i].transpose(1, 0, 2)), moved[o])
+                for number in np.unique(levels[when <= 1.0]):
+                    hit = (when <= 1.0) & (levels == number)
+                    found.append((int(number), when[hit], np.stack([i[hit], o[hit]], axis=1)))
+        return found
+
+    def _ball_crossings(
+        self, g: int, segment: Segment, B: Array, near: list[Links], active: list[Links], slack: float
+    ) -> list[tuple[int, Array, Indices]]:
+        centres = centre_paths(self.groups[g].obstacles, segment.t0, segment.t1)  # type: ignore[arg-type]
+        radii = self._rows[g][list(self.groups[g].rows).index("radius")]
+        found = []
+        for number, level in enumerate(self.levels):
+            if level.group == g:
+                watched = active[g] if level.kind == "rim" else np.ones_like(active[g])
+                margin = slack * max(level.distance, 1.0)
+                when, who = ball_crossings(B, centres, radii, near[number], watched, level.distance, margin)
+                if len(when):
+                    found.append((number, when, who))
+        return found
+
+    def _excess(
+        self, segment: Segment, group: int, obstacle: Indices, sign: Array, border: Array
+    ) -> Callable[[Array, Array, Indices], Array]:
+        """By how much candidates are beyond their border, as `first_crossings` asks for it."""
+        length = segment.t1 - segment.t0
+
+        def above(points: Array, x: Array, which: Indices) -> Array:
+            values = self._clearance(group, points, segment.t0 + length * x, obstacle[which])
+            return np.asarray(sign[which] * (values - border[which]))
+
+        return above
+
+
+def _speed_bound(obstacle: Obstacle, t0: float, t1: float) -> float:
+    """Largest speed of an obstacle on [t0, t1]: exact for constant velocities, sampled with a margin for others."""
+    mover = obstacle.mover
+    if mover is None or type(mover) is Sink:
+        return 0.0
+    if type(mover) is Velocity:
+        return float(np.linalg.norm(mover.value))
+    return 1.5 * max(float(np.linalg.norm(mover.at(float(t))[1])) for t in np.linspace(t0, t1, 9))
+
+
+def first_crossings(above: Callable[[Array, Array, Indices], Array], C: Array, speed: Array) -> Array:
+    """First position in [0, 1] at which each of several distances exceeds its border, or `NEVER`.
+
+    Parameters
+    ----------
+    above
+        Function of points (k, m), positions in [0, 1] and candidate numbers: how far the distance exceeds its
+        border. It must change no faster than the points move plus ``speed``.
+    C
+        Bernstein coefficients of the candidates' paths, shape (candidates, 8, m).
+    speed
+        How far each candidate's obstacle moves on the whole segment, shape (candidates,).
+    """
+    count = len(C)
+    best = np.full(count, NEVER)
+    known = np.full(count, NEVER)
+    who, start, width = np.arange(count), np.zeros(count), 1.0
+    at_start = above(C[:, 0], start, who)
+    at_end = above(C[:, -1], start + 1.0, who)
+    while len(who):
+        begun = at_start > 0
+        np.minimum.at(best, who[begun], start[begun])
+        np.minimum.at(known, who[begun], start[begun])
+        changes = ~begun & (at_end > 0)
+        np.minimum.at(known, who[changes], start[changes] + width)
+        if width < CLOSED:
+            np.minimum.at(best, who[changes], start[changes])
+            break
+        left, right, stray = _halves(C)
+        middle = right[:, 0]
+        value = above(middle, start + 0.5 * width, who)
+        reach = stray + 0.5 * width * speed[who]
+        keep = ~begun & (start < known[who]) & (value + reach > 0)
+        if width < FINE:
+            keep &= (value > 0) | (at_end > 0)
+        half = 0.5 * width
+        who = np.concatenate([who[keep], who[keep]])
+        C = np.concatenate([left[keep], right[keep]])
+        at_start, at_end = (
+            np.concatenate([at_start[keep], value[keep]]), np.concatenate([value[keep], at_end[keep]])
+        )  # fmt: skip
+        start = np.concatenate([start[keep], start[keep] + half])
+        width = half
+    return best
+
+
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
+def _halves(C: Array) -> tuple[Array, Array, Array]:
+    """Both halves of each path, and how far it strays from its middle; shapes (k, 8, m) twice and (k,)."""
+    count, size, m = C.shape
+    left, right = np.empty_like(C), C.copy()
+    reach = np.zeros(count)
+    for c in range(count):
+        for k in range(size):
+            for x in range(m):
+                left[c, k, x] = right[c, 0, x]
+                for a in range(size - 1 - k):
+                    right[c, a, x] = 0.5 * (right[c, a, x] + right[c, a + 1, x])
+        for k in range(size):
+            square = 0.0
+            for x in range(m):
+                square += (C[c, k, x] - right[c, 0, x]) ** 2
+            reach[c] = max(reach[c], square)
+        reach[c] = np.sqrt(reach[c])
+    return left, right, reach

@@ -1,0 +1,384 @@
+"""Links of a running group: their memory, the ordered pairs kernels loop over, and the next switch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flocking.engine.exact.crossings.guards import crossings, reach
+from flocking.engine.exact.crossings.obstacle_contacts import Encounters
+from flocking.engine.exact.crossings.view_guards import view_crossings
+from flocking.engine.exact.integrator.segment import Segment
+from flocking.model.checks import Array
+from flocking.model.graphs.connectivity import Links
+from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.graphs.views import FieldOfView
+from flocking.model.law import Law
+from flocking.model.terms.pair_terms import Consensus, Gradient, PairTerm
+
+SLIDE = 1e-6
+"""A pair that crosses back and has moved less than this fraction of the distance has not really left it."""
+
+MOST_SLIDES = 200
+"""So many such crossings in a row make a session say that the motion chatters."""
+
+GRAZE = 1e-9
+"""How far, as a fraction of the distance, a pair must pass a kink with continuous force for it to be a crossing."""
+
+TIE = 1e-12
+"""Crossings closer than this fraction of a step count as one instant."""
+
+
+@dataclass(frozen=True)
+class Watch:
+    """One family of distances to watch: the links of a graph, or a kink of its formulas.
+
+    Parameters
+    ----------
+    graph
+        Number of the graph.
+    kind
+        ``"link"`` or ``"kink"``; ``"obstacle"`` or ``"rim"`` for pairs (agent, obstacle), see `Level`. Groups of
+        obstacles are numbered after the graphs.
+    enter, leave
+        Distances per sensing agent, shape (N,).
+    rise
+        By how much the stored energy of a pair jumps up as it leaves: not zero where pieces of a formula do not meet.
+    smooth
+        Whether the force is continuous there: then nothing can slide, and a crossing by less than `GRAZE` of the
+        distance changes the force by less than the tolerance.
+    """
+
+    graph: int
+    kind: str
+    enter: Array
+    leave: Array
+    rise: float = 0.0
+    smooth: bool = False
+
+    @cached_property
+    def farthest(self) -> float:
+        """The largest distance at which a pair leaves."""
+        return float(self.leave.max())
+
+    @property
+    def inner(self) -> bool:
+        """Whether pieces of a formula meet there, inside the reach of the link or the obstacle."""
+        return self.kind in ("kink", "rim")
+
+
+@dataclass(frozen=True, eq=False)
+class Crossing:
+    """Pairs that cross their distance at the end of a segment.
+
+    Parameters
+    ----------
+    watch
+        Number of the watch.
+    pairs
+        Ordered pairs, shape (k, 2).
+    """
+
+    watch: int
+    pairs: NDArray[np.integer[Any]]
+
+
+def slack_of(watch: Watch, size: float) -> float:
+    """How far a pair must pass the distance of a watch to have crossed it, where coordinates have this ``size``."""
+    graze = GRAZE if watch.smooth else 1e-13
+    return graze * watch.farthest + 16 * np.finfo(float).eps * size
+
+
+class LinkState:
+    """Which pairs are linked under each graph of a law, and on which side of each kink they are.
+
+    Parameters
+    ----------
+    law
+        The control law.
+    q
+        Positions at the start, shape (N, m).
+    links
+        Link memory of the law's own graph; its initial rule decides when absent.
+    t
+        Time at the start.
+    headings
+        Headings of the agents, as in `Agents`, where a graph sees them.
+    base
+        The time at which the session's own time, in which all times are given here, is 0.
+    """
+
+    def __init__(
+        self,
+        law: Law,
+        q: Array,
+        links: Links | None = None,
+        t: float = 0.0,
+        headings: Array | None = None,
+        base: float = 0.0,
+    ) -> None:
+        self._base = base
+        self._law = law
+        self.graphs: tuple[Graph, ...] = law.graphs
+        self.links: list[Links] = [np.array(g.start_links(q, headings)) for g in self.graphs]
+        if links is not None:
+            self.links[0] = np.array(links)
+        self.watches = _watches(law, len(q))
+        self.near: list[Links] = [self._near_at(q, w) for w in self.watches]
+        self.encounters = Encounters(law)
+        self._first_level = len(self.watches)
+        for level in self.encounters.levels:
+            distance = np.full(len(q), level.distance)
+            self.watches.append(Watch(len(self.graphs) + level.group, level.kind, distance, distance))
+            self.near.append(self.encounters.within(level, q, t + base))
+        self.sliding: dict[tuple[int, int, int], tuple[float, float, int]] = {}
+        everyone = np.ones((len(q), len(q)), dtype=bool)
+        allowed = [g.allowed(headings) for g in self.graphs]
+        self._allowed = [everyone if x is None else x for x in allowed]
+        self._views = [
+            (g.directions(headings), g.cosines(len(q))) if isinstance(g, FieldOfView) else None for g in self.graphs
+        ]
+
+    def _near_at(self, q: Array, watch: Watch) -> Links:
+        if watch.kind == "link":
+            return self.links[watch.graph]
+        offsets = q[None] - q[:, None]
+        return np.asarray((offsets**2).sum(axis=-1) < watch.leave[:, None] ** 2)
+
+    def pairs(self) -> tuple[Array, Array, Array, Array]:
+        """Ordered pairs of all graphs, one after the other: sensing agents, sensed agents, offsets, pieces in force.
+
+        Pairs (agent, obstacle) within range follow, one group of obstacles after the other. Pieces are numbered from
+        1 on, through the `borders` of all graphs and groups.
+        """
+        found = [np.nonzero(links) for links in [*self.links, *self.active()]]
+        offsets = np.cumsum([0, *(len(i) for i, _ in found)])
+        pieces = []
+        first = 1
+        for owner, (i, j) in enumerate(found):
+            inner = [number for number, watch in enumerate(self.watches) if watch.inner and watch.graph == owner]
+            piece = np.full(len(i), first, dtype=np.int32)
+            for number in inner:
+                piece += ~self.near[number][i, j]
+            pieces.append(piece)
+            first += len(inner) + 1
+        return (
+            np.concatenate([i for i, _ in found]),
+            np.concatenate([j for _, j in found]),
+            offsets,
+            np.concatenate(pieces),
+        )
+
+    def borders(self) -> list[list[float]]:
+        """Distances at which pieces of the formulas meet, for each graph and group of obstacles, ascending.
+
+        The last is where links break, or the range of the term.
+        """
+        owners = range(len(self.graphs) + len(self.encounters.groups))
+        inner = [[float(w.leave[0]) for w in self.watches if w.inner and w.graph == owner] for owner in owners]
+        outer = [float(np.max(np.asarray(graph.break_radius))) for graph in self.graphs]
+        outer += [level.distance for level in self.encounters.levels if level.kind == "obstacle"]
+        return [[*kinks, end] for kinks, end in zip(inner, outer, strict=True)]
+
+    def active(self) -> list[Links]:
+        """Which agents are within range of which obstacles, shape (N, K) for each group."""
+        return [x for w, x in zip(self.watches, self.near, strict=True) if w.kind == "obstacle"]
+
+    def functionals(self) -> Array:
+        """Functional s_i of each graph for each agent, shape (graphs, N); zeros where no term uses one."""
+        found = np.zeros((len(self.graphs), len(self._allowed[0])))
+        if not any(getattr(t, "functional", False) for t in self._law.pair_terms):
+            return found
+        from flocking.model.graphs.functionals import graph_functional
+
+        for number, links in enumerate(self.links):
+            values = graph_functional(self._law, number, links)
+            if values is not None:
+                found[number] = values
+        return found
+
+    def watched(self) -> Iterator[tuple[int, Watch, Links, tuple[Array, Array] | None]]:
+        """Watches of pairs of agents: number, watch, which pairs are looked at, headings and cosines of views."""
+        for number, watch in enumerate(self.watches[: self._first_level]):
+            active = self.links[watch.graph] if watch.kind == "kink" else self._allowed[watch.graph]
+            yield number, watch, active, self._views[watch.graph]
+
+    def would(self, number: int, i: int, j: int) -> str:
+        """Kind of the switch that a pair would make next, as in `SWITCH_FIELDS`.
+
+        Parameters
+        ----------
+        number
+            Number of the watch.
+        """
+        if self.watches[number].kind == "kink":
+            return "kink"
+        return "break" if self.near[number][i, j] else "appear"
+
+    def next_crossings(self, segment: Segment, n: int, m: int, order: int) -> tuple[float, list[Crossing]]:
+        """Earliest crossing on a segment as a fraction of it, with all crossings of that instant; 2.0 when none.
+
+        Parameters
+        ----------
+        segment
+            The segment.
+        n, m
+            Numbers of agents and axes.
+        order
+            Order of the agents: only those of order 2 have velocities.
+        """
+        B = segment.positions(n, m)
+        P = segment.velocities(n, m) if order == 2 else B[:, :0]
+        far = reach(B)
+        found: list[tuple[int, Array, NDArray[np.integer[Any]]]] = []
+        size = float(np.abs(B).max(initial=0.0))
+        for number, watch, active, view in self.watched():
+            directed, slack = self.graphs[watch.graph].directed, slack_of(watch, size)
+            if view is not None and watch.kind == "link":
+                when, who = view_crossings(B, far, self.near[number], *view, watch.leave, slack)
+                if len(when):
+                    found.append((number, when, who))
+                continue
+            when, who = crossings(B, far, self.near[number], active, watch.enter, watch.leave, directed, slack, P)
+            if len(when):
+                found.append((number, when, who))
+        if self.encounters.levels:
+            near = self.near[self._first_level :]
+            late = Segment(segment.t0 + self._base, segment.t1 + self._base, segment.coefficients)
+            for level, when, who in self.encounters.next_crossings(late, B, near, self.active()):
+                found.append((self._first_level + level, when, who))
+        if not found:
+            return 2.0, []
+        first = min(float(when.min()) for _, when, _ in found)
+        return first, [
+            Crossing(number, who[when <= first + TIE]) for number, when, who in found if (when <= first + TIE).any()
+        ]
+
+    def apply(self, crossing: Crossing) -> None:
+        """Toggle the pairs of a crossing."""
+        watch = self.watches[crossing.watch]
+        matrix = self.near[crossing.watch]
+        i, j = crossing.pairs.T
+        matrix[i, j] = ~matrix[i, j]
+        if watch.kind in ("obstacle", "rim"):
+            return
+        if watch.kind == "kink" or not self.graphs[watch.graph].directed:
+            matrix[j, i] = matrix[i, j]
+        if watch.kind == "link":
+            self._settle_kinks(watch.graph, crossing)
+
+    def _settle_kinks(self, graph: int, crossing: Crossing) -> None:
+        """A pair that was not watched may be on either side of a kink when its link appears."""
+        link_watch = self.watches[crossing.watch]
+        for number, watch in enumerate(self.watches):
+            if watch.kind == "kink" and watch.graph == graph:
+                for i, j in crossing.pairs:
+                    at = link_watch.enter[i] if self.links[graph][i, j] else link_watch.leave[i]
+                    self.near[number][i, j] = self.near[number][j, i] = at < watch.leave[i]
+
+    def slides(self, crossing: Crossing, k: int, time: float, speed: float) -> bool:
+        """Note that pair ``k`` of a crossing crosses at ``time`` with ``speed``; whether it slides."""
+        watch = self.watches[crossing.watch]
+        if watch.smooth:
+            return False
+        i, j = (int(x) for x in crossing.pairs[k])
+        before, fast, count = self.sliding.get((crossing.watch, i, j), (-np.inf, 1.0, 0))
+        # It went no further than its speed took it.
+        still = (time - before) * max(fast, abs(speed)) <= SLIDE * float(watch.leave[i])
+        count = count + 1 if still else 0
+        self.sliding[crossing.watch, i, j] = (time, abs(speed), count)
+        return count >= MOST_SLIDES
+
+    def lost_link(self, crossings: Sequence[Crossing], barriers: Sequence[bool]) -> tuple[int, ...] | None:
+        """The first pair that would break a link whose potential is infinite there; None when there is none.
+
+        Parameters
+        ----------
+        barriers
+            Of each graph, whether a potential is infinite where its links break, see `has_barrier`.
+        crossings
+            What crosses at the end of a step.
+        """
+        for crossing in crossings:
+            watch = self.watches[crossing.watch]
+            if watch.kind == "link" and barriers[watch.graph]:
+                for i, j in crossing.pairs:
+                    if self.links[watch.graph][i, j]:
+                        return (int(i), int(j))
+        return None
+
+    def meets_barrier(self, crossing: Crossing, barriers: Sequence[bool]) -> bool:
+        """Whether the links of a crossing appear where their potential is infinite.
+
+        Parameters
+        ----------
+        barriers
+            As for `lost_link`.
+        """
+        watch = self.watches[crossing.watch]
+        return watch.kind == "link" and barriers[watch.graph] and bool((watch.enter >= watch.leave).any())
+
+    def memory(self) -> tuple[list[Links], list[Links]]:
+        """Copies of all matrices."""
+        return [x.copy() for x in self.links], [x.copy() for x in self.near]
+
+    def recall(self, memory: tuple[Sequence[Links], Sequence[Links]]) -> None:
+        """Go back to ``memory``."""
+        links, near = memory
+        self.links = [x.copy() for x in links]
+        self.near = [
+            self.links[w.graph] if w.kind == "link" else x.copy() for w, x in zip(self.watches, near, strict=True)
+        ]
+
+
+def _watches(law: Law, n: int) -> list[Watch]:
+    found = []
+    for number, graph in enumerate(law.graphs):
+        enter = np.broadcast_to(np.asarray(graph.appear_radius, dtype=np.float64), n).copy()
+        leave = np.broadcast_to(np.asarray(graph.break_radius, dtype=np.float64), n).copy()
+        if graph.moves:
+            found.append(Watch(number, "link", enter, leave))
+        kinks = set(graph.kinks())
+        for term in law.pair_terms:
+            if law.graph_number(term) == number:
+                kinks |= set(term.kinks())
+        for distance in sorted(k for k in kinks if k < float(leave.max())):
+            terms = [t for t in law.pair_terms if law.graph_number(t) == number]
+            rise = sum(_rise(t, distance) for t in terms)
+            smooth = not rise and all(_meets(t, distance) for t in terms)
+            found.append(Watch(number, "kink", np.full(n, distance), np.full(n, distance), rise, smooth))
+    return found
+
+
+def _rise(term: PairTerm, distance: float) -> float:
+    if not isinstance(term, Gradient):
+        return 0.0
+    inside, outside = term.potential(distance * (1 + np.array([-1e-12, 1e-12])))
+    rise = float(outside - inside)
+    return rise if abs(rise) > 1e-9 * max(1.0, abs(float(inside)), abs(float(outside))) else 0.0
+
+
+def _meets(term: PairTerm, distance: float) -> bool:
+    """Whether the force of a term is continuous at a kink of its own formulas; graph weights always are."""
+    if not isinstance(term, Gradient) or distance not in term.kinks():
+        return isinstance(term, Gradient | Consensus)
+    inside, outside = term.potential.slope(distance * (1 + np.array([-1e-9, 1e-9])))
+    return bool(abs(outside - inside) <= 1e-6 * max(1.0, abs(float(inside)), abs(float(outside))))
+
+
+def has_barrier(law: Law, graph: Graph) -> bool:
+    """Whether a potential over ``graph`` is infinite where its links break."""
+    radius = np.max(np.asarray(graph.break_radius))
+    if not np.isfinite(radius):
+        return False
+    numbers = [k for k, g in enumerate(law.graphs) if g is graph]
+    return any(
+        not np.isfinite(term.potential(radius))
+        for term in law.pair_terms
+        if isinstance(term, Gradient) and law.graph_number(term) in numbers
+    )

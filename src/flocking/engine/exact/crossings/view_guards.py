@@ -1,0 +1,160 @@
+"""Certified crossings of fields of view: distance and bearing at once, as signs of Bernstein polynomials.
+
+With d = q_j - q_i, heading h, radius r and c the cosine of the half angle, j is seen when D = r^2 - |d|^2 >= 0 and
+d.h >= c |d|. With L = d.h and Q = L^2 - c^2 |d|^2 the second is (L >= 0 and Q >= 0) for c >= 0, and
+(L >= 0 or Q <= 0) for c < 0: first moments of being seen or lost are first moments at which some of these
+polynomials are all positive.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flocking.engine.exact.crossings.guards import (
+    _DEPTH,
+    _PRODUCT,
+    NEVER,
+    halve_interval,
+    halve_top,
+    places_and_pairs,
+    squared_distance,
+    with_room,
+)
+from flocking.formula.machine_code import numba
+from flocking.model.checks import Array
+
+
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
+def first_all_above(g: Array) -> float:
+    """First x in [0, 1] at which all polynomials with Bernstein coefficients ``g``, shape (k, size), exceed zero.
+
+    Returns `NEVER` when there is none. A stretch shorter than 1e-15 on which they do may be missed.
+    """
+    count, size = g.shape
+    stack = np.empty((_DEPTH, count, size))
+    begin = np.empty(_DEPTH)
+    width = np.empty(_DEPTH)
+    for k in range(count):
+        for b in range(size):
+            stack[0, k, b] = g[k, b]
+    begin[0], width[0] = 0.0, 1.0
+    top = 0
+    while top >= 0:
+        possible, holds = True, True
+        for k in range(count):
+            above, number = False, True
+            for b in range(size):
+                above = above or stack[top, k, b] > 0.0
+                number = number and stack[top, k, b] == stack[top, k, b]
+            possible = possible and above and number
+            holds = holds and stack[top, k, 0] > 0.0
+        if holds:
+            return float(begin[top])
+        if not possible:
+            top -= 1
+            continue
+        if width[top] < 1e-15 or top + 2 >= _DEPTH:
+            at_end = True
+            for k in range(count):
+                at_end = at_end and stack[top, k, size - 1] > 0.0
+            if at_end:
+                return float(begin[top])
+            top -= 1
+            continue
+        for k in range(count):
+            halve_top(stack[:, k], top)
+        halve_interval(begin, width, top)
+        top += 1
+    return NEVER
+
+
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
+def _polynomials(B: Array, i: int, j: int, heading: Array, c: float, out: Array) -> None:
+    """Bernstein coefficients of |d|^2, L and Q, shape (3, 15)."""
+    squared_distance(B, i, j, out[0])
+    out[1:] = 0.0
+    ahead = np.zeros(8)
+    for a in range(8):
+        for k in range(B.shape[2]):
+            ahead[a] += (B[a, j, k] - B[a, i, k]) * heading[k]
+    for a in range(8):
+        for b in range(8):
+            out[1, a + b] += _PRODUCT[a, b] * ahead[a]
+            out[2, a + b] += _PRODUCT[a, b] * ahead[a] * ahead[b]
+    for a in range(15):
+        out[2, a] -= c * c * out[0, a]
+
+
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
+def _change(near: bool, square: Array, L: Array, Q: Array, c: float, radius: float, slack: float) -> float:
+    """When a pair that is seen is lost, or one that is not is seen."""
+    wide = 4.0 * radius * slack + slack * slack
+    first = NEVER
+    if near:
+        first = min(first, first_all_above((square - (radius + slack) ** 2).reshape(1, 15)))
+        if c >= 0.0:
+            first = min(first, first_all_above((-L - slack).reshape(1, 15)))
+            return float(min(first, first_all_above((-Q - wide).reshape(1, 15))))
+        both = np.empty((2, 15))
+        both[0], both[1] = -L - slack, Q - wide
+        return float(min(first, first_all_above(both)))
+    close = max(radius - slack, 0.0) ** 2 - square
+    if c >= 0.0:
+        three = np.empty((3, 15))
+        three[0], three[1], three[2] = close, L - slack, Q - wide
+        return float(first_all_above(three))
+    two = np.empty((2, 15))
+    two[0], two[1] = close, L - slack
+    first = first_all_above(two)
+    two[1] = -Q - wide
+    return float(min(first, first_all_above(two)))
+
+
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
+def view_crossings(
+    B: Array, far: Array, near: Array, headings: Array, cosines: Array, radii: Array, slack: float
+) -> tuple[Array, Array]:
+    """First change of every ordered pair that is seen or lost on the segment.
+
+    Parameters
+    ----------
+    B
+        Bernstein coefficients of the positions, shape (8, N, m).
+    far
+        Result of `reach`.
+    near
+        Matrix (N, N): pairs that are seen now.
+    headings
+        Unit vectors, shape (N, m).
+    cosines, radii
+        Cosine of the half angle and radius of each sensing agent, shape (N,).
+    slack
+        Overshoot in distance that counts as a crossing; covers rounding.
+
+    Returns
+    -------
+    tuple
+        Crossing positions in [0, 1], shape (k,), and ordered pairs, shape (k, 2).
+    """
+    n = B.shape[1]
+    found = np.empty((16, 3))
+    count = 0
+    out = np.empty((3, 15))
+    for i in range(n):
+        for j in range(n):
+            if i == j:
+                continue
+            if not near[i, j]:
+                d2 = 0.0
+                for k in range(B.shape[2]):
+                    d2 += (B[0, j, k] - B[0, i, k]) ** 2
+                if d2 > (radii[i] + far[i] + far[j] + slack) ** 2:
+                    continue
+            _polynomials(B, i, j, headings[i], cosines[i], out)
+            x = _change(near[i, j], out[0], out[1], out[2], cosines[i], radii[i], slack)
+            if x <= 1.0:
+                found = with_room(found, count)
+                found[count, 0], found[count, 1], found[count, 2] = x, i, j
+                count += 1
+    when, who = places_and_pairs(found, count)
+    return when, who

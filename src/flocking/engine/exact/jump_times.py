@@ -1,0 +1,47 @@
+"""When terms of a law switch by themselves: a step ends at the last moment before."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flocking.engine.exact.origin import Origin
+from flocking.model.law import Law
+
+
+class JumpTimes:
+    """The session's own times at which terms of a law switch by themselves.
+
+    Parameters
+    ----------
+    law
+        The law in force.
+    origin
+        What the session's own time is relative to.
+    """
+
+    def __init__(self, law: Law, origin: Origin) -> None:
+        self._law = law
+        self._origin = origin
+        self._next = -np.inf
+
+    def following(self, now: float) -> float:
+        """The first one after ``now``."""
+        if not self._next > now:
+            terms = self._law.body_terms
+            times = [s for term in terms for s in term.switch_times(self._origin.time_at(now), np.inf)]
+            later = [s for s in times if self._origin.own_time(s) > now]
+            self._next = self._origin.own_time(min(later, default=np.inf))
+        return self._next
+
+    def bound(self, now: float, end: float) -> float:
+        """Where a step from ``now`` on must end: the end of the run, or the last moment before a term switches.
+
+        Parameters
+        ----------
+        now, end
+            Where the step begins, and where the run ends; a session that goes on beyond its end has none.
+        """
+        end = end if now < end else np.inf
+        jump = self.following(now)
+        before = float(np.nextafter(jump, -np.inf))
+        return before if jump < end and before > now else end

@@ -1,0 +1,297 @@
+"""Narrow features of the formulas of a pair: distances that a step may not jump over.
+
+The estimate of a step's error knows of the force only what the stages of the step have met. A bump of the force
+between two stages leaves no trace, so a pair may move only a fraction of its width while it is within reach of it.
+Where bumps are follows from the formulas: each has an extremum of the force. On an interval where the slope of the
+force has a sign there is none; interval arithmetic finds all others, however narrow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import comb
+from types import FunctionType
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.exact.crossings.guards import smallest_value, squared_distance
+from flocking.engine.exact.crossings.obstacle_contacts import Encounters
+from flocking.engine.exact.integrator.segment import Segment
+from flocking.engine.kernels.pieces import MARGIN
+from flocking.formula.interval_jets import Jet, on_jets
+from flocking.formula.machine_code import numba
+from flocking.model.checks import Array
+from flocking.model.graphs.connectivity import Links
+
+NARROW = 1 / 32
+"""Features wider than this fraction of the range are none: no step of a pair passes them unseen."""
+
+ZONE = 16.0
+"""How far around a feature it can be felt, in widths: from an extremum of the force to the next inflection."""
+
+STRIDE = 2.0
+"""How far a pair may move in one step within a zone, in widths."""
+
+NEGLIGIBLE = 1e-26
+"""Differences of potential that a step may ignore: the square of the finest tolerance."""
+
+FINEST = 1e-10
+"""Smallest width looked for, relative to the distance."""
+
+MOST_CELLS = 4096
+MOST_KNOWN = 1000
+SHELLS = 40
+SAMPLES = 64
+
+
+_known: dict[object, Array] = {}
+"""Zones of the formulas met so far: what a formula is known by, its numbers and its borders."""
+
+
+def zones_of(
+    owner: str, function: Any, parameters: Sequence[Array], borders: Sequence[float], rows: tuple[object, ...] = ()
+) -> Array:
+    """Result of `zones`, found once for the same formulas and numbers.
+
+    Parameters
+    ----------
+    owner
+        Name of the module of the formulas.
+    function, parameters, borders
+        As for `zones`. ``function.reads`` names the parameters it reads.
+    rows
+        Whatever else it reads.
+    """
+    P, A, W = parameters
+    scalars, per_agent, per_pair = function.reads
+    numbers = (*P[list(scalars)], *A[list(per_agent), 0], *W[list(per_pair), 0, -1])
+    key = (owner, function.__name__, tuple(map(float, numbers)), tuple(borders), rows)
+    if key not in _known:
+        if len(_known) >= MOST_KNOWN:
+            _known.clear()
+        _known[key] = zones(function, parameters, borders, function.acting)
+    return _known[key]
+
+
+def zones(
+    function: FunctionType, parameters: Sequence[Any], borders: Sequence[float], acting: Sequence[int] = (0, 1)
+) -> Array:
+    """Intervals of the distance around narrow features, with their widths: rows (from, to, width).
+
+    Parameters
+    ----------
+    function
+        The formulas of a pair as functions of its distance, ``side``, ``reach`` and parameters.
+    parameters
+        Their parameters.
+    borders
+        Distances at which their pieces meet, ascending; the last ends the range and may be infinite.
+    acting
+        Which of the formulas act on the motion.
+    """
+    borders = [border for border in borders if border > 0.0]
+    found: list[tuple[float, float, float]] = []
+    jets = on_jets(function)
+    for low, high in zip([0.0, *borders[:-1]], borders, strict=True):
+        side = 0.5 * (low + high) if np.isfinite(high) else 2 * low + 1.0
+        for number in acting:
+
+            def formula(r: Jet, number: int = number, side: float = side) -> Jet:
+                value = jets(r, side, r, *parameters)[number]
+                return value if isinstance(value, Jet) else r.constant(float(value))
+
+            try:
+                found += _piece(formula, low * (1 + MARGIN), high * (1 - MARGIN), borders[-1])
+            except (TypeError, ValueError, ArithmeticError, AttributeError):
+                # A function of a part from outside that intervals are not known for: only stages look at it.
+                continue
+    return _merged(found)
+
+
+def _piece(formula: Callable[[Jet], Jet], low: float, high: float, outer: float) -> list[tuple[float, float, float]]:
+    found = []
+    for at, width in _extrema(formula, low, high):
+        if width < NARROW * outer:
+            found.append((max(at - ZONE * width, 0.0), at + ZONE * width, width))
+    return found
+
+
+def _merged(found: list[tuple[float, float, float]]) -> Array:
+    """Zones that overlap become one with the smaller width, unless one is far wider."""
+    kept: list[tuple[float, float, float]] = []
+    for begin, end, width in sorted(found):
+        if kept and begin <= kept[-1][1] and 0.25 <= width / kept[-1][2] <= 4.0:
+            kept[-1] = (kept[-1][0], max(end, kept[-1][1]), min(width, kept[-1][2]))
+        else:
+            kept.append((begin, end, width))
+    return np.array(kept).reshape(-1, 3)
+
+
+def _extrema(formula: Callable[[Jet], Jet], low: float, high: float) -> list[tuple[float, float]]:
+    """Extrema of a formula between two distances, with their widths."""
+    top = high if np.isfinite(high) else 2.0**SHELLS
+    edges = top * 2.0 ** -np.arange(SHELLS if np.isfinite(high) else 2 * SHELLS, -1, -1.0)
+    edges = np.concatenate([[max(low, edges[0])], edges[edges > max(low, edges[0])]])
+    a, b = edges[:-1], edges[1:]
+    found: list[tuple[float, float]] = []
+    begins, ends = [np.zeros(0)], [np.zeros(0)]
+    while 0 < len(a) <= MOST_CELLS:
+        count, middle, half = len(a), 0.5 * (a + b), 0.5 * (b - a)
+        both = formula(Jet.variable(np.concatenate([a, middle]), np.concatenate([b, middle]))).parts
+        value, slope, curvature = ((low[:count], high[:count]) for low, high in both)
+        at_middle = both[1][0][count:], both[1][1][count:]
+        bend = half * np.maximum(np.abs(curvature[0]), np.abs(curvature[1]))
+        lowest, highest = np.fmax(slope[0], at_middle[0] - bend), np.fmin(slope[1], at_middle[1] + bend)
+        undecided = (lowest <= 0) & (highest >= 0) & ~((value[1] - value[0]) * (b - a) <= NEGLIGIBLE)
+        single = undecided & ((curvature[0] > 0) | (curvature[1] < 0))
+        begins.append(a[single])
+        ends.append(b[single])
+        small = undecided & ~single & (b - a <= FINEST * b)
+        found += [(float(x), float(w)) for x, w in zip(middle[small], (b - a)[small], strict=True)]
+        rest = undecided & ~single & ~small
+        a, middle, b = a[rest], middle[rest], b[rest]
+        a, b = np.concatenate([a, middle]), np.concatenate([middle, b])
+    return found + _roots(formula, np.concatenate(begins), np.concatenate(ends))
+
+
+def _roots(formula: Callable[[Jet], Jet], a: Array, b: Array) -> list[tuple[float, float]]:
+    """Where the slope, monotone on each interval, is zero, and how far the next inflection is."""
+
+    def sign(r: Array, order: int) -> Array:
+        low, high = formula(Jet.variable(r.ravel(), r.ravel())).parts[order]
+        return np.sign(0.5 * (low + high)).reshape(r.shape)
+
+    if not len(a):
+        return []
+    for _ in range(7):
+        grid = a[:, None] + (b - a)[:, None] * np.linspace(0.0, 1.0, 33)
+        signs = sign(grid, 1)
+        changed = signs[:, 1:] * signs[:, :1] <= 0
+        passes = changed.any(axis=1)
+        first = np.argmax(changed, axis=1)
+        rows = np.flatnonzero(passes)
+        a, b = grid[rows, first[rows]], grid[rows, first[rows] + 1]
+        if not len(a):
+            return []
+    r = 0.5 * (a + b)
+    steps = np.geomspace(FINEST, 1.0, 100)
+    around = r[:, None] * np.concatenate([[1.0], 1 + steps, np.maximum(1 - steps, FINEST)])
+    bent = sign(around, 2)
+    turned = bent[:, 1:] * bent[:, :1] < 0
+    either = turned[:, :100] | turned[:, 100:]
+    widths = np.where(either.any(axis=1), r * steps[np.argmax(either, axis=1)], np.inf)
+    return [(float(x), float(w)) for x, w in zip(r, widths, strict=True)]
+
+
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
+def _value(g: Array, x: float, work: Array) -> float:
+    """Bernstein polynomial at ``x``."""
+    for k in range(g.shape[0]):
+        work[k] = g[k]
+    for k in range(g.shape[0] - 1):
+        for a in range(g.shape[0] - 1 - k):
+            work[a] += x * (work[a + 1] - work[a])
+    return float(work[0])
+
+
+@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
+def allowed_share(B: Array, far: Array, senders: Any, sensed: Any, offsets: Any, found: Array, owners: Any) -> float:
+    """Which fraction of a segment no pair moves further within a zone than its `STRIDE`; 1 or more for all of it.
+
+    Parameters
+    ----------
+    B
+        Bernstein coefficients of the positions, shape (8, N, m).
+    far
+        Result of `reach`.
+    senders, sensed, offsets
+        The linked pairs of all graphs.
+    found
+        Zones, rows (from, to, width).
+    owners
+        Graph of each zone.
+    """
+    share = 1.0
+    square, work = np.empty(15), np.empty(15)
+    for z in range(found.shape[0]):
+        begin, end, most = found[z, 0], found[z, 1], STRIDE * found[z, 2]
+        for e in range(offsets[owners[z]], offsets[owners[z] + 1]):
+            i, j = senders[e], sensed[e]
+            stray = far[i] + far[j]
+            if stray <= most:
+                continue
+            d2 = 0.0
+            for k in range(B.shape[2]):
+                d2 += (B[0, j, k] - B[0, i, k]) ** 2
+            distance = np.sqrt(d2)
+            if distance - stray > end or distance + stray < begin:
+                continue
+            squared_distance(B, i, j, square)
+            _, turn = smallest_value(square, np.inf)
+            before, last, passed = distance, 0.0, 0
+            low = high = min(max(distance, begin), end)
+            for k in range(SAMPLES + 2):
+                x = (k - passed) / SAMPLES
+                if passed == 0 and (turn < x or k > SAMPLES):
+                    # The closest place falls between two of the others.
+                    x, passed = min(turn, 1.0), 1
+                r = np.sqrt(max(_value(square, x, work), 0.0))
+                inside = min(max(r, begin), end)
+                low, high = min(low, inside), max(high, inside)
+                if high - low > most:
+                    goal = high - 0.9 * most if inside == low else low + 0.9 * most
+                    part = (goal - before) / (r - before) if r != before else 1.0
+                    share = min(share, last + min(max(part, 0.0), 1.0) * (x - last))
+                    break
+                last, before = x, r
+    return share
+
+
+def allowed_by_obstacles(
+    segment: Segment, B: Array, encounters: Encounters, active: Sequence[Links], found: Sequence[Array], base: float
+) -> float:
+    """Which fraction of a segment no agent moves further within a zone of an obstacle than its `STRIDE`.
+
+    Parameters
+    ----------
+    segment
+        The segment.
+    B
+        Bernstein coefficients of the positions, shape (8, N, m).
+    encounters
+        The obstacles.
+    active
+        Pairs (agent, obstacle) within range, shape (N, K) for each group.
+    found
+        Zones of each group.
+    base
+        The time at which the segment's own time is 0.
+    """
+    x = np.linspace(0.0, 1.0, SAMPLES + 1)
+    share = 1.0
+    for group, (pairs, rows) in enumerate(zip(active, found, strict=True)):
+        if not len(rows) or not pairs.any():
+            continue
+        times = segment.t0 + base + x * (segment.t1 - segment.t0)
+        paths = np.einsum("ka,aim->kim", _basis(x), B)
+        distance = np.array([encounters.distances(group, q, float(t)) for q, t in zip(paths, times, strict=True)])
+        distance = distance[:, pairs]
+        for begin, end, width in rows:
+            inside = np.clip(distance, begin, end)
+            low, high = np.minimum.accumulate(inside), np.maximum.accumulate(inside)
+            far = high - low > STRIDE * width
+            for pair in np.flatnonzero(far.any(axis=0)):
+                k = int(np.argmax(far[:, pair]))
+                inwards = inside[k, pair] == low[k, pair]
+                goal = high[k, pair] - 0.9 * STRIDE * width if inwards else low[k, pair] + 0.9 * STRIDE * width
+                before, after = distance[k - 1, pair], distance[k, pair]
+                part = float(np.clip((goal - before) / (after - before), 0.0, 1.0)) if after != before else 1.0
+                share = min(share, float(x[k - 1]) + part / SAMPLES)
+    return share
+
+
+def _basis(x: Array) -> Array:
+    """Bernstein polynomials of degree 7 at some points, shape (points, 8)."""
+    k = np.arange(8)
+    return np.asarray([comb(7, int(a)) * x**a * (1 - x) ** (7 - a) for a in k]).T

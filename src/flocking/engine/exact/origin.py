@@ -1,0 +1,190 @@
+"""Where a running simulation has its origin in space and time, so that translations and Galilean shifts cost no digits.
+
+A session computes in coordinates relative to its origin. Its own time begins with 0 at the start of the run, whatever
+the law. Where the law knows no place, positions are relative to a point in the middle of the group; where it knows no
+velocity either, that point moves along with the group.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from flocking.model.checks import Array
+from flocking.model.law import Law, Scenario
+from flocking.model.state import State
+from flocking.model.terms.body_terms import Compensate
+from flocking.model.terms.pair_terms import PairTerm
+
+QUANTUM = 4.0
+"""Origins lie on a grid this many times as wide as the group, and at powers of two: subtracting them rounds nothing,
+and a group near the origin of its coordinates keeps them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Origin:
+    """An origin that moves uniformly.
+
+    Parameters
+    ----------
+    time
+        The time at which the session's own time is 0.
+    place
+        Where the origin is at its own time ``since``, shape (m,).
+    velocity
+        Its velocity, shape (m,).
+    since
+        See ``place``.
+    """
+
+    time: float
+    place: Array
+    velocity: Array
+    since: float = 0.0
+
+    def own_time(self, t: float) -> float:
+        """The session's own time at time ``t``."""
+        return t - self.time
+
+    def time_at(self, own: float) -> float:
+        """Time at the session's own time."""
+        return own + self.time
+
+    def latest(self, own: float) -> float:
+        """The latest time that is not after the session's own time ``own``: not all of these are numbers."""
+        t = self.time_at(own)
+        return t if self.own_time(t) <= own else float(np.nextafter(t, -np.inf))
+
+    def at(self, own: float) -> Array:
+        """Where the origin is at the session's own time, shape (m,)."""
+        return self.place + self.velocity * (own - self.since)
+
+    @cached_property
+    def rests(self) -> bool:
+        """Whether it is the origin of the user's coordinates."""
+        return not (self.place.any() or self.velocity.any())
+
+    def inwards(self, state: State) -> State:
+        """A state as the session sees it."""
+        own = self.own_time(state.t)
+        if self.rests:
+            return State(state.q, state.p, own, state.links)
+        return State(state.q - self.at(own), state.p - self.velocity, own, state.links)
+
+    def outwards(self, own: float, q: Array, p: Array) -> tuple[Array, Array]:
+        """Positions and velocities in the user's coordinates, shape (N, m) each.
+
+        Parameters
+        ----------
+        q, p
+            Those relative to the origin.
+        own
+            The session's own time.
+        """
+        return (q, p) if self.rests else (q + self.at(own), p + self.velocity)
+
+    def rounded(self, own: float, position: float, velocity: float) -> tuple[float, float]:
+        """Errors of a position and a velocity in the user's coordinates, from those relative to the origin.
+
+        Parameters
+        ----------
+        own
+            The session's own time.
+        """
+        if self.rests:
+            return position, velocity
+        sizes = (np.abs(x).max(initial=0.0) for x in (self.at(own), self.velocity))
+        q, p = (float(np.finfo(float).eps * size) for size in sizes)
+        return position + q, velocity + p
+
+    def added(self, scenario: Scenario, p: Array, begin: Array) -> tuple[float, float, float]:
+        """What kinetic energy, work and supply are more in the user's coordinates.
+
+        Parameters
+        ----------
+        scenario
+            Its agents and the frame of its energy.
+        p
+            Velocities relative to the origin, shape (N, m).
+        begin
+            Momentum relative to the origin when it came into use, shape (m,).
+        """
+        if not self.velocity.any():
+            return 0.0, 0.0, 0.0
+        now = momentum(scenario, p)
+        work = float(self.velocity @ (now - begin))
+        if scenario.energy.frame != "lab":
+            return 0.0, work, 0.0
+        mass = float(np.broadcast_to(scenario.agents.masses, len(p)).sum())
+        return float(self.velocity @ now + 0.5 * mass * (self.velocity @ self.velocity)), work, work
+
+    def packed(self) -> list[Any]:
+        """As plain data."""
+        return [self.time, self.place.tolist(), self.velocity.tolist(), self.since]
+
+    @classmethod
+    def unpacked(cls, data: list[Any]) -> Origin:
+        """From plain ``data``."""
+        time, place, velocity, since = data
+        return cls(time, np.array(place), np.array(velocity), since)
+
+
+def origin_of(scenario: Scenario, plant: Law | None, state: State, time: float) -> Origin:
+    """The origin for a run from a state on.
+
+    Parameters
+    ----------
+    scenario, plant
+        What is simulated. With a plant both laws must allow the origin.
+    state
+        Where the run stands.
+    time
+        The time at which the session's own time is 0.
+    """
+    zero = np.zeros(state.dimension)
+    place = _middle(state.q) if all(knows_no_place(law, scenario) for law in _laws(scenario, plant)) else zero
+    velocity = _middle(state.p) if all(knows_no_velocity(law, scenario) for law in _laws(scenario, plant)) else zero
+    return Origin(time, place, velocity, state.t - time)
+
+
+def may_have(scenario: Scenario, plant: Law | None, origin: Origin) -> bool:
+    """Whether a run may have an origin that was found for another law."""
+    laws = _laws(scenario, plant)
+    place = not origin.place.any() or all(knows_no_place(law, scenario) for law in laws)
+    return place and (not origin.velocity.any() or all(knows_no_velocity(law, scenario) for law in laws))
+
+
+def _laws(scenario: Scenario, plant: Law | None) -> list[Law]:
+    return [scenario.law] if plant is None else [scenario.law, plant]
+
+
+def momentum(scenario: Scenario, p: Array) -> Array:
+    """Momentum of agents with velocities ``p`` of shape (N, m), shape (m,)."""
+    return np.asarray(np.broadcast_to(scenario.agents.masses, len(p)) @ p)
+
+
+def knows_no_place(law: Law, scenario: Scenario) -> bool:
+    """Whether the law and the energy of a scenario are the same everywhere and at all times."""
+    alike = all(isinstance(term, PairTerm | Compensate) for term in law.terms)
+    return alike and scenario.energy.leader is None
+
+
+def knows_no_velocity(law: Law, scenario: Scenario) -> bool:
+    """Whether the law is also the same for all observers who move uniformly."""
+    agents = scenario.agents
+    inert = agents.order == 2 and not np.any(np.asarray(agents.damping))
+    return knows_no_place(law, scenario) and inert and "galilean" in law.symmetries
+
+
+def _middle(points: Array) -> Array:
+    mean = points.mean(axis=0)
+    spread = float(np.abs(points - mean).max(initial=0.0))
+    if not np.isfinite(mean).all():
+        return np.zeros_like(mean)
+    if spread == 0.0:
+        return np.array(points[0])
+    quantum = QUANTUM * 2.0 ** np.ceil(np.log2(spread))
+    return np.asarray(quantum * np.round(mean / quantum))

@@ -1,0 +1,93 @@
+"""Whether numbers still tell the positions and times of a run apart as finely as its tolerance asks."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flocking.engine.exact.dynamics import Dynamics
+from flocking.engine.exact.origin import Origin
+from flocking.errors import OutOfPrecision
+from flocking.model.checks import Array
+from flocking.model.law import Scenario
+
+COARSEST = 10.0
+"""How many tolerances the spacing of neighbouring numbers may be."""
+
+EPSILON = float(np.finfo(float).eps)
+
+
+class Precision:
+    """Checks every step of a session.
+
+    Parameters
+    ----------
+    scenario
+        What is simulated.
+    dynamics
+        The law in force.
+    origin
+        The origin of the session's own time and coordinates.
+    """
+
+    def __init__(self, scenario: Scenario, dynamics: Dynamics, origin: Origin) -> None:
+        self._tolerance = scenario.tolerance
+        self._dynamics = dynamics
+        self._origin = origin
+        law = dynamics.layout.law
+        self._timed = bool(law.body_terms)
+        finest = [np.inf]
+        for graph in law.graphs:
+            enter, leave = (np.asarray(r, dtype=np.float64).ravel() for r in (graph.appear_radius, graph.break_radius))
+            finest += [float(x) for x in (*enter, *leave, *np.abs(leave - enter)) if 0 < x < np.inf]
+        self._finest = min(finest)
+
+    def check(self, own: float, y: Array) -> None:
+        """Check a state vector at the session's own time.
+
+        Parameters
+        ----------
+        y
+            The state vector.
+
+        Raises
+        ------
+        OutOfPrecision
+            When positions, links or times are finer than the numbers that hold them.
+        """
+        q, p, _ = self._dynamics.split(y)
+        far = EPSILON * float(np.abs(q).max(initial=0.0))
+        if far > COARSEST * self._tolerance or 4 * far > self._finest:
+            self._check_places(own, q)
+        time = self._origin.time_at(own)
+        late = EPSILON * abs(time)
+        if self._timed and late > COARSEST * self._tolerance:
+            late *= max(1.0, float(np.abs(p).max(initial=0.0)))
+            if late > COARSEST * self._tolerance * max(1.0, _spread(q)):
+                raise OutOfPrecision(
+                    f"Times are told apart only by {EPSILON * abs(time):.2g}, too coarse for a tolerance "
+                    f"of {self._tolerance:g}. Let the scenario, its leaders and its obstacles begin near t = 0.",
+                    time=time,
+                )  # fmt: skip
+
+    def _check_places(self, own: float, q: Array) -> None:
+        size = np.abs(q).max(axis=1)
+        agent = int(np.argmax(size))
+        if EPSILON * size[agent] > COARSEST * self._tolerance * max(1.0, _spread(q)):
+            raise OutOfPrecision(
+                f"Positions near {size[agent]:.3g} are told apart only by {EPSILON * size[agent]:.2g}, too coarse "
+                f"for a tolerance of {self._tolerance:g}. Start near the origin, or raise Scenario.tolerance.",
+                time=self._origin.time_at(own), agents=(agent,),
+            )  # fmt: skip
+        i, j = self._dynamics.linked_pairs()
+        outer = EPSILON * np.maximum(size[i], size[j])
+        if len(i) and 4 * float(outer.max()) > self._finest:
+            k = int(np.argmax(outer))
+            raise OutOfPrecision(
+                f"Positions are told apart only by {outer[k]:.2g}, too coarse for links that differ by "
+                f"{self._finest:.2g} of distance. Start near the origin, or make the links coarser.",
+                time=self._origin.time_at(own), agents=(int(i[k]), int(j[k])),
+            )  # fmt: skip
+
+
+def _spread(q: Array) -> float:
+    return float(np.abs(q - q.mean(axis=0)).max(initial=0.0))

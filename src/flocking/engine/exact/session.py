@@ -1,0 +1,398 @@
+"""The exact engine: adaptive order 8, every switch located and the step ended there."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from flocking.engine import interruption
+from flocking.engine.exact.barriers import Books
+from flocking.engine.exact.crossings.switching import Crossing, LinkState
+from flocking.engine.exact.dynamics import LEDGER, Dynamics
+from flocking.engine.exact.failures import infinite_at_once, sliding
+from flocking.engine.exact.integrator.segment import Segment
+from flocking.engine.exact.integrator.step_lengths import Shrunk, StepLengths
+from flocking.engine.exact.integrator.stepper import Stepper, StepperMemory
+from flocking.engine.exact.jump_times import JumpTimes
+from flocking.engine.exact.origin import may_have, momentum, origin_of
+from flocking.engine.exact.precision import Precision
+from flocking.engine.exact.recorder import Recorder
+from flocking.engine.exact.snapshot import Snapshot as Snapshot
+from flocking.engine.exact.solution_error import SolutionError
+from flocking.engine.exact.step_search import found_step
+from flocking.engine.exact.switch_records import write_switch
+from flocking.engine.reference.plants import known_plant
+from flocking.engine.runs.provenance import provenance
+from flocking.engine.runs.run import Accuracy, Closest, Run
+from flocking.errors import InvalidInput, NotFinite, SimulationError
+from flocking.model.checks import Array
+from flocking.model.law import Law, Scenario
+from flocking.model.state import State
+
+
+class ExactSession:
+    """A running simulation under the exact engine.
+
+    Parameters
+    ----------
+    scenario
+        What to simulate.
+    plant
+        The law the agents really obey, where it is not the scenario's: the ledger goes on holding the
+        declared law, so that a wrong plant shows.
+
+    Raises
+    ------
+    InvalidInput
+        When the plant does not fit the scenario, or the initial energy is not finite.
+    """
+
+    engine = "exact"
+
+    def __init__(self, scenario: Scenario, *, plant: Law | None = None) -> None:
+        known_plant("ExactSession", plant)
+        self.scenario = scenario
+        self.plant = plant
+        start = scenario.start
+        self.time = start.t
+        self._origin = origin_of(scenario, plant, start, start.t)
+        self.recorder = Recorder(scenario)
+        self.steps = 0
+        self.jumped = 0.0
+        self._tail = np.zeros(LEDGER)
+        self._prepare(start.n, start.dimension)
+        own = self._origin.inwards(start)
+        law = plant or scenario.law
+        self._begin(own, LinkState(law, own.q, own.links, own.t, scenario.agents.headings, self._origin.time))
+        self._record_frames(own.t)
+        self._record_trace()
+
+    def _prepare(self, n: int, m: int) -> None:
+        """Kernels and parameters: all that depends on the law but not on the state."""
+        self.n, self.m = n, m
+        self._dynamics = Dynamics(self.scenario, self.plant, n, m, self._origin.time)
+        self._jumps = JumpTimes(self._dynamics.layout.law, self._origin)
+        self._lengths = StepLengths(self.scenario.t_end - self.scenario.start.t)
+
+    def _begin(self, state: State, links: LinkState) -> None:
+        """Stand at ``state``, in the session's own time and coordinates, with the proposed step still to be found."""
+        dynamics = self._dynamics
+        dynamics.repack(state.t)
+        self._links = links
+        dynamics.divide(links)
+        dynamics.relink(links)
+        self._tail = np.concatenate([self._tail[:LEDGER], dynamics.places(state.t)])
+        y = dynamics.join(state, self._tail)
+        self.energy, self.kinetic = dynamics.energy(state.t, y)
+        if not np.isfinite(self.energy):
+            raise InvalidInput(
+                "Scenario", "start", "must have a finite energy", self.energy,
+                "Two agents sit where the potential is infinite; move them apart or inside its range.",
+            )  # fmt: skip
+        memory = StepperMemory(state.t, y, dynamics.slope(state.t, y), 0.0)
+        if not np.isfinite(memory.slope).all():
+            raise NotFinite("The control at the start is infinite or NaN.", time=self._origin.time_at(state.t))
+        self._precision = Precision(self.scenario, dynamics, self._origin)
+        self._precision.check(state.t, y)
+        self._momentum = momentum(self.scenario, state.p)
+        self._stepper = self._new_stepper(dynamics.tolerances(state, self.energy), memory)
+        self._segment = Segment.resting(state.t, y)
+        self._error = SolutionError(dynamics, self.recorder, len(y))
+        self._pending: list[Crossing] = []
+
+    def _new_stepper(self, tolerance: Array, memory: StepperMemory) -> Stepper:
+        shape = self._dynamics.order, self.n, self.m
+        return Stepper(self._dynamics.slope, self._dynamics.stages, tolerance, memory, self._origin.time, shape)
+
+    @property
+    def state(self) -> State:
+        """State at the session's time, with the links of the law's graph."""
+        own = self._own_now
+        q, p, _ = self._dynamics.split(self._segment.at(own))
+        return State(*self._origin.outwards(own, q, p), self.time, self._links.links[0])
+
+    @property
+    def _own_now(self) -> float:
+        """The session's own time now, on the last step also where that is shorter than times can tell."""
+        return min(max(self._origin.own_time(self.time), self._segment.t0), self._segment.t1)
+
+    @property
+    def time_is_exact(self) -> bool:
+        """Whether the session's time alone leads another session to the same state.
+
+        It does not where steps are shorter than the spacing of numbers at that time.
+        """
+        own, segment = self._origin.own_time(self.time), self._segment
+        return own == segment.t1 or segment.t0 < own < segment.t1
+
+    @property
+    def shrunk(self) -> Shrunk | None:
+        """The length of the last steps and who made them so short, where the run hardly goes on."""
+        step = self._lengths.shrunk_to
+        return None if step is None else Shrunk(step, self._stepper.strained)
+
+    @property
+    def steady(self) -> bool:
+        """Whether the last steps were about as long as those before, so that this is a moment to come back to."""
+        return self._lengths.usual and self._lengths.shrunk_to is None
+
+    def advance(self, to: float, seconds: float = np.inf) -> None:
+        """Go on until time ``to``, or for ``seconds`` of wall time. Where steps fall depends on neither.
+
+        Parameters
+        ----------
+        to
+            Time to reach.
+        seconds
+            Wall time after which the session stops at the end of a step, before ``to``; at least one step is made.
+
+        Raises
+        ------
+        SimulationError
+            When the run cannot go on; its ``run`` holds what was computed until then.
+        InvalidInput
+            When ``to`` lies in the past.
+        """
+        if not to >= self.time:
+            raise InvalidInput("ExactSession", "to", f"must not be before the session's time, {self.time:g}", to)
+        own, end = (self._origin.own_time(t) for t in (to, self.scenario.t_end))
+        stop = time.monotonic() + seconds
+        try:
+            while self._segment.t1 < own:
+                interruption.check()
+                self._leave_segment()
+                self._take_step()
+                if self._segment.t1 < own and time.monotonic() >= stop:
+                    self.time = max(self.time, self._origin.latest(self._segment.t1))
+                    self._record_frames(self._own_now)
+                    return
+            self.time = to
+            self._record_frames(own)
+            if self._segment.t1 == own == end:
+                self._leave_segment()
+        except SimulationError as error:
+            error.run = self.run(str(error))
+            raise
+
+    def _take_step(self) -> None:
+        before, known = self._stepper.memory, self._error.difference
+        try:
+            bound = self._jumps.bound(self._segment.t1, self._origin.own_time(self.scenario.t_end))
+            books = Books(self._tail, self.energy, self.kinetic) if self.plant is None else None
+            segment, pending = found_step(self._stepper, self._links, self._dynamics, bound, books)
+            self._precision.check(segment.t1, segment.coefficients[-1])
+            self._error.follow(segment)
+        except BaseException:
+            self._stepper.recall(before)
+            self._error.difference = known
+            raise
+        self._segment, self._pending = segment, pending
+        self._lengths.add(segment.t1 - segment.t0)
+        self.steps += 1
+
+    def _leave_segment(self) -> None:
+        """Put the current segment on record and switch what crosses at its end."""
+        segment = self._segment
+        t, y = segment.t1, segment.coefficients[-1]
+        if t > segment.t0:
+            self._error.leave(segment, self._links, self._origin)
+            self.recorder.sample(segment, self._dynamics.split, self._origin)
+            self._tail = np.array(y[self._dynamics.order * self.n * self.m :])
+            self.energy, self.kinetic = self._dynamics.energy(t, y)
+            self.time = self._origin.time_at(t)
+            self._record_frames(t)
+            self._record_trace()
+        error = self._switch() if self._pending else None
+        after = float(np.nextafter(t, np.inf))
+        if after == self._jumps.following(t):
+            t = after
+            self._dynamics.repack(t)
+            before = self.energy
+            self.energy, self.kinetic = self._dynamics.energy(t, y)
+            self.jumped += self.energy - before
+            self._stepper.restart(t, y)
+        self._segment = Segment.resting(t, y)
+        if error is not None:
+            raise error
+
+    def _switch(self) -> SimulationError | None:
+        """Toggle what crosses at the end of the segment; why the run cannot go on, if it cannot."""
+        crossings, self._pending = self._pending, []
+        t, y = self._segment.t1, self._segment.coefficients[-1]
+        q, p, _ = self._dynamics.split(y)
+        if self._dynamics.order == 1:
+            p = np.asarray(self._dynamics.slope(t, y))[: self.n * self.m].reshape(q.shape)
+        chattering: tuple[int, ...] = ()
+        for crossing in crossings:
+            found = write_switch(self.recorder, crossing, self._segment, q, p, self._links, self._error, self._origin)
+            chattering = found or chattering
+            self._links.apply(crossing)
+        error: SimulationError | None = sliding(self.time, chattering) if chattering else None
+        try:
+            self._dynamics.relink(self._links)
+        except InvalidInput as reason:
+            # The functional of a graph may cease to exist as its links change.
+            return SimulationError(str(reason), time=self.time)
+        watches = [self._links.watches[c.watch] for c in crossings]
+        if any(watch.rise or not watch.inner for watch in watches):
+            before = self.energy
+            self.energy, self.kinetic = self._dynamics.energy(t, y)
+            if not np.isfinite(self.energy) or any(
+                self._links.meets_barrier(c, self._dynamics.barriers) for c in crossings
+            ):
+                error = infinite_at_once(self.time, tuple(map(int, crossings[0].pairs[0])))
+            self.jumped += self.energy - before
+            self._record_trace()
+        self._stepper.restart(t, np.array(y))
+        self._error.switched(self._stepper.memory.slope)
+        return error
+
+    def _record_frames(self, until: float) -> None:
+        due = self.recorder.due(until, self._origin.time)
+        if due:
+            error = self._error.over(self._segment)
+        for own, t in due:
+            q, p, _ = self._dynamics.split(self._segment.at(own))
+            errors = self._origin.rounded(own, error.position, error.velocity)
+            self.recorder.frame(t, *self._origin.outwards(own, q, p), self._links.links[0], errors)
+
+    def _record_trace(self) -> None:
+        kinetic, work, supplied = self._added(self._segment.coefficients[-1])
+        ledger = self._tail[:LEDGER] + np.array([work, 0.0, supplied])
+        row = (self._origin.time_at(self._segment.t1), self.energy + kinetic, self.kinetic + kinetic)
+        self.recorder.trace.append((*row, *map(float, ledger), self.jumped))
+
+    def _added(self, y: Array) -> tuple[float, float, float]:
+        """What kinetic energy, work and supply are more in the user's coordinates than in the session's own."""
+        return self._origin.added(self.scenario, self._dynamics.split(y)[1], self._momentum)
+
+    def snapshot(self, *, records: bool = True) -> Snapshot:
+        """Everything needed to go on bit for bit; see `resume`. Without ``records`` the recorder is not copied."""
+        recorder = self.recorder.copy() if records else self.recorder
+        return Snapshot(
+            self.scenario, self.time, self._stepper.memory, self._segment, list(self._pending),
+            self._links.memory(), recorder, self.energy, self.jumped, self.steps, self._stepper.tolerance,
+            dict(self._links.sliding), self.plant, self._error.memory, origin=self._origin, momentum=self._momentum,
+        )  # fmt: skip
+
+    @classmethod
+    def resume(cls, snapshot: Snapshot, *, plant: Law | None = None) -> ExactSession:
+        """A session that goes on exactly as the one the snapshot was taken of."""
+        known_plant("ExactSession", plant)
+        scenario = snapshot.scenario
+        session = cls.__new__(cls)
+        session.scenario, session.plant = scenario, plant or snapshot.plant
+        session.recorder = snapshot.recorder.copy()
+        session.time, session.energy = snapshot.time, snapshot.energy
+        session._origin, session._momentum = snapshot.origin, snapshot.momentum
+        session.jumped, session.steps = snapshot.jumped, snapshot.steps
+        session._segment, session._pending = snapshot.segment, list(snapshot.pending)
+        session._prepare(scenario.start.n, scenario.start.dimension)
+        q, _, session._tail = (np.array(x) for x in session._dynamics.split(snapshot.segment.coefficients[0]))
+        session._links = LinkState(
+            session._dynamics.layout.law, q, t=snapshot.segment.t0, headings=scenario.agents.headings,
+            base=session._origin.time,
+        )  # fmt: skip
+        session._dynamics.repack(snapshot.segment.t1)
+        session._links.recall(snapshot.links)
+        session._links.sliding = dict(snapshot.sliding)
+        session._dynamics.divide(session._links)
+        session._dynamics.relink(session._links)
+        session.kinetic = session._dynamics.energy(snapshot.segment.t0, snapshot.segment.coefficients[0])[1]
+        tolerance = snapshot.tolerance
+        if tolerance is None:
+            tolerance = session._dynamics.tolerances(scenario.start, session.energy)
+        size = snapshot.segment.coefficients.shape[1]
+        session._error = SolutionError(session._dynamics, session.recorder, size, snapshot.error)
+        session._precision = Precision(scenario, session._dynamics, session._origin)
+        session._stepper = session._new_stepper(tolerance, snapshot.stepper)
+        return session
+
+    def replace(self, *, law: Law | None = None, state: State | None = None) -> None:
+        """Put another law or state in force from the session's time on.
+
+        The change of energy counts as a jump of the ledger. A law over the same graphs keeps their link memory;
+        a state that brings links sets that of the law's graph. A new law takes the place of a plant, too.
+
+        Raises
+        ------
+        InvalidInput
+            When law and state disagree, or the new energy is not finite; the session then goes on as before.
+        """
+        own = self._own_now
+        if own == self._segment.t1:
+            self._leave_segment()
+        old = self.state
+        new = State(old.q, old.p, self.time) if state is None else State(state.q, state.p, self.time, state.links)
+        if new.q.shape != old.q.shape:
+            raise InvalidInput("ExactSession", "state", f"must have the shape {old.q.shape}", new.q.shape)
+        declared = law or self.scenario.law
+        end = max(self.scenario.t_end, self.time)
+        self.scenario.with_(law=declared, start=new, t_end=end, frames=1)
+        plant = self.plant if law is None else None
+        acting = plant or declared
+        segment = self._segment.until(own)
+        y = segment.coefficients[-1]
+        scenario = self.scenario.with_(law=declared, t_end=end)
+        if state is None and may_have(scenario, plant, self._origin):
+            # The session's own coordinates hold more digits than the user's.
+            q, p, _ = self._dynamics.split(y)
+            origin, begin = self._origin, State(q, p, own)
+        else:
+            origin = origin_of(scenario, plant, new, self._origin.time)
+            begin = origin.inwards(new)
+        links = LinkState(acting, begin.q, new.links, own, self.scenario.agents.headings, origin.time)
+        if state is None and acting.graphs == self._links.graphs:
+            for matrix, kept_links in zip(links.links, self._links.links, strict=True):
+                matrix[:] = kept_links
+        error = self._error
+        error.follow(segment, again=True)
+        kinetic, work, supplied = self._added(y)
+        before = self._dynamics.energy(own, y)[0] + kinetic
+        kept = dict(vars(self))
+        try:
+            self.plant, self.scenario, self._origin = plant, scenario, origin
+            self._tail = np.array(y[self._dynamics.order * self.n * self.m :])
+            self._tail[:LEDGER] += (work, 0.0, supplied)
+            self._prepare(self.n, self.m)
+            self._begin(begin, links)
+        except Exception:
+            vars(self).update(kept)
+            error.follow(self._segment, again=True)
+            raise
+        if segment.t1 > segment.t0:
+            error.leave(segment, kept["_links"], kept["_origin"])
+            self.recorder.sample(segment, self._dynamics.split, kept["_origin"])
+        error.abandon(own, kept["_links"])
+        self._error.take_over(error, exact=state is not None)
+        self.jumped += self.energy + self._added(self._segment.coefficients[-1])[0] - before
+        self._record_trace()
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """Where the records come from: versions, engine, tolerance and counts."""
+        return provenance(self.engine, self.scenario) | {"steps": self.steps, "tolerance": self.scenario.tolerance}
+
+    @property
+    def accuracy(self) -> Accuracy:
+        """What is known of the errors of what was computed so far."""
+        return self._extreme_values()[1]
+
+    @property
+    def closest_pairs(self) -> tuple[Closest, Closest]:
+        """Closest linked and unlinked pair until now."""
+        return self._extreme_values()[0]
+
+    def _extreme_values(self) -> tuple[tuple[Closest, Closest], Accuracy]:
+        rows, extremes = self._error.until_now(self._segment, self._own_now, self._links, self._origin)
+        return extremes.closest, self.recorder.accuracy(rows, extremes.largest, self._error.known_until)
+
+    def run(self, status: str = "finished") -> Run:
+        """What was computed so far."""
+        (linked, unlinked), accuracy = self._extreme_values()
+        return Run(
+            self.scenario, status=status, provenance=self.about, closest_linked=linked, closest_unlinked=unlinked,
+            accuracy=accuracy, **self.recorder.tables(),
+        )  # fmt: skip

@@ -1,0 +1,62 @@
+"""What a session of the exact engine hands over so that another one can go on for it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from flocking.engine.exact.crossings.switching import Crossing
+from flocking.engine.exact.integrator.segment import Segment
+from flocking.engine.exact.integrator.stepper import StepperMemory
+from flocking.engine.exact.origin import Origin
+from flocking.engine.exact.recorder import Recorder
+from flocking.engine.exact.solution_error import ErrorMemory
+from flocking.model.checks import Array
+from flocking.model.law import Law, Scenario
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """Everything a session of the exact engine needs to go on bit for bit.
+
+    Parameters
+    ----------
+    stepper
+        What the integrator needs.
+    segment
+        The last step.
+    pending
+        Crossings at the end of that step whose links are still to be switched.
+    recorder
+        Frames, switches and ledger so far.
+    energy
+        Energy at the end of that step.
+    jumped
+        Sum of the jumps of the energy so far.
+    steps
+        Number of steps so far.
+    origin, momentum
+        The origin of the session's own time and coordinates, and the momentum when the session began to use it.
+    sliding
+        Of each pair that crosses again and again, by guard and pair: time and speed of the last crossing, and how many
+        there were.
+    error
+        Where the estimate of the error is.
+    """
+
+    scenario: Scenario
+    time: float
+    stepper: StepperMemory
+    segment: Segment
+    pending: list[Crossing]
+    links: Any
+    recorder: Recorder
+    energy: float
+    jumped: float
+    steps: int
+    tolerance: Array | None = None
+    sliding: dict[tuple[int, int, int], tuple[float, float, int]] = field(default_factory=dict)
+    plant: Law | None = None
+    error: ErrorMemory | None = None
+    origin: Origin = field(kw_only=True)
+    momentum: Array = field(kw_only=True)

@@ -1,0 +1,320 @@
+"""The error of a running solution, and what it says of switches and of extreme values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.exact.companion import ROUNDING, SAFETY, Companion, Difference, StateError
+from flocking.engine.exact.crossings.switching import Crossing, LinkState, slack_of
+from flocking.engine.exact.dynamics import LEDGER, Dynamics
+from flocking.engine.exact.extremes import Extremes
+from flocking.engine.exact.integrator.segment import Segment
+from flocking.engine.exact.origin import Origin
+from flocking.engine.exact.recorder import Recorder
+from flocking.engine.exact.uncertain_switches import Doubts, Settled
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array
+
+MOST_DOUBTS = 2000
+"""After so many switches in doubt the rest of a run counts as unknown."""
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorMemory:
+    """All that is needed to go on with the estimate of the error.
+
+    Parameters
+    ----------
+    difference
+        Where the companion is.
+    doubts
+        Pairs that are within the error of a switch, as plain data.
+    """
+
+    difference: Difference
+    doubts: list[list[list[Any]]]
+
+
+class SolutionError:
+    """Follows a solution and records what its error leaves open.
+
+    Parameters
+    ----------
+    dynamics
+        The law in force.
+    recorder
+        Where switches in doubt and extreme values go.
+    memory
+        Where to go on; an exact start when absent.
+    size
+        Size of the state vector.
+    """
+
+    def __init__(self, dynamics: Dynamics, recorder: Recorder, size: int, memory: ErrorMemory | None = None) -> None:
+        self._dynamics = dynamics
+        self._recorder = recorder
+        law = dynamics.layout.law
+        reach = min((float(np.min(np.asarray(g.break_radius))) for g in law.graphs), default=np.inf)
+        difference = Difference.none(size) if memory is None else memory.difference
+        self._companion = Companion(dynamics, difference, reach)
+        self._doubts = Doubts()
+        if memory is not None:
+            self._doubts.recall(memory.doubts)
+        self._jump: tuple[float, Array] | None = None
+
+    @property
+    def memory(self) -> ErrorMemory:
+        """What is needed to go on."""
+        return ErrorMemory(self.difference, self._doubts.memory())
+
+    @property
+    def difference(self) -> Difference:
+        """What the companion is away from the solution on the step followed last."""
+        return self._companion.difference
+
+    @difference.setter
+    def difference(self, value: Difference) -> None:
+        self._companion.difference = value
+
+    @property
+    def known_until(self) -> float:
+        """Since when nothing is known any more, in the user's time; infinite where the solution is known."""
+        return self.difference.lost + self._dynamics.base
+
+    def follow(self, segment: Segment, *, again: bool = False) -> None:
+        """Estimate the error on a step; ``again``: on the first part of the step followed last.
+
+        Parameters
+        ----------
+        segment
+            The step.
+        """
+        self._companion.follow(segment, self.difference.nodes[0] if again else None)
+
+    def over(self, segment: Segment) -> StateError:
+        """Errors on the step followed last.
+
+        Parameters
+        ----------
+        segment
+            The step.
+        """
+        return self._companion.over(segment)
+
+    def leave(self, segment: Segment, links: LinkState, origin: Origin) -> None:
+        """Take in the step followed last, in coordinates relative to ``origin``, before what crosses at its end.
+
+        Parameters
+        ----------
+        segment
+            The step.
+        """
+        error = self.over(segment)
+        self._recorder.extremes.follow(segment, links.links[0], error, origin)
+        self._recorder.extremes.add_to_ledger(segment, self._unexplained(segment))
+        self._settle(self._doubts.follow(segment, links, error), segment, links)
+
+    def _unexplained(self, segment: Segment) -> float:
+        """By how much the energy ledger misses on a step what it misses on the companion's.
+
+        Without integration error a ledger misses nothing, so this is what the error alone leaves unexplained, whatever
+        law the ledger holds against the motion.
+        """
+        if self.known_until < np.inf:
+            return np.inf
+        nodes, gaps = self.difference.nodes, []
+        integrated = self._dynamics.order * self._dynamics.n * self._dynamics.m
+        ends = (segment.t0, segment.coefficients[0], nodes[0]), (segment.t1, segment.coefficients[-1], nodes[-1])
+        with np.errstate(all="ignore"):
+            for t, y, e in ends:
+                _, dissipated, supplied = e[integrated : integrated + LEDGER]
+                gaps.append(self._dynamics.energy(t, y + e)[0] - self._dynamics.energy(t, y)[0] + dissipated - supplied)
+        return float(abs(gaps[1] - gaps[0])) if np.isfinite(gaps).all() else np.inf
+
+    def _settle(self, settled: list[Settled], segment: Segment, links: LinkState) -> None:
+        for doubt in settled:
+            self._recorder.doubts += self._told([doubt.row])
+            begin, end = doubt.row[:2]
+            if len(self._recorder.doubts) > MOST_DOUBTS:
+                self._companion.lose(begin)
+            if self.known_until < np.inf:
+                continue
+            number, i, j = doubt.key
+            watch = links.watches[number]
+            if watch.kind == "link" and watch.enter[i] < watch.leave[i]:
+                # Whether it is linked from then on is open.
+                self._companion.lose(begin)
+                continue
+            self._push(number, i, j, segment, links, end - begin, doubt.row[9])
+
+    def _push(
+        self, number: int, i: int, j: int, segment: Segment, links: LinkState, longest: float, bound: float
+    ) -> None:
+        """Add what the force would have done while a pair that is in doubt was on the other side of its distance."""
+        t, y = segment.t1, segment.coefficients[-1]
+        memory = links.memory()
+        try:
+            before = self._dynamics.slope(t, y)
+            links.apply(Crossing(number, np.array([[i, j]])))
+            self._dynamics.relink(links)
+            change = self._dynamics.slope(t, y) - before
+        except InvalidInput:
+            change = np.full_like(y, np.inf)
+        finally:
+            links.recall(memory)
+            self._dynamics.relink(links)
+        if not change.any():
+            return
+        if not np.isfinite(change).all():
+            self._companion.lose(t)
+            return
+        _, _, acceleration = _radial(segment, i, j, *self._sizes)
+        if acceleration:
+            longest = min(longest, 3 * float(np.sqrt(2 * bound / abs(acceleration))))
+        self._companion.push(change * longest)
+
+    def _velocities(self, segment: Segment) -> Array:
+        """Differences of the velocities, shape (k, N m): those of agents of order 1 are their slopes."""
+        count = self._dynamics.n * self._dynamics.m
+        if self._dynamics.order == 2:
+            return self.difference.nodes[:, count : 2 * count]
+        t, y = segment.t1, segment.coefficients[-1]
+        change = self._dynamics.slope(t, y + self.difference.nodes[-1]) - self._dynamics.slope(t, y)
+        return np.asarray(change[None, :count])
+
+    @property
+    def _sizes(self) -> tuple[int, int]:
+        return self._dynamics.n, self._dynamics.m
+
+    def crossing(
+        self, crossing: Crossing, k: int, speed: float, segment: Segment, links: LinkState
+    ) -> tuple[float, float]:
+        """Errors of the time and the speed at which pair ``k`` of a crossing crosses, before it switches.
+
+        Parameters
+        ----------
+        speed
+            Rate of change of its distance.
+        segment
+            The step at whose end it crosses.
+        """
+        watch = links.watches[crossing.watch]
+        i, j = (int(x) for x in crossing.pairs[k])
+        error = self.over(segment)
+        if self.known_until < np.inf:
+            return np.inf, np.inf
+        if not segment.t1 > segment.t0:
+            # A state that was put in place crosses at once: no motion led there whose error could be told.
+            self._companion.lose(segment.t1)
+            return np.inf, np.inf
+        if watch.kind in ("obstacle", "rim"):
+            bound, drift = error.agent(i), np.inf
+            acceleration, signed = 0.0, bound / SAFETY
+        else:
+            bound = error.pair(i, j)
+            drift = error.pair_velocity(i, j, self._velocities(segment))
+            self._settle(self._doubts.cross(crossing, k, segment.t1, links, bound), segment, links)
+            signed, drift_of_direction, acceleration = _radial(segment, i, j, *self._sizes, self.difference.nodes[-1])
+            drift += drift_of_direction * bound
+            # The crossing counts from where the pair is that far beyond the distance.
+            beyond = slack_of(watch, error.q_floor / ROUNDING)
+            bound += beyond
+            signed += float(np.copysign(beyond, speed))
+        late = bound / abs(speed) if speed else np.inf
+        if acceleration:
+            late = min(late, float(np.sqrt(2 * bound / abs(acceleration))))
+        if not np.isfinite(late):
+            self._companion.lose(segment.t1)
+            return np.inf, np.inf
+        delay = float(np.clip(-signed / speed, -late, late)) if speed else late
+        if self._jump is None or abs(delay) > abs(self._jump[0]):
+            self._jump = (delay, segment.with_slope(segment.t1)[1])
+        # The user's time is told apart only so far.
+        unit = float(np.spacing(abs(segment.t1 + self._dynamics.base)))
+        return late + unit, drift + abs(acceleration) * late
+
+    def switched(self, slope: Array) -> None:
+        """Take in that the law has switched: the slope after it is ``slope``."""
+        if self._jump is not None:
+            delay, before = self._jump
+            self._jump = None
+            self._companion.push((before - slope) * delay)
+
+    def abandon(self, t: float, links: LinkState) -> None:
+        """Put on record what is in doubt now: the watches of ``links`` are given up."""
+        self._recorder.doubts += self._told(self._doubts.open_rows(t, links))
+        self._doubts = Doubts()
+
+    def until_now(
+        self, segment: Segment, t: float, links: LinkState, origin: Origin
+    ) -> tuple[list[tuple[Any, ...]], Extremes]:
+        """Switches in doubt and extreme values until time ``t`` on the step followed last, which goes on.
+
+        Rows of `flocking.engine.runs.run.DOUBT_FIELDS`; nothing is put on record.
+
+        Parameters
+        ----------
+        segment
+            The step followed last.
+        t
+            Until when, on that step or at its end.
+        links
+            Links on it.
+        origin
+            What its time and coordinates are relative to.
+        """
+        doubts, extremes = Doubts(), self._recorder.extremes.copy()
+        doubts.recall(self._doubts.memory())
+        part = segment.until(t)
+        rows = list(self._recorder.doubts)
+        if part.t1 > part.t0:
+            error = self.over(segment)
+            extremes.follow(part, links.links[0], error, origin)
+            rows += self._told([settled.row for settled in doubts.follow(part, links, error)])
+        return rows + self._told(doubts.open_rows(t, links)), extremes
+
+    def _told(self, rows: list[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
+        """Rows with the user's times in place of the session's own."""
+        base = self._dynamics.base
+        return [(*(time + base for time in row[:3]), *row[3:]) for row in rows]
+
+    def take_over(self, other: SolutionError, *, exact: bool) -> None:
+        """Go on from where another estimate ended, under another law; ``exact``: from a state that is given.
+
+        Parameters
+        ----------
+        other
+            The other estimate.
+        """
+        known, mine = other.difference, self.difference
+        nodes = np.zeros_like(mine.nodes)
+        if not exact:
+            size = min(nodes.shape[1], known.nodes.shape[1])
+            nodes[:, :size] = known.nodes[-1, :size]
+        self.difference = replace(mine, nodes=nodes, lost=known.lost)
+
+
+def _radial(
+    segment: Segment, i: int, j: int, n: int, m: int, difference: Array | None = None
+) -> tuple[float, float, float]:
+    """Of two agents at the end of a segment: difference of their distance, their tangential speed over the distance,
+    and the second derivative of the distance.
+    """
+    span, C = segment.t1 - segment.t0, segment.coefficients
+    pair = Segment(segment.t0, segment.t1, C[:, j * m : (j + 1) * m] - C[:, i * m : (i + 1) * m])
+    rates = []
+    for t in (segment.t1 - 0.01 * span, segment.t1):
+        d, w = pair.with_slope(t)
+        r = float(np.linalg.norm(d))
+        rates.append(float(d @ w) / r if r > 0.0 else 0.0)
+    if r == 0.0:
+        return 0.0, np.inf, np.inf
+    drift = float(np.linalg.norm(w - rates[1] * d / r)) / r
+    off = 0.0
+    if difference is not None:
+        e = difference[: n * m].reshape(n, m)
+        off = float(d @ (e[j] - e[i])) / r
+    return off, drift, (rates[1] - rates[0]) / (0.01 * span)

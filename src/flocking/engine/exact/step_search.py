@@ -1,0 +1,64 @@
+"""The next step that can be right: tried again, smaller, where it lost a link or jumped over something."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flocking.engine import interruption
+from flocking.engine.exact.barriers import Books, jumps_barrier
+from flocking.engine.exact.crossings.switching import Crossing, LinkState
+from flocking.engine.exact.dynamics import Dynamics
+from flocking.engine.exact.failures import link_lost
+from flocking.engine.exact.integrator.segment import Segment
+from flocking.engine.exact.integrator.stepper import Stepper
+
+RETRIES = 30
+"""How often a step that cannot be right is retried, four times smaller each time."""
+
+
+def found_step(
+    stepper: Stepper, links: LinkState, dynamics: Dynamics, bound: float, books: Books | None
+) -> tuple[Segment, list[Crossing]]:
+    """The next segment, up to the first crossing, with what crosses at its end.
+
+    Parameters
+    ----------
+    stepper
+        Stands where the step begins, and at its end afterwards.
+    links
+        Links at its begin.
+    dynamics
+        The law in force.
+    bound
+        Where the step must end.
+    books
+        The ledger at its begin; none where the agents obey another law than the ledger holds.
+
+    Raises
+    ------
+    LinkLost
+        When a link whose potential is infinite at its break radius reaches it.
+    SimulationError
+        When no step is possible.
+    Noted
+        When Ctrl-C was pressed; the stepper is then to be put back where it was.
+    """
+    before = stepper.memory
+    longest = np.inf
+    for _ in range(RETRIES):
+        interruption.check()
+        whole = stepper.step(bound, longest)
+        where, crossings = links.next_crossings(whole, dynamics.n, dynamics.m, dynamics.order)
+        segment = whole.cut(where) if crossings else whole
+        lost = links.lost_link(crossings, dynamics.barriers)
+        share = dynamics.allowed_share(segment, links)
+        jumped = books is not None and lost is None and share >= 1 and jumps_barrier(dynamics, segment, books)
+        if lost is None and share >= 1 and not jumped:
+            break
+        longest = (segment.t1 - segment.t0) * (share if share < 1 else 0.25)
+        if longest <= 64 * np.finfo(float).eps * max(1.0, abs(before.t)):
+            break
+        stepper.recall(before)
+    if lost is not None:
+        raise link_lost(before.t + dynamics.base, lost)
+    return segment, crossings

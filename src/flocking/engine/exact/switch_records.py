@@ -1,0 +1,64 @@
+"""What a session records of the pairs that switch."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flocking.engine.exact.crossings.switching import Crossing, LinkState
+from flocking.engine.exact.integrator.segment import Segment
+from flocking.engine.exact.origin import Origin
+from flocking.engine.exact.recorder import Recorder
+from flocking.engine.exact.solution_error import SolutionError
+from flocking.model.checks import Array
+
+TANGENTIAL = 1e-6
+"""A crossing slower than this fraction of the pair's relative speed is flagged as tangential."""
+
+
+def write_switch(
+    recorder: Recorder,
+    crossing: Crossing,
+    segment: Segment,
+    q: Array,
+    p: Array,
+    links: LinkState,
+    error: SolutionError,
+    origin: Origin,
+) -> tuple[int, ...]:
+    """Record the switches of a crossing; the pair that chatters, if one does.
+
+    Parameters
+    ----------
+    recorder
+        Where they go.
+    crossing
+        The pairs that cross at the end of ``segment``.
+    q, p
+        Positions and velocities there, relative to ``origin``, shape (N, m).
+    links
+        Links before they switch.
+    error
+        Errors of the solution.
+    """
+    watch = links.watches[crossing.watch]
+    near = links.near[crossing.watch]
+    chattering: tuple[int, ...] = ()
+    own, time = segment.t1, origin.time_at(segment.t1)
+    for k, (i, j) in enumerate(crossing.pairs):
+        if watch.kind in ("obstacle", "rim"):
+            record = links.encounters.record(watch.graph - len(links.graphs), time, q, p, (i, j))
+            errors = error.crossing(crossing, k, record[5], segment, links)
+            if watch.kind == "obstacle":
+                recorder.switches.append((*record, *errors))
+            if links.slides(crossing, k, own, record[5]):
+                chattering = (int(i),)
+            continue
+        d, v = q[j] - q[i], p[j] - p[i]
+        speed = float(d @ v / np.linalg.norm(d)) if d.any() else 0.0
+        slow = abs(speed) < TANGENTIAL * max(float(np.linalg.norm(v)), 1e-12)
+        kind = "kink" if watch.kind == "kink" else "break" if near[i, j] else "appear"
+        errors = error.crossing(crossing, k, speed, segment, links)
+        recorder.switches.append((time, int(i), int(j), kind, watch.graph, speed, slow, *errors))
+        if links.slides(crossing, k, own, speed):
+            chattering = (int(i), int(j))
+    return chattering

@@ -1,0 +1,249 @@
+"""Switches that the integration error leaves open: crossings too shallow to be certain, and pairs that nearly cross."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from flocking.engine.exact.companion import ROUNDING, StateError
+from flocking.engine.exact.crossings.band_guards import closest_after, first_beyond, within_error
+from flocking.engine.exact.crossings.guards import reach
+from flocking.engine.exact.crossings.switching import Crossing, LinkState, slack_of
+from flocking.engine.exact.crossings.view_guards import view_crossings
+from flocking.engine.exact.integrator.segment import Segment
+from flocking.model.checks import Array
+
+Key = tuple[int, int, int]
+"""Number of the watch, and the pair."""
+
+LEFT = 0.99
+"""A pair that leaves the error behind after its switch is at this share of it, or more, when it has left."""
+
+
+@dataclass
+class Approach:
+    """A pair within the error of the distance at which it would switch.
+
+    Parameters
+    ----------
+    begin
+        When the pair came within the error.
+    margin
+        How far it is from the distance.
+    """
+
+    begin: float
+    time: float
+    margin: float
+    error: float
+
+
+@dataclass
+class Fresh:
+    """A pair that has switched and is not beyond the error yet.
+
+    Parameters
+    ----------
+    begin
+        When the doubt began.
+    level
+        The distance that was crossed.
+    outward
+        Whether it was crossed outwards.
+    what
+        Kind of the switch.
+    recorded
+        Whether the doubt is on record already.
+    """
+
+    time: float
+    begin: float
+    level: float
+    outward: bool
+    what: str
+    error: float
+    recorded: bool = False
+
+    margin = 0.0
+
+
+@dataclass(frozen=True)
+class Settled:
+    """A doubt that has come to its end, and the pair it is about.
+
+    Parameters
+    ----------
+    key
+        Number of the watch and the two agents.
+    row
+        The doubt as it is recorded.
+    """
+
+    key: Key
+    row: tuple[Any, ...]
+
+
+class Doubts:
+    """Watches for switches in doubt along a solution."""
+
+    def __init__(self) -> None:
+        self.approaches: dict[Key, Approach] = {}
+        self.fresh: dict[Key, Fresh] = {}
+
+    def follow(self, segment: Segment, links: LinkState, error: StateError) -> list[Settled]:
+        """Look at a step; the doubts that end in it.
+
+        Parameters
+        ----------
+        segment
+            The step.
+        links
+            Links as they are during the step.
+        error
+            Errors on it.
+        """
+        if error.lost:
+            return []
+        n, m = error.n, error.m
+        B = segment.positions(n, m)
+        settled, gone = self._fresh(segment, B, links, error)
+        found: dict[Key, tuple[float, float, float, bool]] = {}
+        far, most, nodes, size = reach(B), error.pairs, error.q, error.q_floor / ROUNDING
+        for number, watch, active, view in links.watched():
+            if watch.smooth:
+                continue
+            floor = 2 * error.q_floor + slack_of(watch, size)
+            directed = links.graphs[watch.graph].directed
+            if view is not None and watch.kind == "link":
+                slack = -(most + floor)
+                when, who = view_crossings(B, far, links.near[number], *view, watch.leave, slack)
+                for x, (i, j) in zip(when, who, strict=True):
+                    found[number, int(i), int(j)] = (float(x), 0.0, -slack, True)
+                continue
+            rows = within_error(
+                B, far, links.near[number], active, watch.enter, watch.leave, directed, nodes, most + floor, floor
+            )
+            for i, j, x, margin, bound, end in rows.tolist():
+                found[number, int(i), int(j)] = (x, margin, bound, bool(end))
+        for key, after in gone.items():
+            # It left at its switch; only what it does after that is an approach.
+            number, i, j = key
+            watch, inside = links.watches[number], bool(links.near[number][i, j])
+            if key in found:
+                level = float(watch.leave[i] if inside else watch.enter[i])
+                margin, x = closest_after(B, i, j, level, inside, after)
+                if margin < LEFT * found[key][2]:
+                    found[key] = (x, margin, *found[key][2:])
+                else:
+                    del found[key]
+        return settled + self._compare(segment, links, found)
+
+    def _fresh(
+        self, segment: Segment, B: Array, links: LinkState, error: StateError
+    ) -> tuple[list[Settled], dict[Key, float]]:
+        """Pairs that have switched and come back without being beyond the error, and those that are, with where."""
+        settled: list[Settled] = []
+        gone: dict[Key, float] = {}
+        for key, fresh in list(self.fresh.items()):
+            number, i, j = key
+            bound = error.pair(i, j) + slack_of(links.watches[number], error.q_floor / ROUNDING)
+            sign = 1.0 if fresh.outward else -1.0
+            x = first_beyond(B, i, j, fresh.level + sign * bound, fresh.outward)
+            back = first_beyond(B, i, j, fresh.level - sign * bound, not fresh.outward)
+            fresh.error = max(fresh.error, bound)
+            if x <= 1.0 and x <= back:
+                del self.fresh[key]
+                gone[key] = x
+            elif back <= 1.0:
+                settled += self._doubtful(key, segment.t1, links)
+                gone[key] = back
+        return settled, gone
+
+    def _compare(
+        self, segment: Segment, links: LinkState, found: dict[Key, tuple[float, float, float, bool]]
+    ) -> list[Settled]:
+        settled = []
+        for key, (x, margin, bound, end) in found.items():
+            if key in self.fresh:
+                continue
+            time = segment.t0 + x * (segment.t1 - segment.t0)
+            known = self.approaches.get(key)
+            if known is None:
+                self.approaches[key] = Approach(segment.t0, time, margin, bound)
+            elif margin < known.margin:
+                self.approaches[key] = Approach(known.begin, time, margin, max(bound, known.error))
+            if not end:
+                settled.append(self._missed(key, segment.t1, links))
+        for key in [k for k in self.approaches if k not in found]:
+            settled.append(self._missed(key, segment.t0, links))
+        return settled
+
+    def _missed(self, key: Key, end: float, links: LinkState) -> Settled:
+        near = self.approaches.pop(key)
+        return Settled(key, self._row(key, near.begin, end, near.time, "near miss", links.would(*key), near, links))
+
+    def _doubtful(self, key: Key, end: float, links: LinkState) -> list[Settled]:
+        fresh = self.fresh.pop(key)
+        if fresh.recorded:
+            return []
+        return [Settled(key, self._row(key, fresh.begin, end, fresh.time, "switch", fresh.what, fresh, links))]
+
+    def _row(
+        self, key: Key, begin: float, end: float, time: float, kind: str, what: str, about: Approach | Fresh,
+        links: LinkState,
+    ) -> tuple[Any, ...]:  # fmt: skip
+        number, i, j = key
+        return (begin, end, time, i, j, kind, links.watches[number].graph, what, about.margin, about.error)
+
+    def cross(self, crossing: Crossing, k: int, t: float, links: LinkState, bound: float) -> list[Settled]:
+        """Note that pair ``k`` of a crossing is about to switch at time ``t``; the doubts that end with it.
+
+        Parameters
+        ----------
+        bound
+            Error of the distance at the crossing.
+        """
+        watch = links.watches[crossing.watch]
+        i, j = (int(x) for x in crossing.pairs[k])
+        key = (crossing.watch, i, j)
+        outward = bool(links.near[crossing.watch][i, j])
+        near = self.approaches.pop(key, None)
+        begin = self.fresh[key].begin if key in self.fresh else near.begin if near is not None else t
+        level = float(watch.leave[i] if outward else watch.enter[i])
+        fresh = Fresh(t, begin, level, outward, links.would(*key), bound)
+        settled = []
+        if key in self.fresh:
+            # There and back within the error: neither need have happened.
+            settled = self._doubtful(key, t, links)
+            self.fresh[key] = fresh
+            settled += self._doubtful(key, t, links)
+            fresh = replace(fresh, recorded=True)
+        self.fresh[key] = fresh
+        return settled
+
+    def open_rows(self, t: float, links: LinkState) -> list[tuple[Any, ...]]:
+        """Doubts that have not come to their end at time ``t``, as rows of `DOUBT_FIELDS`."""
+        rows = [
+            self._row(key, near.begin, t, near.time, "near miss", links.would(*key), near, links)
+            for key, near in self.approaches.items()
+        ]
+        return rows + [
+            self._row(key, fresh.begin, t, fresh.time, "switch", fresh.what, fresh, links)
+            for key, fresh in self.fresh.items()
+            if not fresh.recorded
+        ]
+
+    def memory(self) -> list[list[list[Any]]]:
+        """All of it as plain data."""
+        near = [[list(key), [a.begin, a.time, a.margin, a.error]] for key, a in self.approaches.items()]
+        fresh = [
+            [list(key), [f.time, f.begin, f.level, f.outward, f.what, f.error, f.recorded]]
+            for key, f in self.fresh.items()
+        ]
+        return [near, fresh]
+
+    def recall(self, memory: list[list[list[Any]]]) -> None:
+        """Go back to ``memory``."""
+        near, fresh = memory
+        self.approaches = {(w, i, j): Approach(*about) for (w, i, j), about in near}
+        self.fresh = {(w, i, j): Fresh(*about) for (w, i, j), about in fresh}

@@ -1,0 +1,146 @@
+"""A time step from the start of a run: how fast forces change, how strong damping is, how fast agents close in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.fixed_step.passing_pairs import singular_reach
+from flocking.engine.fixed_step.step_checks import STRIDE
+from flocking.model.law import Scenario
+from flocking.model.terms.pair_terms import Gradient
+from flocking.model.terms.schedules import Schedule
+
+SAMPLE = 4000
+"""Agents looked at."""
+
+PROBE = 1e-4
+"""Relative change of the probes that measure stiffness."""
+
+LARGEST = 0.1
+PERIODS = 0.15
+"""Step times the fastest rate of the linearised motion."""
+DAMPING, DAMPED = 0.1, 0.4
+"""Step times the strongest damping, and where a scheme bears more of it. The ledger of a flock that settles then closes
+to about two per cent of the energy moved, well within what the step is checked for."""
+CLOSING = 0.02
+"""Share of its distance that a pair may close per step at the start."""
+
+
+@dataclass(frozen=True, eq=False)
+class SampledPairs:
+    """All pairs of some agents under one graph.
+
+    Parameters
+    ----------
+    agent
+        The agent of each pair, a number below N; its other pairs are here too.
+    distance
+        Distance of the pair.
+    speed
+        Size of its relative velocity.
+    """
+
+    agent: Any
+    distance: Any
+    speed: Any
+
+
+def largest_step(scenario: Scenario, sampled: Sequence[SampledPairs | None], scheme: str) -> float:
+    """The largest step that resolves the start: at most 0.1, and 1/100 of the run.
+
+    The rates of the motion are bounded by sums over neighbours: the curvature of every potential at the pair's
+    distance (frequency), and the gains of velocity terms (damping).
+
+    Parameters
+    ----------
+    scenario
+        The law, and how long it runs.
+    sampled
+        Pairs of each graph of the law; None for a graph that is not looked at.
+    scheme
+        How steps are taken: ``"damped"`` bears four times the damping.
+    """
+    span = scenario.t_end - scenario.start.t
+    limits = [LARGEST, span / 100 if span > 0 else LARGEST, resolving_step(scenario, sampled, scheme)]
+    for pairs in sampled:
+        if pairs is not None and len(pairs.agent) and scenario.law.singular_at_zero():
+            closing = float((pairs.speed / np.maximum(pairs.distance, 1e-12)).max())
+            if closing > 0:
+                limits.append(CLOSING / closing)
+    reach = singular_reach(scenario.law)
+    p = scenario.start.p
+    fastest = 2.0 * float(np.sqrt(((p - p.mean(axis=0)) ** 2).sum(axis=1).max())) if np.isfinite(reach) else 0.0
+    if fastest > 0:
+        # Half of what pairs that are not linked yet may move.
+        limits.append(0.5 * STRIDE * reach / fastest)
+    return float(min(limits))
+
+
+def resolving_step(
+    scenario: Scenario, sampled: Sequence[SampledPairs | None], scheme: str, *, across: bool = True
+) -> float:
+    """The largest step that resolves the forces of the start, whatever the length of the run and the speeds.
+
+    Parameters
+    ----------
+    sampled, scheme
+        See `largest_step`.
+    across
+        Whether how forces turn with the pair counts too: beyond all bounds near contact, though in no room at all.
+    """
+    n = scenario.start.n
+    limits = [np.inf]
+    mass = float(np.min(scenario.agents.masses))
+    damping = float(np.max(scenario.agents.damping))
+    for number, pairs in enumerate(sampled):
+        if pairs is None or not len(pairs.agent):
+            continue
+        degree = np.bincount(pairs.agent, minlength=n)
+        stiff = np.zeros(len(pairs.agent))
+        for term in scenario.law.pair_terms:
+            if scenario.law.graph_number(term) != number:
+                continue
+            if isinstance(term, Gradient):
+                stiff += _stiffness(term, pairs.distance, across)
+            else:
+                damping += _gain(term) * float(degree.max())
+        rate = float(np.sqrt(2.0 * np.bincount(pairs.agent, stiff, minlength=n).max() / mass))
+        if rate > 0:
+            limits.append(PERIODS / rate)
+    for body in scenario.law.body_terms:
+        for name, value in body.parameters.items():
+            if name == "velocity_gain":
+                damping += _largest(value)
+            elif name == "position_gain":
+                limits.append(PERIODS / max(float(np.sqrt(_largest(value))), 1e-9))
+    if damping > 0:
+        limits.append((DAMPED if scheme == "damped" else DAMPING) * mass / damping)
+    return float(min(limits))
+
+
+def _stiffness(term: Gradient, r: Any, across: bool) -> Any:
+    """Bend of the potential along the pair, and across it; none at contact: the force has no direction there."""
+    near, far = np.maximum(r * (1 - PROBE), 1e-12), r * (1 + PROBE)
+    with np.errstate(all="ignore"):
+        bend = np.abs(term.potential.slope(far) - term.potential.slope(near)) / (far - near)
+        turn = np.abs(term.potential.slope(r)) / np.maximum(r, 1e-12) if across else 0.0
+        return np.where(r > 0, np.where(np.isfinite(bend), bend, 0.0) + turn, 0.0)
+
+
+def _gain(term: Any) -> float:
+    values = term.parameters
+    gain = _largest(values.get("gain", 1.0))
+    weights = values.get("weights")
+    if weights is None:
+        return gain
+    return gain * float(getattr(weights, "high", 0.0) or np.max(getattr(weights, "values", 1.0)))
+
+
+def _largest(value: Any) -> float:
+    """Largest value a gain ever takes."""
+    values = value.values if isinstance(value, Schedule) else [value]
+    return max(float(np.max(np.asarray(v))) for v in values)

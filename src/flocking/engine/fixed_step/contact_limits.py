@@ -1,0 +1,44 @@
+"""Graphs over which the formulas of a law have no value where two agents coincide."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.kernels.codegen import array_kernels
+from flocking.engine.kernels.layout import Layout
+
+
+def singular_graphs(layout: Layout, dimension: int, P: Any) -> tuple[int, ...]:
+    """Numbers of the graphs over which some pair formula is infinite where two agents coincide.
+
+    Parameters
+    ----------
+    layout
+        The law and its slots.
+    P
+        Values of the single-number parameters.
+    """
+    module = array_kernels(layout, dimension)
+    found = []
+    for number in range(len(layout.law.graphs)):
+        with np.errstate(all="ignore"):
+            values = getattr(module, f"pair{number}")(P, _Resting())
+        if not all(np.isfinite(values[name]).all() for name in ("along", "drag", "storage", "dissipation")):
+            found.append(number)
+    return tuple(found)
+
+
+class _Resting(Mapping[str, Any]):
+    """Values of a pair that coincides and rests: 0 for what says where and how fast it is, 1 for parameters."""
+
+    def __getitem__(self, name: str) -> Any:
+        return np.ones(1) if name[0] in "AW" and name[1:].isdigit() else np.zeros(1)
+
+    def __iter__(self) -> Any:
+        return iter(())
+
+    def __len__(self) -> int:
+        return 0

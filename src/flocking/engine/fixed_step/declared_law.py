@@ -1,0 +1,228 @@
+"""What the declared law says of some agents of a running group: the judge of an engine's own forces and powers.
+
+The formulas are those that `flocking.engine.kernels.codegen` prints for NumPy, evaluated in double precision from the
+scenario's own parameters: neither the kernels of an engine nor the numbers it handed to them have a part in it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.kernels.codegen import array_kernels
+from flocking.engine.kernels.layout import Layout
+from flocking.engine.reference.control import obstacles_met
+from flocking.model.checks import Array
+from flocking.model.graphs.weights import HashedWeights, PairWeights, pair_uniform
+from flocking.model.law import Scenario
+from flocking.model.terms.schedules import Schedule
+
+SAFETY = 64.0
+"""So many times the rounding of the formulas, measured in single precision, an engine may be off."""
+
+NEAR_OBSTACLES = 4096.0
+"""The same for forces of obstacles, whose geometry is not measured: its formulas have several stages."""
+
+POWERS = ("pairs", "bodies", "work", "dissipated", "supplied")
+"""Energies and powers that are judged, by the names of the kernels' sums."""
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """A group at one moment, of which some agents are judged.
+
+    Parameters
+    ----------
+    q, p
+        Positions and velocities of all agents, shape (N, m).
+    ids
+        Number of each agent, shape (N,).
+    t
+        The time.
+    since
+        Time from which scheduled gains have had their values.
+    frame
+        Velocity of the frame of the energy, shape (m,).
+    mean_q, mean_p
+        Centre of mass and its velocity, shape (m,); NaN where the law uses none.
+    """
+
+    q: Any
+    p: Any
+    ids: Any
+    t: float
+    since: float
+    frame: Array
+    mean_q: Array
+    mean_p: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Statement:
+    """What the law says of the judged agents, and how far rounding may lead an engine from it.
+
+    Parameters
+    ----------
+    force, force_error
+        Control less damping, shape (S, m), and bound on its rounding, shape (S,).
+    size
+        Sum of the absolute values of all that adds up to the force, shape (S,).
+    powers, power_errors
+        Values of `POWERS` per agent, shape (S, 5), and their bounds.
+    """
+
+    force: Array
+    force_error: Array
+    size: Array
+    powers: Array
+    power_errors: Array
+
+
+class Declared:
+    """The declared law of a scenario, ready to be evaluated on parts of a group.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    rounding
+        Relative rounding of the numbers of the engine that is judged.
+    """
+
+    def __init__(self, scenario: Scenario, rounding: float) -> None:
+        self.scenario, self.rounding = scenario, rounding
+        self._layout = Layout(scenario.law, scenario.energy)
+        self._module = array_kernels(self._layout, scenario.start.dimension)
+
+    def _slots(self, since: float) -> tuple[Array, list[Any], list[PairWeights]]:
+        scalars: list[float] = []
+        rows: list[Any] = [self.scenario.agents.masses, self.scenario.agents.damping]
+        weights: list[PairWeights] = []
+        for _, owned in self._layout.owners():
+            for value in owned.values():
+                known = value.at(since) if isinstance(value, Schedule) else value
+                if isinstance(known, PairWeights):
+                    weights.append(known)
+                elif isinstance(known, float | int):
+                    scalars.append(float(known))
+                elif isinstance(known, np.ndarray):
+                    rows.append(known) if known.ndim else scalars.append(float(known))
+        P = np.concatenate([np.array(scalars, dtype=np.float64), self._layout.obstacle_rows().ravel()])
+        return P, rows, weights
+
+    def state(self, group: Group, judged: Any, pairs: list[tuple[Any, Any, Any]]) -> Statement:
+        """What the law says of the agents at the places ``judged``, shape (S,).
+
+        Parameters
+        ----------
+        group
+            The group they belong to.
+        pairs
+            For each graph the places of linked pairs, sensing agents as numbers within ``judged``, and whether it is
+            certain that they are linked.
+        """
+        P, rows, weights = self._slots(group.since)
+        m, count = group.q.shape[1], len(judged)
+        force, size, error = np.zeros((count, m)), np.zeros(count), np.zeros(count)
+        powers, errors = np.zeros((count, len(POWERS))), np.zeros((count, len(POWERS)))
+        q, p = (np.asarray(x[judged], dtype=np.float64) for x in (group.q, group.p))
+        who = group.ids[judged]
+        A = [np.broadcast_to(row, self.scenario.start.n)[who].astype(np.float64) for row in rows]
+        for number, (k, j, certain) in enumerate(pairs):
+            if not len(k):
+                continue
+            d = np.asarray(group.q[j], dtype=np.float64) - q[k]
+            v = np.asarray(group.p[j], dtype=np.float64) - p[k]
+            given = _pair_values(d, v, p[k] - group.frame)
+            given |= {f"A{x}": row[k] for x, row in enumerate(A)}
+            given |= {f"W{x}": _weights(w, who[k], group.ids[j]) for x, w in enumerate(weights)}
+            found, off = self._both(f"pair{number}", P, given, len(k))
+            r = given["r"]
+            along, direction = np.where(r > 0, found["along"], 0.0), d / np.where(r > 0, r, 1.0)[:, None]
+            one = along[:, None] * direction + found["drag"][:, None] * v
+            v_size = np.sqrt((v**2).sum(axis=1))
+            whole = np.abs(along) + np.abs(found["drag"]) * v_size
+            doubt = np.where(r > 0, off["along"], 0.0) + off["drag"] * v_size + np.where(certain, 0.0, whole)
+            # Differences of rounded numbers: the velocities themselves are exact, as the positions are.
+            for axis in range(m):
+                force[:, axis] += np.bincount(k, one[:, axis], minlength=count)
+            size += np.bincount(k, whole, minlength=count)
+            error += np.bincount(k, doubt, minlength=count)
+            for column, name in ((0, "storage"), (3, "dissipation"), (4, "supply")):
+                value = 0.5 * found[name]
+                powers[:, column] += np.bincount(k, value, minlength=count)
+                extra = off[name] + SAFETY * self.rounding * np.abs(found[name])
+                doubt = 0.5 * extra + np.where(certain, 0.0, np.abs(value))
+                errors[:, column] += np.bincount(k, doubt, minlength=count)
+        self._bodies(group, (P, A), q, p, (force, size, error, powers, errors))
+        force -= A[1][:, None] * p
+        speed = np.sqrt((p**2).sum(axis=1))
+        size += A[1] * speed
+        error += SAFETY * self.rounding * size
+        powers[:, 2] = (force * p).sum(axis=1) + A[1] * speed**2
+        errors[:, 2] += (error + SAFETY * self.rounding * size) * speed
+        errors += SAFETY * self.rounding * np.abs(powers)
+        return Statement(force, error, size, powers, errors)
+
+    def _bodies(self, group: Group, slots: tuple[Array, list[Any]], q: Array, p: Array, sums: Any) -> None:
+        """Add what body terms and obstacles do to the judged agents."""
+        P, A = slots
+        force, size, error, powers, errors = sums
+        count, m = q.shape
+        given: dict[str, Any] = {"t": group.t, **{f"A{k}": row for k, row in enumerate(A)}}
+        for k in range(m):
+            given |= {f"q{k}": q[:, k], f"p{k}": p[:, k], f"mean_q{k}": group.mean_q[k], f"mean_p{k}": group.mean_p[k]}
+        body, off = self._both("body", P, given, count)
+        own = np.stack([body[f"force{k}"] for k in range(m)], axis=1)
+        force += own
+        size += np.sqrt((own**2).sum(axis=1))
+        error += sum(off[f"force{k}"] for k in range(m))
+        for column, name in ((1, "storage"), (3, "dissipation"), (4, "supply")):
+            powers[:, column] += body[name]
+            errors[:, column] += off[name] + SAFETY * self.rounding * np.abs(body[name])
+        for i, values in obstacles_met(self.scenario.law, self._layout, self._module, q, P, given):
+            push = np.stack([values[f"force{k}"] for k in range(m)], axis=1)
+            np.add.at(force, i, push)
+            strength = np.sqrt((push**2).sum(axis=1))
+            np.add.at(size, i, strength)
+            np.add.at(error, i, NEAR_OBSTACLES * self.rounding * strength)
+            for column, name in ((3, "dissipation"), (4, "supply")):
+                np.add.at(powers[:, column], i, values[name])
+                np.add.at(errors[:, column], i, NEAR_OBSTACLES * self.rounding * np.abs(values[name]))
+
+    def _both(
+        self, name: str, P: Array, given: dict[str, Any], count: int
+    ) -> tuple[dict[str, Array], dict[str, Array]]:
+        """Values of a function, and bounds on what rounding does to them: single precision shows how much that is."""
+        function = getattr(self._module, name)
+        narrow = {key: np.asarray(value, dtype=np.float32) for key, value in given.items()}
+        with np.errstate(all="ignore"):
+            found = {key: v * np.ones(count) for key, v in function(P, given).items()}
+            rough = {key: np.asarray(v, np.float64) for key, v in function(P.astype(np.float32), narrow).items()}
+        unit = self.rounding / float(np.finfo(np.float32).eps)
+        off = {}
+        for key, value in found.items():
+            gap = np.abs(rough[key] - value)
+            gap = np.where(np.isfinite(gap), gap, np.abs(value))
+            off[key] = SAFETY * unit * (gap + float(gap.mean()))
+        return found, off
+
+
+def _pair_values(d: Array, v: Array, own: Array) -> dict[str, Any]:
+    r = np.sqrt((d**2).sum(axis=1))
+    length = np.where(r > 0, r, 1.0)
+    return {
+        "r": r, "speed2": (v**2).sum(axis=1), "radial": (d * v).sum(axis=1) / length,
+        "push": (d * own).sum(axis=1) / length, "pull": (v * own).sum(axis=1),
+    }  # fmt: skip
+
+
+def _weights(weights: PairWeights, i: Any, j: Any) -> Array:
+    if isinstance(weights, HashedWeights):
+        return weights.low + (weights.high - weights.low) * pair_uniform(weights.seed, i, j)
+    return np.asarray(getattr(weights, "values")[i, j])  # noqa: B009  of a matrix, which weights have
+
+
+__all__ = ["POWERS", "SAFETY", "Declared", "Group", "Statement"]

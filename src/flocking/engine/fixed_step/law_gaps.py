@@ -1,0 +1,94 @@
+"""How far the motion of a run was from the declared law, where that was looked at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.fixed_step.declared_law import POWERS, Statement
+
+EVERY = 1024
+"""Steps between two looks at the forces of a long run."""
+
+
+def is_due(step: int) -> bool:
+    """Whether the forces of step number ``step``, the first is 1, are looked at: the 1st, 4th, 16th, ... 1024th, and
+    from there every 1024th.
+    """
+    return step % EVERY == 0 or (0 < step < EVERY and step.bit_count() == 1 and step.bit_length() % 2 == 1)
+
+
+@dataclass
+class LawGaps:
+    """The largest gap found between what acted on the agents and the declared law.
+
+    Parameters
+    ----------
+    checks
+        Number of looks.
+    gap
+        Largest gap, as a share of all that adds up to the force or power in question.
+    allowed
+        Share that rounding explains, where the gap was largest compared with it.
+    worst
+        Largest gap in units of what rounding explains.
+    """
+
+    checks: int = 0
+    gap: float = 0.0
+    allowed: float = 0.0
+    worst: float = 0.0
+
+    @property
+    def about(self) -> dict[str, float]:
+        """The gap as a run's provenance says it."""
+        return {"law_checks": self.checks, "law_gap": self.gap, "law_gap_allowed": self.allowed}
+
+    def compare_forces(self, said: Statement, force: Any, rounding: Any) -> int | None:
+        """Hold forces against the law; which of the judged agents contradicts it most, if one does.
+
+        Parameters
+        ----------
+        said
+            What the law says.
+        force
+            Control less damping that acted, shape (S, m).
+        rounding
+            Bound on the rounding of the numbers it was read from, shape (S,).
+        """
+        gap = np.sqrt(((force - said.force) ** 2).sum(axis=1))
+        return self._compare(gap, said.force_error + rounding, said.size)
+
+    def compare_powers(self, said: Statement, groups: Any, found: Any) -> str | None:
+        """Hold energies and powers of groups of judged agents against the law; the name of a wrong one, if there is.
+
+        Parameters
+        ----------
+        said
+            What the law says.
+        groups
+            Which group each judged agent is in, shape (S,).
+        found
+            Values of `POWERS` of each group, shape (G, 5).
+        """
+        wrong = None
+        for k, name in enumerate(POWERS):
+            declared, error, size = (
+                np.bincount(groups, x, minlength=len(found))
+                for x in (said.powers[:, k], said.power_errors[:, k], np.abs(said.powers[:, k]))
+            )
+            if self._compare(np.abs(found[:, k] - declared), error, size) is not None:
+                wrong = name
+        return wrong
+
+    def _compare(self, gap: Any, allowed: Any, size: Any) -> int | None:
+        gap = np.where(np.isfinite(gap), gap, np.inf)
+        share = gap / np.maximum(allowed, 1e-300)
+        k = int(np.argmax(share))
+        if share[k] > self.worst:
+            self.worst = float(share[k])
+            whole = max(float(size[k]), float(allowed[k]), 1e-300)
+            self.gap, self.allowed = float(gap[k]) / whole, float(allowed[k]) / whole
+        return k if share[k] > 1.0 else None

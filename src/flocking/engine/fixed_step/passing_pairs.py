@@ -1,0 +1,77 @@
+"""Pairs that meet within one fixed step, linked before it or not: how far they move for their distance."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.fixed_step.step_checks import STRIDE, check_stride
+from flocking.model.law import Law
+from flocking.model.terms.pair_terms import Gradient
+
+
+def singular_reach(law: Law) -> float:
+    """The shortest radius of a moving graph over which a potential diverges at contact; infinite where none does."""
+    graphs = law.graphs
+    return min(
+        (
+            float(np.max(np.asarray(graphs[law.graph_number(term)].break_radius)))
+            for term in law.pair_terms
+            if isinstance(term, Gradient)
+            and graphs[law.graph_number(term)].moves
+            and not np.isfinite(term.potential(0.0))
+        ),
+        default=np.inf,
+    )
+
+
+def check_passing(
+    q: Any, moved: Any, reach: float, step: float, *, time: float, ids: Any | None = None
+) -> None:  # fmt: skip
+    """Whether no pair comes within ``reach`` on its straight way while it moves too far for its distance.
+
+    Pairs closer than ``reach`` from the start are linked and looked at elsewhere. Where two agents move by more than
+    `STRIDE` of a distance beyond ``reach``, one of them moves by more than half of that: only such agents are held
+    against the others, the fastest first.
+
+    Parameters
+    ----------
+    q, moved
+        Positions before the step and the way of each agent during it, shape (N, m).
+    reach
+        Radius of the potential.
+    step
+        The time step.
+    ids
+        Numbers of the agents, where they are not in their order.
+
+    Raises
+    ------
+    StepTooLarge
+        When a pair moves too far.
+    """
+    moved = moved - moved.mean(axis=0)
+    length = np.sqrt((moved**2).sum(axis=1))
+    fast = np.flatnonzero(length > 0.5 * STRIDE * reach)
+    if not len(fast):
+        return
+    from scipy.spatial import cKDTree
+
+    middle = q + 0.5 * moved
+    tree = cKDTree(middle)
+    for i in fast[np.argsort(-length[fast], kind="stable")]:
+        # A partner that moves further than this one has had its turn.
+        others = np.array(tree.query_ball_point(middle[i], reach + length[i]), dtype=np.int64)
+        others = others[others != i]
+        apart, way = q[others] - q[i], moved[others] - moved[i]
+        distance, square = np.sqrt((apart**2).sum(axis=1)), np.maximum((way**2).sum(axis=1), 1e-300)
+        share = np.clip(-(apart * way).sum(axis=1) / square, 0.0, 1.0)
+        nearest = np.sqrt(((apart + share[:, None] * way) ** 2).sum(axis=1))
+        met = np.where((distance >= reach) & (nearest < reach), np.sqrt(square) / distance, 0.0)
+        if len(met) and met.max() > STRIDE:
+            k = int(np.argmax(met))
+            pair = [int(x if ids is None else ids[x]) for x in (i, others[k])]
+            check_stride(
+                step, float(distance[k]), float(np.sqrt(square[k])), time=time, agents=(min(pair), max(pair))
+            )  # fmt: skip

@@ -1,0 +1,1 @@
+"""The formulas of a law printed as code: parameter layout, expressions, obstacle formulas, and the generator."""

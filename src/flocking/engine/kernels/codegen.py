@@ -1,0 +1,365 @@
+"""Kernels generated from a law's formulas: compiled for the exact engine, array functions for reference."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+from flocking.engine.kernels.layout import MASS, Layout
+from flocking.engine.kernels.obstacle_formulas import encounter_function, encounter_loop, obstacle_slot
+from flocking.engine.kernels.pieces import held, piece_lines
+from flocking.formula.compiled import generated_module
+
+if TYPE_CHECKING:
+    import sympy
+
+    from flocking.engine.kernels.expressions import BodyFormulas, LawFormulas, PairFormulas
+
+RATES = ("work", "dissipated", "supplied")
+"""Quantities integrated beside the state: power of the control, and the two powers of the energy ledger."""
+
+
+def compiled_kernels(layout: Layout, dimension: int, order: int) -> ModuleType:
+    """Numba kernels of a law.
+
+    Functions of the module: ``control(t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S, u, rates)`` fills
+    the forces and the `RATES`; ``energies(t, q, p, ...)`` gives pair storage, body storage and kinetic energy in the
+    frame of the energy; ``stages(...)`` computes the slope of the exact engine's state vector at stages of a
+    Runge-Kutta step, see `flocking.engine.exact.dynamics.Dynamics.stages`. Row
+    ``pieces[e]`` of ``spans`` says which piece of a piecewise formula is in force for pair ``e``, see `limits`;
+    ``shape0(r, side, reach, P, A, W)``... are those formulas of each graph in plain Python, ``shape_obstacles0``...
+    those of each group of obstacles. ``shape0.reads`` numbers the slots of P, A and W that such a function reads,
+    ``shape0.acting`` those of its values that are forces or multiply one.
+
+    Parameters
+    ----------
+    layout
+        The law, its energy and the slots of their parameters.
+    dimension
+        Number of axes m.
+    order
+        Order of the agents, 1 or 2.
+    """
+    from flocking.engine.kernels.expressions import law_formulas
+
+    return generated_module(
+        ("exact", dimension, order), layout.structure, layout.parts,
+        lambda: law_formulas(layout, dimension), lambda stated: _scalar_module(stated, order),
+    )  # fmt: skip
+
+
+def array_kernels(layout: Layout, dimension: int) -> ModuleType:
+    """NumPy functions of a law: ``pair0``, ``pair1``... per graph and ``body``, on arrays of pairs or agents."""
+    from flocking.engine.kernels.expressions import law_formulas
+
+    return generated_module(
+        ("arrays", dimension), layout.structure, layout.parts, lambda: law_formulas(layout, dimension), _array_module
+    )
+
+
+@dataclass(frozen=True)
+class Names:
+    """Free names of some formulas, sorted by where their values come from.
+
+    Parameters
+    ----------
+    scalars
+        Slots ``P0``... of single numbers.
+    per_agent
+        Slots ``A0``... of one number for each agent.
+    per_pair
+        Slots ``W0``... of one number for each pair.
+    others
+        All other names: distances, coordinates, time.
+    """
+
+    scalars: tuple[str, ...]
+    per_agent: tuple[str, ...]
+    per_pair: tuple[str, ...]
+    others: frozenset[str]
+
+
+def free_names(expressions: Iterable[sympy.Expr]) -> Names:
+    """Sort the free symbols of ``expressions`` into slots and other names."""
+    names = {str(s) for e in expressions for s in e.free_symbols}
+
+    def slots(letter: str) -> tuple[str, ...]:
+        return tuple(sorted((n for n in names if re.fullmatch(letter + r"\d+", n)), key=lambda n: int(n[1:])))
+
+    groups = slots("P"), slots("A"), slots("W")
+    return Names(*groups, frozenset(names - {n for g in groups for n in g}))
+
+
+def _indented(lines: Iterable[str], depth: int) -> str:
+    return "".join("    " * depth + line + "\n" for line in lines)
+
+
+_HEADER = """import math
+
+from flocking.formula.machine_code import numba
+import numpy as np
+
+ARGUMENTS = "t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S"
+
+"""
+
+
+_STAGES = """
+@numba.njit(cache=True, error_model="numpy", nogil=True, no_cfunc_wrapper=True)
+def stages(first, last, kept, t, y, h, K, nodes, weights, n, senders, sensed, offsets, pieces, spans, P, A, W, S):
+    size = y.shape[0]
+    found = np.empty(size)
+    z = np.empty(size)
+    q = np.empty((n, {m}))
+    p = np.zeros((n, {m}))
+    u = np.empty((n, {m}))
+    rates = np.empty({rates})
+    for s in range(first, max(last, kept + 1)):
+        for c in range(size):
+            z[c] = y[c]
+        for k in range(s):
+            if weights[s, k] != 0.0:
+                factor = h * weights[s, k]
+                for c in range(size):
+                    z[c] += factor * K[k, c]
+        if s == kept:
+            for c in range(size):
+                found[c] = z[c]
+        if s < last:
+{slope}    return found
+"""
+# Loops in place of slices, shapes and assignments of whole arrays: to compile their checks takes longer than all else.
+
+
+def _scalar_module(formulas: LawFormulas, order: int) -> str:
+    m = formulas.dimension
+    source = _HEADER + _control_source(formulas, order) + _energies_source(formulas, order)
+    return source + _stages_source(m, order) + _shapes_source(formulas)
+
+
+def _shapes_source(formulas: LawFormulas) -> str:
+    source = ""
+    for number, pair in enumerate(formulas.pairs):
+        wanted, _ = held({name: getattr(pair, name) for name in ("along", "drag", "storage")}, "r")
+        source += _shape_function(f"shape{number}", "r", wanted, formulas)
+    for number, encounter in enumerate(formulas.encounters):
+        wanted, _ = held(encounter.after_distance, "distance")
+        source += _shape_function(f"shape_obstacles{number}", "distance", wanted, formulas)
+    return source
+
+
+def _shape_function(name: str, distance: str, wanted: dict[str, sympy.Expr], formulas: LawFormulas) -> str:
+    """Formulas as a function of the distance alone: what else they depend on is 1, or that of the first agent."""
+    from flocking.formula.printing import statements
+
+    names = free_names(wanted.values())
+    lines = [f"{n} = A[{n[1:]}, 0]" for n in names.per_agent] + [f"{n} = W[{n[1:]}, 0, -1]" for n in names.per_pair]
+    for other in sorted(names.others - {distance, "side", "reach"}):
+        lines += [f"{other} = {obstacle_slot(other, formulas.encounters, '0') or '1.0'}"]
+    lines += [*statements(wanted, arrays=False, prefix="s_"), "return " + ", ".join(wanted) + ","]
+    head = f"\n\ndef {name}({distance}, side, reach, P, A, W):\n"
+    kinds = (names.scalars, names.per_agent, names.per_pair)
+    reads = tuple(tuple(int(n[1:]) for n in slots) for slots in kinds)
+    acting = tuple(k for k, what in enumerate(wanted) if what in ("along", "drag") or what.startswith("force"))
+    facts = f"\n\n{name}.reads = {reads!r}\n{name}.acting = {acting!r}\n"
+    return head + _unpack(names, 1) + _indented(lines, 1) + facts
+
+
+def _unpack(names: Names, depth: int) -> str:
+    return _indented((f"{n} = P[{n[1:]}]" for n in names.scalars), depth)
+
+
+def _nonzero(formulas: Mapping[str, sympy.Expr]) -> dict[str, sympy.Expr]:
+    """Those that do anything: what is left out need not be compiled."""
+    return {name: value for name, value in formulas.items() if value != 0}
+
+
+def _sums(formulas: Iterable[str], m: int, share: str = "") -> list[str]:
+    """Lines that add what was computed, by the names of the formulas, to the force and to the sums."""
+    found, forces = [], {k: [f"force{k}"] if f"force{k}" in formulas else [] for k in range(m)}
+    if "along" in formulas:
+        found += ["scale = along / r if r > 0.0 else along * 0.0"]
+        forces = {k: [*parts, f"scale * d{k}"] for k, parts in forces.items()}
+    if "drag" in formulas:
+        forces = {k: [*parts, f"drag * v{k}"] for k, parts in forces.items()}
+    found += [f"u[i, {k}] += " + " + ".join(parts) for k, parts in forces.items() if parts]
+    sums = {"dissipation": "dissipated", "supply": "supplied"}
+    return found + [f"{total} += {share}{name}" for name, total in sums.items() if name in formulas]
+
+
+def _pair_loop(
+    number: int, pair: PairFormulas, wanted: dict[str, str], m: int, tail: list[str] | None = None, velocity: str = "p"
+) -> str:
+    """Loop over the ordered pairs of one graph, computing the ``wanted`` formulas, then the ``tail`` lines.
+
+    Without a ``tail`` the formulas are added to the force and the sums. ``velocity`` names the array of velocities:
+    ``u`` for the power of first-order agents.
+    """
+    from flocking.formula.printing import statements
+
+    chosen, split = held(_nonzero({name: getattr(pair, source) for name, source in wanted.items()}), "r")
+    if not chosen:
+        return ""
+    names = free_names(chosen.values())
+    axes = range(m)
+    body = ["i = senders[e]", "j = sensed[e]"]
+    body += [f"d{k} = q[j, {k}] - q[i, {k}]" for k in axes]
+    if "drag" in chosen or names.others & {"speed2", "radial", "pull"}:
+        body += [f"v{k} = {velocity}[j, {k}] - {velocity}[i, {k}]" for k in axes]
+    body += ["r = math.sqrt(" + " + ".join(f"d{k} * d{k}" for k in axes) + ")"]
+    body += piece_lines("r") if split else []
+    if "speed2" in names.others:
+        body += ["speed2 = " + " + ".join(f"v{k} * v{k}" for k in axes)]
+    if "radial" in names.others:
+        body += ["radial = (" + " + ".join(f"d{k} * v{k}" for k in axes) + ") / r if r > 0.0 else 0.0"]
+    relative = [f"(p[i, {k}] - frame{k})" if velocity == "p" else f"{velocity}[i, {k}]" for k in axes]
+    if "push" in names.others:
+        body += ["push = (" + " + ".join(f"d{k} * {f}" for k, f in enumerate(relative)) + ") / r if r > 0.0 else 0.0"]
+    if "pull" in names.others:
+        body += ["pull = " + " + ".join(f"v{k} * {f}" for k, f in enumerate(relative))]
+    if "functional" in names.others:
+        body += [f"functional = S[{number}, i]"]
+    body += [f"{n} = A[{n[1:]}, i]" for n in names.per_agent]
+    body += [f"{n} = W[{n[1:]}, i, j]" for n in names.per_pair]
+    body += statements(chosen, arrays=False, prefix=f"g{number}_")
+    head = f"for e in range(offsets[{number}], offsets[{number + 1}]):"
+    return _indented([head], 1) + _indented(body + (_sums(chosen, m, "0.5 * ") if tail is None else tail), 2)
+
+
+def _means(body: BodyFormulas, m: int) -> str:
+    """Means over the group where a formula uses them, then the velocity of the frame."""
+    from flocking.formula.printing import code
+
+    frame = _indented([f"frame{k} = {code(f, arrays=False)}" for k, f in enumerate(body.frame)], 1)
+    used = free_names([*body.named().values(), *body.frame]).others
+    if not any(n.startswith("mean_") for n in used):
+        return frame
+    lines = [f"mean_q{k} = 0.0" for k in range(m)] + [f"mean_p{k} = 0.0" for k in range(m)] + ["whole = 0.0"]
+    lines += ["for i in range(n):"]
+    lines += ["    whole += A[0, i]"]
+    lines += [f"    mean_q{k} += A[0, i] * q[i, {k}]" for k in range(m)]
+    lines += [f"    mean_p{k} += A[0, i] * p[i, {k}]" for k in range(m)]
+    lines += [f"mean_q{k} /= whole" for k in range(m)] + [f"mean_p{k} /= whole" for k in range(m)]
+    return _indented(lines, 1) + frame
+
+
+def _body_values(results: dict[str, sympy.Expr], m: int) -> list[str]:
+    from flocking.formula.printing import statements
+
+    names = free_names(results.values())
+    lines = [f"{x}{k} = {x}[i, {k}]" for x in "qp" for k in range(m) if f"{x}{k}" in names.others]
+    lines += [f"{n} = A[{n[1:]}, i]" for n in names.per_agent]
+    return lines + statements(results, arrays=False, prefix="b_")
+
+
+def _control_source(formulas: LawFormulas, order: int) -> str:
+    m, body = formulas.dimension, formulas.body
+    everything = [e for p in formulas.pairs for e in (*p.named().values(), p.flow)]
+    everything += [*body.named().values(), *body.frame, body.flow]
+    source = '@numba.njit(cache=True, error_model="numpy", nogil=True, no_cfunc_wrapper=True)\n'
+    source += "def control(t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S, u, rates):\n"
+    source += _indented(["n = q.shape[0]"], 1) + _unpack(free_names(everything), 1)
+    source += _indented(["work = 0.0", "dissipated = 0.0", "supplied = 0.0"], 1) + _means(body, m)
+    source += _indented(["for i in range(n):"], 1) + _indented([f"u[i, {k}] = 0.0" for k in range(m)], 2)
+    wanted = {name: name for name in ("along", "drag", *(("dissipation", "supply") if order == 2 else ()))}
+    for number, pair in enumerate(formulas.pairs):
+        source += _pair_loop(number, pair, wanted, m)
+    push = [f"u[i, {k}] += force{k}" for k in range(m)]
+    if order == 2:
+        push += ["dissipated += dissipation", "supplied += supply"]
+    for number, encounter in enumerate(formulas.encounters):
+        source += encounter_loop(number, len(formulas.pairs), encounter, m, push)
+    source += _indented(["for i in range(n):"], 1)
+    unwanted = {"storage"} if order == 2 else {"storage", "dissipation", "supply"}
+    results = _nonzero({k: v for k, v in body.named().items() if k not in unwanted})
+    lines = _body_values(results, m) + _sums(results, m)
+    if order == 2:
+        lines += ["work += " + " + ".join(f"u[i, {k}] * p[i, {k}]" for k in range(m))]
+    source += _indented(lines or ["pass"], 2)
+    if order == 1:
+        source += _flow_source(formulas)
+    source += _indented([f"rates[{k}] = {name}" for k, name in enumerate(RATES)], 1)
+    return source + "\n\n"
+
+
+def _flow_source(formulas: LawFormulas) -> str:
+    """Ledger of first-order agents: a gradient flow dissipates |u|^2; what else changes the storage is supplied."""
+    m, source = formulas.dimension, ""
+    for number, pair in enumerate(formulas.pairs):
+        source += _pair_loop(number, pair, {"supply": "flow"}, m, ["supplied += 0.5 * supply"], velocity="u")
+    power = ["supplied += " + " + ".join(f"force{k} * u[i, {k}]" for k in range(m))]
+    for number, encounter in enumerate(formulas.encounters):
+        source += encounter_loop(number, len(formulas.pairs), encounter, m, power)
+    if any(name.startswith("mean_u") for name in free_names([formulas.body.flow]).others):
+        lines = (
+            ["whole = 0.0"] + [f"mean_u{k} = 0.0" for k in range(m)] + ["for i in range(n):", "    whole += A[0, i]"]
+        )
+        lines += [f"    mean_u{k} += A[0, i] * u[i, {k}]" for k in range(m)]
+        source += _indented([*lines, *(f"mean_u{k} /= whole" for k in range(m))], 1)
+    source += _indented(["for i in range(n):"], 1)
+    flow = _nonzero({"supply": formulas.body.flow})
+    lines = [f"u{k} = u[i, {k}]" for k in range(m)] + _body_values(flow, m) + _sums(flow, m)
+    lines += ["work += " + " + ".join(f"u{k} * u{k}" for k in range(m))]
+    return source + _indented(lines, 2) + _indented(["dissipated = work"], 1)
+
+
+def _energies_source(formulas: LawFormulas, order: int) -> str:
+    m, body = formulas.dimension, formulas.body
+    everything = [p.storage for p in formulas.pairs] + [*body.named().values(), *body.frame]
+    source = '@numba.njit(cache=True, error_model="numpy", nogil=True, no_cfunc_wrapper=True)\n'
+    source += "def energies(t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S):\n"
+    source += _indented(["n = q.shape[0]"], 1) + _unpack(free_names(everything), 1)
+    source += _indented(["pairs = 0.0", "bodies = 0.0", "kinetic = 0.0"], 1) + _means(body, m)
+    for number, pair in enumerate(formulas.pairs):
+        source += _pair_loop(number, pair, {"storage": "storage"}, m, ["pairs += 0.5 * storage"])
+    storage = _nonzero({"storage": body.storage})
+    lines = _body_values(storage, m) + ["bodies += storage"] * len(storage)
+    # First-order agents have no inertia and so no kinetic energy.
+    if order == 2:
+        lines += [f"w{k} = p[i, {k}] - frame{k}" for k in range(m)]
+        squares = " + ".join(f"w{k} * w{k}" for k in range(m))
+        lines += [f"kinetic += 0.5 * {MASS.replace('0', '[0, i]')} * ({squares})"]
+    if lines:
+        source += _indented(["for i in range(n):"], 1) + _indented(lines, 2)
+    return source + "    return pairs, bodies, kinetic\n\n\n"
+
+
+def _stages_source(m: int, order: int) -> str:
+    """Stages of a Runge-Kutta step; the lines put in give row ``s`` of ``K``, the slope at the state ``z``."""
+    each = ["for i in range(n):", f"    for k in range({m}):"]
+    lines = [*each, f"        q[i, k] = z[i * {m} + k]"]
+    if order == 2:
+        lines += [f"        p[i, k] = z[(n + i) * {m} + k]"]
+    lines += ["control(t + nodes[s] * h, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S, u, rates)", *each]
+    if order == 2:
+        lines += [f"        K[s, i * {m} + k] = p[i, k]"]
+        lines += [f"        K[s, (n + i) * {m} + k] = (u[i, k] - A[1, i] * p[i, k]) / A[0, i]"]
+    else:
+        lines += [f"        K[s, i * {m} + k] = u[i, k]"]
+    lines += [f"for k in range({len(RATES)}):", f"    K[s, n * {m * order} + k] = rates[k]"]
+    return _STAGES.format(m=m, rates=len(RATES), slope=_indented(lines, 3))
+
+
+def _array_module(formulas: LawFormulas) -> str:
+    source = "import numpy\n\n\n"
+    for number, pair in enumerate(formulas.pairs):
+        source += _array_function(f"pair{number}", pair.named())
+        source += _array_function(f"pair_flow{number}", {"supply": pair.flow})
+    for number, encounter in enumerate(formulas.encounters):
+        source += encounter_function(number, encounter)
+    source += _array_function("body", formulas.body.named())
+    return source + _array_function("body_flow", {"supply": formulas.body.flow})
+
+
+def _array_function(name: str, results: dict[str, sympy.Expr]) -> str:
+    from flocking.formula.printing import statements
+
+    names = free_names(results.values())
+    source = f"def {name}(P, values):\n" + _unpack(names, 1)
+    wanted = [*names.per_agent, *names.per_pair, *sorted(names.others)]
+    source += _indented((f"{n} = values[{n!r}]" for n in wanted), 1)
+    source += _indented(statements(results, arrays=True, prefix="x_"), 1)
+    return source + _indented(["return {" + ", ".join(f"{k!r}: {k}" for k in results) + "}"], 1) + "\n\n"

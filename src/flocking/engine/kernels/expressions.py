@@ -1,0 +1,255 @@
+"""The formulas of a whole law, collected from its parts: what every generated kernel is printed from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from flocking.engine.kernels.layout import DAMPING, MASS, Layout
+from flocking.engine.kernels.obstacle_formulas import EncounterFormulas, encounter_formulas
+from flocking.formula.contact import defined_at_contact
+from flocking.formula.identities import nothing_or_itself
+from flocking.model.leaders_and_obstacles.leaders import Leader
+from flocking.model.terms.body_terms import Compensate
+from flocking.model.terms.fading_potentials import Fade
+from flocking.model.terms.symbols import BodySymbols, PairSymbols
+
+if TYPE_CHECKING:
+    import sympy
+
+    from flocking.model.terms.pair_terms import PairTerm
+
+
+@dataclass(frozen=True)
+class PairFormulas:
+    """Sum of all pair terms over one graph, per ordered pair.
+
+    ``flow`` is the supply of first-order agents, whose velocity is their control.
+
+    Parameters
+    ----------
+    along
+        Coefficient of n_ij.
+    drag
+        Coefficient of p_j - p_i.
+    storage, dissipation, supply
+        Energy stored by, power dissipated by and power supplied to an ordered pair.
+    """
+
+    along: sympy.Expr
+    drag: sympy.Expr
+    storage: sympy.Expr
+    dissipation: sympy.Expr
+    supply: sympy.Expr
+    flow: sympy.Expr
+
+    def named(self) -> dict[str, sympy.Expr]:
+        """The formulas by name."""
+        return {name: getattr(self, name) for name in ("along", "drag", "storage", "dissipation", "supply")}
+
+
+@dataclass(frozen=True)
+class BodyFormulas:
+    """Sum of all body terms, per agent.
+
+    ``flow`` is the supply of first-order agents, in terms of their velocity ``u0...`` and its mean ``mean_u0...``.
+
+    Parameters
+    ----------
+    force
+        One formula for each axis.
+    storage, dissipation, supply
+        Energy stored by, power dissipated by and power supplied to an agent.
+    """
+
+    force: tuple[sympy.Expr, ...]
+    storage: sympy.Expr
+    dissipation: sympy.Expr
+    supply: sympy.Expr
+    frame: tuple[sympy.Expr, ...]
+    flow: sympy.Expr
+
+    def named(self) -> dict[str, sympy.Expr]:
+        """The formulas by name."""
+        forces = {f"force{k}": f for k, f in enumerate(self.force)}
+        return {**forces, "storage": self.storage, "dissipation": self.dissipation, "supply": self.supply}
+
+
+@dataclass(frozen=True)
+class LawFormulas:
+    """All formulas of a law and its energy in ``dimension`` dimensions.
+
+    Parameters
+    ----------
+    pairs
+        One entry for each graph of the law.
+    body
+        Formulas of one agent by itself.
+    encounters
+        One entry for each group of obstacles.
+    """
+
+    dimension: int
+    pairs: tuple[PairFormulas, ...]
+    body: BodyFormulas
+    encounters: tuple[EncounterFormulas, ...] = ()
+
+
+def _symbol(name: str) -> sympy.Symbol:
+    import sympy
+
+    return sympy.Symbol(name, real=True)
+
+
+def _vector(name: str, dimension: int) -> list[sympy.Symbol]:
+    return [_symbol(f"{name}{k}") for k in range(dimension)]
+
+
+def law_formulas(layout: Layout, dimension: int, *, integrals: bool = True) -> LawFormulas:
+    """Collect the formulas of a law from its parts.
+
+    Symbols: ``r``, ``speed2``, ``radial``, ``functional``, ``push`` and ``pull`` of a pair; ``q0...``, ``p0...``,
+    ``t``, ``mean_q0...``, ``mean_p0...`` of an agent; the slots of `Layout` for parameters.
+
+    Parameters
+    ----------
+    layout
+        The law and its slots.
+    dimension
+        Number of axes m.
+    integrals
+        Whether energies that are integrals are stored; else what they exceed a closed form by counts as supplied.
+    """
+    body = _body_formulas(layout, dimension)
+    leaders = (None, *layout.leaders())
+    motions = {layout.leader_number(x): _leader_motion(layout, x, dimension) for x in leaders}
+    encounters = encounter_formulas(layout, dimension, body.frame, motions)
+    return LawFormulas(dimension, tuple(_pair_formulas(layout, integrals)), body, encounters)
+
+
+def _parameters(layout: Layout, owner: str) -> Callable[[str], sympy.Expr]:
+    return lambda name: _symbol(layout.slot(owner, name))
+
+
+def _fade(layout: Layout, term: PairTerm) -> Fade | None:
+    fall = layout.falls.get(layout.fall_owner(term))
+    if fall is None:
+        return None
+    symbols = [_parameters(layout, layout.fall_owner(term))(name) for name in fall.parameters]
+    return Fade(symbols[0], symbols[1], tuple(symbols[2:]))
+
+
+def _pair_formulas(layout: Layout, integrals: bool) -> list[PairFormulas]:
+    import sympy
+
+    r = sympy.Symbol("r", positive=True)
+    names = ("along", "drag", "storage", "dissipation", "supply")
+    found = []
+    for number, graph in enumerate(layout.law.graphs):
+        weight = graph.weight(r, _parameters(layout, f"graph{number}"))
+        terms = [t for t in layout.law.pair_terms if layout.law.graph_number(t) == number]
+        paired = not graph.directed and all("momentum" in t.symmetries for t in terms)
+        total: dict[str, sympy.Expr] = dict.fromkeys((*names, "flow"), sympy.Integer(0))
+        for term in terms:
+            x = PairSymbols(
+                r, weight, _symbol("speed2"), _symbol("radial"), _symbol("functional"),
+                _parameters(layout, layout.term_owner(term)), _fade(layout, term) if integrals else None,
+            )  # fmt: skip
+            stated = {name: sympy.sympify(getattr(term, name)(x)) for name in names}
+            if not paired:
+                stated["supply"] += _unpaired_power(stated["along"], stated["drag"])
+            for name, value in {**stated, "flow": _flow(stated, x, paired)}.items():
+                total[name] += value
+        found.append(PairFormulas(**{name: defined_at_contact(value, r) for name, value in total.items()}))
+    return found
+
+
+def _unpaired_power(along: sympy.Expr, drag: sympy.Expr) -> sympy.Expr:
+    """Power of pair forces beyond that of opposite pairs, which the terms state: it is supplied.
+
+    Counted as two per undirected link, like the others. The agent's own velocity relative to the frame enters
+    (``push``, ``pull``). Summed over both orders of a pair with equal coefficients it vanishes.
+    """
+    return along * (2 * _symbol("push") + _symbol("radial")) + drag * (2 * _symbol("pull") + _symbol("speed2"))
+
+
+def _flow(stated: dict[str, sympy.Expr], x: PairSymbols, paired: bool) -> sympy.Expr:
+    """Supply of first-order agents, dq/dt = u: what the storage gains beyond -|u|^2, the rate of a gradient flow."""
+    import sympy
+
+    # Forces of first-order agents see no velocities, whereas ``radial`` and ``push`` are here those of the motion.
+    along = stated["along"].subs({_symbol("radial"): 0, _symbol("speed2"): 0})
+    # An integral has the force as its slope, which no algebra finds in its series.
+    slope = along if x.fade is not None else sympy.diff(stated["storage"], x.r)
+    rate = slope * _symbol("radial")
+    if paired:
+        return nothing_or_itself(rate - along * _symbol("radial"))
+    return 2 * along * _symbol("push") + rate
+
+
+def _leader_motion(
+    layout: Layout, leader: Leader | None, dimension: int
+) -> tuple[Sequence[sympy.Expr], Sequence[sympy.Expr], Sequence[sympy.Expr]]:
+    import sympy
+
+    if leader is None:
+        zero = [sympy.Integer(0)] * dimension
+        return zero, zero, zero
+    t = _symbol("t")
+    parameter = _parameters(layout, f"leader{layout.leader_number(leader)}")
+    place = leader.position(t, parameter)
+    return (
+        place if place is not None else [parameter(f"place_{k}") for k in range(dimension)],
+        leader.velocity(t, parameter),
+        leader.acceleration(t, parameter),
+    )
+
+
+def _body_formulas(layout: Layout, dimension: int) -> BodyFormulas:
+    import sympy
+
+    energy = layout.energy
+    q, p = _vector("q", dimension), _vector("p", dimension)
+    mean_p = _vector("mean_p", dimension)
+    mass, damping = _symbol(MASS), _symbol(DAMPING)
+    frame_place, frame_velocity, frame_acceleration = _leader_motion(layout, energy.leader, dimension)
+    origin = {"lab": None, "leader": frame_place, "centre of mass": _vector("mean_q", dimension)}[energy.frame]
+    frame: Sequence[sympy.Expr] = mean_p if energy.frame == "centre of mass" else frame_velocity
+    force: list[sympy.Expr] = [sympy.Integer(0)] * dimension
+    storage = sympy.Integer(0)
+    relative = [a - b for a, b in zip(p, frame, strict=True)]
+    damped: sympy.Expr = sum((damping * v * w for v, w in zip(p, relative, strict=True)), sympy.Integer(0))
+    # Damping that the law compensates is no dissipation of the theorem's: the two cancel within the supply.
+    compensated = any(isinstance(t, Compensate) for t in layout.law.body_terms)
+    dissipation: sympy.Expr = sympy.Integer(0) if compensated else damped
+    # A frame that accelerates adds an inertial force; in the centre of mass it cancels over the group.
+    supply: sympy.Expr = -mass * sum(
+        (a * w for a, w in zip(frame_acceleration, relative, strict=True)), sympy.Integer(0)
+    )
+    supply -= damped if compensated else sympy.Integer(0)
+    gaps: list[sympy.Expr] = [sympy.Integer(0)] * dimension
+    for term in layout.law.body_terms:
+        place, velocity, acceleration = _leader_motion(layout, term.leader, dimension)
+        x = BodySymbols(
+            q, p, _symbol("t"), mass, damping, _vector("mean_q", dimension), mean_p, origin, frame,
+            place, velocity, acceleration, _parameters(layout, layout.term_owner(term)),
+        )  # fmt: skip
+        pushed, stored = list(term.force(x)), sympy.sympify(term.storage(x))
+        force = [a + b for a, b in zip(force, pushed, strict=True)]
+        storage += stored
+        # A term that descends its own storage leaves nothing for the ledger of first-order agents.
+        gaps = [g + nothing_or_itself(f + sympy.diff(stored, c)) for g, f, c in zip(gaps, pushed, q, strict=True)]
+        dissipated, supplied = term.balance(x)
+        dissipation += dissipated
+        supply += supplied
+    passing = sympy.diff(storage, _symbol("t"))
+    for leader in layout.leaders():
+        if not leader.closed_form:
+            place, velocity, _ = _leader_motion(layout, leader, dimension)
+            passing += sum((sympy.diff(storage, x) * v for x, v in zip(place, velocity, strict=True)), sympy.Integer(0))
+    # The centre of mass of first-order agents moves with the mean of their controls.
+    for axis, rate in zip(_vector("mean_q", dimension), _vector("mean_u", dimension), strict=True):
+        passing += sympy.diff(storage, axis) * rate
+    flow = passing + sum((g * u for g, u in zip(gaps, _vector("u", dimension), strict=True)), sympy.Integer(0))
+    return BodyFormulas(tuple(force), storage, dissipation, supply, tuple(frame), flow)

@@ -1,0 +1,215 @@
+"""Where each run-time parameter of a law sits in the arrays a compiled kernel is handed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from flocking.model.checks import Array
+from flocking.model.energy import Energy
+from flocking.model.graphs.weights import HashedWeights, PairWeights
+from flocking.model.law import Law
+from flocking.model.leaders_and_obstacles.leaders import Leader
+from flocking.model.state import Agents
+from flocking.model.terms.avoidance import ObstacleGroup, ObstacleTerm, PerObstacle
+from flocking.model.terms.fading_potentials import Fall
+from flocking.model.terms.pair_terms import Term, Value
+from flocking.model.terms.schedules import Schedule
+
+MASS, DAMPING = "A0", "A1"
+
+
+@dataclass(frozen=True)
+class Place:
+    """One coordinate of a leader whose position has no closed form: a parameter that is integrated as time goes on.
+
+    Parameters
+    ----------
+    leader
+        The leader.
+    axis
+        Which coordinate.
+    """
+
+    leader: Leader
+    axis: int
+
+    def at(self, t: float) -> float:
+        """The coordinate at time ``t``."""
+        return float(self.leader.at(t)[0][self.axis])
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Slots of all parameters of a law, in an order that depends on its structure alone.
+
+    Parameters
+    ----------
+    law
+        The law.
+    energy
+        The energy; its leader's parameters get slots too.
+    """
+
+    law: Law
+    energy: Energy
+
+    def leaders(self) -> tuple[Leader, ...]:
+        """Leaders of the law, then the energy's if it is another one."""
+        found = list(self.law.leaders)
+        if self.energy.leader is not None and all(self.energy.leader is not x for x in found):
+            found.append(self.energy.leader)
+        return tuple(found)
+
+    def encounters(self) -> tuple[tuple[ObstacleTerm, ObstacleGroup], ...]:
+        """Every group of obstacles with its term, in the order of the terms."""
+        return self._encounters
+
+    @cached_property
+    def _encounters(self) -> tuple[tuple[ObstacleTerm, ObstacleGroup], ...]:
+        return tuple((t, g) for t in self.law.body_terms if isinstance(t, ObstacleTerm) for g in t.groups)
+
+    def owners(self) -> list[tuple[str, dict[str, Value | PerObstacle | Place]]]:
+        """Every owner of parameters with what it owns, in slot order."""
+        found: list[tuple[str, dict[str, Value | PerObstacle | Place]]] = []
+        found += [(f"graph{k}", dict(g.parameters)) for k, g in enumerate(self.law.graphs)]
+        found += [(f"term{k}", dict(t.parameters)) for k, t in enumerate(self.law.terms)]
+        found += [(f"leader{k}", {**x.parameters, **self._places(x)}) for k, x in enumerate(self.leaders())]
+        found += [(owner, dict(fall.parameters)) for owner, fall in self.falls.items()]
+        found += [(f"obstacles{k}", dict(group.rows)) for k, (_, group) in enumerate(self.encounters())]
+        return found
+
+    @staticmethod
+    def _places(leader: Leader) -> dict[str, Place]:
+        if leader.closed_form:
+            return {}
+        return {f"place_{k}": Place(leader, k) for k in range(leader.dimension)}
+
+    @cached_property
+    def places(self) -> tuple[tuple[int, Place], ...]:
+        """Positions in P of the coordinates that are integrated as time goes on."""
+        owned = dict(self.owners())
+        found = ((slot, owned[owner][name]) for (owner, name), slot in self.slots.items())
+        return tuple((int(slot[1:]), value) for slot, value in found if isinstance(value, Place))
+
+    @cached_property
+    def slots(self) -> dict[tuple[str, str], str]:
+        """Symbol of each (owner, parameter).
+
+        ``P0``, ``P1``... one number, ``A2``... one per agent, ``W0``... one per pair, ``O0``... one per obstacle.
+        """
+        counts = {"P": 0, "A": 2, "W": 0, "O": 0}
+        found = {}
+        for owner, values in self.owners():
+            for name, value in values.items():
+                kind = _kind(value)
+                found[owner, name] = f"{kind}{counts[kind]}"
+                counts[kind] += 1
+        return found
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Numbers of slots for single numbers and for rows of obstacles."""
+        kinds = [slot[0] for slot in self.slots.values()]
+        return kinds.count("P"), kinds.count("O")
+
+    def slot(self, owner: str, name: str) -> str:
+        """Symbol of one parameter."""
+        return self.slots[owner, name]
+
+    @property
+    def structure(self) -> tuple[object, ...]:
+        """What fixes the kernels of the library's own parts: which terms act on which graph, and the slots."""
+        law = self.law
+        return (
+            tuple(g.structure for g in law.graphs),
+            tuple((t.structure, law.graph_number(t)) for t in law.pair_terms),
+            tuple((t.structure, self.leader_number(t.leader)) for t in law.body_terms),
+            tuple(type(t).__name__ for t in law.terms),
+            # Whether forces come in opposite pairs decides the formula of the ledger, not only its numbers.
+            tuple(g.directed for g in law.graphs),
+            tuple("momentum" in t.symmetries for t in law.pair_terms),
+            tuple(x.structure for x in self.leaders()),
+            (self.energy.structure, self.leader_number(self.energy.leader)),
+            tuple(self.slots.items()),
+        )
+
+    @property
+    def parts(self) -> tuple[object, ...]:
+        """Everything that states formulas; leaders and obstacles are parts of these."""
+        return (*self.law.graphs, *self.law.terms, self.energy)
+
+    def weight_kinds(self) -> tuple[str, ...]:
+        """Kind of each pair weight of a tiled kernel: ``"hash"`` or ``"matrix"``."""
+        weights = (value for _, owned in self.owners() for value in owned.values() if isinstance(value, PairWeights))
+        return tuple("hash" if isinstance(value, HashedWeights) else "matrix" for value in weights)
+
+    def leader_number(self, leader: Leader | None) -> int | None:
+        """Position of a leader in `leaders`."""
+        return None if leader is None else next(k for k, x in enumerate(self.leaders()) if x is leader)
+
+    @cached_property
+    def falls(self) -> dict[str, Fall]:
+        """Integrals over the fall of weights that terms store, by owner."""
+        found = {self.fall_owner(t): t.fall(t.over or self.law.graph) for t in self.law.pair_terms}
+        return {owner: fall for owner, fall in found.items() if fall is not None}
+
+    def fall_owner(self, term: Term) -> str:
+        """Owner name of the integral over the fall of a weight that a term stores."""
+        return f"fall of {self.term_owner(term)}"
+
+    def term_owner(self, term: Term) -> str:
+        """Owner name of a term."""
+        return f"term{next(k for k, t in enumerate(self.law.terms) if t is term)}"
+
+    def values(self, agents: Agents, n: int, t: float = 0.0) -> tuple[Array, Array, Array]:
+        """Numbers for the slots at time ``t``.
+
+        P has the single numbers, then the rows of `obstacle_rows`; A has shape (rows, n), W (matrices, n, n).
+
+        Parameters
+        ----------
+        agents
+            Masses, damping and headings.
+        """
+        scalars: list[float] = []
+        rows: list[Array] = [np.broadcast_to(agents.masses, n), np.broadcast_to(agents.damping, n)]
+        matrices: list[Array] = []
+        for _, owned in self.owners():
+            for value in owned.values():
+                if isinstance(value, PerObstacle):
+                    continue
+                if isinstance(value, Schedule | Place):
+                    value = value.at(t)
+                if isinstance(value, PairWeights):
+                    matrices.append(value.of(agents.headings, n))
+                elif np.ndim(value):
+                    rows.append(np.asarray(value, dtype=np.float64))
+                else:
+                    scalars.append(float(value))
+        pairs = np.array(matrices) if matrices else np.zeros((0, 1, 1))
+        P = np.concatenate([np.array(scalars, dtype=np.float64), self.obstacle_rows().ravel()])
+        return P, np.array(rows, dtype=np.float64), pairs
+
+    def obstacle_rows(self) -> Array:
+        """Numbers for the slots per obstacle, shape (rows, K): K is that of the largest group, the rest is NaN."""
+        rows = [v.values for _, owned in self.owners() for v in owned.values() if isinstance(v, PerObstacle)]
+        table = np.full((len(rows), max(map(len, rows), default=0)), np.nan)
+        for row, values in zip(table, rows, strict=True):
+            row[: len(values)] = values
+        return table
+
+
+def _kind(value: Value | PerObstacle | Place) -> str:
+    """Letter of the slots for a parameter."""
+    if isinstance(value, Place):
+        return "P"
+    if isinstance(value, PairWeights):
+        return "W"
+    if isinstance(value, PerObstacle):
+        return "O"
+    if isinstance(value, Schedule):
+        return "A" if value.per_agent else "P"
+    return "A" if np.ndim(value) else "P"

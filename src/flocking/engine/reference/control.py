@@ -1,0 +1,387 @@
+"""The bare law on NumPy arrays: the control of a state, and the control one agent can compute by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.kernels.codegen import array_kernels, free_names
+from flocking.engine.kernels.layout import Layout
+from flocking.engine.reference.finite_forces import check_finite, check_neighbours
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array, array, listed
+from flocking.model.checks import number as checked_number
+from flocking.model.energy import Energy
+from flocking.model.graphs.connectivity import Links
+from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.graphs.weights import MatrixWeights
+from flocking.model.law import Law
+from flocking.model.state import Agents, State
+from flocking.model.terms.schedules import Schedule
+
+__all__ = ["Agent", "Evaluation", "control", "control_of", "evaluate", "free_names"]
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Everything a law says about one state.
+
+    First-order agents move with velocity u and have no kinetic energy; their dissipation is that of a gradient
+    flow, the sum of |u_i|^2.
+
+    Parameters
+    ----------
+    u
+        Forces, shape (N, m).
+    storage
+        Energy stored in links and by agents.
+    kinetic
+        Kinetic energy in the frame of the energy.
+    dissipation, supply
+        Powers of the ledger.
+    pair_force_sum
+        Sum over ordered pairs of the absolute pair forces, shape (N,): the scale of rounding errors.
+    """
+
+    u: Array
+    storage: float
+    kinetic: float
+    dissipation: float
+    supply: float
+    pair_force_sum: Array
+
+
+def graph_links(law: Law, state: State, headings: Array | None = None) -> list[Links]:
+    """Link matrix of each graph of the law; the memory of the state serves the first."""
+    found = [g.start_links(state.q, headings) for g in law.graphs]
+    if state.links is not None:
+        found[0] = np.asarray(state.links)
+    return found
+
+
+def control(law: Law, state: State, *, agents: Agents | None = None) -> Array:
+    """Control u_i of every agent under ``law``.
+
+    Parameters
+    ----------
+    law
+        The control law.
+    state
+        Positions, velocities, time and, for graphs with memory, the links; without links the graph's initial
+        rule decides.
+    agents
+        Masses and damping; unit masses without damping when absent.
+
+    Returns
+    -------
+    Array
+        Forces u, shape (N, m).
+
+    Raises
+    ------
+    InvalidInput
+        When law, agents and state disagree in numbers of agents or dimensions, or the force between two neighbours
+        is not finite, as at one point under a potential that is infinite there.
+    """
+    return _evaluated(law, state, agents, None, checked=True).u
+
+
+def evaluate(law: Law, state: State, *, agents: Agents | None = None, energy: Energy | None = None) -> Evaluation:
+    """Control, energies and ledger powers of one state, on NumPy arrays over all linked pairs.
+
+    Parameters
+    ----------
+    law
+        The control law.
+    state
+        The state; see `control`.
+    agents
+        Masses and damping.
+    energy
+        Frame of the energies; the lab frame when absent.
+
+    Raises
+    ------
+    InvalidInput
+        When law, agents and state disagree in numbers of agents or dimensions.
+    """
+    return _evaluated(law, state, agents, energy, checked=False)
+
+
+def _evaluated(law: Law, state: State, agents: Agents | None, energy: Energy | None, *, checked: bool) -> Evaluation:
+    if not isinstance(state, State):
+        raise InvalidInput("control", "state", "must be a State", state, "Use fk.State(q, p).")
+    for name, part, kind in (("law", law, Law), ("agents", agents, Agents | None), ("energy", energy, Energy | None)):
+        if not isinstance(part, kind):
+            raise InvalidInput("control", name, f"must be {name.capitalize()}", part)
+    n, m = state.q.shape
+    agents = Agents() if agents is None else agents
+    agents.check_count(n)
+    if agents.order == 1:
+        state = replace(state, p=np.zeros_like(state.q))
+    law.check_count(n, m)
+    energy = energy or Energy()
+    layout = Layout(law, energy)
+    module = array_kernels(layout, m)
+    P, A, W = layout.values(agents, n, state.t)
+    u = np.zeros((n, m))
+    force_sum = np.zeros(n)
+    frame = frame_velocity(energy, state, A[0])
+    storage = dissipation = supply = 0.0
+    pairs = [np.nonzero(links) for links in graph_links(law, state, agents.headings)]
+    for number, (i, j) in enumerate(pairs):
+        functional = _functional(law, number, (i, j), n)
+        values, force = _pair_forces(module, number, state, (i, j), (P, A, W), functional, frame)
+        if checked:
+            check_finite("control", state.q[j] - state.q[i], force, (i, j))
+        np.add.at(u, i, force)
+        np.add.at(force_sum, i, np.linalg.norm(force, axis=1))
+        storage += 0.5 * float(np.sum(values["storage"] * np.ones(len(i))))
+        dissipation += 0.5 * float(np.sum(values["dissipation"] * np.ones(len(i))))
+        supply += 0.5 * float(np.sum(values["supply"] * np.ones(len(i))))
+    mean_q, mean_p = (A[0] @ x / A[0].sum() for x in (state.q, state.p))
+    given: dict[str, Any] = {"t": state.t, **{f"A{k}": row for k, row in enumerate(A)}}
+    for k in range(m):
+        given |= {f"q{k}": state.q[:, k], f"p{k}": state.p[:, k], f"mean_q{k}": mean_q[k], f"mean_p{k}": mean_p[k]}
+    body = {k: v * np.ones(n) for k, v in module.body(P, given).items()}
+    near = obstacles_met(law, layout, module, state.q, P, given)
+    for i, values in near:
+        np.add.at(u, i, np.stack([values[f"force{k}"] for k in range(m)], axis=1))
+        dissipation += float(values["dissipation"].sum())
+        supply += float(values["supply"].sum())
+    u += np.stack([body[f"force{k}"] for k in range(m)], axis=1)
+    storage += float(body["storage"].sum())
+    if agents.order == 1:
+        moving = {f"u{k}": u[:, k] for k in range(m)} | {f"mean_u{k}": v for k, v in enumerate(A[0] @ u / A[0].sum())}
+        supply = float(np.sum(module.body_flow(P, given | moving)["supply"] * np.ones(n)))
+        for number, (i, j) in enumerate(pairs):
+            seen = _pair_values(state.q, u, (i, j), (A, W), np.zeros(m))
+            flow = getattr(module, f"pair_flow{number}")(P, seen)["supply"]
+            supply += 0.5 * float(np.sum(flow * np.ones(len(i))))
+        for i, values in near:
+            supply += float(sum((values[f"force{k}"] * u[i, k]).sum() for k in range(m)))
+        return Evaluation(u, storage, 0.0, float((u**2).sum()), supply, force_sum)
+    kinetic = 0.5 * float(np.sum(A[0][:, None] * (state.p - frame) ** 2))
+    dissipation, supply = dissipation + float(body["dissipation"].sum()), supply + float(body["supply"].sum())
+    return Evaluation(u, storage, kinetic, dissipation, supply, force_sum)
+
+
+def obstacles_met(
+    law: Law, layout: Layout, module: Any, q: Array, P: Array, given: Mapping[str, Any]
+) -> list[tuple[Any, dict[str, Array]]]:
+    """For every group of obstacles: the agents within range, once for each obstacle, and what it does to them.
+
+    Parameters
+    ----------
+    layout, module
+        The law's slots, and its functions for NumPy.
+    P, given
+        Values of the slots of single numbers, and of all other names.
+    """
+    from flocking.engine.exact.crossings.obstacle_contacts import Encounters
+
+    rows, found = layout.obstacle_rows(), []
+    encounters = Encounters(law)
+    for level in encounters.levels:
+        if level.kind == "obstacle":
+            i, o = np.nonzero(encounters.within(level, q, given["t"]))
+            values = {k: v[i] if np.ndim(v) else v for k, v in given.items()}
+            values |= {f"O{k}": row[o] for k, row in enumerate(rows)}
+            with np.errstate(all="ignore"):
+                result = getattr(module, f"encounter{level.group}")(P, values)
+            found.append((i, {k: v * np.ones(len(i)) for k, v in result.items()}))
+    return found
+
+
+def _functional(law: Law, number: int, pairs: tuple[Any, Any], n: int) -> Array | None:
+    from flocking.model.graphs.functionals import graph_functional
+
+    links = np.zeros((n, n), dtype=bool)
+    links[pairs] = True
+    return graph_functional(law, number, links)
+
+
+def frame_velocity(energy: Energy, state: State, masses: Array) -> Array:
+    """Velocity of the frame of an energy, shape (m,)."""
+    if energy.frame == "centre of mass":
+        return np.asarray(masses @ state.p / masses.sum())
+    if energy.leader is not None:
+        return energy.leader.at(state.t)[1]
+    return np.zeros(state.dimension)
+
+
+def _pair_forces(
+    module: Any,
+    number: int,
+    state: State,
+    pairs: tuple[Any, Any],
+    slots: tuple[Array, Array, Array],
+    functional: Array | None,
+    frame: Array,
+) -> tuple[dict[str, Any], Array]:
+    i, _ = pairs
+    P, A, W = slots
+    given = _pair_values(state.q, state.p, pairs, (A, W), frame)
+    if functional is not None:
+        given["functional"] = functional[i]
+    r, d, v = given["r"], given.pop("d"), given.pop("v")
+    with np.errstate(all="ignore"):
+        values = getattr(module, f"pair{number}")(P, given)
+        along = np.broadcast_to(values["along"], r.shape)
+        direction = np.where(r[:, None] > 0, d / r[:, None], 0.0)
+        drag = np.broadcast_to(values["drag"], r.shape)
+        return values, along[:, None] * direction + drag[:, None] * v
+
+
+def _pair_values(
+    q: Array, p: Array, pairs: tuple[Any, Any], slots: tuple[Array, Array], frame: Array
+) -> dict[str, Any]:
+    """What pair formulas may use about each ordered pair, and the vectors d and v between the two."""
+    i, j = pairs
+    A, W = slots
+    d, v = q[j] - q[i], p[j] - p[i]
+    r = np.sqrt((d**2).sum(axis=1))
+    length = np.where(r > 0, r, 1.0)
+    given: dict[str, Any] = {
+        "r": r,
+        "d": d,
+        "v": v,
+        "speed2": (v**2).sum(axis=1),
+        "radial": (d * v).sum(axis=1) / length,
+    }
+    given["push"] = (d * (p[i] - frame)).sum(axis=1) / length
+    given["pull"] = (v * (p[i] - frame)).sum(axis=1)
+    given |= {f"A{k}": row[i] for k, row in enumerate(A)}
+    return given | {f"W{k}": matrix[i, j] for k, matrix in enumerate(W)}
+
+
+@dataclass(frozen=True, eq=False)
+class Agent:
+    """One agent as another one sees it.
+
+    Parameters
+    ----------
+    q, p
+        Position and velocity, shape (m,).
+    index
+        Which agent it is: selects per-agent and per-pair parameters of the law.
+
+    Raises
+    ------
+    InvalidInput
+        When shapes disagree or a value is not finite.
+    """
+
+    q: Array
+    p: Array
+    index: int = 0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "q", array("Agent", "q", self.q, ndim=1))
+        object.__setattr__(self, "p", array("Agent", "p", self.p, ndim=1))
+        if self.q.shape != self.p.shape:
+            raise InvalidInput("Agent", "p", f"must have {len(self.q)} components", self.p.tolist())
+
+
+def control_of(
+    law: Law,
+    agent: Agent,
+    neighbours: Sequence[Agent] | Mapping[Graph, Sequence[Agent]],
+    t: float = 0.0,
+    *,
+    mass: float = 1.0,
+    damping: float = 0.0,
+) -> Array:
+    """Control of one agent from what that agent may know: itself, its neighbours, the leader and the time.
+
+    Parameters
+    ----------
+    law
+        The control law; it must be distributed.
+    agent
+        The agent itself.
+    neighbours
+        Its neighbours under the law's graph, or one list per graph of the law. Who they are is the caller's
+        knowledge: nothing else about the group enters.
+    t
+        Time.
+    mass, damping
+        Mass and velocity damping of the agent.
+
+    Returns
+    -------
+    Array
+        Force u, shape (m,).
+
+    Raises
+    ------
+    InvalidInput
+        When the law needs more than neighbours can tell, or a neighbour is where the law has no force: at the
+        agent's own place under a potential that is infinite there, or beyond one of its poles.
+    """
+    for name, part, kind in (("law", law, Law), ("agent", agent, Agent)):
+        if not isinstance(part, kind):
+            raise InvalidInput("control_of", name, f"must be {name.capitalize()}", part)
+    t = checked_number("control_of", "t", t)
+    mass = checked_number("control_of", "mass", mass, above=0.0)
+    damping = checked_number("control_of", "damping", damping, least=0.0)
+    if not law.distributed:
+        raise InvalidInput(
+            "control_of", "law", "must be distributed", f"a law that needs the {', '.join(law.beyond_neighbours)}",
+            "Use control(law, state), which sees the whole group.",
+        )  # fmt: skip
+    m = len(agent.q)
+    layout = Layout(law, Energy())
+    module = array_kernels(layout, m)
+    lists = neighbours if isinstance(neighbours, Mapping) else {law.graph: neighbours}
+    rule = "must be agents with as many coordinates"
+    lists = {graph: listed("control_of", "neighbours", group, rule) for graph, group in lists.items()}
+    for seen_one in (b for group in lists.values() for b in group):
+        if not isinstance(seen_one, Agent) or len(seen_one.q) != m:
+            raise InvalidInput("control_of", "neighbours", rule, seen_one)
+    count = 1 + max([agent.index, *(b.index for group in lists.values() for b in group)])
+    P, A, W = _known_slots(law, layout, agent, count, mass, damping, t)
+    u = np.zeros(m)
+    for number, graph in enumerate(law.graphs):
+        seen = list(lists.get(graph, []))
+        if not seen:
+            continue
+        together = State(np.array([agent.q, *(b.q for b in seen)]), np.array([agent.p, *(b.p for b in seen)]), t)
+        k = np.arange(1, len(seen) + 1)
+        rows = A[:, [agent.index, *(b.index for b in seen)]]
+        index = np.array([b.index for b in seen])
+        weights = np.zeros((len(W), len(seen) + 1, len(seen) + 1))
+        if len(W):
+            weights[:, 0, 1:] = W[:, agent.index, index]
+        _, force = _pair_forces(module, number, together, (np.zeros_like(k), k), (P, rows, weights), None, np.zeros(m))
+        offsets = together.q[1:] - together.q[0]
+        check_neighbours("control_of", law, number, offsets, force, (np.full_like(index, agent.index), index))
+        u += force.sum(axis=0)
+    given: dict[str, Any] = {"t": t, **{f"A{k}": row[agent.index] for k, row in enumerate(A)}}
+    given |= {f"q{k}": agent.q[k] for k in range(m)} | {f"p{k}": agent.p[k] for k in range(m)}
+    given |= {f"mean_{letter}{k}": np.nan for letter in "qp" for k in range(m)}
+    body = module.body(P, given)
+    u += np.array([body[f"force{k}"] for k in range(m)], dtype=np.float64)
+    alone = {k: np.reshape(v, 1) if k != "t" else v for k, v in given.items()}
+    for _, values in obstacles_met(law, layout, module, agent.q[None], P, alone):
+        u += np.array([values[f"force{k}"].sum() for k in range(m)])
+    return u
+
+
+def _known_slots(
+    law: Law, layout: Layout, agent: Agent, count: int, mass: float, damping: float, t: float
+) -> tuple[Array, Array, Array]:
+    """Parameter arrays that reach at least to the largest index the agent has met."""
+    sizes = [
+        len(value.values if isinstance(value, MatrixWeights) else np.atleast_1d(value))
+        for _, owned in layout.owners()
+        for given in owned.values()
+        if isinstance(value := given.at(t) if isinstance(given, Schedule) else given, MatrixWeights | np.ndarray)
+    ]
+    total = max([count, *sizes])
+    masses, dampings = np.ones(total), np.zeros(total)
+    masses[agent.index], dampings[agent.index] = mass, damping
+    return layout.values(Agents(masses, dampings), total, t)

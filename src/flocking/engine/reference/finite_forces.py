@@ -1,0 +1,89 @@
+"""Refuses pairs of agents at which a law has no force."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array
+from flocking.model.law import Law
+from flocking.model.potentials.poles import poles
+from flocking.model.terms.pair_terms import Gradient
+
+Indices = NDArray[np.integer]
+
+
+def check_finite(owner: str, offsets: Array, forces: Array, pairs: tuple[Indices, Indices]) -> None:
+    """Check that the forces between neighbours are finite.
+
+    Parameters
+    ----------
+    owner
+        Who asks, for the error.
+    offsets, forces
+        q_j - q_i and the force on i, shape (k, m).
+    pairs
+        Numbers of the agents i and j, shape (k,) each.
+
+    Raises
+    ------
+    InvalidInput
+        When one is not; the error names both agents and their distance.
+    """
+    wrong = ~np.isfinite(forces).all(axis=1)
+    if wrong.any():
+        k = int(np.argmax(wrong))
+        if (offsets[k] == 0).all():
+            fix = "They are at the same point, where the law has no finite force; move one of them."
+        else:
+            fix = "The force has no finite value there; move one of them or soften the formula."
+        raise _refused(owner, offsets[k], pairs, k, fix)
+
+
+def check_neighbours(
+    owner: str, law: Law, graph: int, offsets: Array, forces: Array, pairs: tuple[Indices, Indices]
+) -> None:
+    """Check that forces are finite, and neighbours on this side of the potentials' poles.
+
+    A pole bounds the distances of neighbours where no link of the graph appears beyond it.
+
+    Parameters
+    ----------
+    graph
+        Number of the graph that makes them neighbours; for the others see `check_finite`.
+    offsets
+        Offsets from the sensing to the sensed agents, shape (pairs, m).
+    pairs
+        Sensing and sensed agents, shape (pairs,) each.
+
+    Raises
+    ------
+    InvalidInput
+        When a pair is elsewhere; the error names both agents and their distance.
+    """
+    distance = np.sqrt((offsets**2).sum(axis=1))
+    appears = float(np.max(np.asarray(law.graphs[graph].appear_radius)))
+    for term in law.pair_terms:
+        if not isinstance(term, Gradient) or law.graph_number(term) != graph:
+            continue
+        for pole in poles(term.potential):
+            if appears <= pole and (distance >= pole).any():
+                k = int(np.argmax(distance >= pole))
+                fix = f"The potential is infinite at distance {pole:.9g}: a pair inside never comes past it."
+                raise _refused(owner, offsets[k], pairs, k, fix)
+        # The slope of a logarithm goes on where the logarithm itself has no value.
+        nowhere = ~np.isfinite(term.potential(distance)) & (distance > 0)
+        if nowhere.any():
+            k = int(np.argmax(nowhere))
+            fix = "The potential has no finite value there; move one of them or soften the formula."
+            raise _refused(owner, offsets[k], pairs, k, fix)
+    check_finite(owner, offsets, forces, pairs)
+
+
+def _refused(owner: str, offset: Array, pairs: tuple[Indices, Indices], k: int, fix: str) -> InvalidInput:
+    distance = float(np.sqrt((offset**2).sum()))
+    return InvalidInput(
+        owner, "neighbours", "must be at distances where the forces of the law are finite",
+        f"agents {int(pairs[0][k])} and {int(pairs[1][k])} at distance {distance:.9g}", fix,
+    )  # fmt: skip

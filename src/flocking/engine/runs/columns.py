@@ -1,0 +1,237 @@
+"""The arrays of a run on disk: their names, dimensions, units, chunks and checksums."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.runs.run import OBSERVED_FIELDS, SWITCH_FIELDS, TRACE_FIELDS
+
+CHUNK_BYTES = 2**20
+"""Aim for the size of a chunk before compression."""
+
+LONGEST_CHUNK = 4096
+LARGEST_CHUNK = 2**25
+"""Bytes of a chunk at most: a frame of very many agents is cut into several, which are written side by side."""
+
+FRAME_PARTS = ("time", "position", "velocity", "links")
+"""What a frame is made of; all but the time have a checksum per frame, that of positions covers the time too."""
+
+GROWING = ("time", "step", "switch", "observation")
+"""Dimensions that grow while a run goes on."""
+
+KINDS = ("appear", "break", "kink", "obstacle")
+"""Kinds of switches; they are stored by number."""
+
+LEDGER = "ledger"
+QUANTITIES = tuple(TRACE_FIELDS.names or ())
+OBSERVED = "observables"
+MEASURES = tuple(OBSERVED_FIELDS.names or ())
+AXES = ("x", "y", "z")
+
+SWITCHES = {
+    "switch_time": "f8", "switch_agent": "i8", "switch_neighbour": "i8", "switch_kind": "u1", "switch_graph": "i8",
+    "switch_speed": "f8", "switch_tangential": "?", "switch_time_error": "f8", "switch_speed_error": "f8",
+}  # fmt: skip
+"""Columns of the table of switches, in the order of `SWITCH_FIELDS`."""
+
+FRAME_ERROR = "frame_error"
+ERRORS = ("position", "velocity")
+"""Columns of the errors of frames."""
+
+ARRAYS: dict[str, tuple[tuple[str, ...], str, dict[str, Any]]] = {
+    "time": (("time",), "f8", {"units": "unit of time", "long_name": "time of the frame"}),
+    "position": (("time", "agent", "axis"), "f8", {"units": "unit of length", "long_name": "positions q"}),
+    "velocity": (
+        ("time", "agent", "axis"), "f8", {"units": "unit of length / unit of time", "long_name": "velocities p"},
+    ),
+    "links": (
+        ("time", "agent", "neighbour"), "?", {"long_name": "whether the agent senses the neighbour", "units": "1"},
+    ),
+    "checksum": (("time", "part"), "u4", {"long_name": "CRC-32 of positions with time, of velocities, of links"}),
+    FRAME_ERROR: (("time", "error"), "f8", {"long_name": "estimated errors of positions and velocities"}),
+    LEDGER: (("step", "quantity"), "f8", {
+        "long_name": "energy ledger at every step", "units": "unit of energy, but of time for the time",
+    }),
+    OBSERVED: (("observation", "measure"), "f8", {"long_name": "what was observed at the frame times"}),
+    **{name: (("switch",), kind, {"long_name": f"{name.partition('_')[2].replace('_', ' ')} of the switch"})
+       for name, kind in SWITCHES.items()},
+    "agent": (("agent",), "i8", {"long_name": "number of the agent"}),
+    "neighbour": (("neighbour",), "i8", {"long_name": "number of the neighbour"}),
+    "axis": (("axis",), "str", {"long_name": "axis in space"}),
+    "quantity": (("quantity",), "str", {"long_name": "column of the ledger"}),
+    "measure": (("measure",), "str", {"long_name": "what is observed"}),
+    "error": (("error",), "str", {"long_name": "what the error is of"}),
+}  # fmt: skip
+"""Dimensions, type and attributes of every array. Positions and velocities of a run in single precision are f4."""
+ARRAYS["switch_kind"][2].update({"flag_values": list(range(len(KINDS))), "flag_meanings": " ".join(KINDS)})
+
+
+@dataclass(frozen=True)
+class Dimensions:
+    """Sizes of the arrays of one run.
+
+    Parameters
+    ----------
+    n, m
+        Numbers of agents and axes.
+    with_links
+        Whether frames hold link matrices.
+    precision
+        ``"float64"`` or ``"float32"``, of positions and velocities.
+    observed
+        Whether there are observations.
+    with_errors
+        Whether errors of frames are known.
+    """
+
+    n: int
+    m: int
+    with_links: bool
+    precision: str = "float64"
+    observed: bool = False
+    with_errors: bool = False
+
+    def names(self) -> tuple[str, ...]:
+        """Names of the arrays there are."""
+        left_out = (
+            (() if self.with_links else ("links", "neighbour"))
+            + (() if self.observed else (OBSERVED, "measure"))
+            + (() if self.with_errors else (FRAME_ERROR, "error"))
+        )
+        return tuple(name for name in ARRAYS if name not in left_out)
+
+    def _labels(self, name: str) -> Any:
+        if name == "axis":
+            return list(AXES[: self.m]) if self.m <= len(AXES) else [f"x{k + 1}" for k in range(self.m)]
+        columns = {"quantity": QUANTITIES, "measure": MEASURES, "error": ERRORS}
+        return list(columns[name]) if name in columns else np.arange(self.n)
+
+    def create(self, store: Any, name: str) -> None:
+        """Create one array in a store: empty along the axis that grows, coordinates with their labels."""
+        import zarr
+
+        dimensions, kind, attributes = ARRAYS[name]
+        if name in ("position", "velocity"):
+            kind = self.precision
+        grows = dimensions[0] in GROWING
+        sizes = {"agent": self.n, "neighbour": self.n, "axis": self.m, "quantity": len(QUANTITIES),
+                 "measure": len(MEASURES), "error": len(ERRORS), "part": 3 if self.with_links else 2}  # fmt: skip
+        shape = tuple(sizes.get(d, 0) for d in dimensions)
+        row = int(np.prod(shape[1:])) * (1 if kind == "str" else np.dtype(kind).itemsize)
+        first = max(1, min(LONGEST_CHUNK, CHUNK_BYTES // max(row, 1))) if grows else max(shape[0], 1)
+        rest = shape[1:]
+        if row > LARGEST_CHUNK:
+            rest = (max(1, LARGEST_CHUNK * rest[0] // row), *rest[1:])
+        array = zarr.create_array(
+            store, name=name, shape=shape, chunks=(first, *rest), dtype=kind, dimension_names=dimensions,
+            attributes=attributes,
+        )  # fmt: skip
+        if not grows:
+            array[:] = np.array(self._labels(name), dtype=object if kind == "str" else kind)
+
+
+def frame_checksums(parts: dict[str, Any]) -> np.ndarray[Any, Any]:
+    """CRC-32 of each part of each frame, shape (F, 3), or (F, 2) without links.
+
+    Parameters
+    ----------
+    parts
+        The stored arrays of some frames by name; the first axis of each counts the frames.
+    """
+    present = [name for name in FRAME_PARTS[1:] if name in parts]
+    found = np.empty((len(parts["time"]), len(present)), dtype=np.uint32)
+    for k in range(len(found)):
+        for column, name in enumerate(present):
+            begin = zlib.crc32(parts["time"][k].tobytes()) if name == "position" else 0
+            found[k, column] = zlib.crc32(np.ascontiguousarray(parts[name][k]).tobytes(), begin)
+    return found
+
+
+def switch_columns(switches: np.ndarray[Any, Any]) -> dict[str, Any]:
+    """Switches, fields `SWITCH_FIELDS`, as the columns stored.
+
+    Parameters
+    ----------
+    switches
+        Structured array, shape (K,).
+    """
+    names = SWITCH_FIELDS.names or ()
+    columns = {}
+    for column, field in zip(SWITCHES, names, strict=True):
+        values = switches[field]
+        if field == "kind":
+            values = np.array([KINDS.index(str(v)) for v in values])
+        columns[column] = np.ascontiguousarray(values, dtype=SWITCHES[column])
+    return columns
+
+
+def switch_table(columns: dict[str, Any]) -> np.ndarray[Any, Any]:
+    """Columns as stored, back as fields `SWITCH_FIELDS`.
+
+    Parameters
+    ----------
+    columns
+        Stored arrays by name, shape (K,) each; runs of format 1 have no errors, which then are unknown.
+    """
+    table = np.empty(len(columns["switch_time"]), dtype=SWITCH_FIELDS)
+    for column, field in zip(SWITCHES, SWITCH_FIELDS.names or (), strict=True):
+        if column not in columns:
+            table[field] = np.nan
+            continue
+        values = columns[column]
+        table[field] = np.array(KINDS)[values] if field == "kind" else values
+    return table
+
+
+def observed_rows(observed: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Observations, fields `OBSERVED_FIELDS`, as rows of numbers.
+
+    Parameters
+    ----------
+    observed
+        Structured array, shape (K,).
+    """
+    return np.stack([observed[name].astype(np.float64) for name in MEASURES], axis=-1)
+
+
+def observed_table(rows: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Rows of numbers, back as fields `OBSERVED_FIELDS`.
+
+    Parameters
+    ----------
+    rows
+        One column for each of `MEASURES`, shape (K, measures).
+    """
+    table = np.empty(len(rows), dtype=OBSERVED_FIELDS)
+    for k, name in enumerate(MEASURES):
+        table[name] = rows[:, k]
+    return table
+
+
+def ledger_rows(trace: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Ledger, fields `TRACE_FIELDS`, as rows of numbers.
+
+    Parameters
+    ----------
+    trace
+        Structured array, shape (K,).
+    """
+    return np.stack([trace[name] for name in QUANTITIES], axis=-1)
+
+
+def ledger_table(rows: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Rows of numbers, back as fields `TRACE_FIELDS`.
+
+    Parameters
+    ----------
+    rows
+        One column for each of `QUANTITIES`, shape (K, quantities).
+    """
+    table = np.empty(len(rows), dtype=TRACE_FIELDS)
+    for k, name in enumerate(QUANTITIES):
+        table[name] = rows[:, k]
+    return table

@@ -1,0 +1,146 @@
+"""The first difference between two runs, by time and agent."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.runs.run import Run
+from flocking.engine.runs.run_errors import accuracy_data
+from flocking.errors import InvalidInput
+from flocking.model.checks import number
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Where two runs part.
+
+    Parameters
+    ----------
+    what
+        What differs: ``"position"``, ``"velocity"``, ``"links"``, ``"switches"``, ``"ledger"``, ...
+    first, second
+        The two values.
+    time
+        When, where it is known.
+    agent
+        Who, where it concerns one agent.
+    """
+
+    what: str
+    first: Any
+    second: Any
+    time: float | None = None
+    agent: int | None = None
+
+    def __str__(self) -> str:
+        where = f"t = {self.time!r}: " if self.time is not None else ""
+        who = f" of agent {self.agent}" if self.agent is not None else ""
+        return f"{where}{self.what}{who}: {self.first} against {self.second}"
+
+
+def first_difference(one: Run, two: Run, *, tolerance: float = 0.0) -> Difference | None:
+    """The earliest difference of two runs, None when they are equal bit for bit.
+
+    Compared are frames, links, switches, ledger, observations and status; not the provenance, which says who computed
+    them.
+
+    Parameters
+    ----------
+    one, two
+        The runs.
+    tolerance
+        Differences of numbers up to this size do not count.
+
+    Raises
+    ------
+    InvalidInput
+        When the tolerance is negative.
+    """
+    number("first_difference", "tolerance", tolerance, least=0.0)
+    for name, value in (("one", one), ("two", two)):
+        if not isinstance(value, Run):
+            raise InvalidInput("first_difference", name, "must be a Run", value, "Read it with fk.read_run(folder).")
+    if one.q.shape[1:] != two.q.shape[1:]:
+        return Difference("number of agents and axes", one.q.shape[1:], two.q.shape[1:])
+    found = [d for d in _differences(one, two, tolerance) if d is not None]
+    # Sorting is stable: of differences at one time the frames come first, and those without a time last.
+    return min(found, key=lambda d: np.inf if d.time is None else d.time, default=None)
+
+
+def _differences(one: Run, two: Run, tolerance: float) -> Iterator[Difference | None]:
+    count = min(len(one.t), len(two.t))
+    apart = _apart(one.t[:count], two.t[:count], tolerance)
+    if apart.any():
+        count = int(np.argmax(apart))
+        yield Difference("time of a frame", float(one.t[count]), float(two.t[count]), float(one.t[count]))
+    for name, field in (("position", "q"), ("velocity", "p")):
+        yield _frame_difference(one, getattr(one, field), getattr(two, field), name, count, tolerance)
+    if one.links.shape[1:] == two.links.shape[1:]:
+        yield _frame_difference(one, one.links, two.links, "links", count, 0.0)
+    else:
+        yield Difference("whether links are kept", one.links.shape[1:], two.links.shape[1:])
+    yield _row_difference(one.switches, two.switches, "switch", tolerance)
+    yield _row_difference(one.trace, two.trace, "ledger", tolerance)
+    if one.observables is not None and two.observables is not None:
+        yield _row_difference(one.observables, two.observables, "observation", tolerance)
+    elif one.observables is not two.observables:
+        yield Difference("whether observations are kept", one.observables is not None, two.observables is not None)
+    if tolerance == 0 and _errors(one) != _errors(two):
+        yield Difference("estimated errors", _errors(one)[0], _errors(two)[0])
+    if len(one.t) != len(two.t):
+        longer = one if len(one.t) > len(two.t) else two
+        at = min(len(one.t), len(two.t))
+        yield Difference("number of frames", len(one.t), len(two.t), float(longer.t[at]))
+    for name in ("closest_linked", "closest_unlinked", "status"):
+        x, y = getattr(one, name), getattr(two, name)
+        same = x == y or (name != "status" and abs(x.distance - y.distance) <= tolerance)
+        both_none = name != "status" and not np.isfinite([x.distance, y.distance]).any()
+        if not (same or both_none):
+            yield Difference(name.replace("_", " "), x, y)
+
+
+def _errors(run: Run) -> tuple[Any, bytes]:
+    found = run.accuracy
+    return (None, b"") if found is None else (accuracy_data(found), found.frames.tobytes())
+
+
+def _apart(x: Any, y: Any, tolerance: float) -> np.ndarray[Any, Any]:
+    """Where two arrays differ: bit for bit without tolerance, so that 0.0 and -0.0 count and equal NaN do not."""
+    if x.dtype.kind != "f":
+        return np.asarray(x != y)
+    if x.dtype != y.dtype:
+        x, y = x.astype(np.float64), y.astype(np.float64)
+    kind = f"i{x.dtype.itemsize}"
+    bits = np.ascontiguousarray(x).view(kind) != np.ascontiguousarray(y).view(kind)
+    return np.asarray(bits if tolerance == 0 else bits & ~(np.abs(x - y) <= tolerance))
+
+
+def _frame_difference(run: Run, x: Any, y: Any, name: str, count: int, tolerance: float) -> Difference | None:
+    apart = _apart(x[:count], y[:count], tolerance).reshape(count, run.n, -1).any(axis=-1)
+    if not apart.any():
+        return None
+    frame, agent = (int(k) for k in np.argwhere(apart)[0])
+    first, second = (
+        f"neighbours {np.flatnonzero(v[frame, agent]).tolist()}" if v.dtype.kind == "b" else v[frame, agent].tolist()
+        for v in (x, y)
+    )
+    return Difference(name, first, second, float(run.t[frame]), agent)
+
+
+def _row_difference(x: Any, y: Any, name: str, tolerance: float) -> Difference | None:
+    count = min(len(x), len(y))
+    apart = np.zeros(count, dtype=bool)
+    for field in x.dtype.names:
+        apart |= _apart(x[field][:count], y[field][:count], tolerance)
+    if apart.any():
+        row = int(np.argmax(apart))
+        agent = int(x["i"][row]) if "i" in x.dtype.names else None
+        return Difference(name, x[row].tolist(), y[row].tolist(), float(min(x["time"][row], y["time"][row])), agent)
+    if len(x) != len(y):
+        longer = x if len(x) > len(y) else y
+        return Difference(f"number of {name} rows", len(x), len(y), float(longer["time"][count]))
+    return None

@@ -1,0 +1,284 @@
+"""Runs: what a simulation leaves behind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flocking.model.checks import Array
+from flocking.model.graphs.connectivity import Links
+from flocking.model.law import Scenario
+from flocking.model.state import State
+
+SWITCH_FIELDS = np.dtype(
+    [
+        ("time", "f8"), ("i", "i8"), ("j", "i8"), ("kind", "U10"), ("graph", "i8"), ("speed", "f8"),
+        ("tangential", "?"), ("time_error", "f8"), ("speed_error", "f8"),
+    ]
+)  # fmt: skip
+"""Fields of a recorded switch: ``kind`` is ``appear``, ``break`` or ``kink`` of a pair of agents, or ``obstacle``,
+where agent ``i`` comes within range of obstacle ``j`` or leaves it and ``graph`` is the group of obstacles; ``speed``
+is the rate of change of the distance as it crosses, negative when closing; ``tangential`` marks a crossing at which it
+vanishes; the errors of its time and of its speed are NaN where they are not known."""
+
+DOUBT_FIELDS = np.dtype(
+    [
+        ("begin", "f8"), ("end", "f8"), ("time", "f8"), ("i", "i8"), ("j", "i8"), ("kind", "U10"), ("graph", "i8"),
+        ("what", "U10"), ("margin", "f8"), ("error", "f8"),
+    ]
+)  # fmt: skip
+"""Fields of a switch that the integration error leaves open. ``kind`` is ``near miss``: a pair came within ``error`` of
+the distance at which it would have switched, ``margin`` short of it at ``time``, some time between ``begin`` and
+``end``; or ``switch``: it switched at ``time`` but went no further than ``error`` beyond. ``what`` is the kind of the
+switch as in `SWITCH_FIELDS`."""
+
+TRACE_FIELDS = np.dtype(
+    [
+        ("time", "f8"),
+        ("energy", "f8"),
+        ("kinetic", "f8"),
+        ("work", "f8"),
+        ("dissipated", "f8"),
+        ("supplied", "f8"),
+        ("jumped", "f8"),
+    ]
+)
+"""Fields of the ledger, one row per step: energy, and what was worked, dissipated, supplied and jumped until then."""
+
+OBSERVED_FIELDS = np.dtype(
+    [
+        ("time", "f8"), ("order", "f8"), ("speed", "f8"), ("spread", "f8"), ("flocks", "i8"), ("density", "f8"),
+        ("neighbours", "f8"), ("length", "f8"), ("defect", "f8"), ("closest", "f8"),
+    ]
+)  # fmt: skip
+"""Fields of an observation: polarisation, mean speed, largest deviation from the mean velocity, number of flocks,
+share of the agents in the largest one, mean number of neighbours, mean length of a link, standard deviation of the
+lengths over their mean (0 in a perfect lattice), and the smallest distance of linked agents."""
+
+
+@dataclass(frozen=True)
+class Closest:
+    """Closest approach of two agents over a whole run, certified on the engine's own solution.
+
+    Parameters
+    ----------
+    distance
+        How close they came; infinite when there was no such pair.
+    time
+        When.
+    pair
+        Who.
+    error
+        How far off the distance may be, from the error of the integration; NaN where it is not known.
+    """
+
+    distance: float = np.inf
+    time: float = np.nan
+    pair: tuple[int, int] = (-1, -1)
+    error: float = np.nan
+
+    def __eq__(self, other: object) -> bool:
+        """Equal in all; two values that are no numbers, as where there was no such pair, count as equal."""
+        if not isinstance(other, Closest):
+            return NotImplemented
+        values = ((self.distance, other.distance), (self.time, other.time), (self.error, other.error))
+        return self.pair == other.pair and all(a == b or (a != a and b != b) for a, b in values)
+
+    def __hash__(self) -> int:
+        return hash((self.distance, self.pair))
+
+
+@dataclass(frozen=True)
+class Largest:
+    """Largest value of a quantity over a whole run, certified on the engine's own solution.
+
+    Parameters
+    ----------
+    value
+        How large it was.
+    time
+        When.
+    agents
+        Whose it was: one agent, or two.
+    error
+        How far off the value may be, from the error of the integration.
+    """
+
+    value: float = -np.inf
+    time: float = np.nan
+    agents: tuple[int, ...] = ()
+    error: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Accuracy:
+    """What is known of the errors of a run.
+
+    Parameters
+    ----------
+    frames
+        Estimated error of any position and of any velocity at each frame, shape (F, 2).
+    doubts
+        Switches that the error leaves open, fields `DOUBT_FIELDS`.
+    largest
+        Largest values over the whole run: ``speed``, ``spread`` (distance of a velocity from the mean one),
+        ``diameter`` (distance of two agents), ``ledger`` (the part of the residual of the energy ledger that the
+        integration error explains, added up over the steps) and, with a leader of constant velocity,
+        ``relative speed``.
+    known_until
+        When the error became so large, or a switch in doubt decided so much, that nothing that comes later is known.
+    """
+
+    frames: Array
+    doubts: NDArray[Any]
+    largest: dict[str, Largest]
+    known_until: float = np.inf
+
+
+@dataclass(frozen=True, eq=False)
+class FineSamples:
+    """The computed solution at several times in every step of the integrator, for curves that miss no extremum.
+
+    Parameters
+    ----------
+    t
+        Times, ascending, shape (K,).
+    q, p
+        Positions and velocities, shape (K, N, m).
+    """
+
+    t: Array
+    q: Array
+    p: Array
+
+    def until(self, end: float) -> FineSamples:
+        """Those not later than ``end``."""
+        count = int(np.searchsorted(self.t, end, side="right"))
+        return FineSamples(self.t[:count], self.q[:count], self.p[:count])
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """Frames, switches and ledger of a simulation, with its scenario and provenance.
+
+    Parameters
+    ----------
+    scenario
+        What was simulated.
+    t
+        Frame times, shape (F,).
+    q, p
+        Frame positions and velocities, shape (F, N, m).
+    links
+        Link matrices of the law's graph at the frames, shape (F, N, N); (F, 0, 0) where a large run leaves them out.
+    switches
+        Switches in time order, fields `SWITCH_FIELDS`.
+    trace
+        The energy ledger at every step, fields `TRACE_FIELDS`.
+    closest_linked, closest_unlinked
+        Closest pair ever, among linked and among unlinked pairs.
+    status
+        ``"finished"``, or why the run stopped early.
+    provenance
+        Versions, engine, tolerances, seed, counts and times.
+    observables
+        What an engine for large groups observed at the frame times, fields `OBSERVED_FIELDS`; None where it was not
+        asked to.
+    fine
+        The solution between frames, where ``fine=True`` asked the exact engine for it; it is not stored on disk.
+    accuracy
+        What is known of its errors; None where nothing is.
+    """
+
+    scenario: Scenario
+    t: Array
+    q: Array
+    p: Array
+    links: NDArray[np.bool_]
+    switches: NDArray[Any]
+    trace: NDArray[Any]
+    closest_linked: Closest = field(default_factory=Closest)
+    closest_unlinked: Closest = field(default_factory=Closest)
+    status: str = "finished"
+    provenance: dict[str, Any] = field(default_factory=dict)
+    observables: NDArray[Any] | None = None
+    fine: FineSamples | None = None
+    accuracy: Accuracy | None = None
+
+    @property
+    def certain(self) -> NDArray[np.bool_]:
+        """Which of the switches are beyond doubt: the pair went further than the error, shape (K,)."""
+        known = np.isfinite(self.switches["time_error"])
+        if self.accuracy is None:
+            return np.zeros(len(self.switches), dtype=bool)
+        doubts = self.accuracy.doubts[self.accuracy.doubts["kind"] == "switch"]
+        names = ("time", "i", "j", "graph")
+        doubtful = {tuple(row[name] for name in names) for row in doubts}
+        certain = [tuple(row[name] for name in names) not in doubtful for row in self.switches]
+        return np.asarray(known & np.array(certain, dtype=bool))
+
+    @property
+    def n(self) -> int:
+        """Number of agents."""
+        return int(self.q.shape[1])
+
+    def __repr__(self) -> str:
+        """In one line: arrays have their own names."""
+        name = f"{self.scenario.name!r}, " if self.scenario.name else ""
+        span = f"t = {self.t[0]:g} to {self.t[-1]:g}" if len(self.t) else "none stored"
+        size = f"{self.n} agents, {len(self.t)} frames ({span}), {len(self.switches)} switches"
+        return f"<Run {name}{size}, {self.status}>"
+
+    @property
+    def finished(self) -> bool:
+        """Whether the run reached its end."""
+        return self.status == "finished"
+
+    def until(self, end: float) -> Run:
+        """The same run with its frames, fine samples, switches and ledger up to time ``end`` only.
+
+        Its closest approaches stay those of the whole run.
+        """
+        if not len(self.t) or self.t[-1] <= end:
+            return self
+        count = int(np.searchsorted(self.t, end, side="right"))
+        return replace(
+            self,
+            t=self.t[:count],
+            q=self.q[:count],
+            p=self.p[:count],
+            links=self.links[:count],
+            switches=self.switches[self.switches["time"] <= end],
+            trace=self.trace[self.trace["time"] <= end],
+            fine=self.fine.until(end) if self.fine is not None else None,
+        )
+
+    def state(self, frame: int) -> State:
+        """State at a stored frame, with its links."""
+        links = self.links[frame] if self.links.shape[1:] == (self.n, self.n) else None
+        return State(self.q[frame], self.p[frame], float(self.t[frame]), links)
+
+    def links_at(self, frame: int) -> Links:
+        """Link matrix at a stored frame, shape (N, N)."""
+        return np.asarray(self.links[frame])
+
+    @property
+    def residual(self) -> Array:
+        """What the ledger leaves unexplained at every step: H - H(0) + dissipated - supplied - jumped."""
+        trace = self.trace
+        return np.asarray(
+            trace["energy"] - trace["energy"][0] + trace["dissipated"] - trace["supplied"] - trace["jumped"]
+        )
+
+    @property
+    def turnover(self) -> float:
+        """Total energy moved: the sum over steps of absolute work, dissipation and supply."""
+        return float(sum(np.abs(np.diff(self.trace[name])).sum() for name in ("work", "dissipated", "supplied")))
+
+    @property
+    def closest(self) -> Closest:
+        """Closest pair ever, linked or not."""
+        return min(self.closest_linked, self.closest_unlinked, key=lambda c: c.distance)

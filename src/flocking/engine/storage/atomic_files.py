@@ -1,0 +1,286 @@
+"""Files that survive a kill: every one appears whole or not at all, and one writer at a time."""
+
+from __future__ import annotations
+
+import asyncio
+import atexit
+import errno
+import io
+import os
+import shutil
+import time
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
+from pathlib import Path
+from typing import Any, BinaryIO, cast
+
+from flocking.engine.memory_shortage import starved
+from flocking.errors import FlockingError, StorageError
+
+PARTIAL = ".partial"
+"""Ending of a file that is still being written; a kill may leave one behind, and nothing ever reads it."""
+
+ENDING = 30.0
+"""Seconds that the end of a process waits for a thread that has nothing left to do."""
+
+MAKING = 60.0
+"""Nobody takes more seconds than this between two writes while a folder is made."""
+
+
+RUN_STAYS = "What was committed before stays readable; free some space and go on with `flocking resume`."
+"""What becomes of a run that finds no room."""
+SWEEP_STAYS = "What was committed before stays readable; free some space, and the same sweep again goes on."
+NO_MEMORY = "the run asks for more memory than there is."
+NOTHING_WRITTEN = "Nothing was written; free some space or choose another folder."
+
+
+def put(path: Path, data: bytes | Callable[[BinaryIO], None], *, lasting: bool = True) -> int:
+    """Write a file so that a reader finds the old content or the new, never a part; returns its CRC-32.
+
+    The data may be a function that writes them, so that they need not be in memory at once. A lasting file is on the
+    disk, not in the system's memory alone, when this returns: it outlives a power cut.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f"{path.name}.{os.getpid()}{PARTIAL}")
+    try:
+        with open(partial, "wb") as file:
+            summed = _Summed(file)
+            if callable(data):
+                data(cast(BinaryIO, summed))
+            else:
+                summed.write(data)
+            if lasting:
+                file.flush()
+                os.fsync(file.fileno())
+        os.replace(partial, path)
+        return summed.sum
+    except BaseException:
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
+        raise
+
+
+def checksum(path: Path) -> int:
+    """CRC-32 of a file."""
+    found = 0
+    with open(path, "rb") as file:
+        while part := file.read(2**24):
+            found = zlib.crc32(part, found)
+    return found
+
+
+class _Summed(io.RawIOBase):
+    """Writes through to a file, front to back, and keeps the CRC-32 of what was written."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self.sum = 0
+        self._file = file
+
+    def writable(self) -> bool:
+        return True
+
+    def write(self, data: Any) -> int:
+        self.sum = zlib.crc32(data, self.sum)
+        return self._file.write(data)
+
+
+def settle(folders: set[Path]) -> None:
+    """Make the names of new files in ``folders`` survive a power cut."""
+    for folder in folders:
+        with suppress(OSError):  # Windows cannot open a folder
+            handle = os.open(folder, os.O_RDONLY)
+            try:
+                os.fsync(handle)
+            finally:
+                os.close(handle)
+    folders.clear()
+
+
+def sweep(folder: Path) -> None:
+    """Remove what an earlier kill left half written."""
+    for path in folder.rglob(f"*{PARTIAL}"):
+        path.unlink(missing_ok=True)
+
+
+def durable_store(folder: Path) -> Any:
+    """A Zarr store in ``folder`` whose files are written by `put`; ``touched`` collects the folders of new ones."""
+    from zarr.storage import LocalStore
+
+    end_zarr_patiently()
+
+    class DurableStore(LocalStore):  # type: ignore[misc]
+        """LocalStore with whole-file, synchronised writes."""
+
+        touched: set[Path]
+
+        async def set(self, key: str, value: Any) -> None:
+            """Write one file."""
+            self._check_writable()
+            path = folder / key
+            self.touched.add(path.parent)
+            # The metadata of an array need not last: the record of the run holds them again.
+            await asyncio.to_thread(put, path, value.to_bytes(), lasting=path.name != "zarr.json")
+
+    store = DurableStore(folder)
+    store.touched = set()
+    return store
+
+
+def write_file(path: Path, data: bytes, doing: str) -> Path:
+    """Write a file of its own, whole or not at all; folders that it lies in are made.
+
+    Parameters
+    ----------
+    doing
+        What it is for, in words that follow "cannot".
+
+    Raises
+    ------
+    StorageError
+        When it cannot be written; what was there before stays.
+    """
+    with told(path, doing, full=NOTHING_WRITTEN):
+        write_through(path, data)
+    return path
+
+
+def write_through(path: Path, data: bytes, *, parents: bool = True, lasting: bool = True) -> None:
+    """As `put`, for a file anywhere: the target of a link is replaced; a device or a pipe is written to.
+
+    Parameters
+    ----------
+    parents
+        Whether folders that it lies in are made.
+    lasting
+        Whether it must outlive a power cut.
+    """
+    if path.exists() and not path.is_file() and not path.is_dir():
+        path.write_bytes(data)
+    elif parents or path.resolve().parent.is_dir():
+        put(path.resolve() if path.is_symlink() else path, data, lasting=lasting)
+    else:
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
+
+
+@contextmanager
+def told(folder: Path, doing: str, *, full: str = RUN_STAYS) -> Iterator[None]:
+    """Turn failures of the file system into a `StorageError` that says what to do.
+
+    Parameters
+    ----------
+    doing
+        What was tried, in words that follow "cannot".
+    full
+        What becomes of it, and the way out, where no room is left.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise StorageError(f"{folder}: cannot {doing}: {_reason(error, full)}") from error
+
+
+@cache
+def end_zarr_patiently() -> None:
+    """Wait at the end of the process until the thread of Zarr has ended.
+
+    Zarr itself waits for 0.2 s and then closes what still runs, which on a busy machine ends in an error.
+    """
+    import zarr.core.sync as zarr_sync
+
+    def stop() -> None:
+        loop, thread = zarr_sync.loop[0], zarr_sync.iothread[0]
+        if loop is not None and thread is not None:
+            with suppress(RuntimeError):  # it has been closed
+                loop.call_soon_threadsafe(loop.stop)
+            thread.join(ENDING)
+
+    # What is registered last is called first.
+    atexit.register(stop)
+
+
+@contextmanager
+def read_soundly(folder: Path) -> Iterator[None]:
+    """Turn what a reader of strange data may meet into a `StorageError`."""
+    try:
+        yield
+    except FlockingError:
+        raise
+    except (ValueError, KeyError, TypeError, IndexError, AttributeError, ArithmeticError, RuntimeError) as error:
+        if starved(error):
+            raise StorageError(f"{folder}: {NO_MEMORY}") from None
+        reason = f"{type(error).__name__}: {error}"[:300]
+        raise StorageError(f"{folder}: the file was damaged or comes from elsewhere ({reason}).") from error
+    except MemoryError:
+        raise StorageError(f"{folder}: {NO_MEMORY}") from None
+
+
+def _reason(error: OSError, full: str) -> str:
+    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        return f"no room left ({error.strerror}). {full}"
+    if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+        return f"no permission ({error.strerror}). Choose another folder or change its rights."
+    return f"{error.strerror or error}."
+
+
+def partial_folder(folder: Path) -> Path:
+    """Where a folder is made before it appears under its own name.
+
+    Parameters
+    ----------
+    folder
+        The folder to be made.
+    """
+    return folder.with_name(f".{folder.name}.{os.getpid()}{PARTIAL}")
+
+
+def remove_left_over(place: Path) -> None:
+    """Remove folders in ``place`` that processes which are no more were about to make, see `partial_folder`.
+
+    Parameters
+    ----------
+    place
+        The folder they are in.
+    """
+    for path in place.glob(f".*{PARTIAL}"):
+        owner = path.name.removesuffix(PARTIAL).rpartition(".")[2]
+        if owner.isdigit() and path.is_dir() and not path.is_symlink() and not _alive(int(owner)):
+            with suppress(OSError):
+                # A process of another machine that shares the disk may be at work there.
+                if time.time() - max(x.stat().st_mtime for x in (path, *path.iterdir())) > MAKING:
+                    shutil.rmtree(path, ignore_errors=True)
+
+
+def _alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:
+        return True
+    return True
+
+
+@contextmanager
+def only_writer(folder: Path) -> Iterator[None]:
+    """Hold the folder's lock; the system frees it when the process dies.
+
+    Raises
+    ------
+    StorageError
+        When another process writes to the folder.
+    """
+    try:
+        import fcntl
+    except ImportError:  # Windows: nothing to lock with
+        yield
+        return
+    with open(folder / ".lock", "ab") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise StorageError(
+                f"{folder}: another process is writing this run; wait for it or choose another folder."
+            ) from None
+        yield

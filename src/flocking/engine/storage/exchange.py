@@ -1,0 +1,209 @@
+"""Runs for other programs: GSD (OVITO, freud), extended XYZ, NPZ, and tables of observables (CSV, Parquet)."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.runs.run import Run
+from flocking.engine.storage.atomic_files import NOTHING_WRITTEN, put, told
+from flocking.errors import InvalidInput, StorageError
+from flocking.model import observables
+from flocking.model.checks import Array
+from flocking.model.serial import ForeignPart, to_data
+from flocking.model.state import State
+
+MARGIN = 1.1
+"""The box of an export is so many times larger than the motion: no program wraps a position."""
+
+
+def export_run(run: Run, path: str | Path, *, to: str | None = None) -> Path:
+    """Write a run in the format of another program.
+
+    Parameters
+    ----------
+    run
+        The run.
+    path
+        The file; it is replaced when it exists.
+    to
+        ``"gsd"`` (positions in single precision as its schema asks; double precision, time and ledger in the
+        log), ``"xyz"`` (extended XYZ), ``"npz"`` (all arrays), ``"csv"`` or ``"parquet"`` (observables of
+        every frame). The ending of ``path`` decides when absent.
+
+    Raises
+    ------
+    InvalidInput
+        When the format is unknown.
+    StorageError
+        When the file cannot be written or the format needs a package that is not installed.
+    """
+    path = Path(path)
+    form = (to or path.suffix.removeprefix(".")).lower()
+    if form not in FORMATS:
+        raise InvalidInput("export_run", "to", f"must be one of {', '.join(FORMATS)}", form)
+    with told(path, f"write {form}", full=NOTHING_WRITTEN):
+        FORMATS[form](run, path)
+    return path
+
+
+def observable_table(run: Run) -> dict[str, Array]:
+    """Observables of every frame, by name, shape (F,) each.
+
+    Time, number of links, flocks and share of the largest, closest pair, order, largest deviation from the mean
+    velocity, and the mean position and velocity (weighted by mass) by axis. Without link matrices in the run
+    the first three are those that were observed while it went on, or missing. Of a run without frames: what was
+    observed.
+    """
+    from collections import defaultdict
+
+    rows: dict[str, list[float]] = defaultdict(list)
+    masses = run.scenario.agents.masses
+    linked = run.links.shape[1:] == (run.n, run.n)
+    seen = run.observables
+    if seen is not None and len(seen) and not len(run.t):
+        return {name: seen[name].astype(np.float64) for name in seen.dtype.names or ()}
+    observed = seen if seen is not None and not linked and np.array_equal(seen["time"], run.t) else None
+    for k in range(len(run.t)):
+        state = State(run.q[k], run.p[k], float(run.t[k]))
+        rows["time"].append(state.t)
+        if linked:
+            links = run.links_at(k)
+            rows["links"].append(int(np.count_nonzero(links | links.T)) // 2)
+            rows["flocks"].append(observables.flocks(links))
+            rows["largest_flock"].append(observables.density(links))
+        elif observed is not None:
+            rows["links"].append(round(observed["neighbours"][k] * run.n / 2))
+            rows["flocks"].append(observed["flocks"][k])
+            rows["largest_flock"].append(observed["density"][k])
+        rows["closest_pair"].append(observables.closest_pair(state)[0])
+        rows["order"].append(observables.order(state))
+        rows["velocity_spread"].append(observables.velocity_spread(state))
+        q, p = observables.mean_position(state, masses), observables.mean_velocity(state, masses)
+        for axis, name in enumerate(axis_names(len(q))):
+            rows[f"mean_{name}"].append(float(q[axis]))
+            rows[f"mean_v{name}"].append(float(p[axis]))
+    return {name: np.array(values, dtype=np.float64) for name, values in rows.items()}
+
+
+def axis_names(m: int) -> list[str]:
+    """Names of the axes of ``m``-dimensional space: x, y, z, or x1, x2, ... beyond three."""
+    return list("xyz"[:m]) if m <= 3 else [f"x{k + 1}" for k in range(m)]
+
+
+def _write_csv(run: Run, path: Path) -> None:
+    table = observable_table(run)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(table)
+    writer.writerows([repr(float(x)) for x in row] for row in zip(*table.values(), strict=True))
+    put(path, text.getvalue().encode())
+
+
+def _write_parquet(run: Run, path: Path) -> None:
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError:
+        raise _missing("pyarrow", "Parquet") from None
+    sink = pyarrow.BufferOutputStream()
+    parquet.write_table(pyarrow.table({k: pyarrow.array(v) for k, v in observable_table(run).items()}), sink)
+    put(path, sink.getvalue().to_pybytes())
+
+
+def _write_npz(run: Run, path: Path) -> None:
+    try:
+        scenario = json.dumps(to_data(run.scenario))
+    except ForeignPart:
+        scenario = ""
+    file = io.BytesIO()
+    np.savez_compressed(
+        file, t=run.t, q=run.q, p=run.p, links=run.links, switches=run.switches, trace=run.trace,
+        scenario=np.array(scenario), provenance=np.array(json.dumps(run.provenance, default=str)),
+        status=np.array(run.status),
+    )  # fmt: skip
+    put(path, file.getvalue())
+
+
+def _write_xyz(run: Run, path: Path) -> None:
+    lines = []
+    m = min(run.q.shape[2], 3)
+    _check_space(run)
+    for t, q, p in zip(run.t, run.q, run.p, strict=True):
+        lines += [str(run.n), f'Properties=species:S:1:pos:R:3:velo:R:3 Time={float(t)!r} pbc="F F F"']
+        rows = np.zeros((run.n, 6))
+        rows[:, :m], rows[:, 3 : 3 + m] = q, p
+        lines += ["A " + " ".join(repr(x) for x in row) for row in rows.tolist()]
+    put(path, ("\n".join(lines) + "\n").encode())
+
+
+def _write_gsd(run: Run, path: Path) -> None:
+    try:
+        import gsd.hoomd
+    except ImportError:
+        raise _missing("gsd", "GSD") from None
+    _check_space(run)
+    m = run.q.shape[2]
+    length = float(2 * MARGIN * max(np.abs(run.q).max(initial=0.0), 1.0))
+    masses = np.broadcast_to(np.asarray(run.scenario.agents.masses, dtype=np.float64), run.n)
+    linked = run.links.shape[1:] == (run.n, run.n)
+    partial = path.with_name(f"{path.name}.{os.getpid()}.partial")
+    try:
+        with gsd.hoomd.open(str(partial), "w") as file:
+            for k in range(len(run.t)):
+                frame = gsd.hoomd.Frame()
+                frame.configuration.step = k
+                frame.configuration.dimensions = 3 if m == 3 else 2
+                frame.configuration.box = [length, length, length if m == 3 else 0, 0, 0, 0]
+                frame.particles.N = run.n
+                frame.particles.types = ["A"]
+                frame.particles.mass = masses.astype(np.float32)
+                frame.particles.position = _in_space(run.q[k])
+                frame.particles.velocity = _in_space(run.p[k])
+                if linked:
+                    i, j = np.nonzero(np.triu(run.links[k] | run.links[k].T))
+                    frame.bonds.N, frame.bonds.types = len(i), ["link"]
+                    frame.bonds.group = np.stack([i, j], axis=1).astype(np.uint32)
+                    frame.bonds.typeid = np.zeros(len(i), dtype=np.uint32)
+                frame.log = {
+                    "flocking/time": np.array([run.t[k]]),
+                    "flocking/dimension": np.array([m]),
+                    "particles/flocking/position": np.ascontiguousarray(run.q[k]),
+                    "particles/flocking/velocity": np.ascontiguousarray(run.p[k]),
+                }
+                file.append(frame)
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def _in_space(values: Array) -> np.ndarray[Any, Any]:
+    """Vectors with zeros added up to three axes, in single precision."""
+    found = np.zeros((len(values), 3), dtype=np.float32)
+    found[:, : values.shape[1]] = values
+    return found
+
+
+def _check_space(run: Run) -> None:
+    if run.q.shape[2] > 3:
+        raise InvalidInput(
+            "export_run", "to", "must be npz, csv or parquet for more than 3 dimensions", run.q.shape[2],
+            "GSD and XYZ know three axes.",
+        )  # fmt: skip
+
+
+def _missing(package: str, form: str) -> StorageError:
+    return StorageError(f"{form} needs the package {package}: pip install 'flocking[export]'.")
+
+
+FORMATS: dict[str, Callable[[Run, Path], None]] = {
+    "gsd": _write_gsd, "xyz": _write_xyz, "npz": _write_npz, "csv": _write_csv, "parquet": _write_parquet,
+}  # fmt: skip
+"""Writers by the name of their format."""

@@ -1,0 +1,115 @@
+"""What the record of a run and the metadata of its arrays must say, checked before any of its data is decoded."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.archives.data_checks import And, Flag, MalformedError, Many, Maybe, Names, Row, Whole, Word
+from flocking.engine.runs.columns import ARRAYS, ERRORS, GROWING, LARGEST_CHUNK, MEASURES, QUANTITIES
+
+CODECS = ("bytes", "crc32c", "gzip", "vlen-utf8", "zstd")
+"""Codecs of Zarr format 3 that a run may use. None of them runs what it reads."""
+
+TYPES = {"f8": "float64", "f4": "float32", "i8": "int64", "u4": "uint32", "u1": "uint8", "?": "bool", "str": "string"}
+"""Zarr's names of the types of `flocking.engine.runs.columns.ARRAYS`."""
+
+CHECKPOINT_DIGITS = 6
+
+MOST_ROWS = 2**48
+"""No run has more rows of anything."""
+
+
+def checkpoint_name(number: int) -> str:
+    """Name of the file of a checkpoint.
+
+    Parameters
+    ----------
+    number
+        Number of the commit it belongs to.
+    """
+    return f"checkpoint-{number:0{CHECKPOINT_DIGITS}d}.npz"
+
+
+def _is_checkpoint(name: str) -> bool:
+    digits = name.removeprefix("checkpoint-").removesuffix(".npz")
+    return digits.isascii() and digits.isdigit() and name == checkpoint_name(int(digits[:18]))
+
+
+_CHECKPOINT = Names({
+    "file": And(Word(), "be the name of a checkpoint", _is_checkpoint), "checksum": Whole(),
+})  # fmt: skip
+_RECORD = Names(
+    {
+        "format": Whole(1), "title": Word(), "status": Word(), "commits": Whole(), "checkpoint": Maybe(_CHECKPOINT),
+        "n": Whole(1), "dimension": Whole(1), "links": Flag(), "arrays": Many(Word(tuple(ARRAYS))),
+        "counts": Names({"time": Whole(0, MOST_ROWS)}, {name: Whole(0, MOST_ROWS) for name in GROWING}),
+        "checksums": Names({}, {name: Whole() for name in ARRAYS}),
+        "scenario": Names({"checksum": Whole(), "left_out": Maybe(Word())}, others=True),
+    },
+    others=True,
+)  # fmt: skip
+
+
+def check_metadata(root: dict[str, Any], record: dict[str, Any]) -> None:
+    """Refuse a record, or metadata of arrays, that this library would not have written.
+
+    Parameters
+    ----------
+    root
+        The file that holds them.
+    record
+        The record of the last commit.
+
+    Raises
+    ------
+    MalformedError
+        When they are none; the message names what is wrong.
+    """
+    _RECORD.check(record, "")
+    Names(
+        {"zarr_format": Whole(3, 3), "node_type": Word(("group",)), "attributes": Names({}, others=True),
+         "consolidated_metadata": Names({"metadata": Names({}, others=True)}, others=True)},
+    ).check(root, "")  # fmt: skip
+    arrays = root["consolidated_metadata"]["metadata"]
+    if sorted(arrays) != sorted(record["arrays"]):
+        raise MalformedError("metadata must be of the arrays of the run")
+    missing = {"time", "position", "velocity", "checksum", "ledger"} - set(arrays)
+    if missing:
+        raise MalformedError(f"arrays must hold {', '.join(sorted(missing))}")
+    for name, data in arrays.items():
+        _check_array(name, data, record)
+    if arrays["position"]["data_type"] != arrays["velocity"]["data_type"]:
+        raise MalformedError("positions and velocities must have one precision")
+
+
+def _check_array(name: str, data: Any, record: dict[str, Any]) -> None:
+    dimensions, kind, _ = ARRAYS[name]
+    kinds: tuple[str, ...] = (TYPES[kind],)
+    if name in ("position", "velocity"):
+        kinds = ("float64", "float32")
+    shape = [*_sizes(dimensions, record)]
+    transformers = And(Many(Word()), "hold no transformers", lambda x: not x)
+    grid = Names({"name": Word(("regular",)), "configuration": Names({"chunk_shape": Row([Whole(1)] * len(shape))})})
+    codec = Names({"name": Word(CODECS)}, others=True)
+    keys = Names({"name": Word(("default",))}, others=True)
+    Names(
+        {"zarr_format": Whole(3, 3), "node_type": Word(("array",)), "shape": Row([Whole(k, k) for k in shape]),
+         "data_type": Word(kinds), "chunk_grid": grid, "chunk_key_encoding": keys, "codecs": Many(codec)},
+        {"storage_transformers": transformers}, others=True,
+    ).check(data, name)  # fmt: skip
+    size = 1 if kind == "str" else np.dtype(data["data_type"]).itemsize
+    if math.prod(data["chunk_grid"]["configuration"]["chunk_shape"]) * size > 2 * LARGEST_CHUNK:
+        raise MalformedError(f"{name}: chunks must be of {LARGEST_CHUNK // 2**20} MiB at most")
+
+
+def _sizes(dimensions: tuple[str, ...], record: dict[str, Any]) -> Iterator[int]:
+    known = {
+        "agent": record["n"], "neighbour": record["n"], "axis": record["dimension"], "quantity": len(QUANTITIES),
+        "measure": len(MEASURES), "error": len(ERRORS), "part": 3 if record["links"] else 2,
+    }  # fmt: skip
+    for name in dimensions:
+        yield known[name] if name in known else record["counts"].get(name, 0)

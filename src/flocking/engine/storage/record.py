@@ -1,0 +1,97 @@
+"""The record of a run on disk: what its last commit holds, sealed by a checksum."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from pathlib import Path
+from typing import Any
+
+from flocking.engine.archives.data_checks import MalformedError
+from flocking.engine.storage.atomic_files import put, settle
+from flocking.engine.storage.metadata import check_metadata
+from flocking.errors import StorageError
+
+FORMAT = 2
+"""Version of the layout on disk; a reader refuses newer ones. Runs of format 1 know nothing of their errors."""
+
+RECORD = "zarr.json"
+SCENARIO = "scenario.json"
+UNFINISHED = "unfinished"
+"""Status of a run whose writer has not said how it ended: it runs still, or was killed."""
+
+
+def read_record(folder: str | Path) -> dict[str, Any]:
+    """Record of the last commit of a run: its status, counts, checksums and checkpoint.
+
+    Raises
+    ------
+    StorageError
+        When there is no run, its record is damaged, or a newer version wrote it.
+    """
+    folder = Path(folder)
+    path = folder / RECORD
+    try:
+        root = json.loads(path.read_bytes())
+        record = root["attributes"]["flocking"]
+    except (FileNotFoundError, NotADirectoryError):
+        raise StorageError(f"{folder}: no run here. A run is a folder with a {RECORD}.") from None
+    except OSError as error:
+        raise StorageError(f"{folder}: cannot read the run: {error.strerror}.") from None
+    except (ValueError, KeyError, TypeError, RecursionError):
+        raise StorageError(f"{path}: no record of a run: the file was damaged or comes from elsewhere.") from None
+    if not isinstance(record, dict) or not isinstance(record.get("format"), int):
+        raise StorageError(f"{path}: no record of a run: the file was damaged or comes from elsewhere.")
+    if record["format"] > FORMAT:
+        raise StorageError(
+            f"{folder}: written by a newer version of flocking (format {record['format']}; this one reads {FORMAT}). "
+            "Update flocking to read it."
+        )
+    if record.pop("seal", None) != _seal(root):
+        raise StorageError(f"{path}: the record of the run does not match its checksum; the file was damaged.")
+    try:
+        check_metadata(root, record)
+    except MalformedError as error:
+        raise StorageError(f"{path}: no run that this version can read: {error}.") from None
+    return record
+
+
+def read_provenance(folder: Path) -> dict[str, Any]:
+    """Where a run comes from, as its last commit says."""
+    read_record(folder)
+    return dict(json.loads((folder / RECORD).read_bytes())["attributes"].get("provenance", {}))
+
+
+def written_by(folder: Path) -> str:
+    """Name of the engine that computes a run; empty where the run does not say."""
+    return str(read_provenance(folder).get("engine") or read_record(folder).get("session", {}).get("engine", ""))
+
+
+def write_record(folder: Path, record: dict[str, Any], provenance: dict[str, Any]) -> None:
+    """Replace the record of a run, and with it the shapes a reader sees, in one step.
+
+    Parameters
+    ----------
+    provenance
+        What `flocking.engine.runs.provenance` says of the run.
+    """
+    metadata = {name: json.loads((folder / name / RECORD).read_bytes()) for name in record["arrays"]}
+    for data in metadata.values():
+        # Rows that were appended and not committed must not show, whatever their array says of itself.
+        if (first := data["dimension_names"][0]) in record["counts"]:
+            data["shape"][0] = record["counts"][first]
+    root: dict[str, Any] = {
+        "zarr_format": 3, "node_type": "group",
+        "attributes": {
+            "title": record["title"], "provenance": json.loads(json.dumps(provenance, default=str)), "flocking": record,
+        },
+        "consolidated_metadata": {"kind": "inline", "must_understand": False, "metadata": metadata},
+    }  # fmt: skip
+    root["attributes"]["flocking"] = {**record, "seal": _seal(root)}
+    put(folder / RECORD, json.dumps(root).encode())
+    settle({folder})
+
+
+def _seal(root: dict[str, Any]) -> int:
+    """Checksum of all that the file says."""
+    return zlib.crc32(json.dumps(root, sort_keys=True).encode())

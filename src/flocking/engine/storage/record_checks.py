@@ -1,0 +1,67 @@
+"""Whether what a run holds fits the scenario it says it is of."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.archives.data_checks import MalformedError, Table
+from flocking.engine.runs.columns import KINDS, SWITCHES
+from flocking.errors import StorageError
+from flocking.model.law import Scenario
+from flocking.model.terms.avoidance import ObstacleTerm
+
+
+def check_records(
+    folder: Path, scenario: Scenario, record: dict[str, Any], parts: dict[str, Any], tables: dict[str, Any]
+) -> None:
+    """Refuse frames and tables that are not of a run of this scenario.
+
+    Parameters
+    ----------
+    folder
+        Where they are, for messages.
+    record
+        The record of the run.
+    parts, tables
+        Arrays of frames, and other arrays, by name.
+
+    Raises
+    ------
+    StorageError
+        When they are of another run.
+    """
+    shape = scenario.start.q.shape
+    if shape != (record["n"], record["dimension"]):
+        raise StorageError(
+            f"{folder}: holds {record['n']} agents in {record['dimension']} dimensions, "
+            f"its scenario {shape[0]} in {shape[1]}."
+        )
+    try:
+        _check(scenario, parts, tables)
+    except MalformedError as error:
+        raise StorageError(f"{folder}: no run of its scenario: {error}; the file was damaged.") from None
+
+
+def _check(scenario: Scenario, parts: dict[str, Any], tables: dict[str, Any]) -> None:
+    n = scenario.start.n
+    times = parts["time"]
+    Table("f8", (None,)).check(times, "time")
+    if (np.diff(times) < 0).any():
+        raise MalformedError("time must not run backwards")
+    for name in ("position", "velocity"):
+        Table(parts[name].dtype, parts[name].shape, ordered=False).check(parts[name], name)
+    obstacles = [max(g.numbers, default=0) for t in scenario.law.body_terms if isinstance(t, ObstacleTerm)
+                 for g in t.groups]  # fmt: skip
+    most = {
+        "switch_agent": n - 1, "switch_neighbour": max(n - 1, *obstacles, 0), "switch_kind": len(KINDS) - 1,
+        "switch_graph": len(scenario.law.graphs) + len(obstacles),
+    }  # fmt: skip
+    for name, highest in most.items():
+        if name in tables:
+            Table(SWITCHES[name], (None,), least=0, most=highest).check(tables[name], name)
+    for name, values in {**parts, **tables}.items():
+        if values.dtype.kind == "b" and np.ascontiguousarray(values).view(np.uint8).max(initial=0) > 1:
+            raise MalformedError(f"{name} must hold truth values")

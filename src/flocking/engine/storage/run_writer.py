@@ -1,0 +1,340 @@
+"""Writing a run to disk while it goes on: append, then commit."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import zlib
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from flocking.engine.runs.columns import (
+    FRAME_ERROR,
+    GROWING,
+    LEDGER,
+    OBSERVED,
+    Dimensions,
+    frame_checksums,
+    ledger_rows,
+    observed_rows,
+    switch_columns,
+)
+from flocking.engine.runs.run import Accuracy, Closest
+from flocking.engine.runs.run_errors import accuracy_data, json_number
+from flocking.engine.storage.atomic_files import (
+    NOTHING_WRITTEN,
+    durable_store,
+    only_writer,
+    partial_folder,
+    put,
+    remove_left_over,
+    settle,
+    sweep,
+    told,
+)
+from flocking.engine.storage.metadata import checkpoint_name
+from flocking.engine.storage.record import (
+    FORMAT,
+    RECORD,
+    SCENARIO,
+    UNFINISHED,
+    read_provenance,
+    read_record,
+    write_record,
+)
+from flocking.errors import StorageError
+from flocking.model.law import Law, Scenario
+from flocking.model.serial import ForeignPart, to_data
+
+
+class RunWriter:
+    """Appends frames, switches and ledger rows to a run on disk and commits them.
+
+    Use `create` for a new folder and `reopen` to go on after the last commit. Nothing that was appended
+    counts before `commit`. Use it in a ``with`` block.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        read_record(folder)
+        with told(folder, "write the run"), ExitStack() as opening:
+            opening.enter_context(only_writer(folder))
+            self.record = read_record(folder)
+            self._store = durable_store(folder)
+            self._arrays = self._open_arrays()
+            self._closing = opening.pop_all()
+        self._counts = dict.fromkeys(GROWING, 0) | dict(self.record["counts"])
+        self._sums = dict(self.record["checksums"])
+        self._provenance = read_provenance(folder)
+
+    @classmethod
+    def create(
+        cls,
+        folder: str | Path,
+        scenario: Scenario,
+        *,
+        plant: Law | None = None,
+        with_links: bool = True,
+        precision: str = "float64",
+        observed: bool = False,
+        with_errors: bool = False,
+        session: dict[str, Any] | None = None,
+    ) -> RunWriter:
+        """Start a run in a new or empty folder; its first commit, without frames, is made at once.
+
+        Parameters
+        ----------
+        folder
+            Where; it appears only once it holds a readable run.
+        scenario
+            What is simulated. One with a part from outside this library is left out; then reading needs it again.
+        plant
+            The law the agents really obey, where it is another.
+        with_links
+            Whether frames hold link matrices.
+        precision
+            ``"float64"`` or ``"float32"``, of the frames.
+        observed
+            Whether there will be observations.
+        with_errors
+            Whether errors of the frames will be known.
+        session
+            Engine and options, so that a run killed before its first commit can be started anew.
+
+        Raises
+        ------
+        StorageError
+            When the folder holds something already or cannot be written.
+        """
+        folder = Path(folder).resolve()
+        check_free(folder)
+        size = Dimensions(scenario.start.n, scenario.start.dimension, with_links, precision, observed, with_errors)
+        fresh = partial_folder(folder)
+        with told(folder, "create the run", full=NOTHING_WRITTEN):
+            remove_left_over(folder.parent)
+            try:
+                fresh.mkdir(parents=True)
+                text, reason = _scenario_text(scenario, plant)
+                put(fresh / SCENARIO, text)
+                store = durable_store(fresh)
+                for name in size.names():
+                    size.create(store, name)
+                record: dict[str, Any] = {
+                    "format": FORMAT, "title": scenario.name, "status": UNFINISHED, "commits": 0, "checkpoint": None,
+                    "n": size.n, "dimension": size.m, "links": with_links, "arrays": list(size.names()),
+                    "counts": dict.fromkeys(GROWING, 0), "checksums": {}, "closest": [None, None],
+                    "scenario": {"checksum": zlib.crc32(text), "left_out": reason}, "session": session or {},
+                }  # fmt: skip
+                write_record(fresh, record, {})
+                with suppress(FileNotFoundError):
+                    folder.rmdir()
+                os.rename(fresh, folder)
+            finally:
+                shutil.rmtree(fresh, ignore_errors=True)
+        return cls(folder)
+
+    @classmethod
+    def reopen(cls, folder: str | Path) -> RunWriter:
+        """Go on after the last commit of a run; what was appended after it is dropped.
+
+        Raises
+        ------
+        StorageError
+            When there is no run, or another process is writing it.
+        """
+        return cls(Path(folder))
+
+    def __enter__(self) -> RunWriter:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let other processes write; what was appended since the last commit does not count."""
+        self._closing.close()
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Rows appended so far along each of `flocking.engine.runs.columns.GROWING`."""
+        return dict(self._counts)
+
+    def _open_arrays(self) -> dict[str, Any]:
+        """The arrays as of the last commit, whatever happened to their own metadata since."""
+        import zarr
+
+        sweep(self.folder)
+        read_record(self.folder)
+        committed = json.loads((self.folder / RECORD).read_bytes())["consolidated_metadata"]["metadata"]
+        for name, metadata in committed.items():
+            if (self.folder / name).is_symlink():
+                raise StorageError(
+                    f"{self.folder / name}: a link to another place; a run is written in its own folder."
+                )
+            put(self.folder / name / RECORD, json.dumps(metadata).encode(), lasting=False)
+        return {name: zarr.open_array(self._store, path=name, mode="r+", zarr_format=3) for name in committed}
+
+    def append(self, t: Any, q: Any, p: Any, links: Any = None, errors: Any = None) -> None:
+        """Append frames: times (F,), positions and velocities (F, N, m), links (F, N, N), errors (F, 2).
+
+        Raises
+        ------
+        StorageError
+            When the disk is full or gone; what was committed stays.
+        """
+        kind = self._arrays["position"].dtype
+        parts = {"time": np.asarray(t, dtype="f8"), "position": np.asarray(q, kind), "velocity": np.asarray(p, kind)}
+        if self.record["links"]:
+            parts["links"] = np.asarray(links, dtype=bool)
+        if len(parts["time"]):
+            parts["checksum"] = frame_checksums(parts)
+            if FRAME_ERROR in self._arrays:
+                unknown = np.full((len(parts["time"]), 2), np.nan)
+                parts[FRAME_ERROR] = unknown if errors is None else np.asarray(errors, dtype="f8")
+            self._extend("time", parts)
+            if FRAME_ERROR in parts:
+                self._sum({FRAME_ERROR: parts[FRAME_ERROR]})
+
+    def append_records(
+        self, switches: np.ndarray[Any, Any], trace: np.ndarray[Any, Any], observed: np.ndarray[Any, Any] | None = None
+    ) -> None:
+        """Append switches, fields `SWITCH_FIELDS`, ledger rows, `TRACE_FIELDS`, and observations, `OBSERVED_FIELDS`.
+
+        Parameters
+        ----------
+        trace
+            Rows of the ledger, structured, shape (K,).
+        observed
+            Observations, structured, shape (K,); none when absent.
+
+        Raises
+        ------
+        StorageError
+            When the disk is full or gone; what was committed stays.
+        """
+        if len(switches):
+            # A run of format 1 has no columns for errors.
+            columns = {name: x for name, x in switch_columns(switches).items() if name in self._arrays}
+            self._extend("switch", columns)
+            self._sum(columns)
+        if len(trace):
+            ledger = {LEDGER: ledger_rows(trace)}
+            self._extend("step", ledger)
+            self._sum(ledger)
+        if observed is not None and len(observed) and OBSERVED in self._arrays:
+            seen = {OBSERVED: observed_rows(observed)}
+            self._extend("observation", seen)
+            self._sum(seen)
+
+    def _sum(self, columns: dict[str, Any]) -> None:
+        for name, values in columns.items():
+            self._sums[name] = zlib.crc32(np.ascontiguousarray(values).tobytes(), self._sums.get(name, 0))
+
+    def _extend(self, dimension: str, parts: dict[str, Any]) -> None:
+        old = self._counts[dimension]
+        new = old + len(next(iter(parts.values())))
+        with told(self.folder, "append to the run"):
+            for name, values in parts.items():
+                array = self._arrays[name]
+                array.resize((new, *array.shape[1:]))
+                array[old:new] = values
+        self._counts[dimension] = new
+
+    def commit(
+        self,
+        status: str = UNFINISHED,
+        *,
+        closest: tuple[Closest, Closest] = (Closest(), Closest()),
+        accuracy: Accuracy | None = None,
+        provenance: dict[str, Any] | None = None,
+        checkpoint: bytes | Callable[[BinaryIO], None] | None = None,
+    ) -> None:
+        """Make everything appended so far part of the run, in one step.
+
+        Parameters
+        ----------
+        status
+            How the run stands.
+        closest
+            Closest linked and unlinked pair so far.
+        accuracy
+            What is known of the errors so far.
+        provenance
+            Where the run comes from.
+        checkpoint
+            What `resume` needs to go on from the last frame appended, or a function that writes it; absent when the
+            run cannot go on.
+
+        Raises
+        ------
+        StorageError
+            When the disk is full or gone; the commit before stays.
+        """
+        number = self.record["commits"] + 1
+        record = {
+            **self.record, "status": status, "counts": dict(self._counts), "checksums": dict(self._sums),
+            "closest": [_closest_data(c) for c in closest], "commits": number, "checkpoint": None,
+            "accuracy": None if accuracy is None else accuracy_data(accuracy),
+        }  # fmt: skip
+        with told(self.folder, "commit to the run"):
+            if checkpoint is not None:
+                name = checkpoint_name(number)
+                record["checkpoint"] = {"file": name, "checksum": put(self.folder / name, checkpoint)}
+            settle(self._store.touched | {self.folder})
+            self._provenance = dict(provenance or {})
+            write_record(self.folder, record, self._provenance)
+        self.record = record
+        self._store.touched.clear()
+        for old in self.folder.glob("checkpoint-*.npz"):
+            if record["checkpoint"] is None or old.name != record["checkpoint"]["file"]:
+                old.unlink(missing_ok=True)
+
+    def mark(self, status: str) -> None:
+        """Say how the run stands, leaving the last commit as it is.
+
+        Raises
+        ------
+        StorageError
+            When the disk is full or gone.
+        """
+        record = {**self.record, "status": status}
+        with told(self.folder, "mark the run"):
+            write_record(self.folder, record, self._provenance)
+        self.record = record
+
+
+def check_free(folder: Path) -> None:
+    """Refuse a folder that holds something already.
+
+    Raises
+    ------
+    StorageError
+        When it does, or cannot be looked at.
+    """
+    with told(folder, "create the run", full=NOTHING_WRITTEN):
+        if (folder / RECORD).exists():
+            raise StorageError(
+                f"{folder}: holds a run already. Choose another folder, go on with `flocking resume`, or delete it."
+            )
+        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise StorageError(f"{folder}: not an empty folder. Choose another one; nothing is ever overwritten.")
+
+
+def _scenario_text(scenario: Scenario, plant: Law | None) -> tuple[bytes, str | None]:
+    try:
+        return json.dumps(to_data([scenario, plant])).encode(), None
+    except ForeignPart as error:
+        return b"null", str(error)
+
+
+def _closest_data(found: Closest) -> list[Any] | None:
+    return (
+        [found.distance, found.time, list(found.pair), json_number(found.error)]
+        if np.isfinite(found.distance)
+        else None
+    )

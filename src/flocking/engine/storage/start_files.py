@@ -1,0 +1,125 @@
+"""A start from a file: the last or any frame of a GSD or NPZ file, or a CSV table of agents."""
+
+from __future__ import annotations
+
+import csv
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.storage.atomic_files import told
+from flocking.engine.storage.exchange import axis_names
+from flocking.errors import InvalidInput, StorageError
+from flocking.model.state import State
+
+LARGEST_CSV = 2**28
+"""Largest CSV table read, in bytes; larger groups belong in NPZ or GSD."""
+
+
+def read_start(path: str | Path, *, frame: int = -1) -> State:
+    """Positions and velocities from a file, as a start at time 0 without links.
+
+    Parameters
+    ----------
+    path
+        ``.gsd``: any GSD file of the hoomd schema; ``.npz``: arrays ``q`` and, unless at rest, ``p`` of shape
+        (N, m) or (F, N, m); ``.csv``: a row per agent, columns ``x``, ``y``, ``z`` and, unless at rest,
+        ``vx``, ``vy``, ``vz``.
+    frame
+        Which frame of a file with several; the last by default.
+
+    Raises
+    ------
+    StorageError
+        When the file cannot be read or does not hold what its ending says.
+    InvalidInput
+        When the ending is unknown or the values make no state.
+    """
+    if not isinstance(path, str | Path):
+        raise InvalidInput("read_start", "path", "must be a path", path)
+    path = Path(path)
+    form = path.suffix.removeprefix(".").lower()
+    if form not in READERS:
+        raise InvalidInput("read_start", "path", f"must end in one of {', '.join('.' + k for k in READERS)}", str(path))
+    with told(path, f"read {form}"):
+        if not path.is_file():
+            raise StorageError(f"{path}: no such file.")
+        q, p = READERS[form](path, frame)
+    return State(q, p)
+
+
+def _pick(path: Path, count: int, frame: int) -> int:
+    if not -count <= frame < count:
+        raise StorageError(f"{path}: has {count} frames; there is no frame {frame}.")
+    return frame % count
+
+
+def _read_gsd(path: Path, frame: int) -> tuple[Any, Any]:
+    try:
+        import gsd.hoomd
+    except ImportError:
+        raise StorageError("GSD needs the package gsd: pip install 'flocking[export]'.") from None
+    try:
+        with gsd.hoomd.open(str(path), "r") as file:
+            found = file[_pick(path, len(file), frame)]
+    except RuntimeError as error:
+        raise StorageError(f"{path}: not a GSD file of the hoomd schema ({error}).") from None
+    exact = [found.log.get(f"particles/flocking/{name}") for name in ("position", "velocity")]
+    if exact[0] is not None and exact[1] is not None:
+        return exact[0], exact[1]
+    m = int(found.configuration.dimensions)
+    return found.particles.position[:, :m], found.particles.velocity[:, :m]
+
+
+def _read_npz(path: Path, frame: int) -> tuple[Any, Any]:
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            if not isinstance(file, np.lib.npyio.NpzFile) or "q" not in file.files:
+                raise StorageError(f"{path}: holds no array 'q'.")
+            q = file["q"]
+            p = file["p"] if "p" in file.files else np.zeros_like(q)
+    except (ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise StorageError(f"{path}: not an NPZ file of plain arrays ({error}).") from None
+    if q.ndim == 3 and q.shape == p.shape:
+        k = _pick(path, len(q), frame)
+        return q[k], p[k]
+    return q, p
+
+
+def _read_csv(path: Path, frame: int) -> tuple[Any, Any]:
+    if path.stat().st_size > LARGEST_CSV:
+        raise StorageError(f"{path}: too large for CSV; use NPZ.")
+    try:
+        rows = list(csv.DictReader(path.read_text(encoding="utf-8-sig").splitlines()))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise StorageError(f"{path}: not a CSV table ({error}).") from None
+    if not rows:
+        raise StorageError(f"{path}: holds no rows. It needs a header x,y[,z][,vx,vy[,vz]] and a row per agent.")
+    names = [str(name).strip() for name in rows[0]]
+    axes = next((a for m in (3, 2, 1) if set(a := axis_names(m)) <= set(names)), None)
+    if axes is None:
+        raise StorageError(f"{path}: has no columns x, y; its header is {','.join(names)}.")
+    speeds = [f"v{name}" for name in axes]
+    missing = [name for name in speeds if name not in names]
+    if missing and len(missing) < len(speeds):
+        raise StorageError(f"{path}: has no column {missing[0]}, but other velocities.")
+    table = {str(name).strip(): name for name in rows[0]}
+
+    def column(name: str) -> list[float]:
+        values = []
+        for number, row in enumerate(rows, start=2):
+            try:
+                values.append(float(row[table[name]]))
+            except (TypeError, ValueError):
+                raise StorageError(f"{path}: line {number}, column {name}: no number: {row[table[name]]!r}.") from None
+        return values
+
+    q = np.array([column(name) for name in axes]).T
+    return q, np.zeros_like(q) if missing else np.array([column(name) for name in speeds]).T
+
+
+READERS: dict[str, Callable[[Path, int], tuple[Any, Any]]] = {"gsd": _read_gsd, "npz": _read_npz, "csv": _read_csv}
+"""Readers by the ending of their files."""

@@ -1,0 +1,235 @@
+"""Runs on disk: a Zarr 3 group that grows by commits, each of them whole or absent.
+
+The folder of a run is the group itself, so that ``xarray.open_zarr(folder)`` shows labelled arrays. Its
+``zarr.json`` holds the record of the last commit together with the metadata of all arrays, and it is
+replaced last, in one step: whatever a reader opens, it finds the frames of that commit and no others.
+"""
+
+from __future__ import annotations
+
+import json
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.interruption import interrupted
+from flocking.engine.memory_shortage import starved
+from flocking.engine.runs.columns import (
+    ARRAYS,
+    FRAME_ERROR,
+    FRAME_PARTS,
+    LEDGER,
+    OBSERVED,
+    SWITCHES,
+    frame_checksums,
+    ledger_table,
+    observed_table,
+    switch_table,
+)
+from flocking.engine.runs.run import Closest, Run
+from flocking.engine.runs.run_errors import accuracy_of
+from flocking.engine.storage.atomic_files import NO_MEMORY, end_zarr_patiently, read_soundly, told
+from flocking.engine.storage.record import SCENARIO, read_record
+from flocking.engine.storage.record_checks import check_records
+from flocking.engine.storage.run_writer import RunWriter
+from flocking.errors import FlockingError, InvalidInput, StorageError
+from flocking.model.checks import integer
+from flocking.model.law import Law, Scenario
+from flocking.model.serial import from_data
+
+
+def write_run(run: Run, folder: str | Path) -> Path:
+    """Write a finished run to a new or empty folder.
+
+    Raises
+    ------
+    StorageError
+        When the folder holds something already or cannot be written.
+    """
+    links, observed = run.links.shape[1:] == (run.n, run.n), run.observables is not None
+    precision = "float32" if run.q.dtype == np.float32 else "float64"
+    how: dict[str, Any] = {
+        "with_links": links,
+        "precision": precision,
+        "observed": observed,
+        "with_errors": run.accuracy is not None,
+    }
+    with RunWriter.create(folder, run.scenario, **how) as writer:
+        writer.append(run.t, run.q, run.p, run.links, None if run.accuracy is None else run.accuracy.frames)
+        writer.append_records(run.switches, run.trace, run.observables)
+        closest = (run.closest_linked, run.closest_unlinked)
+        writer.commit(run.status, closest=closest, accuracy=run.accuracy, provenance=run.provenance)
+    return Path(folder)
+
+
+def read_run(folder: str | Path, *, scenario: Scenario | None = None, frames: int | None = None) -> Run:
+    """Read the committed part of a run.
+
+    Parameters
+    ----------
+    folder
+        Where it is.
+    scenario
+        Its scenario, for a run whose scenario could not be stored.
+    frames
+        Read only so many frames, for example those before a damaged one.
+
+    Raises
+    ------
+    StorageError
+        When there is no run, it was written by a newer version, or data do not match their checksums.
+    """
+    if not isinstance(folder, str | Path):
+        raise InvalidInput("read_run", "folder", "must be a path", folder)
+    if frames is not None:
+        integer("read_run", "frames", frames, least=0)
+    folder = Path(folder)
+    with read_soundly(folder):
+        return _read_run(folder, scenario, frames)
+
+
+def read_last(folder: Path, scenario: Scenario | None, last: int | None) -> Run:
+    """Read a run with its last frames alone: so many of them, or all.
+
+    Raises
+    ------
+    StorageError
+        When there is no run or it is damaged.
+    """
+    with read_soundly(folder):
+        return _read_run(folder, scenario, None, last)
+
+
+def _read_run(folder: Path, scenario: Scenario | None, frames: int | None, last: int | None = None) -> Run:
+    record = read_record(folder)
+    if scenario is None:
+        scenario, _ = read_scenario_of(folder)
+    with told(folder, "read the run"):
+        import zarr
+
+        end_zarr_patiently()
+        group = zarr.open_group(str(folder), mode="r", use_consolidated=True, zarr_format=3)
+        arrays = {name: group[name] for name in group.attrs["flocking"]["arrays"]}
+    count = record["counts"]["time"] if frames is None else min(frames, record["counts"]["time"])
+    first = 0 if last is None else max(0, count - last)
+    names = [name for name in (*FRAME_PARTS, "checksum") if name in arrays]
+    parts = {name: _read(folder, arrays[name], name, count, first) for name in names}
+    _check_frames(folder, parts, first)
+    rows = {name: record["counts"]["switch"] for name in SWITCHES if name in arrays}
+    rows[LEDGER] = record["counts"]["step"]
+    if OBSERVED in arrays:
+        rows[OBSERVED] = record["counts"]["observation"]
+    if FRAME_ERROR in arrays:
+        rows[FRAME_ERROR] = record["counts"]["time"]
+    tables = {name: _read(folder, arrays[name], name, length) for name, length in rows.items()}
+    for name, values in tables.items():
+        if len(values) and zlib.crc32(values.tobytes()) != record["checksums"].get(name):
+            raise StorageError(f"{folder}: the table {name!r} does not match its checksum; the file was damaged.")
+    check_records(folder, scenario, record, parts, tables)
+    errors = tables.get(FRAME_ERROR)
+    provenance = dict(group.attrs["provenance"])
+    linked, unlinked = (_closest_of(c) for c in record["closest"])
+    return Run(
+        scenario, parts["time"], parts["position"], parts["velocity"],
+        parts["links"] if record["links"] else np.zeros((count - first, 0, 0), dtype=bool),
+        switch_table(tables), ledger_table(tables[LEDGER]), linked, unlinked, record["status"], provenance,
+        observed_table(tables[OBSERVED]) if OBSERVED in tables else None,
+        accuracy=accuracy_of(record.get("accuracy"), errors if errors is None else errors[first:count]),
+    )  # fmt: skip
+
+
+def stored_facts(folder: str | Path) -> dict[str, Any]:
+    """What the record of a run says, without reading its frames: plain data for JSON.
+
+    Raises
+    ------
+    StorageError
+        When there is no run, its record is damaged, or a newer version wrote it.
+    """
+    folder = Path(folder)
+    with read_soundly(folder):
+        return _stored_facts(folder)
+
+
+def _stored_facts(folder: Path) -> dict[str, Any]:
+    record = read_record(folder)
+    with told(folder, "read the run"):
+        size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+    return {
+        "title": record["title"], "status": record["status"], "agents": record["n"], "dimension": record["dimension"],
+        "frames": record["counts"]["time"], "links": record["links"], "commits": record["commits"],
+        "can_go_on": record["checkpoint"] is not None or record["commits"] == 0,
+        "scenario_stored": not record["scenario"]["left_out"], "format": record["format"], "bytes": size,
+    }  # fmt: skip
+
+
+def read_scenario_of(folder: str | Path) -> tuple[Scenario, Law | None]:
+    """Scenario of a run on disk, and its plant where it has one.
+
+    Raises
+    ------
+    StorageError
+        When the scenario was not stored or is damaged.
+    """
+    folder = Path(folder)
+    about = read_record(folder)["scenario"]
+    if about["left_out"]:
+        raise StorageError(
+            f"{folder}: the run holds no scenario ({about['left_out']}). "
+            "Give it when reading: read_run(folder, scenario=...)."
+        )
+    with told(folder, "read the scenario"):
+        text = (folder / SCENARIO).read_bytes()
+    if zlib.crc32(text) != about["checksum"]:
+        raise StorageError(f"{folder / SCENARIO}: the scenario does not match its checksum; the file was damaged.")
+    try:
+        scenario, plant = from_data(json.loads(text))
+    except (FlockingError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        raise StorageError(f"{folder / SCENARIO}: no scenario that this version can build: {error}") from None
+    if not isinstance(scenario, Scenario) or not isinstance(plant, Law | None):
+        raise StorageError(f"{folder / SCENARIO}: holds no scenario.")
+    return scenario, plant
+
+
+def _read(folder: Path, array: Any, name: str, count: int, begin: int = 0) -> np.ndarray[Any, Any]:
+    """Rows from ``begin`` up to ``count``; a chunk that cannot be decoded is named by its rows."""
+    try:
+        if array.shape[0] < count:
+            raise ValueError(f"{array.shape[0]} rows instead of {count}")
+        return np.asarray(array[begin:count])
+    except Exception as fault:  # each codec has errors of its own
+        if interrupted(fault):
+            raise KeyboardInterrupt from None
+        if starved(fault):
+            raise StorageError(f"{folder}: {NO_MEMORY}") from None
+        size = array.chunks[0]
+        for first in range(begin - begin % size, count, size):
+            try:
+                array[first : first + size]
+            except Exception:
+                last = min(first + size, count) - 1
+                rows = f"frames {first} to {last}" if name in ARRAYS else f"rows {first} to {last}"
+                raise StorageError(
+                    f"{folder}: a chunk of {name!r} is damaged ({rows}): {fault}. "
+                    f"The frames before can be read with read_run(folder, frames={first})."
+                ) from None
+        raise StorageError(f"{folder}: the array {name!r} cannot be read: {fault}") from None
+
+
+def _check_frames(folder: Path, parts: dict[str, Any], first: int) -> None:
+    found = frame_checksums(parts)
+    for at, row in enumerate(np.atleast_2d(found != parts["checksum"])):
+        if row.any():
+            name, k = [n for n in FRAME_PARTS[1:] if n in parts][int(np.argmax(row))], first + at
+            raise StorageError(
+                f"{folder}: frame {k} of {name!r} (t = {parts['time'][at]:.9g}) does not match its checksum; the file "
+                f"was damaged. The frames before can be read with read_run(folder, frames={k})."
+            )
+
+
+def _closest_of(data: list[Any] | None) -> Closest:
+    if data is None:
+        return Closest()
+    return Closest(float(data[0]), float(data[1]), (data[2][0], data[2][1]), *(float(x) for x in data[3:]))

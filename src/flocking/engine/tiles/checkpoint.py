@@ -1,0 +1,124 @@
+"""What a tiled session remembers, as plain numbers and named arrays, and back."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, fields
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.archives.archive import PLAIN, Arrays
+from flocking.engine.archives.data_checks import MalformedError
+from flocking.engine.fixed_step.law_gaps import LawGaps
+from flocking.engine.runs.run import Closest
+from flocking.engine.tiles.checkpoint_form import check_session
+from flocking.engine.tiles.instability import Instability
+from flocking.engine.tiles.integrators import Books
+from flocking.engine.tiles.neighbours.neighbour_lists import TileLists
+from flocking.engine.tiles.particle_memory import CrowdMemory
+from flocking.engine.tiles.records import Records
+from flocking.engine.tiles.session import TilesOptions, TilesSession, TilesSnapshot
+from flocking.model.law import Law, Scenario
+
+PARTS: dict[str, type[Any]] = {
+    part.__name__: part for part in (Books, Closest, CrowdMemory, Instability, LawGaps, TileLists)
+}
+"""Classes that memory may hold."""
+
+
+def flattened(value: Any, arrays: Arrays) -> Any:
+    """A value as data for JSON; arrays go to ``arrays`` and leave their name.
+
+    Raises
+    ------
+    TypeError
+        When the value holds what cannot be stored.
+    """
+    if isinstance(value, np.ndarray):
+        name = f"array{len(arrays)}"
+        arrays[name] = value
+        return {"array": name}
+    if isinstance(value, np.generic):
+        return {"scalar": value.item(), "type": value.dtype.str}
+    if isinstance(value, list | tuple):
+        return {type(value).__name__: [flattened(x, arrays) for x in value]}
+    if isinstance(value, dict):
+        return {"dict": {str(name): flattened(x, arrays) for name, x in value.items()}}
+    if type(value).__name__ in PARTS and type(value) is PARTS[type(value).__name__]:
+        return {"part": type(value).__name__, "of": {f.name: flattened(getattr(value, f.name), arrays)
+                                                     for f in fields(value)}}  # fmt: skip
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    raise TypeError(f"a checkpoint cannot hold a {type(value).__name__}")
+
+
+def restored(data: Any, arrays: Arrays) -> Any:
+    """The value that `flattened` gave ``data`` for.
+
+    Parameters
+    ----------
+    arrays
+        Arrays by the names that ``data`` mentions.
+    """
+    if not isinstance(data, dict):
+        return data
+    if "array" in data:
+        return arrays[data["array"]]
+    if "scalar" in data:
+        kind = np.dtype(data["type"])
+        if kind.kind not in PLAIN:
+            raise MalformedError(f"a number cannot be of type {kind}")
+        return kind.type(data["scalar"])
+    if "list" in data:
+        return [restored(x, arrays) for x in data["list"]]
+    if "tuple" in data:
+        return tuple(restored(x, arrays) for x in data["tuple"])
+    if "dict" in data:
+        return {name: restored(x, arrays) for name, x in data["dict"].items()}
+    if data["part"] not in PARTS:
+        raise MalformedError(f"memory holds no part called {str(data['part'])[:40]}")
+    return PARTS[data["part"]](**{name: restored(x, arrays) for name, x in data["of"].items()})
+
+
+def pack_tiles(session: TilesSession) -> tuple[dict[str, Any], Arrays]:
+    """Numbers and arrays of a session, but for its scenario and the records on disk; arrays are not copied."""
+    arrays: Arrays = {}
+    kept = session.snapshot(copied=False)
+    whole = {
+        "step": kept.step, "time": kept.time, "plan": kept.plan, "steps": kept.steps, "crowd": kept.crowd,
+        "scheme": kept.scheme, "records": kept.records.memory(), "farthest": kept.farthest,
+        "law_gaps": kept.law_gaps, "instability": kept.instability,
+    }  # fmt: skip
+    return {"options": asdict(kept.options), "session": flattened(whole, arrays)}, arrays
+
+
+def restore_tiles(
+    numbers: dict[str, Any],
+    arrays: Arrays,
+    scenario: Scenario,
+    stored: dict[str, int],
+    threads: int | None,
+    plant: Law | None = None,
+) -> TilesSession:
+    """The session that was packed, with so many records of each kind ``stored`` on disk.
+
+    Parameters
+    ----------
+    numbers, arrays
+        What was packed.
+    threads
+        Number of threads; all processors when absent.
+    plant
+        The law the agents really obey.
+    """
+    options = TilesOptions(**numbers["options"])
+    kept = restored(numbers["session"], arrays)
+    check_session(kept, Books, CrowdMemory, scenario)
+    records = Records(scenario, options.precision, keep_frames=options.keep_frames, observe=options.observe)
+    records.recall(kept["records"], stored)
+    snapshot = TilesSnapshot(
+        scenario, options, kept["step"], kept["time"], kept["plan"], kept["crowd"], kept["scheme"], records,
+        kept["steps"], kept["farthest"], kept["law_gaps"], kept["instability"],
+        plant,
+    )  # fmt: skip
+    return TilesSession.resume(snapshot, threads=threads)

@@ -1,0 +1,178 @@
+"""What the memory of a tiled session must look like, by the scenario and the crowd it belongs to."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flocking.engine.archives.data_checks import (
+    And,
+    Flag,
+    Form,
+    MalformedError,
+    Many,
+    Maybe,
+    Names,
+    Part,
+    Real,
+    Row,
+    Table,
+    Whole,
+    squarable,
+)
+from flocking.engine.fixed_step.law_gaps import LawGaps
+from flocking.engine.runs.run import TRACE_FIELDS, Closest
+from flocking.engine.tiles.instability import SAMPLE, Instability
+from flocking.engine.tiles.kernels.tile_sums import SUMS
+from flocking.engine.tiles.neighbours.neighbour_lists import LINKED, NUMBER, TILES_IN_CHUNK, WIDTH, TileLists
+from flocking.model.law import Scenario
+
+if TYPE_CHECKING:
+    from flocking.engine.tiles.particle_arrays import Crowd
+
+ANY = Real(finite=False)
+POSITIVE = Real(least=0.0, finite=False)
+ROWS_AT_ONCE = 2**18
+
+
+def check_session(kept: Any, books: type[Any], memory: type[Any], scenario: Scenario) -> None:
+    """Refuse what cannot be the memory of a session of a scenario; its crowd is checked by `check_crowd`.
+
+    Parameters
+    ----------
+    kept
+        What was read.
+    books, memory
+        Classes of the ledger of a scheme, and of the memory of a crowd.
+
+    Raises
+    ------
+    MalformedError
+        When it is none; the message names what is wrong.
+    """
+    n, m = scenario.start.q.shape
+    slack = 1e-9 * max(1.0, abs(scenario.start.t), abs(scenario.t_end))
+    time = Real(scenario.start.t - slack, scenario.t_end + slack)
+    row = Row([ANY] * len(TRACE_FIELDS.names or ()))
+    plan = And(
+        Row([time, time, Whole(1), Whole()]), "lead forward",
+        lambda x: bool(x[0] <= x[1] and x[3] <= x[2]),
+    )  # fmt: skip
+    sums = And(Names({}, dict.fromkeys(SUMS, ANY)), "hold all sums or none", lambda x: len(x) in (0, len(SUMS)))
+    integrals = Table("f8", (3,), finite=False)
+    ledger = Part(books, {"integrals": integrals, "jumped": ANY, "sums": sums, "ahead": integrals})
+    Names(
+        {
+            "step": Real(least=float(np.finfo(float).tiny)), "time": time, "plan": plan, "steps": Whole(),
+            "crowd": Part(memory, {"fields": Names({}, others=True)}),
+            "scheme": Names({"last": Real(least=0.0), "counted": Flag(), "books": ledger}),
+            "records": Names({
+                "count": Whole(0, len(scenario.frame_times)), "apart": ANY, "first": Maybe(row),
+                "open": And(Many(row), "hold one row at most", lambda x: len(x) <= 1), "closest": _closest(n),
+            }),
+            "farthest": POSITIVE,
+            "law_gaps": Part(LawGaps, {"checks": Whole(), "gap": ANY, "allowed": ANY, "worst": ANY}),
+            "instability": _instability(n, m),
+        }
+    ).check(kept, "session")  # fmt: skip
+
+
+def _closest(n: int) -> Part:
+    pair = And(
+        Row([Whole(-1, n - 1)] * 2), "name two agents or none", lambda x: (x[0] < 0) == (x[1] < 0)
+    )  # fmt: skip
+    return Part(Closest, {"distance": ANY, "time": ANY, "pair": pair, "error": ANY})
+
+
+def _instability(n: int, m: int) -> Form:
+    looked_at = len(range(0, n, max(1, n // SAMPLE)))
+    return And(
+        Part(
+            Instability,
+            {
+                "speed": POSITIVE, "streak": Whole(), "grown": ANY, "rebuilds": Whole(-1),
+                "places": Maybe(Table("i4", (looked_at,), least=0, most=n - 1)),
+                "change": Maybe(Table("f8", (looked_at, m), finite=False)), "products": ANY, "sizes": ANY,
+                "compared": Whole(), "early": ANY, "late": ANY, "turns": Whole(),
+            },
+        ),
+        "say which agents changed", lambda x: x.change is None or x.places is not None,
+    )  # fmt: skip
+
+
+def check_crowd(fields: dict[str, Any], crowd: Crowd) -> None:
+    """Refuse what cannot be the memory of a crowd.
+
+    Parameters
+    ----------
+    fields
+        What was read.
+    crowd
+        A crowd of the same scenario and options.
+
+    Raises
+    ------
+    MalformedError
+        When it is none; the message names what is wrong.
+    """
+    n, agent = crowd.n, Whole(0, crowd.n - 1)
+    kind, large = crowd.dtype, squarable(crowd.dtype)
+    lists = Part(
+        TileLists,
+        {
+            "rows": Table("u4", (None, WIDTH)), "first": Table("i8", (crowd.tiles,), least=0),
+            "count": Table("i4", (crowd.tiles,), least=0),
+        },
+    )  # fmt: skip
+    # No tile has more rows than there are agents, and room grows by an eighth of what is needed.
+    most_room = TILES_IN_CHUNK * n * 9 // 8 + 8
+    Names(
+        {
+            "X": Table(kind, (2 * crowd.m, crowd.size), -large, large, ordered=False),
+            "ids": Table("i4", (crowd.size,), least=0, most=n - 1),
+            "each": Row([Table(kind, each.shape, least=0.0, finite=False) for each in crowd.each]),
+            "A": Table(kind, crowd.A.shape), "C": Table(kind, crowd.C.shape, -large, large),
+            # Before the first rebuild there is none.
+            "reference": Table(kind, crowd.reference.shape, finite=False),
+            "elapsed": Real(), "bound": POSITIVE, "skin": Real(least=0.0), "rebuilds": Whole(),
+            "lists": Row([Maybe(lists)] * len(crowd.graphs)), "top_speed": POSITIVE, "_rounding": POSITIVE,
+            "_first_links": Maybe(Table("?", (n, n), ordered=False)), "lost": Maybe(Row([agent, agent])),
+            "rooms": Row([Table("i8", b.room.shape, least=0, most=most_room) for b in crowd.builders]),
+        }
+    ).check(fields, "crowd")  # fmt: skip
+    ids = fields["ids"]
+    there = np.zeros(n, dtype=bool)
+    there[ids[:n]] = True
+    if not there.all() or (ids[n:] != ids[n - 1]).any():
+        raise MalformedError("crowd: ids must name every agent once")
+    missing = [x is None for x in fields["lists"]]
+    if any(missing) and (not all(missing) or fields["rebuilds"] or fields["bound"] < np.inf):
+        raise MalformedError("crowd: lists must be there, or be about to be built")
+    for k, found in enumerate(fields["lists"]):
+        if found is not None:
+            _check_lists(found, n, crowd.size, f"crowd: lists[{k}]")
+
+
+def _check_lists(lists: TileLists, n: int, size: int, name: str) -> None:
+    """Every entry in use names an agent; what lies between the stretches of the tiles was never written."""
+    rows, first, end = lists.rows, lists.first, lists.first + lists.count
+    if end.max(initial=0) > len(rows):
+        raise MalformedError(f"{name} must end within its {len(rows)} rows")
+    held = np.zeros(len(rows) + 1, np.int64)
+    np.add.at(held, first, 1)
+    np.add.at(held, end, -1)
+    used = np.cumsum(held)[:-1] > 0
+    # The last tile has places for agents that there are not; whether those are linked says nothing.
+    last = slice(int(first[-1]), int(end[-1]))
+    for begin in range(0, len(rows), ROWS_AT_ONCE):
+        part = slice(begin, begin + ROWS_AT_ONCE)
+        entries = rows[part][used[part]]
+        if (entries & NUMBER).max(initial=0) >= size:
+            raise MalformedError(f"{name} must name agents that there are")
+        linked = (entries & LINKED).astype(bool) & ((entries & NUMBER) >= n)
+        if linked.any():
+            nobody = np.zeros((len(rows[part]), WIDTH), dtype=bool)
+            nobody[max(0, last.start - begin) : max(0, last.stop - begin), n - size :] = n < size
+            if (linked & ~nobody[used[part]]).any():
+                raise MalformedError(f"{name} must link agents that there are")

@@ -1,0 +1,59 @@
+"""The numbers of a law as its tiled kernel takes them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.tiles.kernels.spec import KernelSpec
+from flocking.model.graphs.weights import HashedWeights, MatrixWeights
+from flocking.model.law import Scenario
+from flocking.model.terms.avoidance import PerObstacle
+from flocking.model.terms.schedules import Schedule
+
+
+def kernel_numbers(scenario: Scenario, spec: KernelSpec, t: float) -> tuple[Any, list[Any], Any, Any]:
+    """Numbers of a law at time ``t``.
+
+    Parameters
+    ----------
+    spec
+        What fixes the kernel.
+
+    Returns
+    -------
+    tuple
+        Single numbers (parameters, mass and damping where they are common, ranges of hashed weights); values per
+        agent, first masses and damping, each one number or shape (N,); hash seeds; matrices of pair weights.
+    """
+    n, agents = scenario.start.n, scenario.agents
+    numbers: list[float] = []
+    rows: list[Any] = [agents.masses, agents.damping]
+    pairs: list[Any] = []
+    value: Any
+    for _, owned in spec.layout.owners():
+        for value in owned.values():
+            if isinstance(value, PerObstacle):
+                continue
+            if isinstance(value, Schedule):
+                value = value.at(t)
+            if isinstance(value, HashedWeights | MatrixWeights):
+                pairs.append(value)
+            elif np.ndim(value):
+                rows.append(value)
+            else:
+                numbers.append(float(value))
+    numbers += [0.0 if np.ndim(value) else float(value) for value in rows[:2]]
+    seeds = np.zeros(max(1, len(pairs)), np.uint64)
+    matrices = np.zeros((1, 1))
+    if any(isinstance(w, MatrixWeights) for w in pairs):
+        matrices = np.zeros((len(pairs), n * n))
+    for k, weights in enumerate(pairs):
+        if isinstance(weights, HashedWeights):
+            numbers += [weights.low, weights.high - weights.low]
+            seeds[k] = weights.seed % 2**64
+        else:
+            numbers += [0.0, 0.0]
+            matrices[k] = weights.values.ravel()
+    return np.array(numbers, dtype=np.float64), rows, seeds, matrices

@@ -1,0 +1,141 @@
+"""What a tiled kernel is made for: law, dimension, precision, scheme; and what the engine refuses to run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.exact.crossings.switching import has_barrier
+from flocking.engine.kernels.layout import Layout
+from flocking.errors import UnsupportedLaw
+from flocking.model.graphs.distance_graphs import Fixed, Graph, Hysteresis, Proximity
+from flocking.model.graphs.smooth_graphs import PerAgentRadii, Smooth
+from flocking.model.graphs.weights import HashedWeights, MatrixWeights
+from flocking.model.law import Scenario
+
+SCHEMES = ("verlet", "damped", "rk4")
+"""Half-step-velocity Verlet (as LAMMPS), the same with exponential damping, and Runge-Kutta of order 4."""
+
+PRECISIONS: dict[str, Any] = {"float64": np.float64, "float32": np.float32}
+
+MOST_AGENTS = 2**31 - 64
+
+
+@dataclass(frozen=True)
+class GraphKind:
+    """How the kernel treats one graph.
+
+    Parameters
+    ----------
+    fixed
+        Whether its links never change.
+    memory
+        Whether entries remember if they are linked.
+    uneven
+        Whether every agent has its own radius.
+    barrier
+        Whether a potential forbids its links to break.
+    """
+
+    fixed: bool
+    memory: bool
+    uneven: bool
+    barrier: bool
+
+
+@dataclass(frozen=True, eq=False)
+class KernelSpec:
+    """Everything that fixes the source of a tiled kernel.
+
+    Parameters
+    ----------
+    layout
+        The law, its energy and their slots.
+    dimension
+        2 or 3.
+    precision
+        ``"float64"`` or ``"float32"``.
+    graphs
+        Treatment of each graph of the law.
+    weights
+        Kind of each pair weight: ``"hash"`` or ``"matrix"``.
+    mass_each, damping_each
+        Whether masses and damping differ between agents.
+    damped
+        Whether velocities are damped exponentially.
+    ledger
+        Whether energies and powers are summed.
+    """
+
+    layout: Layout
+    dimension: int
+    precision: str
+    graphs: tuple[GraphKind, ...]
+    weights: tuple[str, ...]
+    mass_each: bool
+    damping_each: bool
+    damped: bool
+    ledger: bool
+
+    @property
+    def kind(self) -> tuple[object, ...]:
+        """What fixes the source beside the formulas."""
+        return (
+            self.dimension, self.precision, self.graphs, self.weights, self.mass_each, self.damping_each, self.damped,
+            self.ledger, tuple(self.layout.slots.items()),
+        )  # fmt: skip
+
+
+def check_supported(scenario: Scenario) -> None:
+    """Refuse by name what this engine cannot run.
+
+    Raises
+    ------
+    UnsupportedLaw
+        When a part of the scenario needs another engine.
+    """
+    law, agents = scenario.law, scenario.agents
+    n, dimension = scenario.start.q.shape
+
+    def refuse(what: str) -> UnsupportedLaw:
+        return UnsupportedLaw(f"The tiled engine cannot run {what}. Use engine='exact'.")
+
+    if agents.order != 2:
+        raise refuse("first-order agents (Agents(order=1))")
+    if dimension not in (2, 3):
+        raise refuse(f"{dimension} dimensions, only 2 or 3")
+    if n > MOST_AGENTS:
+        raise UnsupportedLaw(f"The tiled engine numbers agents with 31 bits: {n} are too many.")
+    for graph in law.graphs:
+        if not isinstance(graph, Fixed | Proximity | Hysteresis | Smooth | PerAgentRadii):
+            raise refuse(f"the graph {type(graph).__name__}")
+    for term in law.pair_terms:
+        if getattr(term, "functional", False):
+            raise refuse(f"{type(term).__name__} with a graph functional")
+    for leader in Layout(law, scenario.energy).leaders():
+        if not leader.closed_form:
+            raise refuse(f"the leader {type(leader).__name__}, whose position has no closed form")
+    for _, owned in Layout(law, scenario.energy).owners():
+        for name, value in owned.items():
+            if hasattr(value, "matrix") and not isinstance(value, HashedWeights | MatrixWeights):
+                raise refuse(f"the pair weights {type(value).__name__} of {name}")
+
+
+def graph_kinds(scenario: Scenario, ledger: bool) -> tuple[GraphKind, ...]:
+    """Treatment of each graph of a scenario's law.
+
+    Parameters
+    ----------
+    ledger
+        Whether energies are summed on the way.
+    """
+    law = scenario.law
+    return tuple(_kind(graph, has_barrier(law, graph) and graph.moves, ledger) for graph in law.graphs)
+
+
+def _kind(graph: Graph, barrier: bool, ledger: bool) -> GraphKind:
+    uneven = np.ndim(graph.break_radius) > 0
+    remembers = graph.moves and (ledger or barrier or bool(np.any(graph.appear_radius != graph.break_radius)))
+    return GraphKind(not graph.moves, remembers, uneven, barrier)

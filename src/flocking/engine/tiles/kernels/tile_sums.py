@@ -1,0 +1,27 @@
+"""What the kernel of a law sums up and reports of each tile."""
+
+from __future__ import annotations
+
+from flocking.engine.tiles.kernels.spec import KernelSpec
+
+SUMS = ("pairs", "bodies", "kinetic", "work", "dissipated", "supplied", "links", "jumped")
+"""Sums over a tile that a kernel with a ledger writes."""
+
+
+def sums_of(spec: KernelSpec) -> tuple[str, ...]:
+    """Sums that the kernel of a law writes: in the frame of the centre of mass also the momentum of whole velocities.
+
+    Velocities of the time of the positions are known only once all forces are, and so is their mean.
+
+    Parameters
+    ----------
+    spec
+        What fixes the kernel.
+    """
+    if spec.ledger and spec.layout.energy.frame == "centre of mass":
+        return (*SUMS, *(f"momentum{k}" for k in range(spec.dimension)))
+    return SUMS
+
+
+TOPS = ("speed2", "near2", "broken")
+"""What every kernel reports of a tile: largest squared speed, smallest squared distance of linked agents, breaks."""

@@ -1,0 +1,52 @@
+"""Pairs of agents read back from neighbour lists, for checks and for looking at a crowd."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flocking.engine.tiles.neighbours.neighbour_lists import NUMBER, WIDTH, TileLists
+
+if TYPE_CHECKING:
+    from flocking.engine.tiles.particle_arrays import Crowd
+
+
+def tile_pairs(lists: TileLists, tiles: Iterable[int], n: int) -> tuple[Any, Any]:
+    """Places of the ordered pairs that the lists of some tiles hold."""
+    none = np.zeros(0, np.int64)
+    found = [(none, none)]
+    for tile in tiles:
+        entries = lists.rows[lists.first[tile] : lists.first[tile] + lists.count[tile]]
+        i = np.broadcast_to(tile * WIDTH + np.arange(WIDTH), entries.shape)
+        j = (entries & NUMBER).astype(np.int64)
+        keep = (i != j) & (i < n)
+        found.append((i[keep], j[keep]))
+    return np.concatenate([i for i, _ in found]), np.concatenate([j for _, j in found])
+
+
+def listed_pairs(lists: TileLists, n: int, *, linked: bool = False) -> tuple[Any, Any]:
+    """All ordered pairs of places in the lists, or only the linked ones, sorted by the sensing place."""
+    tile = np.repeat(np.arange(len(lists.count)), lists.count)
+    row = np.arange(len(tile)) - np.repeat(np.cumsum(lists.count) - lists.count, lists.count)
+    entries = lists.rows[np.repeat(lists.first, lists.count) + row]
+    i = np.broadcast_to(tile[:, None] * WIDTH + np.arange(WIDTH), entries.shape)
+    j = (entries & NUMBER).astype(np.int64)
+    chosen = (j != i) & (i < n)
+    if linked:
+        chosen &= entries > NUMBER
+    i, j = i[chosen], j[chosen]
+    ranks = np.lexsort((j, i))
+    return i[ranks], j[ranks]
+
+
+def broken_pair(crowd: Crowd) -> tuple[int, int]:
+    """The nearest pair beyond its radius in the tiles that report a broken link; numbers of the agents."""
+    tiles = np.flatnonzero(crowd.tops[:, 2] > 0)[:4]
+    pairs = [tile_pairs(lists, tiles, crowd.n) for lists in crowd.lists if lists is not None]
+    i, j = (np.concatenate(x) for x in zip(*pairs, strict=True))
+    square = ((crowd.X[: crowd.m, j] - crowd.X[: crowd.m, i]) ** 2).sum(axis=0)
+    least = min(float(x[0]) for x, kind in zip(crowd.limits, crowd.spec.graphs, strict=True) if kind.barrier)
+    k = int(np.argmin(np.where(square >= least, square, np.inf)))
+    return int(crowd.ids[i[k]]), int(crowd.ids[j[k]])

@@ -1,0 +1,1 @@
+"""Cell list, neighbour lists and Verlet skin of the tiled engine."""

@@ -1,0 +1,348 @@
+"""Neighbour lists in tiles: 16 agents side by side, their neighbours in rows of 16, so that loops vectorise.
+
+Row k of a tile holds the k-th neighbour of each of its agents; where an agent has fewer, its own number
+stands there and adds nothing. A graph with memory keeps whether a pair is linked in the top bit of the entry.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.tiles.neighbours.cell_list import Grid, cell_of
+from flocking.engine.tiles.simd.interleaved_arrays import column
+from flocking.engine.tiles.simd.reductions import bits_of, first_bit, highest_whole
+from flocking.engine.tiles.simd.vectors import load, numbers_from, select, spread, store
+from flocking.engine.tiles.threads import Workers
+from flocking.formula.machine_code import numba
+
+WIDTH = 16
+"""Agents in a tile."""
+TILES_IN_CHUNK = 64
+"""Tiles that share one stretch of memory; fixed, so that lists never depend on the number of threads."""
+LONGEST = 64
+"""Cells in a row that agents of a tile may span and still be looked after together."""
+LINKED = np.uint32(1 << 31)
+"""Bit of an entry that says that the pair is linked."""
+NUMBER = np.uint32((1 << 31) - 1)
+"""Bits of an entry that say who the neighbour is."""
+
+_compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
+
+
+@dataclass
+class TileLists:
+    """Neighbour lists of one graph.
+
+    Parameters
+    ----------
+    rows
+        Entries, shape (rows, 16), uint32.
+    first
+        First row of each tile, shape (tiles,), int64.
+    count
+        Rows of each tile, shape (tiles,), int32.
+    """
+
+    rows: Any
+    first: Any
+    count: Any
+
+    def copy(self) -> TileLists:
+        """A copy that shares nothing."""
+        return TileLists(self.rows.copy(), self.first.copy(), self.count.copy())
+
+    @property
+    def nbytes(self) -> int:
+        """Memory in use."""
+        return int(self.rows.nbytes + self.first.nbytes + self.count.nbytes)
+
+
+def empty_lists(tiles: int) -> TileLists:
+    """Lists without a single entry.
+
+    Parameters
+    ----------
+    tiles
+        Number of tiles.
+    """
+    return TileLists(np.empty((0, WIDTH), np.uint32), np.zeros(tiles, np.int64), np.zeros(tiles, np.int32))
+
+
+@_compiled
+def _search(  # type: ignore[no-untyped-def]
+    first_chunk, last_chunk, agents, n, reach2, each_reach2, origin, inverse, shape, start,
+    rows, first, count, stretch, room, need, numbers,
+):  # fmt: skip
+    """Neighbours of all agents of some chunks: candidates are tested against the agents of a tile side by side."""
+    three = agents.shape[1] == 6
+    nx, ny, nz = shape[0], shape[1], shape[2]
+    tiles = first.shape[0]
+    for chunk in range(first_chunk, last_chunk):
+        cursor = stretch[chunk]
+        end = cursor + room[chunk]
+        wanted = np.int64(0)
+        found = numbers[chunk]
+        for tile in range(chunk * TILES_IN_CHUNK, min((chunk + 1) * TILES_IN_CHUNK, tiles)):
+            base = tile * WIDTH
+            many = min(WIDTH, n - base)
+            own = numbers_from(base)
+            own_x, own_y = column(agents, base, 0), column(agents, base, 1)
+            own_z = column(agents, base, 2 if three else 1)
+            limit = load(each_reach2, base) if each_reach2.shape[0] > 1 else spread(reach2)
+            store(found, 0, own ^ own)
+            lane = 0
+            while lane < many:
+                # Agents in one row of cells look at the same candidates.
+                i = base + lane
+                low = high = cell_of(agents[i, 0], origin[0], inverse, nx)
+                cy = cell_of(agents[i, 1], origin[1], inverse, ny)
+                cz = cell_of(agents[i, 2], origin[2], inverse, nz) if three else 0
+                last = lane + 1
+                while last < many:
+                    i = base + last
+                    c = cell_of(agents[i, 0], origin[0], inverse, nx)
+                    if c < high or c > low + LONGEST or cell_of(agents[i, 1], origin[1], inverse, ny) != cy:
+                        break
+                    if three and cell_of(agents[i, 2], origin[2], inverse, nz) != cz:
+                        break
+                    high = c
+                    last += 1
+                members = (1 << last) - (1 << lane)
+                for line in range(9 if three else 3):
+                    row = (cy + line % 3 - 1 + ny) % ny
+                    if three:
+                        row += ny * ((cz + line // 3 - 1 + nz) % nz)
+                    # Cells from low - 1 to high + 1 are one run of agents, or two where the row wraps.
+                    a, b, c = low - 1, high + 2, 0
+                    if b - a >= nx:
+                        a, b = 0, nx
+                    elif a < 0:
+                        a, c = 0, 1
+                    elif b > nx:
+                        b, c = nx, 2
+                    for part in range(2 if c else 1):
+                        if part:
+                            a, b = (nx - 1, nx) if c == 1 else (0, 1)
+                        for j in range(start[row * nx + a], start[row * nx + b]):
+                            dx = agents[j, 0] - own_x
+                            dy = agents[j, 1] - own_y
+                            s = dx * dx + dy * dy
+                            if three:
+                                dz = agents[j, 2] - own_z
+                                s = s + dz * dz
+                            bits = bits_of((s < limit) & (own != np.uint32(j))) & members
+                            while bits:
+                                at = first_bit(bits)
+                                bits &= bits - 1
+                                k = np.int64(found[at])
+                                found[at] = np.uint32(k + 1)
+                                if cursor + k < end:
+                                    rows[cursor + k, at] = j
+                lane = last
+            held = load(found, 0)
+            most = np.int64(highest_whole(held))
+            wanted += most
+            if cursor + most > end:
+                cursor = np.int64(end + 1)
+                continue
+            for number in range(most):
+                entries = rows[cursor + number]
+                store(entries, 0, select(held > np.uint32(number), load(entries, 0), own))
+            first[tile] = cursor
+            count[tile] = most
+            cursor += most
+        need[chunk] = wanted
+
+
+@_compiled
+def _begin_links(first_tile, last_tile, agents, n, limits, rows, first, count):  # type: ignore[no-untyped-def]
+    """Link all listed pairs closer than the limit of the sensing agent."""
+    m = agents.shape[1] // 2
+    for tile in range(first_tile, last_tile):
+        for row in range(first[tile], first[tile] + count[tile]):
+            for lane in range(WIDTH):
+                i, j = tile * WIDTH + lane, np.int64(rows[row, lane])
+                if i == j or i >= n:
+                    continue
+                s = agents[i, 0] * 0
+                for k in range(m):
+                    d = agents[j, k] - agents[i, k]
+                    s += d * d
+                if s < limits[i if limits.shape[0] > 1 else 0]:
+                    rows[row, lane] |= LINKED
+
+
+@_compiled
+def _carry_links(  # type: ignore[no-untyped-def]
+    first_tile, last_tile, n, order, place, old_rows, old_first, old_count, rows, first, count, lost
+):
+    """Link the pairs that were linked before the sort; a linked pair that is not listed any more is lost."""
+    for tile in range(first_tile, last_tile):
+        for lane in range(min(WIDTH, n - tile * WIDTH)):
+            i = tile * WIDTH + lane
+            before, there = order[i] // WIDTH, order[i] % WIDTH
+            for old in range(old_first[before], old_first[before] + old_count[before]):
+                entry = old_rows[old, there]
+                if entry <= NUMBER:
+                    continue
+                j = place[np.int64(entry & NUMBER)]
+                here = False
+                for row in range(first[tile], first[tile] + count[tile]):
+                    if np.int64(rows[row, lane] & NUMBER) == j:
+                        rows[row, lane] |= LINKED
+                        here = True
+                if not here:
+                    # Say who, where the caller can see it.
+                    lost[0] = i
+                    lost[1] = j
+
+
+class TooManyNeighboursError(Exception):
+    """The lists would exceed the memory allowed to them.
+
+    Parameters
+    ----------
+    bytes_needed
+        What they would take.
+    """
+
+    def __init__(self, bytes_needed: float) -> None:
+        self.bytes_needed = bytes_needed
+        super().__init__(bytes_needed)
+
+
+class ListBuilder:
+    """Builds the lists of one moving graph again and again, growing where they must.
+
+    Parameters
+    ----------
+    n
+        Number of agents.
+    memory_limit
+        Largest size of the lists in bytes.
+    workers
+        Threads to use.
+    """
+
+    def __init__(self, n: int, memory_limit: float, workers: Workers) -> None:
+        self.n, self.workers, self.memory_limit = n, workers, memory_limit
+        self.tiles = (n + WIDTH - 1) // WIDTH
+        self.chunks = (self.tiles + TILES_IN_CHUNK - 1) // TILES_IN_CHUNK
+        self.room = np.zeros(self.chunks, np.int64)
+        self.spare: TileLists | None = None
+
+    def build(
+        self, agents: Any, reach: float, each_reach: Any, grid: Grid, start: Any, old: TileLists | None, order: Any,
+        place: Any, begin2: Any | None, remember: bool,
+    ) -> tuple[TileLists, tuple[int, int] | None]:  # fmt: skip
+        """Lists of all pairs closer than ``reach``, or than the sensing agent's entry of ``each_reach``.
+
+        Parameters
+        ----------
+        agents
+            Positions and velocities in sorted order, shape (16 tiles, 2m).
+        reach, each_reach
+            Distances; ``each_reach`` has length 1 where ``reach`` holds for all, else 16 tiles.
+        grid, start
+            The sort's cells.
+        old, order, place
+            The lists before the sort, old place of each agent, and new place of each.
+        begin2
+            Squared distance, or one per agent, below which pairs start linked; None where links are carried over.
+        remember
+            Carry the links of ``old`` over.
+
+        Returns
+        -------
+        tuple
+            The lists, and a linked pair (new places) that has left the reach, or None.
+
+        Raises
+        ------
+        TooManyNeighboursError
+            When the lists would exceed the memory limit.
+        """
+        if not remember and old is not None:
+            self.spare = old
+        lists = self._searched(agents, reach, each_reach, grid, start)
+        lost = np.full(2, -1, np.int64)
+        here = (lists.rows, lists.first, lists.count)
+        if begin2 is not None:
+            self.workers.each(_begin_links, self.tiles, agents, self.n, begin2, *here)
+        elif remember and old is not None:
+            before = (old.rows, old.first, old.count)
+            self.workers.each(_carry_links, self.tiles, self.n, order, place, *before, *here, lost)
+            self.spare = old
+        return lists, (int(lost[0]), int(lost[1])) if lost[0] >= 0 else None
+
+    def _searched(self, agents: Any, reach: float, each_reach: Any, grid: Grid, start: Any) -> TileLists:
+        """Lists without links, with room enough."""
+        dtype = agents.dtype.type
+        limits = np.asarray(each_reach, dtype=dtype) ** 2
+        origin, shape = np.array(grid.origin), np.array(grid.shape)
+        numbers = np.empty((self.chunks, WIDTH), np.uint32)
+        while True:
+            total = int(self.room.sum())
+            if total * WIDTH * 4.0 > self.memory_limit:
+                raise TooManyNeighboursError(total * WIDTH * 4.0)
+            lists = self._reuse(total)
+            stretch = np.cumsum(self.room) - self.room
+            need = np.zeros(self.chunks, np.int64)
+            self.workers.each_large(
+                _search, self.chunks, agents, self.n, dtype(reach) ** 2, limits, origin, grid.inverse, shape, start,
+                lists.rows, lists.first, lists.count, stretch, self.room, need, numbers,
+            )  # fmt: skip
+            if (need <= self.room).all():
+                return lists
+            self.room = np.where(need > self.room, need + need // 8 + 8, self.room)
+            self.spare = None
+
+    def _reuse(self, total: int) -> TileLists:
+        spare, self.spare = self.spare, None
+        if spare is not None and len(spare.rows) >= total and len(spare.rows) <= 2 * total + 1024:
+            return spare
+        return TileLists(
+            np.empty((max(total, 1), WIDTH), np.uint32), np.zeros(self.tiles, np.int64), np.zeros(self.tiles, np.int32)
+        )
+
+
+@_compiled
+def _fixed(first_tile, last_tile, n, ids, place, offsets, neighbours, rows, first, count):  # type: ignore[no-untyped-def]
+    for tile in range(first_tile, last_tile):
+        for lane in range(WIDTH):
+            i = tile * WIDTH + lane
+            k = 0
+            if i < n:
+                for at in range(offsets[ids[i]], offsets[ids[i] + 1]):
+                    rows[first[tile] + k, lane] = np.uint32(place[neighbours[at]]) | LINKED
+                    k += 1
+            for rest in range(k, count[tile]):
+                rows[first[tile] + rest, lane] = np.uint32(i)
+
+
+def fixed_lists(ids: Any, place: Any, offsets: Any, neighbours: Any, workers: Workers) -> TileLists:
+    """Lists of given links.
+
+    Parameters
+    ----------
+    ids
+        Identity of the agent in each place, shape (n or more,).
+    place
+        Place of each identity, shape (n,).
+    offsets, neighbours
+        Sensed identities of identity i are ``neighbours[offsets[i] : offsets[i + 1]]``.
+    workers
+        The threads that fill them.
+    """
+    n = len(place)
+    tiles = (n + WIDTH - 1) // WIDTH
+    degree = np.zeros(tiles * WIDTH, np.int64)
+    degree[:n] = np.diff(offsets)[ids[:n]]
+    count = degree.reshape(tiles, WIDTH).max(axis=1).astype(np.int32)
+    first = (np.cumsum(count) - count).astype(np.int64)
+    lists = TileLists(np.empty((max(int(count.sum()), 1), WIDTH), np.uint32), first, count)
+    workers.each(_fixed, tiles, n, ids, place, offsets, neighbours, lists.rows, first, count)
+    return lists

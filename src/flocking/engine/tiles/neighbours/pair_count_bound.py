@@ -1,0 +1,113 @@
+"""How many pairs of agents certainly lie within reach of each other, told without looking at pairs."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.tiles.neighbours.neighbour_lists import TooManyNeighboursError
+
+PARTS = {1: 32, 2: 8, 3: 5}
+"""Parts of the reach that make the width of a box, by dimension: narrower boxes tell more and take longer."""
+
+
+BALL_SHARE = {1: 2.0 / 3.0, 2: np.pi / 9.0, 3: 4.0 / 3.0 * np.pi / 27.0}
+"""Share of a cell and those around it that lies within one width of a point, by dimension."""
+
+
+ENTRY_BYTES = 4.0
+"""Memory of one neighbour in a list."""
+
+
+class Room:
+    """Refuses lists that cannot fit, before any pair is looked at.
+
+    Parameters
+    ----------
+    memory_limit
+        Largest size of the lists of a graph in bytes.
+    """
+
+    def __init__(self, memory_limit: float) -> None:
+        self._limit = memory_limit
+        self._passed = 0.0
+
+    def check(self, crowding: float, q: Any, reaches: Callable[[], Sequence[float]]) -> None:
+        """Check that lists may fit; agents that were found to fit are counted again when they are crowded more.
+
+        Parameters
+        ----------
+        crowding
+            What the sort has found.
+        q
+            Positions, shape (N, m).
+        reaches
+            Gives the distance within which every agent lists another, for each graph.
+
+        Raises
+        ------
+        TooManyNeighboursError
+            When the lists of a graph would exceed the limit.
+        """
+        expected = ENTRY_BYTES * expected_pairs(crowding, *q.shape)
+        if expected < max(0.5 * self._limit, 1.1 * self._passed):
+            return
+        places = q.astype(np.float64)
+        for reach in reaches():
+            least = ENTRY_BYTES * certain_pairs(places, reach) if reach > 0 else 0.0
+            if least > self._limit:
+                raise TooManyNeighboursError(least)
+        self._passed = expected
+
+
+def expected_pairs(crowding: float, n: int, m: int) -> float:
+    """About how many ordered pairs are within reach where agents are spread evenly over each cell and those around it.
+
+    Parameters
+    ----------
+    crowding
+        What the sort has found.
+    n
+        Number of agents.
+    m
+        Dimension of their space.
+    """
+    return float(BALL_SHARE[m] * 6.0**m * (crowding + n))
+
+
+def certain_pairs(q: Any, reach: float) -> float:
+    """A lower bound of the number of ordered pairs within reach.
+
+    Agents are counted in boxes narrower than the reach; two boxes whose farthest corners are within reach hold
+    pairs that are.
+
+    Parameters
+    ----------
+    q
+        Positions, shape (N, m), with m at most 3.
+    reach
+        Distance below which two agents are a pair.
+    """
+    m = q.shape[1]
+    parts = PARTS[m]
+    # Rounding may put an agent into the next box: boxes are a little narrower than they count for.
+    width = reach / parts * (1.0 - 1e-6)
+    box = np.floor((q - q.min(axis=0)) / width).astype(np.int64)
+    sizes = box.max(axis=0) + 2 * parts
+    if float(np.prod(sizes.astype(float))) > 2.0**62:
+        return 0.0
+    strides = np.append(1, np.cumprod(sizes[:-1]))
+    keys, counts = np.unique((box + parts) @ strides, return_counts=True)
+    held = counts.astype(float)
+    total = float((held * (held - 1.0)).sum())
+    for offset in itertools.product(range(-parts, parts + 1), repeat=m):
+        # Each unordered pair of boxes once.
+        if offset <= (0,) * m or sum((abs(k) + 1) ** 2 for k in offset) > parts**2:
+            continue
+        wanted = keys + int(np.dot(offset, strides))
+        there = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+        total += 2.0 * float((held * held[there])[keys[there] == wanted].sum())
+    return total

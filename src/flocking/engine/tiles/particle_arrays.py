@@ -1,0 +1,417 @@
+"""The agents in memory: sorted arrays, neighbour lists, and when the lists must be built anew.
+
+Agents lie in the order of the cells of the last rebuild; `ids` says who lies where. Lists hold every pair
+that was within cutoff + skin then. While no agent has moved further than half the skin since (seen from a
+frame that moves with the crowd), no pair within the cutoff can be missing: a bound of how far anyone can
+have moved is kept at every step, and lists are rebuilt before it exceeds half the skin.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from flocking.engine.tiles.kernels.parameters import kernel_numbers
+from flocking.engine.tiles.kernels.spec import PRECISIONS, KernelSpec
+from flocking.engine.tiles.kernels.step_kernel import tile_kernels
+from flocking.engine.tiles.kernels.tile_sums import sums_of
+from flocking.engine.tiles.listed_pairs import broken_pair
+from flocking.engine.tiles.measures import cutoffs_of, extremes_of, fastest, sensed_offsets, strayed_squares
+from flocking.engine.tiles.neighbours.cell_list import Sorter
+from flocking.engine.tiles.neighbours.neighbour_lists import (
+    LINKED,
+    NUMBER,
+    WIDTH,
+    ListBuilder,
+    TileLists,
+    fixed_lists,
+)
+from flocking.engine.tiles.neighbours.obstacle_lists import NearbyObstacles
+from flocking.engine.tiles.neighbours.pair_count_bound import Room
+from flocking.engine.tiles.neighbours.verlet_skin import FIRST_SKIN, best_skin
+from flocking.engine.tiles.particle_memory import CrowdMemory
+from flocking.engine.tiles.planted_law import Planted
+from flocking.engine.tiles.threads import Workers
+from flocking.model.law import Scenario
+from flocking.model.state import State
+
+CERTAIN = 0.999
+"""Share of half the skin that may be used up; the rest covers rounding."""
+
+
+class Crowd:
+    """Arrays and lists of a group under one law.
+
+    Parameters
+    ----------
+    scenario
+        Law, agents and energy.
+    state
+        Positions, velocities and, where the law's graph has memory, links.
+    spec
+        What the kernel is made for.
+    workers
+        Threads to use.
+    memory_limit
+        Largest size of the neighbour lists in bytes.
+    skin
+        Skin of the lists; chosen at every rebuild when absent.
+    """
+
+    def __init__(
+        self, scenario: Scenario, state: State, spec: KernelSpec, workers: Workers, memory_limit: float,
+        skin: float | None = None,
+    ) -> None:  # fmt: skip
+        n, m = state.q.shape
+        self.n, self.m, self.spec, self.workers = n, m, spec, workers
+        self.dtype: Any = PRECISIONS[spec.precision]
+        self.tiles = (n + WIDTH - 1) // WIDTH
+        self.size = self.tiles * WIDTH
+        self.kernel = tile_kernels(spec).move
+        self.skin_wanted = skin
+        self.agents: Any = np.empty((self.size, 2 * m), self.dtype)
+        self.agents[:n, :m], self.agents[:n, m:] = state.q, state.p
+        self.successor: Any = np.empty((self.size, 2 * m), self.dtype)
+        self.ids: Any = np.zeros(self.size, np.int32)
+        self.ids[:n] = np.arange(n, dtype=np.int32)
+        self._ids_there: Any = np.zeros(self.size, np.int32)
+        self.tops: Any = np.zeros((self.tiles, 3), self.dtype)
+        self.extremes: Any = np.zeros(3)
+        self.sums: Any = np.zeros((self.tiles if spec.ledger else 1, len(sums_of(spec))), np.float64)
+        self.planted: Planted | None = None
+        self._set_graphs(scenario, memory_limit)
+        self._set_parameters(scenario, state.t)
+        self._fill_pads()
+        self.C: Any = np.zeros(m, self.dtype)
+        self.M: Any = np.zeros(2 * m, np.float64)
+        self.reference: Any = np.empty((self.size if self.moving else 0, m), self.dtype)
+        self.elapsed = 0.0
+        self.bound = np.inf
+        self.skin = 0.0
+        self.rebuilds = 0
+        self.lists: list[TileLists | None] = [None] * len(self.graphs)
+        self._first_links = state.links
+        self._set_obstacles(scenario)
+        self.lost: tuple[int, int] | None = None
+        self.top_speed = fastest(self.agents[: self.n, self.m :])
+
+    @property
+    def X(self) -> Any:  # noqa: N802
+        """Positions and velocities, shape (2m, size): a view of `agents`, which has a row for each agent."""
+        return self.agents.T
+
+    @X.setter
+    def X(self, values: Any) -> None:  # noqa: N802
+        self.agents = np.ascontiguousarray(values.T)
+
+    @property
+    def Y(self) -> Any:  # noqa: N802
+        """The state before or beside `X`, shape (2m, size)."""
+        return self.successor.T
+
+    def _set_graphs(self, scenario: Scenario, memory_limit: float) -> None:
+        n, law = self.n, scenario.law
+        self.graphs = law.graphs
+        self.moving = any(not kind.fixed for kind in self.spec.graphs)
+        self.cutoffs = cutoffs_of(self.graphs, self.spec)
+        self.sorter = Sorter(n if self.moving else 1, self.workers)
+        self.room = Room(memory_limit)
+        self.builders = [ListBuilder(n, memory_limit, self.workers) for _ in self.graphs]
+        self.limits, self.each, self.edges = [], [], []
+        for graph, kind in zip(self.graphs, self.spec.graphs, strict=True):
+            self.limits.append(np.zeros(3, self.dtype))
+            self.each.append(np.zeros(1, self.dtype))
+            self.edges.append(sensed_offsets(graph, n) if kind.fixed else None)
+        self.set_radii(scenario)
+
+    def _set_obstacles(self, scenario: Scenario) -> None:
+        met = self.spec.layout.encounters()
+        self.obstacles = NearbyObstacles(scenario.law, [term.range for term, _ in met]) if met else None
+        self.O: Any = self.spec.layout.obstacle_rows()
+
+    def set_radii(self, scenario: Scenario) -> None:
+        """Take the radii of the graphs of a law of the same structure; `bound` must then be reset by a rebuild."""
+        for number, (graph, kind) in enumerate(zip(scenario.law.graphs, self.spec.graphs, strict=True)):
+            if kind.fixed:
+                self.limits[number][:] = (0.0, 0.0, 1.0)
+                continue
+            leave, enter = np.asarray(graph.break_radius), np.asarray(graph.appear_radius)
+            square = self.dtype(np.max(leave)) ** 2
+            closed = bool(getattr(graph, "closed", False))
+            if closed:
+                square = np.nextafter(square, self.dtype(np.inf))
+            self.limits[number][:] = (square, self.dtype(np.max(enter)) ** 2, 0.5 * float(np.max(leave)))
+            if kind.uneven:
+                each = np.zeros(self.size, self.dtype)
+                each[: self.n] = leave.astype(self.dtype)[self.ids[: self.n]] ** 2
+                each[self.n :] = 0.0
+                self.each[number] = np.nextafter(each, self.dtype(np.inf)) if closed else each
+
+    def _set_parameters(self, scenario: Scenario, t: float) -> None:
+        n = self.n
+        self.P, rows, self.seeds, self.matrices = kernel_numbers(scenario, self.spec, t)
+        masses = np.asarray(rows[0], dtype=np.float64)
+        self.mass = float(masses.sum()) if masses.ndim else n * float(masses)
+        several = len(rows) > 2 or self.spec.mass_each or self.spec.damping_each
+        self.A: Any = np.zeros((len(rows) if several else 0, self.size), self.dtype)
+        for k, value in enumerate(rows if several else []):
+            if np.ndim(value):
+                self.A[k, :n] = np.asarray(value, dtype=self.dtype)[self.ids[:n]]
+            else:
+                self.A[k] = value
+        self.A[:, n:] = self.A[:, n - 1 : n]
+
+    def pass_switch_time(self, scenario: Scenario, t: float) -> None:
+        """Take the values of scheduled gains from time ``t`` on."""
+        self._set_parameters(scenario, t)
+        if self.planted is not None:
+            self.planted.pass_switch_time(t)
+
+    def _fill_pads(self) -> None:
+        n = self.n
+        self.agents[n:] = self.agents[n - 1]
+        self.ids[n:] = self.ids[n - 1]
+        self.A[:, n:] = self.A[:, n - 1 : n]
+
+    @property
+    def place(self) -> Any:
+        """Place of each identity, shape (n,)."""
+        found = np.empty(self.n, np.int32)
+        found[self.ids[: self.n]] = np.arange(self.n, dtype=np.int32)
+        return found
+
+    def usable(self) -> bool:
+        """Whether the lists hold every pair within the cutoffs, whatever happened since the rebuild."""
+        if not self.moving:
+            return self.lists[0] is not None
+        half = 0.5 * CERTAIN * self.skin
+        if self.bound > half and self.rebuilds:
+            self.bound = self.strayed()
+        return bool(self.bound <= half)
+
+    def strayed(self) -> float:
+        """How far an agent has moved since the rebuild at most, seen from the crowd."""
+        out = np.empty(self.tiles)
+        shift = self.elapsed * self.C.astype(np.float64)
+        self.workers.each(strayed_squares, self.tiles, self.agents, self.reference, shift, self.n, out)
+        return float(np.sqrt(out.max())) + self._rounding
+
+    def require_lists(self, step: float) -> None:
+        """Make sure that the lists hold every pair within the cutoffs.
+
+        Parameters
+        ----------
+        step
+            The time step; the skin is chosen by it.
+        """
+        if not self.usable():
+            self.rebuild(step)
+
+    def _reaches(self) -> list[float]:
+        """Distance within which every agent certainly lists another, of each moving graph."""
+        kinds = enumerate(self.spec.graphs)
+        return [float(np.sqrt(self.each[k][: self.n].min())) if kind.uneven else self.cutoffs[k]
+                for k, kind in kinds if not kind.fixed]  # fmt: skip
+
+    def _sort(self, step: float, skin: float | None) -> None:
+        """Sort the agents into cells for the skin that is given, wanted or best at the speed they have now."""
+        cutoff, sorter = max(self.cutoffs), self.sorter
+        seen = sorter.survey(self.agents)
+        given = skin if skin is not None else self.skin_wanted
+        guess = float(given if given is not None else self.skin or FIRST_SKIN * cutoff)
+        sorter.sort(self.agents, seen, cutoff + guess)
+        self.room.check(sorter.crowding, self.agents[: self.n, : self.m], self._reaches)
+        if given is None:
+            guess, sorted_for = best_skin(self.agents, sorter, cutoff, 2.0 * self.top_speed * step / CERTAIN), guess
+            if not 0.9 * (cutoff + sorted_for) <= cutoff + guess <= cutoff + sorted_for:
+                sorter.sort(self.agents, seen, cutoff + guess)
+                self.room.check(sorter.crowding, self.agents[: self.n, : self.m], self._reaches)
+        self.skin = guess
+        self.C[:] = seen.velocity
+        farthest = max(float(np.abs(seen.low).max()), float(np.abs(seen.high).max()))
+        self._rounding = 4.0 * float(np.finfo(self.dtype).eps) * farthest
+
+    def rebuild(self, step: float, skin: float | None = None) -> None:
+        """Sort the agents and build all lists anew, keeping the memory of links.
+
+        Parameters
+        ----------
+        step
+            The time step; the skin is chosen by it.
+        skin
+            Width of the skin; chosen when absent.
+
+        Raises
+        ------
+        TooManyNeighboursError
+            When the lists would exceed the memory limit; positions and links are kept.
+        """
+        n = self.n
+        if not self.moving:
+            self._build_fixed()
+            return
+        self._sort(step, skin)
+        sorter, order = self.sorter, self.sorter.order
+        old_place = sorter.arrange(self.agents, self.ids, self.successor, self._ids_there, self.reference)
+        self.agents, self.successor = self.successor, self.agents
+        self.ids, self._ids_there = self._ids_there, self.ids
+        for k in range(len(self.A)):
+            self.A[k, :n] = self.A[k, order]
+        for number, kind in enumerate(self.spec.graphs):
+            if kind.uneven:
+                self.each[number][:n] = self.each[number][order]
+        self._fill_pads()
+        for number, kind in enumerate(self.spec.graphs):
+            if kind.fixed:
+                continue
+            uneven = np.sqrt(self.each[number]) + self.dtype(self.skin) if kind.uneven else self.each[number]
+            old = self.lists[number]
+            inside = self.each[number] if kind.uneven else self.limits[number][:1]
+            self.lists[number], lost = self.builders[number].build(
+                self.agents, self.cutoffs[number] + self.skin, uneven, sorter.grid, sorter.start, old, order, old_place,
+                begin2=inside if kind.memory and old is None else None, remember=kind.memory,
+            )  # fmt: skip
+            if lost is not None and kind.barrier:
+                self.lost = (int(self.ids[lost[0]]), int(self.ids[lost[1]]))
+        self._build_fixed()
+        if self._first_links is not None:
+            self._take_links(self._first_links)
+        self.elapsed, self.bound = 0.0, 0.0
+        if self.obstacles is not None:
+            self.obstacles.used = np.inf
+        self.rebuilds += 1
+
+    _rounding = 0.0
+
+    def _build_fixed(self) -> None:
+        place = None
+        for number, kind in enumerate(self.spec.graphs):
+            if kind.fixed:
+                place = self.place if place is None else place
+                edges = self.edges[number]
+                assert edges is not None
+                self.lists[number] = fixed_lists(self.ids, place, *edges, self.workers)
+
+    def _take_links(self, links: Any) -> None:
+        """Set the memory of the law's graph from a link matrix given with the start."""
+        self._first_links = None
+        lists = self.lists[0]
+        if lists is None or not self.spec.graphs[0].memory:
+            return
+        tile = np.repeat(np.arange(self.tiles), lists.count)
+        at = np.concatenate([np.arange(f, f + c) for f, c in zip(lists.first, lists.count, strict=True)]).astype(int)
+        entries = lists.rows[at]
+        i = self.ids[tile[:, None] * WIDTH + np.arange(WIDTH)]
+        j = self.ids[(entries & NUMBER).astype(np.int64)]
+        lists.rows[at] = np.where(np.asarray(links)[i, j], entries | LINKED, entries & NUMBER)
+
+    def move(
+        self, t: float, *, keep: float, kick: float, drift: float, whole: float = 0.0, soft: float = 1.0,
+        hold: bool = False,
+    ) -> None:  # fmt: skip
+        """One pass of the kernel from X into Y; the caller decides whether Y becomes the state.
+
+        Parameters
+        ----------
+        keep
+            Factor on the old velocity.
+        kick, drift
+            Times for which the control acts on velocities and velocities act on positions.
+        whole
+            Time by which velocities lag behind positions.
+        soft
+            1 where damping of velocities is exponential within the kick, 0 where not.
+        hold
+            Whether links stay as they are.
+        """
+        T = self.dtype
+        if self.spec.layout.law.beyond_neighbours or (
+            self.spec.ledger and self.spec.layout.energy.frame == "centre of mass"
+        ):
+            self._fill_means()
+        lists: list[Any] = []
+        for number, found in enumerate(self.lists):
+            assert found is not None
+            lists += [found.rows.reshape(-1), found.first, found.count, self.each[number], self.limits[number]]
+        if self.obstacles is not None:
+            speed = self.top_speed + float(np.linalg.norm(self.C))
+            self.obstacles.require(self.X[: self.m], self.tiles, t, speed * abs(drift))
+            lists += [x for pair in self.obstacles.lists for x in pair]
+        begin = (float(t), T(keep), T(kick), T(drift), T(whole), T(soft))
+        self.workers.each(
+            self.kernel, self.tiles, *begin, hold, self.agents, self.successor, self.n, *lists, self.P, self.A, self.O,
+            self.ids, self.seeds, self.matrices, self.M, self.C, self.tops, self.sums,
+        )  # fmt: skip
+        if self.planted is not None:
+            self.planted.move(self, begin, lists)
+        self.read_tops()
+        if self.extremes[2] > 0 and self.lost is None and not hold:
+            self.lost = broken_pair(self)
+
+    def read_tops(self) -> None:
+        """Take the extremes of what the tiles reported last."""
+        extremes_of(self.tops, self.extremes)
+
+    def _fill_means(self) -> None:
+        n = self.n
+        if len(self.A) and self.spec.mass_each:
+            mass = self.A[0, :n].astype(np.float64)
+            self.M[:] = (self.X[:, :n] * mass).sum(axis=1) / mass.sum()
+        else:
+            self.M[:] = self.X[:, :n].mean(axis=1, dtype=np.float64)
+
+    def swap(self, stride: float) -> None:
+        """Make Y the state, reached by a drift over the time ``stride``."""
+        self.agents, self.successor = self.successor, self.agents
+        self.elapsed += stride
+        self.top_speed = float(np.sqrt(self.extremes[0]))
+        if self.obstacles is not None:
+            self.obstacles.moved(abs(stride) * (self.top_speed + float(np.linalg.norm(self.C))), abs(stride))
+        self.bound += abs(stride) * self.top_speed * (1.0 + 1e-6) + self._rounding
+
+    def adopt(self, scenario: Scenario, spec: KernelSpec, t: float) -> None:
+        """Obey another law over graphs of the same kinds from now on; links are kept.
+
+        Parameters
+        ----------
+        spec
+            What fixes the kernel of the other law.
+        """
+        self.spec, self.graphs = spec, scenario.law.graphs
+        self.kernel = tile_kernels(spec).move
+        self.sums = np.zeros((self.tiles if spec.ledger else 1, len(sums_of(spec))), np.float64)
+        self.cutoffs = cutoffs_of(self.graphs, spec)
+        self._set_obstacles(scenario)
+        self.set_radii(scenario)
+        self._set_parameters(scenario, t)
+        self.edges = [
+            sensed_offsets(g, self.n) if k.fixed else None for g, k in zip(self.graphs, spec.graphs, strict=True)
+        ]
+        self._build_fixed()
+        self.bound = np.inf
+        if self.moving:
+            self.rebuild(0.0)
+
+    def in_order(self, array: Any) -> Any:
+        """Rows of ``array``, shape (k, size), as columns in the order of identities, float64; shape (n, k)."""
+        out = np.empty((self.n, len(array)))
+        out[self.ids[: self.n]] = array[:, : self.n].T
+        return out
+
+    def memory(self, *, copied: bool = True) -> CrowdMemory:
+        """State, order, lists and rebuild reference; not ``copied``, they change as the crowd goes on."""
+        return CrowdMemory.of(self, copied=copied)
+
+    def recall(self, memory: CrowdMemory) -> None:
+        """Go back to ``memory``."""
+        memory.put_back(self)
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of all arrays."""
+        arrays = [self.agents, self.successor, self.ids, self._ids_there, self.tops, self.sums, self.A, self.reference]
+        sorter = self.sorter
+        arrays += [sorter.key, sorter.key_there, sorter.index_there, sorter.order, sorter.start, *self.each]
+        spares = [b.spare for b in self.builders if b.spare is not None]
+        return int(sum(a.nbytes for a in arrays)) + sum(x.nbytes for x in [*self.lists, *spares] if x is not None)

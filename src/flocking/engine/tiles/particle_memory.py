@@ -1,0 +1,56 @@
+"""What a crowd keeps of itself, to go on later with the same bits."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flocking.engine.tiles.checkpoint_form import check_crowd
+
+if TYPE_CHECKING:
+    from flocking.engine.tiles.particle_arrays import Crowd
+
+KEPT = (
+    "X", "ids", "each", "A", "C", "reference", "elapsed", "bound", "skin", "rebuilds", "lists", "top_speed",
+    "_rounding",
+    "_first_links", "lost",
+)  # fmt: skip
+
+
+@dataclass
+class CrowdMemory:
+    """Copies of everything that fixes how a crowd goes on.
+
+    Parameters
+    ----------
+    fields
+        The copies by name.
+    """
+
+    fields: dict[str, Any]
+
+    @classmethod
+    def of(cls, crowd: Crowd, *, copied: bool) -> CrowdMemory:
+        """What fixes how ``crowd`` goes on; not ``copied``, it changes as the crowd goes on."""
+        kept = {name: getattr(crowd, name) for name in KEPT}
+        kept["rooms"] = [b.room for b in crowd.builders]
+        return cls(copy.deepcopy(kept) if copied else kept)
+
+    def put_back(self, crowd: Crowd) -> None:
+        """Make ``crowd`` go on from here.
+
+        Raises
+        ------
+        MalformedError
+            When this is no memory of such a crowd.
+        """
+        check_crowd(self.fields, crowd)
+        for name in KEPT:
+            setattr(crowd, name, copy.deepcopy(self.fields[name]))
+        if crowd.obstacles is not None:
+            crowd.obstacles.used = np.inf
+        for builder, room in zip(crowd.builders, self.fields["rooms"], strict=True):
+            builder.room, builder.spare = room.copy(), None

@@ -1,0 +1,1 @@
+"""SIMD building blocks: vectors of 16 lanes, loads, reductions, inverse square root, elementary functions."""

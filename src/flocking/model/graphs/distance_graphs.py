@@ -1,0 +1,313 @@
+"""Interaction graphs: who is a neighbour of whom, and at which distance a link appears or breaks."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array, axes_of, integer, listed, number
+from flocking.model.graphs.connectivity import Links, is_connected
+from flocking.model.graphs.weights import PairWeights
+
+if TYPE_CHECKING:
+    import networkx
+    import sympy
+
+
+class Graph(ABC):
+    """Base of all graphs: a link rule with memory, stated as two distances per sensing agent.
+
+    A pair that is not linked is linked when its distance falls below `appear_radius`; a linked pair is
+    unlinked when its distance rises above `break_radius`. Equal radii give a graph without hysteresis.
+    """
+
+    directed: bool = False
+    """Whether i may sense j while j does not sense i."""
+    moves: bool = True
+    """Whether links appear and break as the agents move."""
+    sees_headings: bool = False
+    """Whether links depend on the agents' headings."""
+
+    @property
+    @abstractmethod
+    def appear_radius(self) -> float | Array:
+        """Distance below which an absent link appears, for all or per sensing agent; 0 when none ever does."""
+
+    @property
+    @abstractmethod
+    def break_radius(self) -> float | Array:
+        """Distance above which a link breaks, for all or per sensing agent; infinite when none ever does."""
+
+    @abstractmethod
+    def initial(self, q: Array) -> Links:
+        """Links at the start, shape (N, N), from positions ``q`` of shape (N, m)."""
+
+    def start_links(self, q: Array, headings: Array | None = None) -> Links:
+        """Links at the start from positions and, for graphs that see them, ``headings`` as in `Agents`."""
+        return self.initial(q)
+
+    def allowed(self, headings: Array | None) -> Links | None:
+        """Pairs that the headings let link at some distance, shape (N, N); None for all."""
+        return None
+
+    def update(self, q: Array, links: Links) -> Links:
+        """Links after the agents moved to ``q``, given the links they had before."""
+        if not self.moves:
+            return links
+        distance = pair_distances(q)
+        leaves = np.asarray(self.break_radius)[..., None]
+        enters = np.asarray(self.appear_radius)[..., None]
+        kept = links & (distance < leaves)
+        new = ~links & (distance < enters)
+        result = kept | new
+        np.fill_diagonal(result, False)
+        return np.asarray(result)
+
+    def weight(self, r: sympy.Expr, parameter: Any) -> sympy.Expr:
+        """Weight a_ij of a link of length ``r`` as a SymPy expression; 1 for hard graphs."""
+        import sympy
+
+        return sympy.Integer(1)
+
+    def functional(self, links: Links, weights: Array) -> Array:
+        """Functional s_i of the links for every agent, shape (N,): xi of Shi's Remark 3.
+
+        Parameters
+        ----------
+        links
+            Link matrix, shape (N, N).
+        weights
+            Weights w_ij of the links, shape (N, N).
+
+        Raises
+        ------
+        InvalidInput
+            When the links are not strongly connected.
+        """
+        from flocking.model.graphs.functionals import left_eigenvector
+
+        return left_eigenvector(np.where(links, weights, 0.0))
+
+    @property
+    def parameters(self) -> Mapping[str, float | PairWeights]:
+        """Run-time parameters that `weight` uses."""
+        return {}
+
+    @property
+    def structure(self) -> tuple[object, ...]:
+        """What fixes the formulas of this graph, without the values of its parameters."""
+        return ("hard",)
+
+    def kinks(self) -> tuple[float, ...]:
+        """Distances at which the weight has a kink."""
+        return ()
+
+    def check_count(self, n: int) -> None:
+        """Check that the graph fits ``n`` agents; most fit any number."""
+        return None
+
+
+def pair_distances(q: Array) -> Array:
+    """Distances of all pairs, shape (N, N), infinite on the diagonal."""
+    offsets = q[None, :, :] - q[:, None, :]
+    distance = np.sqrt((offsets**2).sum(axis=-1))
+    np.fill_diagonal(distance, np.inf)
+    return np.asarray(distance)
+
+
+@dataclass(frozen=True)
+class Fixed(Graph):
+    """A graph given once and for all (Tanner I, Definition IV.1).
+
+    Parameters
+    ----------
+    n
+        Number of agents.
+    edges
+        Pairs (i, j). Undirected unless ``directed``; then (i, j) means that i senses j.
+    directed
+        Whether pairs are one-way.
+
+    Raises
+    ------
+    InvalidInput
+        When a pair joins an agent with itself or names an agent that is not there.
+    """
+
+    n: int
+    edges: tuple[tuple[int, int], ...]
+    directed: bool = False
+    moves: bool = field(default=False, init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        integer("Fixed", "n", self.n, least=1)
+        if not isinstance(self.directed, bool | np.bool_):
+            raise InvalidInput("Fixed", "directed", "must be True or False", self.directed)
+        pairs = set()
+        for edge in listed("Fixed", "edges", self.edges, "must be pairs of agents"):
+            if axes_of(edge) != 1 or np.shape(edge) != (2,):
+                raise InvalidInput("Fixed", "edges", "must be pairs of agents", edge, "Write [(0, 1), (1, 2)].")
+            i, j = (integer("Fixed", "edges", k, least=0) for k in edge)
+            if i == j or max(i, j) >= self.n:
+                raise InvalidInput("Fixed", "edges", f"must join two different agents of 0..{self.n - 1}", (i, j))
+            pairs.add((i, j) if self.directed else (min(i, j), max(i, j)))
+        object.__setattr__(self, "edges", tuple(sorted(pairs)))
+
+    @classmethod
+    def from_networkx(cls, graph: networkx.Graph[Any]) -> Fixed:
+        """The links of a networkx graph; its nodes are numbered in their sorted or given order."""
+        try:
+            nodes = sorted(graph.nodes)
+        except TypeError:
+            nodes = list(graph.nodes)
+        number_of = {node: k for k, node in enumerate(nodes)}
+        edges = tuple((number_of[a], number_of[b]) for a, b in graph.edges)
+        return cls(len(nodes), edges, directed=bool(graph.is_directed()))
+
+    @classmethod
+    def complete(cls, n: int) -> Fixed:
+        """Every agent linked with every other."""
+        return cls(n, tuple((i, j) for i in range(n) for j in range(i + 1, n)))
+
+    @classmethod
+    def random_connected(cls, n: int, probability: float, seed: int) -> Fixed:
+        """G(n, probability), redrawn until it is connected.
+
+        Raises
+        ------
+        InvalidInput
+            When 100,000 draws gave no connected graph.
+        """
+        integer("Fixed.random_connected", "n", n, least=1)
+        chance = number("Fixed.random_connected", "probability", probability, above=0.0)
+        rng = np.random.default_rng(seed)
+        upper = np.triu_indices(n, 1)
+        for _ in range(100_000):
+            matrix = np.zeros((n, n), dtype=bool)
+            matrix[upper] = rng.random(len(upper[0])) < chance
+            if is_connected(matrix):
+                return cls(n, tuple((int(i), int(j)) for i, j in np.argwhere(matrix)))
+        raise InvalidInput(
+            "Fixed.random_connected", "probability", "gave no connected graph in 100000 draws", probability, "Raise it."
+        )
+
+    @property
+    def appear_radius(self) -> float:
+        """No link ever appears."""
+        return 0.0
+
+    @property
+    def break_radius(self) -> float:
+        """No link ever breaks."""
+        return np.inf
+
+    def initial(self, q: Array) -> Links:
+        """The given links, whatever the positions ``q``."""
+        self.check_count(len(q))
+        links = np.zeros((self.n, self.n), dtype=bool)
+        if self.edges:
+            i, j = np.array(self.edges).T
+            links[i, j] = True
+            if not self.directed:
+                links[j, i] = True
+        return links
+
+    def check_count(self, n: int) -> None:
+        """Check that the graph was made for ``n`` agents.
+
+        Raises
+        ------
+        InvalidInput
+            When it was made for another number.
+        """
+        if n != self.n:
+            raise InvalidInput("Fixed", "n", f"must be the number of agents, {n}", self.n)
+
+
+@dataclass(frozen=True)
+class Proximity(Graph):
+    """Agents closer than one radius are neighbours (Tanner II Definition IV.1, Olfati-Saber (8)).
+
+    Parameters
+    ----------
+    radius
+        Sensing radius.
+    closed
+        Whether a pair at exactly ``radius`` starts linked, as in Olfati-Saber (8).
+
+    Raises
+    ------
+    InvalidInput
+        When the radius is not positive.
+    """
+
+    radius: float
+    closed: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "radius", number("Proximity", "radius", self.radius, above=0.0))
+
+    @property
+    def appear_radius(self) -> float:
+        """The sensing radius."""
+        return self.radius
+
+    @property
+    def break_radius(self) -> float:
+        """The sensing radius."""
+        return self.radius
+
+    def initial(self, q: Array) -> Links:
+        """Links of the positions ``q``, shape (N, m)."""
+        distance = pair_distances(q)
+        return np.asarray(distance <= self.radius if self.closed else distance < self.radius)
+
+
+@dataclass(frozen=True)
+class Hysteresis(Graph):
+    """Links break at ``radius`` and appear only below ``radius - gap`` (Zhou (1), rules (i)-(iii)).
+
+    Parameters
+    ----------
+    radius
+        Sensing radius; a link breaks there, and the start links every pair closer than it.
+    gap
+        How far below ``radius`` a pair must come to be linked anew.
+
+    Raises
+    ------
+    InvalidInput
+        When the radius is not positive, or the gap is not in [0, radius).
+    """
+
+    radius: float
+    gap: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "radius", number("Hysteresis", "radius", self.radius, above=0.0))
+        gap = number("Hysteresis", "gap", self.gap, least=0.0)
+        if gap >= self.radius:
+            raise InvalidInput(
+                "Hysteresis", "gap", f"must be smaller than the radius, {self.radius:g}", self.gap,
+                "A link appears below radius - gap.",
+            )  # fmt: skip
+        object.__setattr__(self, "gap", gap)
+
+    @property
+    def appear_radius(self) -> float:
+        """``radius - gap``."""
+        return self.radius - self.gap
+
+    @property
+    def break_radius(self) -> float:
+        """The sensing radius."""
+        return self.radius
+
+    def initial(self, q: Array) -> Links:
+        """Links of the positions ``q``: every pair closer than ``radius`` (Zhou, rule (i))."""
+        return np.asarray(pair_distances(q) < self.radius)

@@ -1,0 +1,386 @@
+"""Neighbourhoods that depend on headings: cones (Olfati-Saber (4)-(6), (18)) and fields of view (his Fig. 1(b))."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array, number, one_of, scalar_or_each
+from flocking.model.graphs.connectivity import Links
+from flocking.model.graphs.distance_graphs import Graph, pair_distances
+from flocking.model.graphs.weights import PairWeights
+from flocking.model.potentials.bumps import Bump, bump_named
+
+if TYPE_CHECKING:
+    import sympy
+
+MEASURES = ("real", "wrapped", "rotation")
+
+
+class HeadingGraph(Graph):
+    """A graph whose links depend on headings. These are fixed during a run: positions alone evolve."""
+
+    sees_headings = True
+
+    def initial(self, q: Array) -> Links:
+        """Not to be had from positions ``q`` alone.
+
+        Raises
+        ------
+        InvalidInput
+            Always: use `start_links`.
+        """
+        return self.start_links(q, None)
+
+    def update(self, q: Array, links: Links) -> Links:
+        """Not to be had from positions ``q`` alone.
+
+        Raises
+        ------
+        InvalidInput
+            Always: these graphs have no memory, use `start_links`.
+        """
+        return self.start_links(q, None)
+
+    def _headings(self, headings: Array | None, n: int) -> Array:
+        if headings is None or len(headings) != n:
+            given = "none" if headings is None else f"{len(headings)} headings"
+            raise InvalidInput(
+                type(self).__name__, "headings", f"must be given for each of the {n} agents", given,
+                "Give Agents(headings=...) to the scenario or to fk.control.",
+            )  # fmt: skip
+        return np.asarray(headings, dtype=np.float64)
+
+    @abstractmethod
+    def start_links(self, q: Array, headings: Array | None = None) -> Links:
+        """Links of positions ``q``, shape (N, m), and ``headings``, shape (N,) or (N, d, d)."""
+
+
+def heading_gaps(headings: Array, measure: str) -> Array:
+    """How far headings differ, shape (N, N), entry (i, j) for theta_j seen from theta_i.
+
+    Parameters
+    ----------
+    headings
+        Angles in radians, shape (N,), or rotation matrices, shape (N, d, d).
+    measure
+        ``"real"``: |theta_j - theta_i| of real numbers, as printed in (5). ``"wrapped"``: the same on the circle.
+        ``"rotation"``: trace(I - R_j^T R_i)/2 of (6), for angles 1 - cos(theta_j - theta_i).
+
+    Raises
+    ------
+    InvalidInput
+        When rotation matrices are measured as angles, or a matrix is no rotation.
+    """
+    if headings.ndim == 1:
+        gap = headings[None, :] - headings[:, None]
+        if measure == "rotation":
+            return np.asarray(1.0 - np.cos(gap))
+        if measure == "wrapped":
+            gap = np.arctan2(np.sin(gap), np.cos(gap))
+        return np.asarray(np.abs(gap))
+    if measure != "rotation":
+        raise InvalidInput("Cone", "measure", "must be 'rotation' for rotation matrices", measure)
+    size = headings.shape[1]
+    product = np.einsum("nij,nik->njk", headings, headings)
+    if not np.allclose(product, np.eye(size), atol=1e-9) or not np.allclose(np.linalg.det(headings), 1.0):
+        raise InvalidInput("Agents", "headings", "must be rotation matrices", f"shape {headings.shape}")
+    return np.asarray(0.5 * (size - np.einsum("jab,iab->ij", headings, headings)))
+
+
+@dataclass(frozen=True, eq=False)
+class Cone(HeadingGraph):
+    """Agents within a radius and with a similar heading are neighbours (Olfati-Saber (4)-(6)).
+
+    As printed, the condition on headings is the same for both agents of a pair: with common values the net is
+    undirected, whatever the text says. For a cone in space see `FieldOfView`.
+
+    Parameters
+    ----------
+    radius
+        r, for all or per sensing agent; positive.
+    opening
+        Largest difference of headings, for all or per sensing agent; not negative.
+    measure
+        How headings are compared; see `heading_gaps`.
+
+    Raises
+    ------
+    InvalidInput
+        When a value is out of range.
+    """
+
+    radius: float | Array
+    opening: float | Array
+    measure: str = "real"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "radius", scalar_or_each("Cone", "radius", self.radius, least=0.0))
+        object.__setattr__(self, "opening", scalar_or_each("Cone", "opening", self.opening, least=0.0))
+        if not (np.asarray(self.radius) > 0).all():
+            raise InvalidInput("Cone", "radius", "must be positive", self.radius)
+        one_of("Cone", "measure", self.measure, MEASURES)
+
+    @property
+    def directed(self) -> bool:  # type: ignore[override]
+        """Whether agents have values of their own."""
+        return bool(np.ndim(self.radius) or np.ndim(self.opening))
+
+    @property
+    def appear_radius(self) -> float | Array:
+        """The radius."""
+        return self.radius
+
+    @property
+    def break_radius(self) -> float | Array:
+        """The radius."""
+        return self.radius
+
+    def allowed(self, headings: Array | None) -> Links:
+        """Pairs whose headings differ by no more than the opening, shape (N, N)."""
+        n = 0 if headings is None else len(headings)
+        gaps = heading_gaps(self._headings(headings, max(n, 1)), self.measure)
+        result = gaps <= np.reshape(np.asarray(self.opening), (-1, 1))
+        np.fill_diagonal(result, False)
+        return np.asarray(result)
+
+    def start_links(self, q: Array, headings: Array | None = None) -> Links:
+        """Links of positions ``q`` and ``headings``."""
+        distance = pair_distances(q)
+        near = distance <= np.reshape(np.asarray(self.radius), (-1, 1))
+        return np.asarray(near & self.allowed(self._headings(headings, len(q))))
+
+    def check_count(self, n: int) -> None:
+        """Check that per-agent values are given for ``n`` agents.
+
+        Raises
+        ------
+        InvalidInput
+            When they are given for another number.
+        """
+        for name in ("radius", "opening"):
+            value = getattr(self, name)
+            if np.ndim(value) and len(value) != n:
+                raise InvalidInput(
+                    "Cone", name, f"must have one value for each of the {n} agents", f"{len(value)} values"
+                )
+
+
+@dataclass(frozen=True)
+class HeadingWeights(PairWeights):
+    """The factor rho(|theta_j - theta_i|/phi_0) of a smooth cone, a number per pair.
+
+    Parameters
+    ----------
+    opening, onset
+        phi_0 and k0.
+    bump
+        The bump function.
+    measure
+        How headings are compared.
+    """
+
+    opening: float
+    onset: float
+    bump: Bump
+    measure: str
+    symmetric = True
+
+    def matrix(self, n: int) -> Array:
+        """Not to be had without headings.
+
+        Raises
+        ------
+        InvalidInput
+            Always.
+        """
+        return self.of(None, n)
+
+    def of(self, headings: Array | None, n: int) -> Array:
+        """The factors of agents with such headings, shape (n, n).
+
+        Raises
+        ------
+        InvalidInput
+            When there are no headings.
+        """
+        if headings is None:
+            raise InvalidInput(
+                "SmoothCone", "headings", "must be given", None, "Give Agents(headings=...) to the scenario."
+            )
+        return self.bump(heading_gaps(np.asarray(headings), self.measure) / self.opening, self.onset)
+
+
+@dataclass(frozen=True)
+class SmoothCone(HeadingGraph):
+    """Links of weight rho(r/R) rho(|theta_j - theta_i|/phi_0) (Olfati-Saber (18)).
+
+    Parameters
+    ----------
+    radius
+        R, where the weight vanishes.
+    onset
+        k0 of both factors, in (0, 1).
+    opening
+        phi_0, the difference of headings at which the weight vanishes; positive.
+    bump
+        ``"cosine"``, ``"quintic"`` or ``"infinite"``, or a `Bump`.
+    measure
+        How headings are compared; see `heading_gaps`.
+
+    Raises
+    ------
+    InvalidInput
+        When a value is out of range.
+    """
+
+    radius: float
+    onset: float
+    opening: float
+    bump: str | Bump = "cosine"
+    measure: str = "real"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "radius", number("SmoothCone", "radius", self.radius, above=0.0))
+        object.__setattr__(self, "onset", number("SmoothCone", "onset", self.onset, above=0.0, below=1.0))
+        object.__setattr__(self, "opening", number("SmoothCone", "opening", self.opening, above=0.0))
+        bump_named("SmoothCone", self.bump)
+        one_of("SmoothCone", "measure", self.measure, MEASURES)
+
+    @property
+    def appear_radius(self) -> float:
+        """The radius."""
+        return self.radius
+
+    @property
+    def break_radius(self) -> float:
+        """The radius."""
+        return self.radius
+
+    @property
+    def view(self) -> HeadingWeights:
+        """The factor of the headings."""
+        return HeadingWeights(self.opening, self.onset, bump_named("SmoothCone", self.bump), self.measure)
+
+    def allowed(self, headings: Array | None) -> Links:
+        """Pairs whose headings differ by less than phi_0, shape (N, N)."""
+        n = 0 if headings is None else len(headings)
+        result = heading_gaps(self._headings(headings, max(n, 1)), self.measure) < self.opening
+        np.fill_diagonal(result, False)
+        return np.asarray(result)
+
+    def start_links(self, q: Array, headings: Array | None = None) -> Links:
+        """Links of positions ``q`` and ``headings``."""
+        return np.asarray((pair_distances(q) < self.radius) & self.allowed(self._headings(headings, len(q))))
+
+    def weight(self, r: sympy.Expr, parameter: Callable[[str], sympy.Expr]) -> sympy.Expr:
+        """The bump of r/R, times the factor of the headings."""
+        shape = bump_named("SmoothCone", self.bump)
+        return shape.expression(r / parameter("radius"), parameter("onset")) * parameter("view")
+
+    @property
+    def parameters(self) -> dict[str, float | PairWeights]:
+        """Radius, onset and the factor of the headings."""
+        return {"radius": self.radius, "onset": self.onset, "view": self.view}
+
+    @property
+    def structure(self) -> tuple[object, ...]:
+        """The formula of the bump."""
+        return ("smooth cone", bump_named("SmoothCone", self.bump).structure)
+
+    def kinks(self) -> tuple[float, ...]:
+        """k0 R, where the weight begins to fall."""
+        return (self.onset * self.radius,)
+
+
+@dataclass(frozen=True, eq=False)
+class FieldOfView(HeadingGraph):
+    """Agent i sees whoever is within a radius and an angle of its heading (Olfati-Saber, Fig. 1(b)): directed.
+
+    Parameters
+    ----------
+    radius
+        r, for all or per sensing agent; positive.
+    half_angle
+        Largest angle between x_j - x_i and the heading of i, in (0, pi], for all or per sensing agent.
+
+    Raises
+    ------
+    InvalidInput
+        When a value is out of range.
+    """
+
+    radius: float | Array
+    half_angle: float | Array
+    directed = True
+
+    def __post_init__(self) -> None:
+        for name in ("radius", "half_angle"):
+            value = scalar_or_each("FieldOfView", name, getattr(self, name))
+            if not (np.asarray(value) > 0).all():
+                raise InvalidInput("FieldOfView", name, "must be positive", getattr(self, name))
+            object.__setattr__(self, name, value)
+        if (np.asarray(self.half_angle) > np.pi).any():
+            raise InvalidInput("FieldOfView", "half_angle", "must be at most pi", self.half_angle)
+
+    @property
+    def appear_radius(self) -> float | Array:
+        """The radius."""
+        return self.radius
+
+    @property
+    def break_radius(self) -> float | Array:
+        """The radius."""
+        return self.radius
+
+    def directions(self, headings: Array | None) -> Array:
+        """Unit vectors of the headings, shape (N, m): (cos, sin) of angles, the first column of rotation matrices.
+
+        Raises
+        ------
+        InvalidInput
+            When there are no headings.
+        """
+        n = 0 if headings is None else len(headings)
+        checked = self._headings(headings, max(n, 1))
+        if checked.ndim == 1:
+            return np.stack([np.cos(checked), np.sin(checked)], axis=1)
+        return np.ascontiguousarray(checked[:, :, 0])
+
+    def cosines(self, n: int) -> Array:
+        """Cosine of the half angle of each of ``n`` agents, shape (n,)."""
+        return np.broadcast_to(np.cos(np.asarray(self.half_angle, dtype=np.float64)), n).copy()
+
+    def start_links(self, q: Array, headings: Array | None = None) -> Links:
+        """Links of positions ``q`` and ``headings``; coincident agents see each other."""
+        direction = self.directions(self._headings(headings, len(q)))
+        if direction.shape != q.shape:
+            raise InvalidInput(
+                "FieldOfView", "headings", f"must be directions in {q.shape[1]} dimensions", direction.shape[1],
+                "Give angles in the plane and rotation matrices elsewhere.",
+            )  # fmt: skip
+        distance = pair_distances(q)
+        forward = np.einsum("ijk,ik->ij", q[None] - q[:, None], direction)
+        reach = np.reshape(np.asarray(self.radius), (-1, 1))
+        seen = forward >= self.cosines(len(q))[:, None] * np.where(np.isfinite(distance), distance, 0.0)
+        return np.asarray((distance <= reach) & seen)
+
+    def check_count(self, n: int) -> None:
+        """Check that per-agent values are given for ``n`` agents.
+
+        Raises
+        ------
+        InvalidInput
+            When they are given for another number.
+        """
+        for name in ("radius", "half_angle"):
+            value: Any = getattr(self, name)
+            if np.ndim(value) and len(value) != n:
+                raise InvalidInput(
+                    "FieldOfView", name, f"must have one value for each of the {n} agents", f"{len(value)} values"
+                )

@@ -1,0 +1,347 @@
+"""Virtual leaders: a velocity as a function of time; position and acceleration follow from it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flocking.errors import InvalidInput
+from flocking.formula.compiled import generated_module
+from flocking.formula.grammar import Formula
+from flocking.model.checks import Array, array, listed, number
+from flocking.model.checks import parameters as checked_parameters
+
+if TYPE_CHECKING:
+    import sympy
+
+
+class Leader(ABC):
+    """A virtual leader. One object may be shared by several terms of a law."""
+
+    @property
+    @abstractmethod
+    def dimension(self) -> int:
+        """Number of space dimensions it lives in."""
+
+    @property
+    @abstractmethod
+    def parameters(self) -> dict[str, float]:
+        """Run-time parameters of its formulas."""
+
+    @property
+    @abstractmethod
+    def structure(self) -> tuple[object, ...]:
+        """What fixes its formulas, without the values of its parameters."""
+
+    @abstractmethod
+    def velocity(self, t: sympy.Expr, parameter: Callable[[str], sympy.Expr]) -> Sequence[sympy.Expr]:
+        """Velocity v0(t), m expressions. The only thing a leader states."""
+
+    def acceleration(self, t: sympy.Symbol, parameter: Callable[[str], sympy.Expr]) -> list[sympy.Expr]:
+        """Acceleration a0(t): the derivative of the velocity."""
+        import sympy
+
+        return [sympy.diff(v, t) for v in self.velocity(t, parameter)]
+
+    def position(self, t: sympy.Symbol, parameter: Callable[[str], sympy.Expr]) -> list[sympy.Expr] | None:
+        """Position x0(t): the integral of the velocity, or None where no closed form is known."""
+        import sympy
+
+        from flocking.model.leaders_and_obstacles.leader_positions import displacement
+
+        velocity = self.velocity(t, parameter)
+        # Parameters that are zero were written as 0, so that an integral may divide by the others.
+        names = {s for v in velocity for s in v.free_symbols} - {t}
+        nonzero = {s: sympy.Dummy(s.name, real=True, nonzero=True) for s in names}
+        back = {dummy: symbol for symbol, dummy in nonzero.items()}
+        places = []
+        for k, v in enumerate(velocity):
+            moved = displacement(v.xreplace(nonzero), t, parameter("start_time"))
+            if moved is None:
+                return None
+            places.append(parameter(f"start_{k}") + moved.xreplace(back))
+        return places
+
+    @property
+    def closed_form(self) -> bool:
+        """Whether the position has a closed form; else engines integrate it along with the agents."""
+        return bool(self._module.CLOSED)
+
+    @property
+    def _module(self) -> ModuleType:
+        names = tuple(self.parameters)
+        return generated_module(
+            ("leader", self.dimension, names), self.structure, (self,), lambda: _motion_formulas(self),
+            lambda stated: _leader_source(stated, names),
+        )  # fmt: skip
+
+    def at(self, t: float) -> tuple[Array, Array, Array]:
+        """Position, velocity and acceleration at time ``t``, shape (m,) each.
+
+        Without closed form the position is found by quadrature, to about 12 digits.
+        """
+        q, p, a = self.along([t])
+        return q[0], p[0], a[0]
+
+    def along(self, times: ArrayLike) -> tuple[Array, Array, Array]:
+        """Positions, velocities and accelerations at many times, shape (K, m) each; see `at`.
+
+        Parameters
+        ----------
+        times
+            The times, shape (K,).
+        """
+        module, given = self._module, self.parameters
+        numbers = tuple(given.values())
+        times = np.asarray(times, dtype=np.float64)
+        found = np.array([self._motion(module, float(t), numbers) for t in times]).reshape(-1, 3, self.dimension)
+        if not module.CLOSED:
+            from flocking.model.leaders_and_obstacles.leader_positions import travelled
+
+            start = np.array([given[f"start_{k}"] for k in range(self.dimension)])
+            found[:, 0] = [start + travelled(self.velocity_at, given["start_time"], float(t)) for t in times]
+        return found[:, 0], found[:, 1], found[:, 2]
+
+    def velocity_at(self, t: float) -> Array:
+        """Velocity at time ``t``, shape (m,)."""
+        return np.asarray(self._motion(self._module, float(t), tuple(self.parameters.values()))[1])
+
+    def _motion(self, module: ModuleType, t: float, numbers: tuple[float, ...]) -> Array:
+        """What the formulas say, shape (3, m); NaN where they have no real value."""
+        try:
+            return np.array(module.leader(t, *numbers), dtype=np.float64)
+        except (ValueError, ArithmeticError, TypeError):  # a root of something negative is a complex number
+            return np.full((3, self.dimension), np.nan)
+
+
+@dataclass(frozen=True, eq=False)
+class Sink(Leader):
+    """A destination at rest (Olfati-Saber, sec. 10: a desired destination with p_d = 0).
+
+    Parameters
+    ----------
+    point
+        Where it is, shape (m,).
+
+    Raises
+    ------
+    InvalidInput
+        When a coordinate is not finite.
+    """
+
+    point: Array
+
+    if TYPE_CHECKING:  # anything that makes an array may be given
+
+        def __init__(self, point: ArrayLike) -> None: ...
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "point", array("Sink", "point", self.point, ndim=1))
+
+    @property
+    def dimension(self) -> int:
+        """Length of ``point``."""
+        return len(self.point)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Coordinates of the sink."""
+        return {f"start_{k}": float(x) for k, x in enumerate(self.point)}
+
+    @property
+    def structure(self) -> tuple[object, ...]:
+        """The dimension."""
+        return ("sink", self.dimension)
+
+    @property
+    def closed_form(self) -> bool:
+        """True."""
+        return True
+
+    def velocity(self, t: sympy.Expr, parameter: Callable[[str], sympy.Expr]) -> Sequence[sympy.Expr]:
+        """Zero."""
+        import sympy
+
+        return [sympy.Integer(0)] * self.dimension
+
+    def position(self, t: sympy.Symbol, parameter: Callable[[str], sympy.Expr]) -> list[sympy.Expr] | None:
+        """The point."""
+        return [parameter(f"start_{k}") for k in range(self.dimension)]
+
+
+@dataclass(frozen=True, eq=False)
+class Velocity(Leader):
+    """A leader with constant velocity (Zhou (24), Olfati-Saber p_d).
+
+    Parameters
+    ----------
+    value
+        Its velocity, shape (m,).
+    start
+        Its position at time ``start_time``, shape (m,); the origin when absent.
+    start_time
+        When it is there.
+
+    Raises
+    ------
+    InvalidInput
+        When shapes disagree or a value is not finite.
+    """
+
+    value: Array
+    start: Array | None = None
+    start_time: float = 0.0
+
+    if TYPE_CHECKING:
+
+        def __init__(self, value: ArrayLike, start: ArrayLike | None = None, start_time: float = 0.0) -> None: ...
+
+    def __post_init__(self) -> None:
+        value = array("Velocity", "value", self.value, ndim=1)
+        start = array("Velocity", "start", np.zeros_like(value) if self.start is None else self.start, ndim=1)
+        if start.shape != value.shape:
+            raise InvalidInput("Velocity", "start", f"must have {len(value)} coordinates", self.start)
+        object.__setattr__(self, "start_time", number("Velocity", "start_time", self.start_time))
+        object.__setattr__(self, "value", value)
+        object.__setattr__(self, "start", start)
+
+    @property
+    def dimension(self) -> int:
+        """Length of ``value``."""
+        return len(self.value)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Components of the velocity, the starting point and its time."""
+        start = {} if self.start is None else {f"start_{k}": float(x) for k, x in enumerate(self.start)}
+        speeds = {f"velocity_{k}": float(v) for k, v in enumerate(self.value)}
+        return {**speeds, **start, "start_time": self.start_time}
+
+    @property
+    def structure(self) -> tuple[object, ...]:
+        """The dimension."""
+        return ("velocity", self.dimension)
+
+    @property
+    def closed_form(self) -> bool:
+        """True."""
+        return True
+
+    def velocity(self, t: sympy.Expr, parameter: Callable[[str], sympy.Expr]) -> Sequence[sympy.Expr]:
+        """The constant vector."""
+        return [parameter(f"velocity_{k}") for k in range(self.dimension)]
+
+
+class Path(Leader):
+    """A leader whose velocity is a formula of time (Shi, v0(t)).
+
+    Parameters
+    ----------
+    velocity
+        One text formula in ``t`` per axis, for example ``["sin(t)", "cos(t)"]``.
+    start
+        Its position at time ``start_time``; the origin when absent.
+    start_time
+        When it is there.
+    parameters
+        A value for every other name in the formulas.
+
+    Raises
+    ------
+    FormulaError
+        When a formula is not in the grammar or a name has no value.
+    InvalidInput
+        When shapes disagree or a value is not finite.
+    """
+
+    def __init__(
+        self,
+        velocity: Sequence[str],
+        start: Sequence[float] | None = None,
+        start_time: float = 0.0,
+        **parameters: float,
+    ) -> None:
+        if isinstance(velocity, str):
+            raise InvalidInput("Path", "velocity", "must have one formula per axis", velocity, f"Write [{velocity!r}].")
+        texts = listed("Path", "velocity", velocity, "must have one formula per axis")
+        self.formulas = tuple(Formula(text, "Path") for text in texts)
+        if not self.formulas:
+            raise InvalidInput("Path", "velocity", "must have one formula per axis", velocity)
+        self.start = array("Path", "start", np.zeros(len(self.formulas)) if start is None else start, ndim=1)
+        if len(self.start) != len(self.formulas):
+            raise InvalidInput("Path", "start", f"must have {len(self.formulas)} coordinates", start)
+        self.start_time = number("Path", "start_time", start_time)
+        self.values = checked_parameters("Path", parameters)
+        needed = frozenset[str]().union(*(f.names for f in self.formulas)) - {"t"}
+        if taken := sorted(n for n in needed if n.startswith("start_")):
+            raise InvalidInput(
+                "Path", taken[0], "must not begin with start_", velocity, "Those names are the leader's own."
+            )
+        if needed != set(self.values):
+            odd = sorted(needed ^ set(self.values))[0]
+            raise InvalidInput("Path", odd, "must be both used in a formula and given a value", self.values)
+
+    def __repr__(self) -> str:
+        return f"Path({[f.text for f in self.formulas]}, start={self.start.tolist()})"
+
+    @property
+    def dimension(self) -> int:
+        """Number of formulas."""
+        return len(self.formulas)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Parameters of the formulas, the starting point and its time."""
+        start = {f"start_{k}": float(x) for k, x in enumerate(self.start)}
+        return {**self.values, **start, "start_time": self.start_time}
+
+    @property
+    def structure(self) -> tuple[object, ...]:
+        """The formulas."""
+        return ("path", *(f.structure for f in self.formulas), self._zeros)
+
+    @property
+    def _zeros(self) -> tuple[str, ...]:
+        return tuple(name for name, value in self.values.items() if value == 0.0)
+
+    def velocity(self, t: sympy.Expr, parameter: Callable[[str], sympy.Expr]) -> Sequence[sympy.Expr]:
+        """The formulas, with their names replaced by symbols."""
+        import sympy
+
+        from flocking.formula.symbolic import to_sympy
+
+        values = {n: sympy.Integer(0) if n in self._zeros else parameter(n) for n in self.values}
+        return [to_sympy(f, {**values, "t": t}) for f in self.formulas]
+
+
+def _motion_formulas(leader: Leader) -> tuple[Sequence[sympy.Expr] | None, Sequence[sympy.Expr], Sequence[sympy.Expr]]:
+    import sympy
+
+    t = sympy.Symbol("t", real=True)
+
+    def parameter(name: str) -> sympy.Expr:
+        return sympy.Symbol(name, real=True)
+
+    return leader.position(t, parameter), leader.velocity(t, parameter), leader.acceleration(t, parameter)
+
+
+def _leader_source(
+    stated: tuple[Sequence[sympy.Expr] | None, Sequence[sympy.Expr], Sequence[sympy.Expr]], names: tuple[str, ...]
+) -> str:
+    from flocking.formula.printing import code
+
+    def written(values: Sequence[sympy.Expr]) -> str:
+        return "[" + ", ".join(code(v, arrays=False) for v in values) + "]"
+
+    q, p, a = stated
+    place = written(q) if q is not None else f"[math.nan] * {len(p)}"
+    return (
+        f"import math\n\nCLOSED = {q is not None}\n\n\ndef leader(t, {', '.join(names)}):\n"
+        f"    return {place}, {written(p)}, {written(a)}\n"
+    )

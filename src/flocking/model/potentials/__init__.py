@@ -1,0 +1,1 @@
+"""Potentials psi(r), bump functions, and the poles of a potential."""

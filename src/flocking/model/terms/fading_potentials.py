@@ -1,0 +1,183 @@
+"""The energy of forces that fade out with the weight of a smooth graph: the integral of a psi' over the distance.
+
+Where the weight falls it has no closed form for most potentials. By parts it is a psi + (integral of a' psi from r to
+R), and the second part is written as a polynomial on the interval of the fall, in Newton's form at Chebyshev points in
+the order of Leja, which is stable and short. The coefficients are numbers that reach compiled code at run time, like
+parameters; their number is chosen so that the polynomial is right to 12 digits, or to 10 with
+as many as are ever taken.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flocking.model.checks import Array
+
+if TYPE_CHECKING:
+    import sympy
+
+    from flocking.model.graphs.smooth_graphs import Smooth
+    from flocking.model.potentials.potential import Potential
+
+COUNTS = (8, 12, 16, 24, 32, 48, 64, 96)
+"""Numbers of coefficients that are tried."""
+
+ACCURACY, POOREST = 1e-12, 1e-10
+"""Largest error, of the integral's largest value: with fewer coefficients than most, and with most."""
+
+PLACES = 1001
+"""Distances at which the error is measured."""
+
+NODES = 16
+"""Nodes of Gauss and Legendre's rule between two neighbouring distances."""
+
+
+@dataclass(frozen=True)
+class Fall:
+    """Integral from a distance to the radius of the slope of a weight times a potential, in numbers.
+
+    Parameters
+    ----------
+    begin, end
+        Distances between which the weight falls from 1 to 0.
+    coefficients
+        Newton's coefficients of the integral as a function of the distance where it begins.
+    """
+
+    begin: float
+    end: float
+    coefficients: tuple[float, ...]
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The numbers by name."""
+        named = {f"coefficient_{k}": value for k, value in enumerate(self.coefficients)}
+        return {"begin": self.begin, "end": self.end, **named}
+
+
+@dataclass(frozen=True)
+class Fade:
+    """The same in symbols.
+
+    Parameters
+    ----------
+    begin, end
+        Distances between which the weight falls from 1 to 0.
+    coefficients
+        Newton's coefficients of the integral.
+    """
+
+    begin: sympy.Expr
+    end: sympy.Expr
+    coefficients: tuple[sympy.Expr, ...]
+
+    def integral(self, r: sympy.Expr) -> sympy.Expr:
+        """The integral from ``r`` to the end; constant before `begin`."""
+        import sympy
+
+        start = sympy.Piecewise((self.begin, r <= self.begin), (r, True))
+        place = 2 * (2 * start - self.begin - self.end) / (self.end - self.begin)
+        *rest, found = self.coefficients
+        for coefficient, node in zip(reversed(rest), reversed(nodes(len(rest) + 1)[:-1]), strict=True):
+            found = coefficient + (place - sympy.Float(node, 17)) * found
+        return found
+
+
+@cache
+def nodes(count: int) -> tuple[float, ...]:
+    """Chebyshev points of [-2, 2], each as far as can be from those before it (F. Leja, Ann. Polon. Math. 4 (1957) 8).
+
+    On an interval of this length differences neither overflow nor vanish, however many there are.
+
+    Parameters
+    ----------
+    count
+        How many.
+    """
+    left = 2 * np.cos(np.pi * (np.arange(count) + 0.5) / count)
+    order = [float(left[0])]
+    apart = np.zeros(count)
+    while len(order) < count:
+        with np.errstate(divide="ignore"):
+            apart += np.log(np.abs(left - order[-1]))
+        order.append(float(left[int(np.argmax(apart))]))
+    return tuple(order)
+
+
+def newton_coefficients(values: Array) -> Array:
+    """Coefficients of the polynomial that has some values at `nodes`, shape (K,).
+
+    Parameters
+    ----------
+    values
+        The values, in the order of the nodes.
+    """
+    places = np.array(nodes(len(values)))
+    found = np.array(values)
+    for k in range(1, len(values)):
+        found[k:] = (found[k:] - found[k - 1]) / (places[k:] - places[k - 1])
+    return found
+
+
+def newton_value(coefficients: Array, places: Array) -> Array:
+    """The polynomial with those coefficients at some places in [-2, 2].
+
+    Parameters
+    ----------
+    coefficients
+        Newton's coefficients.
+    places
+        Where.
+    """
+    points = nodes(len(coefficients))
+    found = np.full(len(places), coefficients[-1])
+    for coefficient, node in zip(coefficients[-2::-1], points[-2::-1], strict=True):
+        found = coefficient + (places - node) * found
+    return found
+
+
+@lru_cache(maxsize=256)
+def fall_of(potential: Potential, graph: Smooth) -> Fall | None:
+    """The integral of the slope of a graph's weight times a potential; None where no polynomial gives it.
+
+    Parameters
+    ----------
+    potential
+        The potential.
+    graph
+        The graph; its weight falls between its kink and its radius.
+    """
+    begin, end = float(graph.kinks()[0]), graph.radius
+    places, weights = np.polynomial.legendre.leggauss(NODES)
+
+    def integral(starts: Array) -> Array:
+        """From each of the ascending distances to the end, piece by piece."""
+        ends = np.append(starts[1:], end)
+        half = (ends - starts) / 2
+        s = starts[:, None] + half[:, None] * (1 + places)
+        with np.errstate(all="ignore"):
+            values = graph.shape.slope(s / end, graph.onset) / end * potential(s)
+        return np.asarray(np.cumsum((half * (values @ weights))[::-1])[::-1])
+
+    between = np.linspace(-2.0, 2.0, PLACES)[:-1]
+    exact = integral(begin + (end - begin) * (between + 2) / 4)
+    size = float(np.abs(exact).max())
+    if not np.isfinite(exact).all() or size == 0.0:
+        return None
+    for count in COUNTS:
+        at = np.array(nodes(count))
+        together = np.concatenate([between, at])
+        order = np.argsort(together)
+        values = np.empty(len(together))
+        values[order] = integral(begin + (end - begin) * (together[order] + 2) / 4)
+        kept = newton_coefficients(values[len(between) :])
+        # Nothing is left at the radius, so that no energy comes or goes with a link.
+        kept[0] -= newton_value(kept, np.array([2.0]))[0]
+        allowed = POOREST if count == COUNTS[-1] else ACCURACY
+        if np.abs(newton_value(kept, between) - exact).max() <= allowed * size:
+            return Fall(begin, float(end), tuple(kept.tolist()))
+    return None

@@ -1,0 +1,325 @@
+"""Pair terms of a control law: what a neighbour j adds to the control of agent i."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array, one_of, scalar_or_each, truth
+from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.graphs.weights import HashedWeights, MatrixWeights, PairWeights
+from flocking.model.potentials.potential import Potential
+from flocking.model.terms.schedules import Schedule
+from flocking.model.terms.symbols import PairSymbols
+
+if TYPE_CHECKING:
+    import sympy
+
+    from flocking.model.terms.fading_potentials import Fall
+
+Value = float | Array | PairWeights | Schedule
+"""A parameter: one number, one number per agent, or one per pair; the first two possibly changing at given times."""
+
+SYMMETRIES = frozenset({"momentum", "rotation", "relabelling", "galilean", "locality"})
+"""Symmetries a pair term may declare; each has a contract test."""
+
+
+class Term(ABC):
+    """Base of all parts of a law that act on agents."""
+
+    @property
+    @abstractmethod
+    def parameters(self) -> dict[str, Value]:
+        """Run-time parameters by name."""
+
+    @property
+    @abstractmethod
+    def structure(self) -> tuple[object, ...]:
+        """What fixes the formulas of the term, without the values of its parameters."""
+
+    @property
+    def symmetries(self) -> frozenset[str]:
+        """Symmetries the term keeps, a subset of `SYMMETRIES`."""
+        return SYMMETRIES
+
+    def check_count(self, n: int) -> None:
+        """Check that per-agent and per-pair parameters fit ``n`` agents.
+
+        Raises
+        ------
+        InvalidInput
+            When one has another length.
+        """
+        for name, value in self.parameters.items():
+            if isinstance(value, PairWeights):
+                value.check_count(n)
+            elif isinstance(value, Schedule):
+                value.check_count(type(self).__name__, name, n)
+            elif np.ndim(value) and len(np.asarray(value)) != n:
+                raise InvalidInput(
+                    type(self).__name__,
+                    name,
+                    f"must have one value for each of the {n} agents",
+                    f"{np.size(value)} values",
+                )
+
+    def check_dimension(self, dimension: int) -> None:
+        """Check that the term fits ``dimension`` space dimensions; most fit any."""
+        return None
+
+
+class PairTerm(Term):
+    """A term that sums over neighbours: u_i += along * n_ij + drag * (p_j - p_i).
+
+    A subclass states `along` or `drag` or both as SymPy expressions of the symbols it is handed, and,
+    where they exist, the energy it stores and the powers it dissipates and is supplied with, each per ordered pair.
+    What it states must be that of its forces, in every state:
+
+        - along radial - drag speed2 + (rate of storage) + dissipation - supply = 0.
+
+    A law checks this when it is built. The power by which forces that do not come in opposite pairs exceed this
+    belongs to the supply too; the engines add it.
+    """
+
+    over: Graph | None = None
+    """Graph of this term, where it is not the graph of the law."""
+
+    def along(self, x: PairSymbols) -> sympy.Expr:
+        """Coefficient of n_ij = (q_j - q_i)/r."""
+        import sympy
+
+        return sympy.Integer(0)
+
+    def drag(self, x: PairSymbols) -> sympy.Expr:
+        """Coefficient of p_j - p_i."""
+        import sympy
+
+        return sympy.Integer(0)
+
+    def storage(self, x: PairSymbols) -> sympy.Expr:
+        """Energy stored in an undirected link (each ordered pair counts half of it)."""
+        import sympy
+
+        return sympy.Integer(0)
+
+    def dissipation(self, x: PairSymbols) -> sympy.Expr:
+        """Power dissipated by an undirected link (each ordered pair counts half of it)."""
+        import sympy
+
+        return sympy.Integer(0)
+
+    def supply(self, x: PairSymbols) -> sympy.Expr:
+        """Power supplied to an undirected link (each ordered pair counts half of it).
+
+        By default all power of a term that states neither storage nor dissipation, and none of one that does.
+        """
+        import sympy
+
+        if self.storage(x) == 0 and self.dissipation(x) == 0:
+            return -self.along(x) * x.radial - self.drag(x) * x.speed2
+        return sympy.Integer(0)
+
+    def fall(self, graph: Graph) -> Fall | None:
+        """The integral over the fall of a graph's weight that `storage` needs as ``x.fade``; None for none.
+
+        Parameters
+        ----------
+        graph
+            The graph.
+        """
+        return None
+
+    def kinks(self) -> tuple[float, ...]:
+        """Distances at which the formulas have a kink."""
+        return ()
+
+
+def _check_graph(owner: str, over: Graph | None) -> None:
+    if over is not None and not isinstance(over, Graph):
+        raise InvalidInput(owner, "over", "must be a graph", over, "Use Fixed, Proximity or Hysteresis.")
+
+
+@dataclass(frozen=True)
+class Gradient(PairTerm):
+    """Descent of a pair potential: psi'(r) n_ij summed over neighbours (Tanner (5), Zhou (8), Olfati-Saber (34)-(36)).
+
+    Parameters
+    ----------
+    potential
+        The potential psi(r).
+    weighting
+        How the weight a(r) of a smooth graph enters. ``"energy"``: the force is the gradient of a psi
+        (Olfati-Saber (35)). ``"force"``: the force is a psi' (Olfati-Saber (36)). The two agree where a = 1.
+    over
+        Graph of this term, where it is not the graph of the law.
+    stored
+        The energy of a weighted force. ``"integral"``: the integral of a psi', zero at the radius, of which the
+        force is the gradient, found to 12 digits where the weight falls. ``"potential"``: a psi, the energy of (35);
+        what moves the weight counts as supplied. So it does anyway over graphs whose weight is none of `Smooth`, and
+        for potentials with a kink or a narrow feature where the weight falls; `fall` tells.
+
+    Raises
+    ------
+    InvalidInput
+        When ``weighting`` or ``stored`` is unknown or ``potential`` is no Potential.
+    """
+
+    potential: Potential
+    weighting: str = "energy"
+    over: Graph | None = None
+    stored: str = "integral"
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.potential, Potential):
+            raise InvalidInput(
+                "Gradient",
+                "potential",
+                "must be a Potential",
+                self.potential,
+                "Write Gradient(Potential('1/r + 1/(R - r)', R=4)).",
+            )
+        _check_graph("Gradient", self.over)
+        one_of("Gradient", "weighting", self.weighting, ("energy", "force"), "must be 'energy' or 'force'")
+        one_of("Gradient", "stored", self.stored, ("integral", "potential"), "must be 'integral' or 'potential'")
+
+    @property
+    def parameters(self) -> dict[str, Value]:
+        """Parameters of the potential."""
+        return dict(self.potential.parameters)
+
+    @property
+    def structure(self) -> tuple[object, ...]:
+        """The formula, the weighting and what is stored."""
+        return ("Gradient", self.potential.formula.structure, self.weighting, self.stored)
+
+    def fall(self, graph: Graph) -> Fall | None:
+        """What the integral of a psi' exceeds a psi by, where it is stored; see `stored`."""
+        from flocking.model.graphs.smooth_graphs import Smooth
+        from flocking.model.terms.fading_potentials import fall_of
+
+        if self.weighting != "force" or self.stored != "integral":
+            return None
+        return fall_of(self.potential, graph) if isinstance(graph, Smooth) and graph.has_own_bump else None
+
+    def _psi(self, x: PairSymbols) -> sympy.Expr:
+        return self.potential.expression(x.r, {name: x.parameter(name) for name in self.potential.parameters})
+
+    def along(self, x: PairSymbols) -> sympy.Expr:
+        """The slope of a psi, or a times the slope of psi."""
+        import sympy
+
+        if self.weighting == "force":
+            return x.weight * sympy.diff(self._psi(x), x.r)
+        return sympy.diff(x.weight * self._psi(x), x.r)
+
+    def storage(self, x: PairSymbols) -> sympy.Expr:
+        """A psi, or the integral of a psi'."""
+        if x.fade is None:
+            return x.weight * self._psi(x)
+        return x.weight * self._psi(x) + x.fade.integral(x.r)
+
+    def supply(self, x: PairSymbols) -> sympy.Expr:
+        """What moves the weight of a force whose integral is not stored; else nothing."""
+        import sympy
+
+        if self.weighting == "force" and x.fade is None:
+            return sympy.diff(x.weight, x.r) * self._psi(x) * x.radial
+        return sympy.Integer(0)
+
+    def kinks(self) -> tuple[float, ...]:
+        """Kinks of the potential."""
+        return self.potential.kinks()
+
+
+@dataclass(frozen=True, init=False)
+class Consensus(PairTerm):
+    """Velocity consensus: w_ij (p_j - p_i) summed over neighbours (Tanner (5), Zhou (8), Shi (4)).
+
+    Parameters
+    ----------
+    gain
+        Common factor c, or one per agent; not negative.
+    weights
+        Pair weights: an (N, N) matrix, `HashedWeights`, or None for 1.
+    weighted
+        Multiply by the weight a(r) of a smooth graph. Olfati-Saber (34)-(36) as printed do not.
+    functional
+        Multiply by the graph functional s_i of the sensing agent (Shi, Remark 3).
+    over
+        Graph of this term, where it is not the graph of the law.
+
+    Raises
+    ------
+    InvalidInput
+        When a gain or weight is negative or not finite.
+    """
+
+    gain: float | Array
+    weights: PairWeights | None
+    weighted: bool
+    functional: bool
+    over: Graph | None
+
+    def __init__(
+        self,
+        gain: float | Array = 1.0,
+        *,
+        weights: PairWeights | Any | None = None,
+        weighted: bool = False,
+        functional: bool = False,
+        over: Graph | None = None,
+    ) -> None:
+        _check_graph("Consensus", over)
+        if weights is not None and not isinstance(weights, PairWeights):
+            weights = MatrixWeights(weights)
+        object.__setattr__(self, "gain", scalar_or_each("Consensus", "gain", gain, least=0.0))
+        object.__setattr__(self, "weights", weights)
+        object.__setattr__(self, "weighted", truth("Consensus", "weighted", weighted))
+        object.__setattr__(self, "functional", truth("Consensus", "functional", functional))
+        object.__setattr__(self, "over", over)
+
+    @property
+    def parameters(self) -> dict[str, Value]:
+        """The gain, and the pair weights where there are any."""
+        found: dict[str, Value] = {"gain": self.gain}
+        return found | ({"weights": self.weights} if self.weights is not None else {})
+
+    @property
+    def structure(self) -> tuple[object, ...]:
+        """Which factors the coefficient has."""
+        return ("Consensus", self.weights is not None, self.weighted, self.functional)
+
+    @property
+    def symmetries(self) -> frozenset[str]:
+        """All, but momentum only when the coefficient is the same for (i, j) and (j, i)."""
+        uneven = np.ndim(self.gain) > 0 or self.functional or not (self.weights is None or self.weights.symmetric)
+        fixed = np.ndim(self.gain) > 0 or self.weights is not None
+        return SYMMETRIES - ({"momentum"} if uneven else set()) - ({"relabelling"} if fixed else set())
+
+    def drag(self, x: PairSymbols) -> sympy.Expr:
+        """The product of gain, pair weight, graph weight and graph functional."""
+        value = x.parameter("gain")
+        if self.weights is not None:
+            value = value * x.parameter("weights")
+        if self.weighted:
+            value = value * x.weight
+        if self.functional:
+            value = value * x.functional
+        return value
+
+    def dissipation(self, x: PairSymbols) -> sympy.Expr:
+        """w_ij |p_j - p_i|^2: with equal weights both ways, the sum over links is p^T L p (Tanner (9), Zhou (14))."""
+        return self.drag(x) * x.speed2
+
+    def supply(self, x: PairSymbols) -> sympy.Expr:
+        """None: all power is dissipated."""
+        import sympy
+
+        return sympy.Integer(0)
+
+
+__all__ = ["SYMMETRIES", "Consensus", "Gradient", "HashedWeights", "MatrixWeights", "PairTerm", "Term", "Value"]

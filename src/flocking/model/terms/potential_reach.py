@@ -1,0 +1,74 @@
+"""Potentials held against the radii of the graphs over which they act, before anything moves."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable
+
+import numpy as np
+
+from flocking.errors import InvalidInput, SuspectInput
+from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.potentials.poles import acts_only_beyond, poles, sides
+from flocking.model.terms.pair_terms import Gradient, PairTerm
+
+CALLER = 5
+"""Whose line a warning names: that of who builds a scenario."""
+
+INSIDE = 1.0 - 1e-9
+"""A pole at this share of the radius, or below, is inside it; the radii of the papers' potentials are their poles."""
+
+
+def check_reach(terms: Iterable[PairTerm], over: Graph) -> None:
+    """Check that neighbours under pair terms stay where its potentials have values.
+
+    Parameters
+    ----------
+    terms
+        The terms.
+    over
+        Graph of those that name no other.
+
+    Raises
+    ------
+    InvalidInput
+        When a potential falls without bound, or ends, at a distance inside the radius at which its graph makes
+        links: pairs that become neighbours there, or come closer, have no motion.
+
+    Warns
+    -----
+    SuspectInput
+        When a potential rises without bound at a distance inside the radius of its graph, which no pair can pass, or
+        acts only at distances beyond that radius.
+    """
+    for term in terms:
+        graph = term.over or over
+        if not isinstance(term, Gradient) or not graph.moves:
+            continue
+        # A link that appears on this side of a pole never comes past it.
+        radius = float(np.max(np.asarray(graph.appear_radius)))
+        widest, potential = max(radius, float(np.max(np.asarray(graph.break_radius)))), term.potential
+        if not np.isfinite(widest):
+            continue
+        for pole in poles(potential):
+            if not pole < radius * INSIDE:
+                break
+            below, above = sides(potential, pole)
+            where = f"at distance {pole:.9g}, inside the radius {radius:.9g} of its graph"
+            if below == above == "rises":
+                warnings.warn(
+                    f"{potential!r} has a pole {where}: no pair can pass it, and neighbours may be on either side.",
+                    SuspectInput, stacklevel=CALLER,
+                )  # fmt: skip
+                continue
+            how = "has no value beyond its pole" if above == "ends" else "falls without bound to its pole"
+            raise InvalidInput(
+                "Gradient", "potential", f"must be finite wherever agents are neighbours, but {how} {where}",
+                potential, f"Give the graph a radius of at most {pole:.9g}, or cut the potential before its pole.",
+            )  # fmt: skip
+        if (begin := acts_only_beyond(potential, widest)) is not None:
+            warnings.warn(
+                f"{potential!r} acts only at distances beyond {begin:.9g}, and its graph has neighbours only within "
+                f"{widest:.9g}: the term never acts.",
+                SuspectInput, stacklevel=CALLER,
+            )  # fmt: skip

@@ -1,0 +1,117 @@
+"""The papers' scenarios as families whose options a sweep file may vary."""
+
+from __future__ import annotations
+
+from functools import cache, partial
+from typing import Any
+
+from flocking.model.law import Scenario
+from flocking.study.evidence import Evidence
+from flocking.study.scenario_files.scenario_values import TRUTH, choice
+from flocking.study.sweeps.scenario_families import Family, number_between, whole_between
+
+OBSTACLE_AREA = 3200.0
+"""Area of the start region of Olfati-Saber's task 1: the shape varies, the density does not."""
+MOST_AGENTS = 1000
+
+
+def _tanner_fixed(seed: int, **options: Any) -> Scenario:
+    from flocking.papers.tanner_2003_fixed.system import scenario
+
+    return scenario(seed=seed, **options)
+
+
+def _tanner_dynamic(seed: int, **options: Any) -> Scenario:
+    from flocking.papers.tanner_2003_dynamic.system import scenario
+
+    return scenario(seed=seed, **options)
+
+
+def _zhou(seed: int, *, leader: bool, **options: Any) -> Scenario:
+    from flocking.papers.zhou_2015.system import scenario
+
+    return scenario(seed=seed, leader=leader, **options)
+
+
+def _shi(seed: int, *, name: str, **options: Any) -> Scenario:
+    from flocking.papers.shi_2009.system import scenario
+
+    return scenario(seed=seed, name=name, **options)
+
+
+def _obstacles(seed: int, *, length: float | None = None, **options: Any) -> Scenario:
+    """Task 1 of Olfati-Saber from a region of one area, ending and centred where the paper's is."""
+    from flocking.papers.olfati_saber_2003.system import START_BOX, obstacle_scenario
+
+    (x, y), (long, wide) = START_BOX
+    if length is not None:
+        width = OBSTACLE_AREA / length
+        options["box"] = ((x + long - length, y + wide / 2 - width / 2), (length, width))
+    return obstacle_scenario(seed, **options)
+
+
+def _certified_zhou(e: Evidence) -> float:
+    """Distance at which one pair alone would hold the largest energy of (16)-(18)."""
+    from flocking.papers.zhou_2015.theorems import energy_limit
+
+    return _distance_holding(e, energy_limit(e))
+
+
+def _certified_by_start(e: Evidence) -> float:
+    """Distance at which one pair alone would hold the energy of the start and of the links made since."""
+    trace = e.trace
+    return _distance_holding(e, float(trace["energy"][0] + trace["jumped"].max()))
+
+
+def _distance_holding(e: Evidence, most: float) -> float:
+    """Smallest distance a linked pair can have when it stores no more than ``most``."""
+    import numpy as np
+
+    from flocking.study.claims.potential_minimum import distance_of, smallest_value
+
+    psi = e.potential
+    best, lowest = smallest_value(psi, float(np.max(np.asarray(e.law.graph.break_radius))))
+    if most <= lowest:
+        return float(best)
+    return distance_of(psi, most, -40.0, float(np.log(best)))
+
+
+def _energy_bound(e: Evidence) -> float:
+    from flocking.papers.zhou_2015.theorems import energy_limit
+
+    return energy_limit(e)
+
+
+ZHOU_MEASURES = {
+    "energy_bound": ("largest energy that (16)-(18) allow", _energy_bound),
+    "certified_closest": ("distance below which (16)-(18) allow no linked pair", _certified_zhou),
+    "certified_by_links": ("the same with the links that were made, not all that could be", _certified_by_start),
+}
+
+
+@cache
+def families() -> dict[str, Family]:
+    """Families by name: those of the papers' scenarios that have something to vary."""
+    from flocking.papers.shi_2009.system import AGENTS, SETTINGS
+
+    speed = number_between(0.0, 100.0)
+    zhou = {
+        "side": number_between(0.5, 100.0),
+        "gain": number_between(0.0, 1000.0),
+        "duration": number_between(0.1, 10_000.0),
+    }
+    obstacles = {
+        "length": number_between(10.0, 1000.0), "tracking": choice("agent", "shared"),
+        "tracking_gain": number_between(0.0, 1000.0), "gamma_agents": TRUTH, "agents": whole_between(1, MOST_AGENTS),
+    }  # fmt: skip
+    found = {
+        "tanner-2003-fixed": Family(_tanner_fixed, {"speed": speed, "complete": TRUTH}),
+        "tanner-2003-dynamic": Family(_tanner_dynamic, {"speed": speed, "start_radius": number_between(0.1, 5.0)}),
+        "zhou-2015": Family(partial(_zhou, leader=False), zhou, ZHOU_MEASURES),
+        "zhou-2015-leader": Family(partial(_zhou, leader=True), zhou),
+        "olfati-saber-2003": Family(_obstacles, obstacles),
+    }
+    for name in SETTINGS:
+        options = {"informed": whole_between(0, AGENTS), "compact": TRUTH}
+        found[name] = Family(partial(_shi, name=name), options)
+    return found

@@ -1,0 +1,1 @@
+"""Claims about runs: hypotheses, conclusions, verdicts, and judgements over many runs."""

@@ -1,0 +1,85 @@
+"""Audits: every claim held against a run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from flocking.engine.runs.run import Run
+from flocking.errors import InvalidInput
+from flocking.model.checks import listed
+from flocking.study.claims.claim import Claim, Result, Verdict
+from flocking.study.evidence import Evidence
+
+
+@dataclass(frozen=True)
+class Report:
+    """Verdicts of one run.
+
+    Parameters
+    ----------
+    run
+        The run.
+    results
+        One result per claim.
+    """
+
+    run: Run
+    results: tuple[Result, ...]
+
+    def __getitem__(self, key: str) -> Result:
+        """Result of the claim with this key."""
+        return next(r for r in self.results if r.claim.key == key)
+
+    @property
+    def as_expected(self) -> bool:
+        """Whether no claim that could be decided came out other than expected. One that is ``not yet`` was not."""
+        decided = (Verdict.HOLDS, Verdict.FAILS, Verdict.NOT_RESOLVED)
+        return all(r.as_expected for r in self.results if r.verdict in decided)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {
+            "scenario": self.run.scenario.name,
+            "status": self.run.status,
+            "as_expected": self.as_expected,
+            "claims": [r.as_dict() for r in self.results],
+        }
+
+    def __str__(self) -> str:
+        rows = [(r.claim.key, str(r.verdict), _short(r.margin), _short(r.error), r.note) for r in self.results]
+        head = ("claim", "verdict", "margin", "error", "measured")
+        widths = [max(len(row[k]) for row in [head, *rows]) for k in range(4)]
+        lines = [
+            "  ".join([*(cell.ljust(w) for cell, w in zip(row, widths, strict=False)), row[4]]) for row in [head, *rows]
+        ]
+        return "\n".join(line.rstrip() for line in lines)
+
+
+def _short(value: float) -> str:
+    return f"{value:.2e}" if math.isfinite(value) else "-"
+
+
+def audit(run: Run, claims: Sequence[Claim] | None = None) -> Report:
+    """Hold claims against a run.
+
+    Parameters
+    ----------
+    run
+        The run.
+    claims
+        The claims; those that make sense for any law when absent, each of which says why it does not apply
+        where it does not.
+    """
+    from flocking.study.claims.general_claims import GENERAL
+
+    if not isinstance(run, Run):
+        raise InvalidInput("audit", "run", "must be a Run", run, "Use fk.simulate(scenario).")
+    held = listed("audit", "claims", GENERAL if claims is None else claims, "must be claims")
+    for claim in held:
+        if not isinstance(claim, Claim):
+            raise InvalidInput("audit", "claims", "must be claims", claim)
+    evidence = Evidence(run)
+    return Report(run, tuple(claim.examine(evidence) for claim in held))

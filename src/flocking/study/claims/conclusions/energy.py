@@ -1,0 +1,114 @@
+"""Claims about energy and momentum."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from flocking.study.claims.claim import Measure, below
+from flocking.study.evidence import Evidence, NotResolvable
+
+SUPPLY_ROUNDING = 1e-12
+"""Supplied energy that rounding explains, relative to all that was moved."""
+
+
+def ledger_residual(e: Evidence) -> Measure:
+    """Residual of the energy ledger against what the tolerance allows; links and forces must be the declared ones."""
+    if e.foreign_link or e.foreign_force:
+        return Measure(-1.0, 0.0, e.foreign_link or e.foreign_force)
+    if e.ledger_doubt:
+        raise NotResolvable(e.ledger_doubt)
+    return below(e.residual, e.ledger_bound, e.ledger_note)
+
+
+def momentum_drift(e: Evidence) -> Measure:
+    """Largest change of the mean velocity against rounding and tolerance."""
+    drift = float(np.abs(e.mean_velocity - e.mean_velocity[0]).max(initial=0.0))
+    allowed = 100 * e.run.scenario.tolerance * max(1.0, float(e.speeds.max()))
+    # What no force changes is told by any moment.
+    return replace(below(drift, allowed, f"mean velocity moved by {drift:.1e}"), everywhere=False)
+
+
+def energy_rise(e: Evidence) -> Measure:
+    """Largest rise of the energy between switches, beyond what the ledger leaves open."""
+    rise = float((np.diff(e.trace["energy"]) - np.diff(e.trace["jumped"])).max(initial=0.0))
+    # A fixed step may miss some energy in every step; what it dissipates must still be no less than nothing.
+    allowed = e.step_residual if e.fixed_step else e.ledger_bound
+    note = f"largest rise {rise:.1e} between switches"
+    if supplied_energy(e) > 0.0 and rise < allowed:
+        # Dissipation is never negative: what the law supplies, and that alone, makes the energy rise.
+        gained = float((np.diff(e.trace["supplied"]) - np.diff(e.trace["dissipated"])).max(initial=0.0))
+        if gained > SUPPLY_ROUNDING * e.energy_moved:
+            return Measure(allowed - rise, np.inf, f"{note}; the law supplies {gained:.1e}, less than the ledger tells")
+    return below(rise, allowed, note)
+
+
+def supplied_energy(e: Evidence) -> float:
+    """Energy that the law supplied over the run, in amount; 0 where rounding, or a fixed step's error, explains it."""
+    supplied = float(np.abs(np.diff(e.trace["supplied"])).sum())
+    least = e.ledger_bound if e.fixed_step else SUPPLY_ROUNDING * e.energy_moved
+    return supplied if supplied > least else 0.0
+
+
+def energy_continuous(e: Evidence) -> Measure:
+    """Total absolute jump of the energy at switches."""
+    jumps = float(np.abs(np.diff(e.trace["jumped"])).sum())
+    allowed = 1e-9 * max(1.0, float(np.abs(e.trace["energy"]).max()))
+    over = f" over {len(e.link_switches)} switches" if e.switches_known else ""
+    return below(jumps, allowed, f"jumps add up to {jumps:.1e}{over}")
+
+
+def speeds_bounded(factor: float) -> Callable[[Evidence], Measure]:
+    """Largest speed against sqrt(factor c), c the initial energy."""
+
+    def conclusion(e: Evidence) -> Measure:
+        bound = float(np.sqrt(max(factor * e.trace["energy"][0], 0.0)))
+        return at_most(e, "speed", float(e.speeds.max()), bound)
+
+    return conclusion
+
+
+def at_most(e: Evidence, name: str, seen: float, bound: float) -> Measure:
+    """Largest value of a quantity over the whole run against a bound.
+
+    Where the run knows its frames alone, they can refute the bound but not show it.
+
+    Parameters
+    ----------
+    name
+        Name of the quantity, as in `flocking.engine.runs.run.Accuracy`.
+    seen
+        Its largest value at the frames.
+    """
+    found = e.largest(name)
+    if found is None:
+        note = f"largest {name} at {len(e.t)} frames {seen:.3g}, bound {bound:.3g}"
+        known = not seen < bound or e.sampled
+        return below(seen, bound, note if known else f"{note}; nothing is known between", 0.0 if known else np.inf)
+    value, error = max(seen, found.value), max(found.error, 1e-9 * bound)
+    return below(value, bound, f"largest {name} {value:.3g} at t = {found.time:.3g}, bound {bound:.3g}", error)
+
+
+def needs_momentum(e: Evidence) -> str:
+    """Momentum is a claim about laws whose forces come in opposite pairs."""
+    if e.law.body_terms:
+        return "a body term acts from outside"
+    if "momentum" not in e.law.symmetries:
+        return "pair forces are not equal and opposite"
+    return (
+        "" if np.ndim(e.run.scenario.agents.damping) == 0 and not e.run.scenario.agents.damping else "agents are damped"
+    )
+
+
+def needs_passive(e: Evidence) -> str:
+    """The energy can only be claimed to fall when nothing supplies any."""
+    return "the law supplies energy" if supplied_energy(e) else ""
+
+
+def needs_ledger(e: Evidence) -> str:
+    """First-order agents have no kinetic energy, and samples have no ledger."""
+    if len(e.run.trace) < 2:
+        return "the run has no ledger"
+    return "" if e.run.scenario.agents.order == 2 else "first-order agents have no kinetic energy"

@@ -1,0 +1,158 @@
+"""Claims about what a motion tends to; `flocking.study.claims.settling` says when a run is long enough for them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from flocking.model.graphs.weights import PairWeights
+from flocking.model.terms.pair_terms import Gradient
+from flocking.study.claims.claim import Measure, above
+from flocking.study.claims.settling import LAST, configuration_unsettled, limit_of, limit_of_series, of_configuration
+from flocking.study.evidence import Evidence
+
+SETTLED = 1e-2
+"""A quantity counts as gone to zero when it fell to this fraction of its largest value in the run."""
+
+STATIONARY = 1e-3
+"""Forces count as balanced when they cancel to this fraction of the sum of their sizes."""
+
+
+def velocities_agree(e: Evidence) -> Measure:
+    """Velocity spread at the end against the largest of the run."""
+    most = e.largest_spread
+    ratios = e.velocity_spread / most if most > 0 else np.zeros_like(e.velocity_spread)
+    return limit_of_series(e.spread_times, ratios, SETTLED, lambda r: f"spread fell to {r:.1e} of its maximum")
+
+
+def distances_settle(e: Evidence) -> Measure:
+    """Fastest change of a pair distance at the end against the largest velocity spread of the run."""
+    e.need_few()
+    most = 2 * e.largest_spread
+
+    def ratio(frame: int) -> float:
+        return e.distance_rate_at(frame) / most if most > 0 else 0.0
+
+    return limit_of(e, SETTLED, ratio, lambda r: f"distances change at {r:.1e} of the first spread")
+
+
+def switching_stops(e: Evidence) -> Measure:
+    """Whether the last tenth of the run is free of switches.
+
+    A motion in which velocities agree, or in which no pair that goes on straight ahead comes to a radius, has settled
+    then. Switching goes on for good where it is no rarer in the last tenth than before and the velocity spread stays.
+    """
+    start, end = float(e.t[0]), float(e.t[-1])
+    first, last = e.quiet_since if e.law.graph.moves else (e.last_switch, e.last_switch)
+    quiet, possible = ((end - t) / (end - start) if end > start else 1.0 for t in (first, last))
+    if quiet > LAST >= possible:
+        return Measure(quiet - LAST, np.inf, e.doubt_note())
+    measured = above(quiet, LAST, f"last switch at t = {first:.4g}")
+    if not e.law.graph.moves:
+        return measured
+    agreement = velocities_agree(e)
+    if measured.margin > 0:
+        settled = (agreement.holds and not agreement.unsettled) or not _meets_a_radius(e)
+        return measured if settled else replace(measured, unsettled="agents still move past each other")
+    times, share = e.link_switches["time"], LAST * (end - start)
+    last, before = (int(((times > b - share) & (times <= b)).sum()) for b in (end, end - share))
+    if last >= before > 0 and not agreement.holds and not agreement.unsettled:
+        return measured
+    return replace(measured, unsettled=f"{last} switches in the last tenth of the run, {before} in the one before")
+
+
+def _meets_a_radius(e: Evidence) -> bool:
+    """Whether a pair would switch if all agents went on straight ahead from the end."""
+    e.need_few()
+    q, p, links = e.q[-1], e.p[-1], e.end_links
+    d, v = q[None] - q[:, None], p[None] - p[:, None]
+    enters, leaves = (np.asarray(r)[..., None] for r in (e.law.graph.appear_radius, e.law.graph.break_radius))
+    closing, speed = -(d * v).sum(axis=2), (v**2).sum(axis=2)
+    moving = speed > 0
+    when = np.where(moving, np.maximum(closing, 0.0) / np.where(moving, speed, 1.0), 0.0)
+    nearest = np.linalg.norm(d + v * when[..., None], axis=2)
+    switches = np.where(links, moving & np.isfinite(leaves), nearest < enters)
+    np.fill_diagonal(switches, False)
+    return bool(switches.any())
+
+
+def _force_scale(e: Evidence) -> float:
+    """Stiffness times link length: what forces are compared with."""
+    lengths = e.equilibrium.r
+    return float(np.abs(e.stiffness).max()) * float(lengths.mean()) if len(lengths) else 0.0
+
+
+def _imbalance_at(e: Evidence, frame: int, scale: float) -> float:
+    found = e.equilibrium if frame in (-1, len(e.t) - 1) else e.equilibrium_at(frame)
+    largest = float(np.linalg.norm(found.forces, axis=1).max(initial=0.0)) if len(found.r) else 0.0
+    return largest / scale if scale > 0 else largest
+
+
+def imbalance(e: Evidence) -> float:
+    """Largest potential force on an agent at the end, against stiffness times link length; 0 without links."""
+    return _imbalance_at(e, -1, _force_scale(e))
+
+
+def forces_vanish(e: Evidence) -> Measure:
+    """Whether the potential forces of every agent cancel at the end."""
+    if len(e.equilibrium.r) == 0:
+        return Measure(np.inf, 0.0, "no links", configuration_unsettled(e), everywhere=False)
+    scale = _force_scale(e)
+    return limit_of(
+        e, STATIONARY, lambda k: _imbalance_at(e, k, scale),
+        lambda r: f"largest force is {r:.1e} of stiffness times length",
+    )  # fmt: skip
+
+
+def potential_is_minimal(e: Evidence) -> Measure:
+    """Smallest stiffness of the total potential at the end: negative where it is no local minimum.
+
+    As far as the forces are from balance, the stiffness is uncertain.
+    """
+    stiffness = e.stiffness
+    largest = float(np.abs(stiffness).max(initial=0.0))
+    ratio = float(stiffness[0]) / largest if largest > 0 else 0.0
+    note = f"smallest stiffness {ratio:.1e} of the largest"
+    return of_configuration(e, Measure(ratio + STATIONARY, imbalance(e), note))
+
+
+def agents_at_their_minimum(e: Evidence) -> Measure:
+    """Whether every agent's V_i is at the sum of its links' smallest values."""
+    from flocking.study.claims.potential_minimum import smallest_value
+
+    reach = float(np.max(np.asarray(e.law.graph.break_radius)))
+    lowest = sum(smallest_value(p, reach)[1] for p in e.equilibrium.potentials)
+    scale = max(float(np.abs(e.equilibrium.agent_potentials).max(initial=0.0)), 1e-300)
+
+    def excess(frame: int) -> float:
+        found = e.equilibrium_at(frame)
+        degree = np.bincount(found.i, minlength=e.run.n)
+        return float((found.agent_potentials - degree * lowest).max(initial=0.0)) / scale
+
+    return limit_of(
+        e, STATIONARY, excess, lambda worst: f"an agent's potential is {worst * scale:.3g} above its minimum"
+    )
+
+
+def needs_potential(e: Evidence) -> str:
+    """Equilibria are asked of laws whose pair forces derive from a potential over the law's graph."""
+    graph = e.law.graph
+    gradients = [t for t in e.law.pair_terms if isinstance(t, Gradient)]
+    if any(t.over is not None and t.over != graph for t in gradients):
+        return "a potential acts over another graph"
+    if any(isinstance(value, PairWeights) for value in graph.parameters.values()):
+        return "the weights of links depend on headings"
+    if graph.parameters and any(t.weighting == "force" for t in gradients):
+        return "forces are weighted, not the potential"
+    return "" if gradients else "the law has no potential over its graph"
+
+
+def needs_free(e: Evidence) -> str:
+    """Forces of the potential balance alone only where no body term acts."""
+    return needs_potential(e) or ("a body term acts from outside" if e.law.body_terms else "")
+
+
+def needs_total_potential(e: Evidence) -> str:
+    """One-way links store no energy that both agents would lower."""
+    return needs_free(e) or ("links are one-way" if e.law.graph.directed else "")

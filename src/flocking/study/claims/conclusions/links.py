@@ -1,0 +1,68 @@
+"""Claims about links and connectivity."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flocking.study.claims.claim import Measure, above
+from flocking.study.evidence import Evidence, NotResolvable
+
+
+def stays_connected(e: Evidence) -> Measure:
+    """Whether the graph is connected at all times; every switch is looked at.
+
+    Where switches are not recorded, frames can refute it but not show it.
+    """
+    if e.seen_disconnected == np.inf:
+        e.first_disconnected  # noqa: B018  says what is not known
+    if e.switches_known and e.law.graph.moves:
+        certain, doubtful = e.connection
+        if certain == np.inf and doubtful:
+            return Measure(1.0, np.inf, e.doubt_note())
+    if e.seen_disconnected == np.inf:
+        return Measure(1.0, 0.0, f"connected after each of {len(e.link_switches)} switches")
+    lost, end = e.seen_disconnected, e.run.scenario.t_end if e.run.finished else float(e.t[-1])
+    try:
+        flocks = f"; {e.flocks_at_end} flocks at the end"
+    except NotResolvable:
+        flocks = ""
+    decided = certain if e.switches_known and e.law.graph.moves else lost
+    return Measure(-1.0, 0.0, f"fell apart at t = {lost:.3g} of {end:g}{flocks}", decided=decided)
+
+
+def no_link_lost(e: Evidence) -> Measure:
+    """Number of links that broke. Where switches are not recorded, frames can refute it but not show it."""
+    if e.seen_lost and not e.switches_known:
+        return Measure(0.5 - e.seen_lost, 0.0, f"at least {e.seen_lost} lost")
+    certain, most = e.numbers("break")
+    if not certain and most:
+        return Measure(0.5 - most, np.inf, e.doubt_note("break"))
+    lost = e.link_switches["time"][e.link_certain & (e.link_switches["kind"] == "break")]
+    decided = float(lost[0]) if len(lost) else np.inf
+    return Measure(0.5 - certain, 0.0, f"{e.links_lost} lost, {e.links_created} created", decided=decided)
+
+
+def crossings_transversal(e: Evidence) -> Measure:
+    """Smallest rate of change of a pair distance at a switch."""
+    switches = e.link_switches
+    if len(e.link_doubts) or e.known_until < np.inf:
+        return Measure(0.0, np.inf, e.doubt_note())
+    if len(switches) == 0:
+        return Measure(np.inf, 0.0, "no switch")
+    speeds = np.abs(switches["speed"])
+    slowest = float(speeds.min())
+    error = slowest - float((speeds - switches["speed_error"]).min())
+    note = f"slowest crossing |dr/dt| = {slowest:.2e} of {len(switches)}"
+    return above(slowest, 0.0, note, error if error > 0 else 0.0)
+
+
+def starts_connected(e: Evidence) -> Measure:
+    """Whether the graph is connected at the start."""
+    holds = e.connected_at_start
+    note = "starts connected" if holds else "starts disconnected"
+    return Measure(1.0 if holds else -1.0, 0.0, note, everywhere=False)
+
+
+def needs_switching(e: Evidence) -> str:
+    """A fixed graph has no switches."""
+    return "" if e.law.graph.moves else "the graph is fixed"

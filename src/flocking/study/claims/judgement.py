@@ -1,0 +1,157 @@
+"""Judgements: one claim over runs from many seeds, and over a counter-example where one is known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from flocking.study.claims.audit import Report
+from flocking.study.claims.claim import Basis, Claim, Result, Verdict, finite
+from flocking.study.confidence_intervals import share_interval
+
+FEWEST_SEEDS = 5
+"""Fewer seeds that meet a claim's hypothesis leave it untested."""
+
+DECIDED = (Verdict.HOLDS, Verdict.FAILS)
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """One claim over runs from many seeds.
+
+    Parameters
+    ----------
+    claim
+        The claim.
+    results
+        Its results, one per seed.
+    counterexample
+        Its result for the claim's counter-example, where it names one.
+    """
+
+    claim: Claim
+    results: tuple[Result, ...]
+    counterexample: Result | None = None
+
+    @property
+    def tried(self) -> int:
+        """Number of seeds."""
+        return len(self.results)
+
+    @property
+    def met(self) -> int:
+        """Seeds whose run meets the hypothesis."""
+        unmet = (Verdict.HYPOTHESIS_NOT_MET, Verdict.NOT_APPLICABLE)
+        return sum(r.verdict not in unmet for r in self.results)
+
+    @property
+    def held(self) -> int:
+        """Seeds for which the claim holds."""
+        return sum(r.verdict == Verdict.HOLDS for r in self.results)
+
+    @property
+    def waiting(self) -> int:
+        """Seeds whose run is too short: they neither show the claim nor refute it."""
+        return sum(r.verdict == Verdict.NOT_YET for r in self.results)
+
+    @property
+    def unresolved(self) -> int:
+        """Seeds of which the numerical error, or what was recorded, leaves the claim open."""
+        return sum(r.verdict == Verdict.NOT_RESOLVED for r in self.results)
+
+    @property
+    def decided(self) -> int:
+        """Seeds for which it holds or fails."""
+        return sum(r.verdict in DECIDED for r in self.results)
+
+    @property
+    def rate(self) -> tuple[float, float, float]:
+        """Share of the decided seeds for which it holds, and its exact 95 % interval; nan where there are none."""
+        if not self.decided:
+            return math.nan, math.nan, math.nan
+        interval = share_interval(self.held, self.decided)
+        return self.held / self.decided, interval.low, interval.high
+
+    @property
+    def verdict(self) -> Verdict:
+        """What the runs come to.
+
+        A statement about all runs fails by one run, a counter-example or one of the seeds, and is untested when fewer
+        than five seeds meet its hypothesis. Runs that leave it open say nothing for or against a statement that is
+        proved: where five decide it, theirs is the verdict, and the others are counted beside it. Of what is asked
+        without a proof, each must be decided. An observation is neither: it has a `rate`.
+        """
+        if self.counterexample is not None and self.counterexample.verdict == Verdict.FAILS:
+            return Verdict.FAILS
+        if self.results and all(r.verdict == Verdict.NOT_APPLICABLE for r in self.results):
+            return Verdict.NOT_APPLICABLE
+        found = {r.verdict for r in self.results}
+        if self.claim.basis is Basis.OBSERVATION:
+            return Verdict.OBSERVED if self.decided >= FEWEST_SEEDS else Verdict.UNTESTED
+        if self.met < FEWEST_SEEDS:
+            return Verdict.UNTESTED
+        if Verdict.FAILS in found:
+            return Verdict.FAILS
+        if self.decided == self.met or (self.decided >= FEWEST_SEEDS and self.claim.basis is Basis.PROOF):
+            return Verdict.HOLDS
+        return Verdict.NOT_RESOLVED if Verdict.NOT_RESOLVED in found else Verdict.NOT_YET
+
+    @property
+    def worst(self) -> Result:
+        """The counter-example; else the result with the smallest margin of those decided; else the first."""
+        if self.counterexample is not None:
+            return self.counterexample
+        met = [r for r in self.results if math.isfinite(r.margin) and r.verdict in DECIDED]
+        return min(met, key=lambda r: r.margin) if met else self.results[0]
+
+    @property
+    def as_expected(self) -> bool:
+        """Whether the verdict is the one that follows from the claim's proof or counter-example.
+
+        Nothing is expected of an observation.
+        """
+        return self.claim.basis is Basis.OBSERVATION or self.verdict == self.claim.expected
+
+    def as_dict(self, paper: str, scenario: str) -> dict[str, Any]:
+        """Plain data for ``claims.json``.
+
+        Parameters
+        ----------
+        paper, scenario
+            Key of the paper and name of its scenario.
+        """
+        worst = self.worst
+        share, low, high = self.rate
+        return {
+            "paper": paper,
+            "scenario": scenario,
+            "claim": self.claim.key,
+            "statement": self.claim.statement,
+            "source": self.claim.source,
+            "origin": str(self.claim.origin),
+            "basis": str(self.claim.basis),
+            "ground": self.claim.ground,
+            "expected": self.claim.expectation,
+            "verdict": str(self.verdict),
+            "margin": finite(worst.margin),
+            "error": finite(worst.error),
+            "note": worst.note,
+            "reason": self.claim.reason,
+            "counterexample": None if self.counterexample is None else self.counterexample.note,
+            "seeds": {
+                "tried": self.tried,
+                "met": self.met,
+                "decided": self.decided,
+                "held": self.held,
+                "not_resolved": self.unresolved,
+                "not_yet": self.waiting,
+            },
+            "rate": {"held": finite(share), "low": finite(low), "high": finite(high), "level": 0.95},
+        }
+
+
+def judge(claims: Sequence[Claim], reports: Sequence[Report]) -> list[Judgement]:
+    """Collect the results of several audits, their ``reports``, by claim."""
+    return [Judgement(c, tuple(report[c.key] for report in reports)) for c in claims]

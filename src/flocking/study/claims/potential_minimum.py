@@ -1,0 +1,65 @@
+"""The smallest value of a potential within reach of a graph."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flocking.model.potentials.potential import Potential
+from flocking.study.evidence import NotResolvable
+
+FARTHEST = 1e4
+"""Where the search ends for a graph without a break radius."""
+
+
+def distance_of(potential: Potential, value: float, lowest: float, highest: float) -> float:
+    """Distance in a range at which a potential has a value.
+
+    Parameters
+    ----------
+    potential
+        The potential, above the value at one end of the range and below it at the other.
+    value
+        The value.
+    lowest, highest
+        Logarithms of the ends of the range.
+
+    Raises
+    ------
+    NotResolvable
+        When it is above or below the value at both ends.
+    """
+    from scipy.optimize import brentq
+
+    def excess(s: float) -> float:
+        return float(potential(np.exp(s))) - value
+
+    with np.errstate(all="ignore"):
+        if not excess(lowest) * excess(highest) <= 0:
+            raise NotResolvable(f"no distance in reach at which the potential is {value:.4g}")
+        return float(np.exp(brentq(excess, lowest, highest)))
+
+
+def smallest_value(potential: Potential, radius: float = FARTHEST) -> tuple[float, float]:
+    """Distance and value of the smallest minimum on (0, radius): a dense grid, then refinement.
+
+    Parameters
+    ----------
+    potential
+        The potential.
+    radius
+        Largest distance of neighbours.
+
+    Returns
+    -------
+    tuple of float
+        Distance and value.
+    """
+    from scipy.optimize import minimize_scalar
+
+    end = min(radius, FARTHEST)
+    grid = np.unique(np.concatenate([np.geomspace(1e-6 * end, end, 4001)[:-1], np.linspace(0, end, 4001)[1:-1]]))
+    values = potential(grid)
+    k = int(np.nanargmin(np.where(np.isfinite(values), values, np.inf)))
+    a, b = grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)]
+    found = minimize_scalar(lambda r: float(potential(r)), bounds=(a, b), method="bounded", options={"xatol": 1e-12})
+    return float(found.x), float(found.fun)

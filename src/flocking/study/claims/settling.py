@@ -1,0 +1,228 @@
+"""Whether a run has gone on for long enough to say what its motion tends to.
+
+Claims about limits are measured on a finite run. The criterion is one for all of them. A limit is reached when its
+bound holds throughout the last tenth of the run. It is missed when the bound does not hold at any time of that tenth
+and what is missing has settled, in one of two ways. Either it no longer changes: its means over the last tenth and
+over the tenth before differ by no more than `CHANGE` of it. Or it goes up and down and does not fall: its means over
+the five tenths of the last half differ by no more than `STEADY` of it, and the last is not the least of them. These
+changes are also held against all that it changed over the run (`OF_ALL`, and `STEADY` again), so that a run that is
+short for its motion, in which nothing could change much, does not count as settled. In all other cases the verdict is
+``not yet``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flocking.model.checks import Array
+from flocking.study.claims.claim import Measure
+from flocking.study.evidence import Evidence
+
+LAST = 0.1
+"""Share of a run over which a limit must hold, and the share before it which it is compared with."""
+
+CHANGE = 1e-3
+"""What is missing to a limit may change by this fraction of itself from one tenth of the run to the next."""
+
+OF_ALL = 1e-2
+"""And by this fraction of all that it changed over the run."""
+
+ROUNDING = 1e-12
+"""Relative changes this small are rounding."""
+
+STEADY = 0.1
+"""The same for the five tenths of the last half, where the last of them is not the least."""
+
+FEWEST = 3
+"""Frames needed in each of the two shares."""
+
+MOST = 8
+"""Frames of a share that are looked at where looking at one costs much."""
+
+
+@dataclass(frozen=True)
+class Late:
+    """Frames that say whether a motion has settled.
+
+    Parameters
+    ----------
+    tenths
+        Those in each tenth of the last half of the run, the last tenth first.
+    first
+        Those of the first half.
+    """
+
+    tenths: tuple[NDArray[np.int64], ...]
+    first: NDArray[np.int64]
+
+
+FEW = "fewer than three frames in some tenth of its last half do not show whether the motion has settled"
+
+
+def late_frames(t: Array, *, most: int | None = None) -> Late | None:
+    """Frames of the last half of a run by tenths, and of the first half.
+
+    Parameters
+    ----------
+    t
+        Times of the frames, shape (F,).
+    most
+        Largest number of frames of each, evenly chosen, the last among them; all when absent.
+
+    Returns
+    -------
+    Late or None
+        None when a tenth has fewer than three.
+    """
+    span = t[-1] - t[0]
+    # Frames lie on the edges up to rounding.
+    edges = t[-1] - LAST * span * np.arange(6) - 1e-9 * span
+    borders = np.concatenate([np.searchsorted(t, edges), [0]])
+    borders[0] = len(t)
+    parts = [np.arange(low, high) for low, high in zip(borders[1:], borders[:-1], strict=True)]
+    if len(t) < 2 or min(len(part) for part in parts[:-1]) < FEWEST:
+        return None
+    *tenths, first = (_thinned(part, most) for part in parts)
+    return Late(tuple(tenths), first)
+
+
+def _thinned(frames: NDArray[np.int64], most: int | None) -> NDArray[np.int64]:
+    if most is None or len(frames) <= most:
+        return frames
+    return np.asarray(frames[np.linspace(0, len(frames) - 1, most).round().astype(int)])
+
+
+def limit_of(
+    e: Evidence, bound: float, value: Callable[[int], float], note: Callable[[float], str], *, error: float = 0.0
+) -> Measure:
+    """A quantity that is to tend to less than a bound, measured at the end, with the criterion for limits.
+
+    Parameters
+    ----------
+    bound
+        What it must be less than.
+    value
+        The quantity at a frame.
+    note
+        Its value at the end in words.
+    error
+        Numerical error of its value.
+    """
+    frames = late_frames(e.t, most=MOST)
+    if frames is None:
+        return _unseen(bound, value(-1), note, error)
+    tenths = [np.array([value(int(k)) for k in part]) for part in frames.tenths]
+    return _judged(bound, tenths, np.array([value(int(k)) for k in frames.first]), note, error)
+
+
+def limit_of_series(
+    t: Array, values: Array, bound: float, note: Callable[[float], str], *, error: float = 0.0
+) -> Measure:
+    """The same for a quantity that is known at all times of a series.
+
+    Parameters
+    ----------
+    t, values
+        Times, ascending, and the quantity, shape (F,) each.
+    bound, note, error
+        As `limit_of` takes them.
+    """
+    frames = late_frames(t)
+    if frames is None:
+        return _unseen(bound, float(values[-1]), note, error)
+    return _judged(bound, [values[part] for part in frames.tenths], values[frames.first], note, error)
+
+
+def _unseen(bound: float, end: float, note: Callable[[float], str], error: float) -> Measure:
+    return Measure(bound - end, error, note(end), FEW, everywhere=False)
+
+
+def _judged(bound: float, tenths: list[Array], first: Array, note: Callable[[float], str], error: float) -> Measure:
+    end = float(tenths[0][-1])
+    missing = [part - bound for part in tenths]
+    return Measure(bound - end, error, note(end), _unsettled(missing, first - bound), everywhere=False)
+
+
+def _unsettled(missing: list[Array], first: Array) -> str:
+    """Why what is missing to a limit, in each tenth of the last half and in the first half, has not settled."""
+    late = missing[0]
+    if np.isnan(late).any():
+        return ""
+    if late[-1] < 0:
+        return "" if (late < 0).all() else "reached for less than the last tenth of the run"
+    if (late < 0).any():
+        return "reached in the last tenth of the run and left again"
+    means, every = np.array([part.mean() for part in missing]), np.concatenate([*missing, first])
+    if not np.isfinite(every).all():
+        return ""
+    now, whole = float(means[0]), float(np.ptp(every))
+    change, spread = abs(float(means[1]) - now), float(np.ptp(means))
+    if change <= max(ROUNDING * now, min(CHANGE * now, OF_ALL * whole)):
+        return ""
+    if spread <= STEADY * min(now, whole) and now > means.min():
+        return ""
+    return (
+        f"what is missing still changes in a tenth of the run, by {change / now:.1e} of itself and "
+        f"{change / whole:.1e} of its change since the start"
+    )
+
+
+def configuration_unsettled(e: Evidence) -> str:
+    """Why the distances between linked agents have not settled; empty when they have.
+
+    They have when, in the last tenth of the run, no link came or went and no link's length differed from that at the
+    end by more than `CHANGE` of the longest, nor by more than `OF_ALL` of the most that one of them changed.
+    """
+    links = e.end_links | e.end_links.T
+    found = late_frames(e.t, most=MOST)
+    if found is None:
+        return FEW
+    late = found.tenths[0]
+    if any((e.frame_links[k] != e.frame_links[-1]).any() for k in late):
+        return "links still switched in the last tenth of the run"
+    i, j = np.nonzero(np.triu(links))
+    if len(i) == 0:
+        return ""
+    frames = np.concatenate([found.first, *found.tenths[:0:-1], late])
+    lengths = np.array([np.linalg.norm(e.q[k, i] - e.q[k, j], axis=1) for k in frames])
+    changes, longest = np.abs(lengths - lengths[-1]).max(axis=1), float(lengths[-1].max())
+    change = float(changes[-len(late) :].max())
+    if change <= max(ROUNDING * longest, min(CHANGE * longest, OF_ALL * float(changes.max()))):
+        return ""
+    return (
+        f"lengths of links still changed in the last tenth of the run, by {change:.1e} of {changes.max():.1e} since "
+        "the start"
+    )
+
+
+def limit_of_configuration(
+    e: Evidence, bound: float, value: Callable[[int], float], note: Callable[[float], str]
+) -> Measure:
+    """The same as `limit_of` for a quantity that follows from links and distances.
+
+    Once these have settled, so has the quantity, and the end alone is looked at.
+
+    Parameters
+    ----------
+    bound, value, note
+        As `limit_of` takes them.
+    """
+    if configuration_unsettled(e):
+        return limit_of(e, bound, value, note)
+    end = value(-1)
+    return Measure(bound - end, 0.0, note(end), everywhere=False)
+
+
+def of_configuration(e: Evidence, measured: Measure) -> Measure:
+    """What was measured of the configuration at the end, as a statement about the one the motion tends to.
+
+    Parameters
+    ----------
+    measured
+        Margin, error and note of the configuration at the end.
+    """
+    return replace(measured, unsettled=configuration_unsettled(e), everywhere=False)

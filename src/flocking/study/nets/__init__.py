@@ -1,0 +1,1 @@
+"""Matrices, structure and rigidity of nets."""

@@ -1,0 +1,153 @@
+"""Matrices and numbers of a net: adjacency, degrees, Laplacian, connectivity (Olfati-Saber, section 2).
+
+Entry (i, j) of a matrix belongs to the link by which agent i senses agent j.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array
+from flocking.model.graphs.connectivity import Links, components
+from flocking.model.graphs.distance_graphs import Graph, pair_distances
+from flocking.model.graphs.functionals import left_eigenvector
+from flocking.model.graphs.graph_weights import weight_function
+from flocking.model.graphs.weights import PairWeights
+from flocking.model.observables import density, flocks
+
+__all__ = [
+    "adjacency", "agreement_limit", "algebraic_connectivity", "degree_matrix", "density", "flock_members", "flocks",
+    "in_degree", "incidence", "is_balanced", "is_quasi_flock", "laplacian", "left_eigenvector", "out_degree",
+]  # fmt: skip
+
+
+def _matrix(weights: ArrayLike) -> Array:
+    matrix = np.array(weights, dtype=np.float64)
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
+        raise InvalidInput("nets", "weights", "must be a square matrix", f"shape {matrix.shape}")
+    if matrix.diagonal().any():
+        raise InvalidInput("nets", "weights", "must have a zero diagonal: no agent senses itself", matrix.diagonal())
+    return matrix
+
+
+def adjacency(graph: Graph, q: Array, headings: Array | None = None, links: Links | None = None) -> Array:
+    """Spatial adjacency matrix A(q) with the weights of the graph (Olfati-Saber (2), (8), (17), (18)).
+
+    Parameters
+    ----------
+    graph
+        The graph.
+    q
+        Positions, shape (N, m).
+    headings
+        Headings, for graphs that see them.
+    links
+        Link memory; the graph's initial rule decides when absent.
+
+    Returns
+    -------
+    Array
+        a_ij, shape (N, N), 0 where there is no link.
+    """
+    linked = graph.start_links(q, headings) if links is None else np.asarray(links, dtype=bool)
+    i, j = np.nonzero(linked)
+    values = [
+        value.of(headings, len(q))[i, j] if isinstance(value, PairWeights) else value
+        for value in graph.parameters.values()
+    ]
+    weight = weight_function(graph)
+    result = np.zeros((len(q), len(q)))
+    with np.errstate(all="ignore"):
+        result[i, j] = weight(pair_distances(q)[i, j], *values)
+    return result
+
+
+def out_degree(weights: ArrayLike) -> Array:
+    """Row sums: what agent i senses, shape (N,) (Olfati-Saber (9))."""
+    return np.asarray(_matrix(weights).sum(axis=1))
+
+
+def in_degree(weights: ArrayLike) -> Array:
+    """Column sums: by what agent i is sensed, shape (N,) (Olfati-Saber (9), where the sum is over all j)."""
+    return np.asarray(_matrix(weights).sum(axis=0))
+
+
+def degree_matrix(weights: ArrayLike) -> Array:
+    """Diagonal matrix of the out-degrees (Olfati-Saber (10))."""
+    return np.diag(out_degree(weights))
+
+
+def laplacian(weights: ArrayLike) -> Array:
+    """L = Delta - A, shape (N, N) (Olfati-Saber (11))."""
+    return degree_matrix(weights) - _matrix(weights)
+
+
+def incidence(links: Links) -> Array:
+    """Incidence matrix B, shape (N, E), of an undirected net: a column per link, -1 at one end and 1 at the other.
+
+    The Laplacian of the net with weights w is B diag(w) B^T.
+
+    Raises
+    ------
+    InvalidInput
+        When a link is one-way.
+    """
+    matrix = np.asarray(links, dtype=bool)
+    if (matrix != matrix.T).any():
+        raise InvalidInput("nets.incidence", "links", "must be those of an undirected net", "a one-way link")
+    i, j = np.nonzero(np.triu(matrix))
+    result = np.zeros((len(matrix), len(i)))
+    result[i, np.arange(len(i))] = -1.0
+    result[j, np.arange(len(i))] = 1.0
+    return result
+
+
+def is_balanced(weights: ArrayLike, tolerance: float = 1e-12) -> bool:
+    """Whether in- and out-degree agree at every agent: 1^T L = 0 (Olfati-Saber, Proposition 1)."""
+    gap = np.abs(in_degree(weights) - out_degree(weights))
+    return bool(gap.max() <= tolerance * max(1.0, float(out_degree(weights).max())))
+
+
+def flock_members(links: Links) -> list[NDArray[np.intp]]:
+    """Agents of every flock, the largest flock first (Olfati-Saber, Definition 1)."""
+    labels = components(np.asarray(links, dtype=bool))
+    found = [np.flatnonzero(labels == k) for k in range(int(labels.max()) + 1)]
+    return sorted(found, key=lambda members: (-len(members), int(members[0])))
+
+
+def is_quasi_flock(links: Links, share: float = 0.9) -> bool:
+    """Whether a net is no flock but its density is at least ``share`` (Olfati-Saber, after (7): 0 < 1 - delta << 1)."""
+    return share <= density(np.asarray(links, dtype=bool)) < 1.0
+
+
+def algebraic_connectivity(weights: ArrayLike) -> float:
+    """Second smallest eigenvalue of the Laplacian of an undirected net; 0 up to rounding when it is not connected.
+
+    Raises
+    ------
+    InvalidInput
+        When the weights are not symmetric or there is one agent only.
+    """
+    matrix = _matrix(weights)
+    if not np.allclose(matrix, matrix.T):
+        raise InvalidInput("algebraic_connectivity", "weights", "must be symmetric", "a directed net")
+    if len(matrix) < 2:
+        raise InvalidInput("algebraic_connectivity", "weights", "must belong to at least 2 agents", len(matrix))
+    return float(np.linalg.eigvalsh(laplacian(matrix))[1])
+
+
+def agreement_limit(weights: ArrayLike, theta: ArrayLike) -> Any:
+    """Where the agreement protocol (12)-(13) takes ``theta`` on a strongly connected net: xi^T theta.
+
+    On a balanced net that is the mean.
+
+    Raises
+    ------
+    InvalidInput
+        When the net is not strongly connected.
+    """
+    return left_eigenvector(_matrix(weights)) @ np.asarray(theta, dtype=np.float64)

@@ -1,0 +1,33 @@
+"""Which agents feel which obstacles: the bipartite graph of agents and their beta-agents."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from flocking.model.checks import Array
+from flocking.model.terms.avoidance import ObstacleTerm
+
+
+def beta_links(term: ObstacleTerm, q: Array, t: float = 0.0) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    """Who has a beta-agent on which obstacle (Olfati-Saber, section 11): the edges of K_(n_beta, n_beta).
+
+    Each edge belongs to one beta-agent, so that there are n_beta of them. An obstacle is active where its column has
+    an edge.
+
+    Parameters
+    ----------
+    term
+        The term; its ``range`` is r0.
+    q
+        Positions, shape (N, m).
+    t
+        Time, for obstacles that move.
+
+    Returns
+    -------
+    Array
+        Whether agent i is within r0 of obstacle k, shape (N, K).
+    """
+    return np.stack([obstacle.distance(q, t) <= term.range for obstacle in term.obstacles], axis=1)

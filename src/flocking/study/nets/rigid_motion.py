@@ -1,0 +1,60 @@
+"""Motions that keep all distances: rates of distances, and when they belong to one common velocity."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flocking.model.checks import Array
+from flocking.model.graphs.connectivity import is_connected
+from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.state import State
+
+
+def _pairs(state: State) -> tuple[Array, Array]:
+    i, j = np.triu_indices(state.n, 1)
+    return state.q[j] - state.q[i], state.p[j] - state.p[i]
+
+
+def largest_distance_rate(state: State) -> float:
+    """Largest | d/dt |q_j - q_i| | over all pairs; for agents at one place the speed at which they part.
+
+    Parameters
+    ----------
+    state
+        Positions and velocities.
+    """
+    way, relative = _pairs(state)
+    distance, speed = np.linalg.norm(way, axis=1), np.linalg.norm(relative, axis=1)
+    apart = distance > 0
+    rates = np.where(apart, np.abs((way * relative).sum(axis=1)) / np.where(apart, distance, 1.0), speed)
+    return float(rates.max(initial=0.0))
+
+
+def converse_conditions(graph: Graph, state: State, tolerance: float = 1e-9) -> tuple[bool, bool, bool]:
+    """Conditions a) to c) of the converse of Proposition 2 ii) of Olfati-Saber, at one instant.
+
+    Where all hold and no distance changes, all velocities are the same.
+
+    Parameters
+    ----------
+    graph
+        The graph.
+    state
+        Positions and velocities, and links for graphs with memory.
+    tolerance
+        Relative velocities are different from zero, and orthogonal to the relative position, up to this fraction of
+        the largest one.
+
+    Returns
+    -------
+    tuple of bool
+        a) the net is an undirected flock; b) no two agents are at one place; c) no two agents have different
+        velocities with p_j - p_i orthogonal to q_j - q_i.
+    """
+    links = np.asarray(graph.initial(state.q) if state.links is None else state.links)
+    undirected = bool((links == links.T).all()) and is_connected(links)
+    way, relative = _pairs(state)
+    distance, speed = np.linalg.norm(way, axis=1), np.linalg.norm(relative, axis=1)
+    different = speed > tolerance * speed.max(initial=0.0)
+    orthogonal = np.abs((way * relative).sum(axis=1)) <= tolerance * distance * speed
+    return undirected, bool((distance > 0).all()), not bool((different & orthogonal).any())

@@ -1,0 +1,156 @@
+"""Rigidity and planarity of frameworks: a net together with the positions of its agents."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array, array
+from flocking.model.graphs.connectivity import Links
+
+if TYPE_CHECKING:
+    import networkx
+
+
+def _links(links: Links) -> Links:
+    matrix = np.asarray(links, dtype=bool)
+    return np.asarray(matrix | matrix.T)
+
+
+def rigidity_matrix(q: Array, links: Links) -> Array:
+    """Rows q_i - q_j at agent i and q_j - q_i at agent j, one per link, shape (E, N m).
+
+    Its kernel are the velocities that change no link's length.
+    """
+    points = array("rigidity_matrix", "q", q, ndim=2)
+    n, m = points.shape
+    i, j = np.nonzero(np.triu(_links(links)))
+    result = np.zeros((len(i), n, m))
+    rows = np.arange(len(i))
+    result[rows, i] = points[i] - points[j]
+    result[rows, j] = points[j] - points[i]
+    return result.reshape(len(i), n * m)
+
+
+def rigid_motions(n: int, dimension: int) -> int:
+    """Dimension of the velocities that move n points in general position as one body."""
+    if n >= dimension:
+        return dimension * (dimension + 1) // 2
+    # n points span n - 1 dimensions; turning about them moves nothing.
+    spare = dimension - max(n - 1, 0)
+    return dimension * (dimension + 1) // 2 - spare * (spare - 1) // 2
+
+
+def rank(q: Array, links: Links, tolerance: float = 1e-8) -> int:
+    """Rank of the rigidity matrix: singular values above ``tolerance`` times the largest."""
+    matrix = rigidity_matrix(q, links)
+    if not matrix.size:
+        return 0
+    values = np.linalg.svd(matrix, compute_uv=False)
+    return int((values > tolerance * values[0]).sum()) if values[0] > 0 else 0
+
+
+def degrees_of_freedom(q: Array, links: Links, tolerance: float = 1e-8) -> int:
+    """Independent infinitesimal motions that keep all lengths and are no motion of the whole body.
+
+    Raises
+    ------
+    InvalidInput
+        When the framework is neither in the plane nor in space.
+    """
+    points = array("degrees_of_freedom", "q", q, ndim=2)
+    n, m = (int(x) for x in points.shape)
+    if m not in (2, 3):
+        raise InvalidInput("degrees_of_freedom", "q", "must be positions in 2 or 3 dimensions", m)
+    return n * m - rank(points, links, tolerance) - rigid_motions(n, m)
+
+
+def is_rigid(q: Array, links: Links, tolerance: float = 1e-8) -> bool:
+    """Whether the framework is infinitesimally rigid."""
+    return degrees_of_freedom(q, links, tolerance) == 0
+
+
+def as_networkx(links: Links) -> networkx.Graph[Any]:
+    """The undirected net as a networkx graph; all agents are nodes."""
+    import networkx
+
+    return networkx.from_numpy_array(_links(links))
+
+
+def is_planar_graph(links: Links) -> bool:
+    """Whether the net can be drawn in the plane without crossings, wherever its agents are."""
+    import networkx
+
+    planar, _ = networkx.check_planarity(as_networkx(links))
+    return bool(planar)
+
+
+def crossing_links(q: Array, links: Links) -> int:
+    """Number of pairs of links that cross as drawn, in the plane."""
+    points = array("crossing_links", "q", q, ndim=2)
+    i, j = np.nonzero(np.triu(_links(links)))
+    a, b = points[i], points[j]
+
+    def side(p: Array, r: Array, s: Array) -> Array:
+        return np.asarray(
+            (r[..., 0] - p[..., 0]) * (s[..., 1] - p[..., 1]) - (r[..., 1] - p[..., 1]) * (s[..., 0] - p[..., 0])
+        )
+
+    count = 0
+    for k in range(len(i)):
+        later = slice(k + 1, None)
+        apart = (i[k] != i[later]) & (i[k] != j[later]) & (j[k] != i[later]) & (j[k] != j[later])
+        first = side(a[k], b[k], a[later]) * side(a[k], b[k], b[later]) < 0
+        second = side(a[later], b[later], a[k]) * side(a[later], b[later], b[k]) < 0
+        count += int((apart & first & second).sum())
+    return count
+
+
+def faces(q: Array, links: Links) -> list[list[int]]:
+    """Bounded faces of a net drawn without crossings: agents around each, counter-clockwise.
+
+    Raises
+    ------
+    InvalidInput
+        When links cross.
+    """
+    points = array("faces", "q", q, ndim=2)
+    matrix = _links(links)
+    if crossing_links(points, matrix):
+        raise InvalidInput("faces", "links", "must not cross as drawn", f"{crossing_links(points, matrix)} crossings")
+    turn: dict[tuple[int, int], int] = {}
+    for i in range(len(points)):
+        around = np.flatnonzero(matrix[i])
+        offsets = points[around] - points[i]
+        around = around[np.argsort(np.arctan2(offsets[:, 1], offsets[:, 0]))]
+        for k, j in enumerate(around):
+            # Coming to i from j, leave by the next link clockwise: the face stays on the left.
+            turn[int(j), i] = int(around[k - 1])
+    found = []
+    left = set(turn)
+    while left:
+        start = min(left)
+        walk, step = [], start
+        while step in left:
+            left.remove(step)
+            walk.append(step[0])
+            step = (step[1], turn[step])
+        corners = points[walk]
+        following = np.roll(corners, -1, axis=0)
+        if (corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]).sum() > 0:
+            found.append(walk)
+    return found
+
+
+def triangle_share(q: Array, links: Links) -> float:
+    """Share of triangles among the bounded faces; 0 without any face.
+
+    Raises
+    ------
+    InvalidInput
+        When links cross.
+    """
+    found = faces(q, links)
+    return sum(len(face) == 3 for face in found) / len(found) if found else 0.0

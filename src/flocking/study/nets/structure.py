@@ -1,0 +1,241 @@
+"""Structural nets: realizations, energy, defect factor and the neighbours' vote (Olfati-Saber, sections 3-9)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array, number
+from flocking.model.graphs.connectivity import Links
+from flocking.model.graphs.distance_graphs import Graph, pair_distances
+from flocking.model.potentials.potential import Potential
+from flocking.model.state import State
+from flocking.study.nets.matrices import adjacency
+
+
+def deviation(q: Array, links: Links, distance: float) -> float:
+    """Largest | |q_j - q_i| - d | over the links, d the ``distance``; 0 for a net without links."""
+    i, j = np.nonzero(links)
+    if not len(i):
+        return 0.0
+    return float(np.abs(np.linalg.norm(np.asarray(q)[j] - np.asarray(q)[i], axis=1) - distance).max())
+
+
+def is_realization(q: Array, distance: float, radius: float, tolerance: float = 1e-9) -> bool:
+    """Whether q realizes the structural net (d, r): every pair within r is d apart (Olfati-Saber (20)).
+
+    Parameters
+    ----------
+    q
+        Positions, shape (N, m).
+    distance, radius
+        d_alpha and r.
+    tolerance
+        Accepted deviation, as a fraction of ``distance``.
+    """
+    links = pair_distances(np.asarray(q, dtype=np.float64)) <= radius * (1.0 + 1e-12)
+    return deviation(q, links, distance) <= tolerance * distance
+
+
+@dataclass(frozen=True, eq=False)
+class StructuralEnergy:
+    """The pieces of H_s(q, p~) = V(q) + K_r(p~) (Olfati-Saber (27), (28), (30)).
+
+    Parameters
+    ----------
+    each
+        V_i: potentials of agent i with its neighbours, shape (N,).
+    potential
+        V, half the sum of the V_i.
+    relative_kinetic
+        K_r, half the sum of |p_i - mean p|^2.
+    """
+
+    each: Array
+    potential: float
+    relative_kinetic: float
+
+    @property
+    def total(self) -> float:
+        """H_s."""
+        return self.potential + self.relative_kinetic
+
+
+def _weights(graph: Graph, state: State, headings: Array | None) -> Array:
+    return adjacency(graph, state.q, headings, state.links)
+
+
+def structural_energy(
+    graph: Graph, potential: Potential, state: State, headings: Array | None = None
+) -> StructuralEnergy:
+    """Structural energy of a net, with the weights a_ij of its graph: smooth where these are."""
+    weights = _weights(graph, state, headings)
+    i, j = np.nonzero(weights)
+    each = np.zeros(state.n)
+    np.add.at(each, i, weights[i, j] * potential(np.linalg.norm(state.q[j] - state.q[i], axis=1)))
+    relative = state.p - state.p.mean(axis=0)
+    return StructuralEnergy(each, 0.5 * float(each.sum()), 0.5 * float((relative**2).sum()))
+
+
+def vote_weights(graph: Graph, potential: Potential, state: State, headings: Array | None = None) -> Array:
+    """Weights phi(r_ij)/r_ij of the links, phi the slope of the potential, shape (N, N) (Olfati-Saber (38))."""
+    linked = _weights(graph, state, headings) > 0
+    i, j = np.nonzero(linked)
+    length = np.linalg.norm(state.q[j] - state.q[i], axis=1)
+    result = np.zeros((state.n, state.n))
+    result[i, j] = potential.slope(length) / length
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class Vote:
+    """What the neighbours of one agent make it do (Olfati-Saber (39)-(45)).
+
+    Parameters
+    ----------
+    total
+        S_i, the sum of the weights.
+    positive, negative
+        S_i^+ and S_i^-.
+    case
+        1 where S_i > 0: moves towards ``average``. 2 where S_i < 0: moves away from it. 3 where S_i = 0: moves along
+        the difference of ``average_positive`` and ``average_negative``.
+    average
+        Weighted average of the neighbours (40), shape (m,); NaN in case 3.
+    average_positive, average_negative
+        (43), shape (m,) each; NaN where nobody votes that way.
+    control
+        The undamped control (39), computed from the averages by (41), (42) or (44), shape (m,).
+    """
+
+    total: float
+    positive: float
+    negative: float
+    case: int
+    average: Array
+    average_positive: Array
+    average_negative: Array
+    control: Array
+
+
+def vote(weights: Array, q: Array, agent: int, tolerance: float = 1e-12) -> Vote:
+    """The neighbours' vote on one agent.
+
+    Parameters
+    ----------
+    weights
+        w_ij, shape (N, N); see `vote_weights`.
+    q
+        Positions, shape (N, m).
+    agent
+        Whose neighbours vote.
+    tolerance
+        A vote smaller than this fraction of the sum of |w_ij| counts as zero.
+    """
+    row = np.asarray(weights, dtype=np.float64)[agent]
+    up, down = np.maximum(row, 0.0), np.minimum(row, 0.0)
+    positive, negative = float(up.sum()), float(down.sum())
+    total = positive + negative
+    nowhere = np.full(q.shape[1], np.nan)
+    plus = up @ q / positive if positive > 0 else nowhere
+    minus = down @ q / negative if negative < 0 else nowhere
+    if abs(total) > tolerance * (positive - negative):
+        average = row @ q / total
+        case = 1 if total > 0 else 2
+        return Vote(total, positive, negative, case, average, plus, minus, total * (average - q[agent]))
+    control = positive * (plus - minus) if positive > 0 else np.zeros(q.shape[1])
+    return Vote(total, positive, negative, 3, nowhere, plus, minus, control)
+
+
+@dataclass(frozen=True)
+class Defect:
+    """How far a net is from a realization (Olfati-Saber (46), (47)).
+
+    Parameters
+    ----------
+    potential
+        V(q).
+    gradient_square
+        |grad V(q)|^2 over all coordinates.
+    links
+        Number of links, each counted once.
+    link_energy
+        h_0 = psi(r), the potential of a link about to break (31).
+    weight
+        w.
+    """
+
+    potential: float
+    gradient_square: float
+    links: int
+    link_energy: float
+    weight: float
+
+    @property
+    def factor(self) -> float:
+        """The factor mu = V + w |grad V|^2."""
+        return self.potential + self.weight * self.gradient_square
+
+    @property
+    def normalized(self) -> float:
+        """Normalized: mu_n = mu/(|E| h_0); 0 for a net without links."""
+        return self.factor / (self.links * self.link_energy) if self.links else 0.0
+
+
+def defect(
+    graph: Graph, potential: Potential, state: State, *, weight: float = 0.01, headings: Array | None = None
+) -> Defect:
+    """Defect factor of a net: 0 exactly for realizations without strain (Olfati-Saber, Definition 3).
+
+    Parameters
+    ----------
+    graph
+        The graph; its `break_radius` is the r of h_0, its weights those of V.
+    potential
+        psi_alpha as a function of the distance.
+    state
+        Positions, and links for graphs with memory.
+    weight
+        w > 0. The paper gives no value; at an equilibrium under a sink grad V_i = -q_i, so it must be small.
+    headings
+        Headings, for graphs that see them.
+
+    Raises
+    ------
+    InvalidInput
+        When the weight is not positive or the graph has no finite radius.
+    """
+    from flocking.engine.reference.control import evaluate
+    from flocking.model.law import Law
+    from flocking.model.state import Agents
+    from flocking.model.terms.pair_terms import Gradient
+
+    w = number("defect", "weight", weight, above=0.0)
+    radius = float(np.max(np.asarray(graph.break_radius)))
+    if not np.isfinite(radius):
+        raise InvalidInput("defect", "graph", "must have a radius at which links break", graph)
+    still = State(state.q, None, state.t, state.links)  # type: ignore[arg-type]
+    forces = evaluate(Law(graph, (Gradient(potential),)), still, agents=Agents(headings=headings)).u
+    matrix = _weights(graph, state, headings) > 0
+    count = int(np.count_nonzero(np.triu(matrix | matrix.T)))
+    energy = structural_energy(graph, potential, still, headings)
+    return Defect(energy.potential, float((forces**2).sum()), count, float(potential(radius)), w)
+
+
+def is_quasi_realization(defects: Sequence[Defect], *, most: float = 0.2, drift: float = 1e-3) -> bool:
+    """Whether a net settled near a realization: mu_n at most ``most``, and still over the samples (Definition 3).
+
+    Parameters
+    ----------
+    defects
+        Defects at successive times, in the limit.
+    most
+        Largest mu_n that counts as near.
+    drift
+        Largest spread of mu_n over the samples.
+    """
+    values = np.array([d.normalized for d in defects])
+    return bool(values.max() <= most and np.ptp(values) <= drift)

@@ -1,0 +1,181 @@
+"""Nonsmooth analysis of potentials with kinks: generalized derivatives, Filippov sets, set-valued rates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from flocking.engine.reference.control import evaluate
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array
+from flocking.model.graphs.distance_graphs import pair_distances
+from flocking.model.law import Law
+from flocking.model.potentials.potential import Potential
+from flocking.model.state import State
+
+NEAR = 1e-9
+"""Two slopes closer than this fraction of their size count as one; so do two distances."""
+
+MOST_PAIRS = 12
+"""Most pairs that may sit on their switching distance at once: the Filippov set has 2 to that many corners."""
+
+
+def one_sided_slopes(potential: Potential, r: float) -> tuple[float, float]:
+    """Slopes of the potential just below and just above ``r``, each a limit of derivatives at nearby points.
+
+    Parameters
+    ----------
+    potential
+        The potential.
+    r
+        A positive distance at which it is finite.
+    """
+    steps = r * 2.0 ** -np.arange(20, 32)
+    left, right = potential.slope(r - steps), potential.slope(r + steps)
+    # Richardson's extrapolation: the nearest point is still one step away.
+    return float(2 * left[-1] - left[-2]), float(2 * right[-1] - right[-2])
+
+
+def generalized_gradient(potential: Potential, r: float) -> tuple[float, float]:
+    """Clarke's generalized gradient at ``r`` as an interval (Tanner II, Definition V.3).
+
+    It is the convex hull of the limits of the slopes around ``r`` (Theorem V.4): one number where the potential
+    is smooth, an interval at a kink, and never empty for a locally Lipschitz function.
+    """
+    left, right = one_sided_slopes(potential, r)
+    return min(left, right), max(left, right)
+
+
+def directional_derivative(potential: Potential, r: float, w: float) -> float:
+    """The usual one-sided derivative f'(r; w) in the direction ``w``."""
+    left, right = one_sided_slopes(potential, r)
+    return w * (right if w > 0 else left)
+
+
+def generalized_derivative(potential: Potential, r: float, w: float) -> float:
+    """Clarke's generalized derivative at ``r`` along ``w``: the largest zeta w, zeta in the generalized gradient.
+
+    Tanner II, Definition V.2 states it as a limit superior of difference quotients.
+    """
+    return max(w * zeta for zeta in generalized_gradient(potential, r))
+
+
+def is_regular(potential: Potential, r: float) -> bool:
+    """Whether the two derivatives agree in every direction (Tanner II, Definition V.5).
+
+    They do where the slope rises through a kink, and do not where it falls.
+    """
+    left, right = one_sided_slopes(potential, r)
+    return right >= left - NEAR * max(1.0, abs(left), abs(right))
+
+
+def pairs_at_switch(law: Law, state: State) -> list[tuple[int, int]]:
+    """Pairs i < j that sit exactly on the distance at which their link appears or breaks."""
+    radius = float(np.max(np.asarray(law.graph.break_radius)))
+    distance = pair_distances(state.q)
+    i, j = np.nonzero(np.triu(np.abs(distance - radius) <= NEAR * radius))
+    return [(int(a), int(b)) for a, b in zip(i, j, strict=True)]
+
+
+def filippov_corners(law: Law, state: State) -> Array:
+    """Corners of Filippov's set K[u] at a state (Tanner II, Definition V.1), shape (K, N, m).
+
+    Every pair on its switching distance is linked on one side of it and not on the other: the limits of the
+    control from all sides are the controls under each choice of links.
+
+    Raises
+    ------
+    InvalidInput
+        When more than 12 pairs sit on their switching distance.
+    """
+    return np.array([evaluate(law, choice).u for choice in _sides(law, state)])
+
+
+def _sides(law: Law, state: State) -> list[State]:
+    """The state with each choice of links of the pairs on their switching distance."""
+    pairs = pairs_at_switch(law, state)
+    if len(pairs) > MOST_PAIRS:
+        raise InvalidInput(
+            "filippov_corners", "state", f"must have at most {MOST_PAIRS} pairs at the radius", len(pairs)
+        )
+    links = np.array(law.graph.initial(state.q) if state.links is None else state.links)
+    found = []
+    for choice in product((False, True), repeat=len(pairs)):
+        for (i, j), linked in zip(pairs, choice, strict=True):
+            links[i, j] = links[j, i] = linked
+        found.append(State(state.q, state.p, state.t, links))
+    return found
+
+
+@dataclass(frozen=True)
+class Rates:
+    """Set-valued rate of an energy at a state: every rate lies in [low, high].
+
+    Parameters
+    ----------
+    low, high
+        Ends of the interval; empty when low > high.
+    """
+
+    low: float
+    high: float
+
+    @property
+    def empty(self) -> bool:
+        """Whether there is no such rate: so it can be where the energy is not regular."""
+        return self.low > self.high
+
+
+def energy_rates(law: Law, potential: Potential, state: State) -> Rates:
+    """Set-valued rate of potential plus kinetic energy along the law (Tanner II, Theorem V.6 and (10)).
+
+    The intersection over all xi of the generalized gradient of the interval xi^T K[f]. It is one number off the
+    switching surface, and may be empty on it, since the energy is not regular there. The potential is the one of
+    all pairs, constant beyond the radius; the control is that of the law on every side of the switching surface.
+
+    Parameters
+    ----------
+    law
+        The control law.
+    potential
+        Potential of every pair, with its kink at the radius.
+    state
+        The state.
+    """
+    from scipy.optimize import linprog
+
+    flows = np.array([np.sum(state.p * u) for u in filippov_corners(law, state)])
+    slopes = np.array([_stored_rate(potential, state, choice) for choice in product((0, 1), repeat=_kinks(law, state))])
+    table = slopes[:, None] + flows[None, :]
+
+    # The best xi for the worst flow is the value of a matrix game, whose mixed strategies are the convex hulls.
+    def value(game: Array) -> float:
+        rows, columns = game.shape
+        solved = linprog(
+            np.r_[np.zeros(rows), -1.0], A_ub=np.c_[-game.T, np.ones(columns)], b_ub=np.zeros(columns),
+            A_eq=[[*np.ones(rows), 0.0]], b_eq=[1.0], bounds=[*[(0, None)] * rows, (None, None)],
+        )  # fmt: skip
+        return float(np.asarray(solved.x)[-1])
+
+    return Rates(value(table), -value(-table))
+
+
+def _kinks(law: Law, state: State) -> int:
+    return len(pairs_at_switch(law, state))
+
+
+def _stored_rate(potential: Potential, state: State, choice: tuple[int, ...]) -> float:
+    """Rate of the stored energy when every pair on a kink takes its left (0) or right (1) slope."""
+    sides = iter(choice)
+    borders = np.array(potential.kinks())
+    rate = 0.0
+    for i in range(state.n):
+        for j in range(i + 1, state.n):
+            d = state.q[j] - state.q[i]
+            r = float(np.linalg.norm(d))
+            on_kink = len(borders) > 0 and bool((np.abs(borders - r) <= NEAR * r).any())
+            slope = one_sided_slopes(potential, r)[next(sides)] if on_kink else float(potential.slope(r))
+            rate += slope * float(d @ (state.p[j] - state.p[i])) / r
+    return rate

@@ -1,0 +1,315 @@
+"""The shape of a potential: its limits, its breaks, its minima. Found from the formula, checked with many digits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flocking.formula.precise import Number, evaluator, wide_context
+from flocking.model.checks import Array
+from flocking.model.potentials.potential import Potential
+
+if TYPE_CHECKING:
+    import sympy
+
+NEAREST, FARTHEST = 1e-9, 1e9
+"""Range of distances that is searched for breaks and minima."""
+GRID = 36_001
+MOST_BREAKS = 40
+MOST_MINIMA = 60
+SAME = 1e-10
+"""Relative difference below which two one-sided limits count as equal."""
+
+
+@dataclass(frozen=True)
+class Limit:
+    """Where values tend to, by ``kind``: ``"finite"``, ``"infinite"`` (the sign is that of ``value``) or ``"none"``."""
+
+    kind: str
+    value: float = np.nan
+
+    @property
+    def rises(self) -> bool:
+        """Whether it is plus infinity."""
+        return self.kind == "infinite" and self.value > 0
+
+    def __str__(self) -> str:
+        if self.kind == "none":
+            return "no limit"
+        return f"{self.value:.6g}" if self.kind == "finite" else "+infinity" if self.value > 0 else "-infinity"
+
+
+@dataclass(frozen=True)
+class Break:
+    """A distance where two pieces meet, or where the formula is singular.
+
+    Parameters
+    ----------
+    at
+        The distance.
+    left, right
+        One-sided limits of value, slope and curvature.
+    """
+
+    at: float
+    left: tuple[Limit, Limit, Limit]
+    right: tuple[Limit, Limit, Limit]
+
+    @property
+    def order(self) -> int:
+        """Highest continuous derivative: -1 for a jump or a singularity, 2 for C2 or smoother."""
+        for k, (a, b) in enumerate(zip(self.left, self.right, strict=True)):
+            if a.kind != "finite" or b.kind != "finite" or not same(a.value, b.value):
+                return k - 1
+        return 2
+
+    def __str__(self) -> str:
+        if self.order == 2:
+            return f"C2 at r = {self.at:.9g}"
+        what = ("value", "slope", "curvature")[self.order + 1]
+        a, b = self.left[self.order + 1], self.right[self.order + 1]
+        return f"{'discontinuous' if self.order < 0 else f'C{self.order}'} at r = {self.at:.9g} ({what} {a} | {b})"
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """A local minimum of some ``value``, or a flat stretch from ``at`` to ``until`` that nothing near undercuts."""
+
+    at: float
+    value: float
+    until: float
+
+    @property
+    def flat(self) -> bool:
+        """Whether it is a stretch."""
+        return self.until > self.at
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What a potential looks like on all distances r > 0.
+
+    Parameters
+    ----------
+    zero, infinity
+        Limits of the value at 0 and at infinity.
+    breaks
+        Piece borders and singularities, ascending.
+    minima
+        Local minima, ascending.
+    lows
+        Smallest values approached, attained or not: pairs (distance, value).
+    undefined
+        Distances at which the formula has no real value, in a coarse sample.
+    slope
+        Slope with many digits.
+    """
+
+    zero: Limit
+    infinity: Limit
+    breaks: tuple[Break, ...]
+    minima: tuple[Minimum, ...]
+    lows: tuple[tuple[float, float], ...]
+    undefined: tuple[float, ...]
+    slope: Callable[[Number], Number]
+
+    def singular_point(self) -> float | None:
+        """First distance at which the value is infinite from below, or None."""
+        return next((b.at for b in self.breaks if b.left[0].kind == "infinite"), None)
+
+    def break_at(self, radius: float) -> Break | None:
+        """The break at ``radius``, or None."""
+        return next((b for b in self.breaks if same(b.at, radius)), None)
+
+
+def same(a: float, b: float) -> bool:
+    """Whether two numbers ``a`` and ``b`` agree to `SAME`."""
+    if np.isinf(a) or np.isinf(b):
+        return a == b
+    return bool(abs(a - b) <= SAME * max(1.0, abs(a), abs(b)))
+
+
+def shape_of(potential: Potential, radius: float | None = None) -> Shape:
+    """Find the shape of ``potential``; ``radius`` is looked at as a break in any case.
+
+    Breaks and minima are searched on [1e-9, 1e9], at most `MOST_BREAKS` and `MOST_MINIMA` of them.
+    """
+    import sympy
+
+    r = sympy.Symbol("r", positive=True)
+    # Rational parameters: the limits are those of the numbers a computer holds, not of their decimals.
+    psi = potential.expression(r, {k: sympy.Rational(v) for k, v in potential.parameters.items()})
+    derivatives = (psi, sympy.diff(psi, r), sympy.diff(psi, r, 2))
+    functions = tuple(evaluator(d, r) for d in derivatives)
+    context = wide_context()
+    points = _special_points(psi, r, radius)
+    tiny = [context.mpf(10) ** (-(2**k)) for k in range(9)]
+    breaks = []
+    for c in points:
+        sides = [tuple(limit([f(c * (1 + sign * x)) for x in tiny]) for f in functions) for sign in (-1, 1)]
+        breaks.append(Break(float(c), sides[0], sides[1]))  # type: ignore[arg-type]
+    # At 0 and infinity no digits cancel: exponents alone reach further, and slow powers show their limit.
+    far = [context.mpf(10) ** (2**k) for k in range(14)]
+    zero = limit([functions[0](1 / x) for x in far])
+    infinity = limit([functions[0](x) for x in far])
+    stretches = list(_pieces(points))
+    minima = _minima(potential, functions, stretches, breaks)
+    lows = [(m.at, m.value) for m in minima]
+    lows += [(0.0, zero.value), (np.inf, infinity.value)]
+    lows += [(b.at, side[0].value) for b in breaks for side in (b.left, b.right)]
+    samples = np.geomspace(1e-6, 1e6, 97)
+    undefined = tuple(float(x) for x in samples if context.isnan(functions[0](float(x))))
+    return Shape(zero, infinity, tuple(breaks), tuple(minima), tuple(lows), undefined, functions[1])
+
+
+def limit(values: list[Number]) -> Limit:
+    """Limit of values at 10^-1, 10^-2, 10^-4, ... from a point: told by how their differences grow or shrink."""
+    context = wide_context()
+    tail = values[-5:]
+    if any(context.isnan(v) for v in tail):
+        return Limit("none")
+    if context.isinf(tail[-1]):
+        return Limit("infinite", float(tail[-1])) if tail[-1] == tail[-2] else Limit("none")
+    if any(context.isinf(v) for v in tail):
+        return Limit("none")
+    d = [b - a for a, b in pairwise(tail)]
+    growing = all(abs(b) >= 0.9 * abs(a) for a, b in pairwise(d))
+    if all(x > 0 for x in d) and growing:
+        return Limit("infinite", np.inf)
+    if all(x < 0 for x in d) and growing:
+        return Limit("infinite", -np.inf)
+    if abs(tail[-1]) <= 1e-60:
+        return Limit("finite", 0.0)
+    if abs(d[-1]) <= 1e-6 * abs(tail[-1]):
+        return Limit("finite", float(tail[-1]))
+    if all(abs(b) <= 0.75 * abs(a) for a, b in pairwise(d)):
+        ratio = d[-1] / d[-2]
+        end = tail[-1] + d[-1] * ratio / (1 - ratio)
+        return Limit("finite", float(end) if abs(end) > 1e-60 else 0.0)
+    return Limit("none")
+
+
+def _special_points(psi: sympy.Expr, r: sympy.Symbol, radius: float | None) -> list[Number]:
+    """Distances where the formula may not be smooth: roots of its conditions, denominators and arguments."""
+    import sympy
+
+    context = wide_context()
+    gaps: set[Any] = {c.lhs - c.rhs for c in psi.atoms(sympy.core.relational.Relational)}
+    gaps |= {p.base for p in psi.atoms(sympy.Pow) if not (p.exp.is_integer and p.exp.is_nonnegative)}
+    gaps |= {f.args[0] for f in psi.atoms(sympy.log)}
+    gaps |= {sympy.cos(f.args[0]) for f in psi.atoms(sympy.tan)}
+    found: list[Number] = [] if radius is None else [context.mpf(radius)]
+    for gap in sorted((g for g in gaps if r in g.free_symbols), key=sympy.default_sort_key):
+        if gap.is_polynomial(r):
+            gap = sympy.Poly(gap, r).sqf_part().as_expr()
+        value = evaluator(gap, r)
+        rough = _sign_change_brackets(sympy.lambdify(r, gap, "numpy"))
+        for a, b in rough[:MOST_BREAKS]:
+            root = _root(value, a, b)
+            if root is not None and not any(abs(root - c) <= 1e-14 * c for c in found):
+                found.append(root)
+    return sorted(found)[:MOST_BREAKS]
+
+
+def _sign_change_brackets(function: Callable[[Array], Any]) -> list[tuple[float, float]]:
+    grid = np.geomspace(NEAREST, FARTHEST, GRID)
+    with np.errstate(all="ignore"):
+        signs = np.sign(np.real(function(grid)) + np.zeros_like(grid))
+    exact = [(float(x), float(x)) for x in grid[signs == 0][: MOST_BREAKS + 1]]
+    if len(exact) > MOST_BREAKS:  # zero all along, by rounding
+        exact = []
+    crossed = np.flatnonzero(signs[:-1] * signs[1:] < 0)[:MOST_BREAKS]
+    return sorted(exact + [(float(grid[k]), float(grid[k + 1])) for k in crossed])
+
+
+def _root(function: Callable[[Number], Number], a: float, b: float) -> Number | None:
+    """A root in [a, b] with many digits."""
+    context = wide_context()
+    if a == b:
+        a, b = a * (1 - 1e-12), b * (1 + 1e-12)
+    low, high = context.mpf(a), context.mpf(b)
+    try:
+        root = context.findroot(function, (low, high), solver="anderson", verify=False, maxsteps=60)
+    except (ValueError, ZeroDivisionError, TypeError):
+        return None
+    return root if low <= root <= high else None
+
+
+def _pieces(points: list[Number]) -> Iterator[tuple[Number, Number]]:
+    context = wide_context()
+    ends = [context.mpf(NEAREST), *(p for p in points if NEAREST < p < FARTHEST), context.mpf(FARTHEST)]
+    yield from pairwise(ends)
+
+
+def _minima(
+    potential: Potential,
+    functions: tuple[Callable[[Number], Number], ...],
+    stretches: list[tuple[Number, Number]],
+    breaks: list[Break],
+) -> list[Minimum]:
+    """Minima inside the pieces, at their borders, and flat stretches."""
+    value, slope, _ = functions
+    found: list[Minimum] = []
+    flat: list[tuple[float, float]] = []
+    for low, high in stretches:
+        probes = [low + (high - low) * x for x in (0.1, 0.37, 0.73)]
+        if all(slope(x) == 0 for x in probes):
+            flat.append((float(low), float(high)))
+        elif len(found) < MOST_MINIMA:
+            found += _inside(potential, value, slope, low, high)[:MOST_MINIMA]
+    for b in breaks:
+        c = wide_context().mpf(b.at)
+        before, after = slope(c * (1 - 1e-8)), slope(c * (1 + 1e-8))
+        if b.order >= 0 and before < 0 < after:
+            found.append(Minimum(b.at, b.left[0].value, b.at))
+    for low, high in flat:
+        level = float(value((low + high) / 2))
+        left = next((b for b in breaks if same(b.at, low)), None)
+        right = next((b for b in breaks if same(b.at, high)), None)
+        if (left is None or _above(left.left, level, -1)) and (right is None or _above(right.right, level, 1)):
+            found.append(Minimum(low if left else 0.0, level, high if right else np.inf))
+    return sorted(found, key=lambda m: m.at)
+
+
+def _above(side: tuple[Limit, Limit, Limit], level: float, direction: int) -> bool:
+    """Whether the potential is not below ``level`` just outside a flat stretch."""
+    value, slope, curvature = side
+    if value.kind != "finite" or not same(value.value, level):
+        return value.value > level
+    if slope.kind == "finite" and not same(slope.value, 0.0):
+        return slope.value * direction > 0
+    return not (curvature.value < 0)
+
+
+def _inside(
+    potential: Potential,
+    value: Callable[[Number], Number],
+    slope: Callable[[Number], Number],
+    low: Number,
+    high: Number,
+) -> list[Minimum]:
+    from scipy.optimize import brentq
+
+    a, b = float(low), float(high)
+    near = 10.0 ** -np.arange(1, 13)
+    grid = np.concatenate([np.geomspace(NEAREST, FARTHEST, GRID), a * (1 + near), b * (1 - near)])
+    grid = np.unique(grid[(grid > a) & (grid < b)])
+    slopes = potential.slope(grid)
+    known = np.isfinite(slopes)
+    grid, signs = grid[known], np.sign(slopes[known])
+    grid, signs = grid[signs != 0], signs[signs != 0]
+    found = []
+    for k in np.flatnonzero((signs[:-1] < 0) & (signs[1:] > 0)):
+        left, right = float(grid[k]), float(grid[k + 1])
+        # Many digits tell a valley from the rounding noise of a plateau.
+        if not slope(left) < 0 < slope(right):
+            continue
+        at = float(brentq(lambda x: float(potential.slope(x)), left, right, xtol=1e-300, rtol=1e-15))
+        found.append(Minimum(at, float(value(at)), at))
+        if len(found) >= MOST_MINIMA:
+            break
+    return found

@@ -1,0 +1,64 @@
+"""Energy of one state, pairs that are not linked included."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flocking.engine.reference.control import evaluate
+from flocking.model.checks import Array
+from flocking.model.energy import Energy
+from flocking.model.law import Law
+from flocking.model.state import Agents, State
+from flocking.study.potentials.equilibrium import Equilibrium
+
+
+def total_energy(law: Law, state: State, energy: Energy | None = None, *, agents: Agents | None = None) -> float:
+    """The energy a ledger would hold at a state (Tanner I W, Tanner II (6), Zhou (10) and (25), Shi (11)).
+
+    Parameters
+    ----------
+    law
+        The control law.
+    state
+        The state; without links the graph's initial rule decides.
+    energy
+        Frame, and energy of a pair that is not linked; the lab frame and zero when absent.
+    agents
+        Masses and headings; unit masses when absent.
+
+    Returns
+    -------
+    float
+        Kinetic energy, what links and bodies store, and that of every pair that is not linked, in units of mass times
+        velocity squared.
+    """
+    energy, agents = energy or Energy(), agents or Agents()
+    found = evaluate(law, state, agents=agents, energy=energy)
+    links = law.graph.start_links(state.q, agents.headings) if state.links is None else state.links
+    apart = (state.n * (state.n - 1) - int(np.count_nonzero(links))) / 2
+    return found.storage + found.kinetic + apart * energy.unlinked
+
+
+def agent_energies(law: Law, state: State, energy: Energy | None = None) -> Array:
+    """Potential of each agent: its links, and the energy of every other agent it is not linked with.
+
+    Tanner I (4), Tanner II U_i. Shape (N,).
+
+    Parameters
+    ----------
+    law
+        The control law.
+    state
+        The state.
+    energy
+        Energy of a pair that is not linked; zero when absent.
+
+    Returns
+    -------
+    Array
+        V_i or U_i, shape (N,), in the units of the potential. Their sum is twice the potential energy.
+    """
+    equilibrium = Equilibrium(law, state)
+    degree = np.bincount(equilibrium.i, minlength=state.n)
+    unlinked = energy.unlinked if energy is not None else 0.0
+    return np.asarray(equilibrium.agent_potentials + (state.n - 1 - degree) * unlinked)

@@ -1,0 +1,285 @@
+"""Scenarios as TOML files: read with every fault named at once, written so that a run repeats bit for bit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from flocking.engine.storage.atomic_files import write_through
+from flocking.errors import InvalidInput
+from flocking.model.law import Law, Scenario
+from flocking.study.scenario_files.text_files import read_text_file
+
+MOST_AGENTS = 1_000_000
+LARGEST_FILE = 16 * 2**20
+DEEPEST_NESTING = 20
+
+
+class ScenarioFileError(InvalidInput):
+    """A scenario file with faults.
+
+    Parameters
+    ----------
+    source
+        Name of the file.
+    problems
+        Every fault, as one line of text each.
+    """
+
+    def __init__(self, source: str, problems: list[str]) -> None:
+        head = f"{source}: {len(problems)} fault{'s' * (len(problems) > 1)} in the scenario"
+        super().__init__("scenario", source, "must be a scenario file", problems)
+        self.problems = tuple(problems)
+        self.args = ("\n".join([head, *(f"  {line}" for line in problems)]),)
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+def read_scenario(
+    path: str | Path,
+    *,
+    seed: int | None = None,
+    most_agents: int = MOST_AGENTS,
+    largest_file: int = LARGEST_FILE,
+) -> Scenario:
+    """Read a scenario from a TOML file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    seed
+        Takes the place of the seed of every draw in the file, of the start and of a random graph.
+    most_agents
+        Largest number of agents the file may ask for.
+    largest_file
+        Largest size of the file in bytes.
+
+    Raises
+    ------
+    ScenarioFileError
+        When the file has faults; the message lists every one with its place.
+    InvalidInput
+        When the file cannot be read.
+    """
+    fix = "Describe large starts by a draw, or pass largest_file."
+    try:
+        text = read_text_file("read_scenario", path, largest_file, fix)
+    except UnicodeDecodeError as error:
+        raise ScenarioFileError(str(path), [f"file: must be UTF-8 text; byte {error.start} is not"]) from None
+    return parse_scenario(text, source=str(path), seed=seed, most_agents=most_agents)
+
+
+def parse_scenario(
+    text: str, *, source: str = "scenario", seed: int | None = None, most_agents: int = MOST_AGENTS
+) -> Scenario:
+    """Read a scenario from TOML text.
+
+    Parameters
+    ----------
+    text
+        The text.
+    source
+        What error messages call it.
+    seed
+        Takes the place of the seed of every draw, of the start and of a random graph.
+    most_agents
+        Largest number of agents the text may ask for.
+
+    Raises
+    ------
+    ScenarioFileError
+        When the text has faults; the message lists every one with its place.
+    """
+    from flocking.study.scenario_files.scenario_kinds import Context
+    from flocking.study.scenario_files.scenario_schema import read_tables
+
+    data = _toml(text, source)
+    if seed is not None:
+        _reseed(data, seed, source)
+    parts, problems = read_tables(data, Context(most_agents))
+    lines = list(dict.fromkeys([*map(str, problems), *_misfits(parts)]))
+    if lines:
+        raise ScenarioFileError(source, lines)
+    parts.pop("format", None)
+    law = Law(parts.pop("graph"), tuple(parts.pop("terms")))
+    try:
+        return Scenario(law, **parts)
+    except InvalidInput as error:
+        raise ScenarioFileError(source, [_line(error.parameter, error)]) from None
+    except (ArithmeticError, MemoryError) as error:
+        raise ScenarioFileError(source, [f"file: cannot be used ({type(error).__name__}: {error})"]) from None
+
+
+def _reseed(data: dict[str, Any], seed: int, source: str) -> None:
+    graphs = data.get("graphs", {})
+    tables = [data.get("start"), data.get("graph"), *(graphs.values() if isinstance(graphs, dict) else ())]
+    drawn = [x for x in tables if isinstance(x, dict) and ("draw" in x or x.get("kind") == "random_connected")]
+    if not drawn:
+        raise InvalidInput(
+            source, "seed", "needs a scenario with a random draw", seed, "This file gives its start number by number."
+        )
+    for table in [data, *drawn]:
+        table["seed"] = seed
+
+
+def _toml(text: str, source: str) -> dict[str, Any]:
+    import tomllib
+
+    if _nesting(text) > DEEPEST_NESTING:
+        raise ScenarioFileError(source, [f"file: must not nest deeper than {DEEPEST_NESTING} brackets or dots"])
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ScenarioFileError(source, [f"file: is not TOML: {error}"]) from None
+    except (ValueError, RecursionError, OverflowError) as error:
+        raise ScenarioFileError(source, [f"file: is not TOML that can be read ({error})"]) from None
+
+
+def _nesting(text: str) -> int:
+    """Deepest nesting of brackets, or of a dotted key, outside comments; text in quotes counts too."""
+    deepest = 0
+    depth = 0
+    for line in text.splitlines():
+        key = line.split("=", 1)[0]
+        if "#" not in key:
+            deepest = max(deepest, key.count("."))
+        if "[" not in line and "{" not in line and depth == 0:
+            continue
+        for letter in line:
+            if letter == "#":
+                break
+            depth = max(0, depth + (letter in "[{") - (letter in "]}"))
+            deepest = max(deepest, depth)
+    return deepest
+
+
+def _line(place: str, error: InvalidInput) -> str:
+    from flocking.study.scenario_files.scenario_schema import Problem, shown
+
+    given = error.value if isinstance(error.value, str) else shown(error.value)
+    return str(Problem(place, error.rule, given, error.fix))
+
+
+def _misfits(parts: dict[str, Any]) -> list[str]:
+    """Faults between parts that are each without fault: numbers of agents and dimensions, times."""
+    from flocking.model.terms.avoidance import ObstacleTerm
+
+    start = parts.get("start")
+    if start is None:
+        return []
+    lines = []
+    owners = [("graph", parts.get("graph")), ("agents", parts.get("agents"))]
+    owners += [(f"terms[{k}]", term) for k, term in enumerate(parts.get("terms") or [])]
+    owners += [(f"terms[{k}].over", getattr(term, "over", None)) for k, term in enumerate(parts.get("terms") or [])]
+    for place, owner in owners:
+        if owner is None:
+            continue
+        try:
+            owner.check_count(start.n)
+        except InvalidInput as error:
+            lines.append(_line(f"{place}.{error.parameter}", error))
+        except (ArithmeticError, MemoryError):
+            lines.append(f"{place}: needs more memory than there is for {start.n} agents")
+        if isinstance(owner, ObstacleTerm):
+            try:
+                owner.check_dimension(start.dimension)
+            except InvalidInput as error:
+                lines.append(_line(f"{place}.obstacles", error))
+        leader = getattr(owner, "leader", None)
+        if leader is not None and leader.dimension != start.dimension:
+            rule = f"{place}.leader: must have {start.dimension} components, as the agents have"
+            lines.append(f"{rule}; got {leader.dimension}")
+    t_end = parts.get("t_end")
+    if t_end is not None and t_end < start.t:
+        lines.append(f"t_end: must be at least {start.t!r}, the time of the start; got {t_end!r}")
+    return lines
+
+
+def scenario_to_text(scenario: Scenario) -> str:
+    """A scenario as TOML text. Floats are written so that reading them back gives the same bits.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+
+    Raises
+    ------
+    InvalidInput
+        When it has a part that files have no word for, or is too large for a file.
+    """
+    from flocking.study.scenario_files.scenario_values import NAME, RefusedError, plain
+    from flocking.study.scenario_files.scenario_writer import PartWriter
+    from flocking.study.scenario_files.toml_text import toml_text
+
+    if not isinstance(scenario, Scenario):
+        raise InvalidInput("write_scenario", "scenario", "must be a Scenario", scenario)
+    try:
+        NAME.check(scenario.name)
+    except RefusedError as refused:
+        raise InvalidInput("write_scenario", "name", refused.rule, scenario.name) from None
+    writer = PartWriter()
+    writer.count("graph", scenario.law.graph)
+    writer.count("energy", scenario.energy)
+    for term in scenario.law.terms:
+        writer.count("term", term)
+    head: dict[str, Any] = {"format": 1, "name": scenario.name}
+    if scenario.seed is not None:
+        head["seed"] = scenario.seed
+    head |= {"t_end": scenario.t_end, "frames": plain(scenario.frames), "tolerance": scenario.tolerance}
+    body = {
+        "graph": writer.table("graph", scenario.law.graph),
+        "terms": [writer.table("term", term) for term in scenario.law.terms],
+        "agents": writer.table("agents", scenario.agents),
+        "energy": writer.table("energy", scenario.energy),
+        "start": writer.table("start", scenario.start),
+    }
+    sections = {name: tables for name, tables in writer.sections.items() if tables}
+    text = toml_text({**head, **body, **sections})
+    if len(text) > LARGEST_FILE:
+        raise InvalidInput(
+            "write_scenario", "start", f"must fit in {LARGEST_FILE} bytes of text", f"{len(text)} bytes",
+            "Write a run with fk.write_run, or a file with a draw as its start.",
+        )  # fmt: skip
+    return text
+
+
+def write_scenario(scenario: Scenario, path: str | Path) -> Path:
+    """Write a scenario to a TOML file.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    path
+        The file; replaced when it is there.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    InvalidInput
+        When the scenario cannot be written as text, or the file cannot be written.
+    """
+    if not isinstance(path, str | Path):
+        raise InvalidInput("write_scenario", "path", "must be a path", path)
+    file = Path(path)
+    text = scenario_to_text(scenario)
+    try:
+        write_through(file, text.encode(), parents=False)
+    except (OSError, ValueError, TypeError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InvalidInput("write_scenario", "path", f"cannot be written ({reason})", str(path)) from None
+    return file
+
+
+def scenario_schema() -> dict[str, Any]:
+    """JSON schema of scenario files, for editors that complete and check TOML."""
+    from flocking.study.scenario_files.scenario_schema import json_schema
+
+    return json_schema()

@@ -1,0 +1,152 @@
+"""Families of scenarios that a sweep file may name: what varies in them, and how it is checked."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from flocking.model.law import Scenario
+from flocking.study.scenario_files.scenario_values import RefusedError, Value
+from flocking.study.sweeps.measures import Measuring
+
+
+@dataclass(frozen=True)
+class Family:
+    """Scenarios that differ in a few named options and the seed.
+
+    Parameters
+    ----------
+    make
+        Gives the scenario from the options and ``seed``.
+    options
+        What may be given, by name.
+    measures
+        Measures of its own that a sweep file may name beside the general ones.
+    """
+
+    make: Callable[..., Scenario]
+    options: Mapping[str, Value]
+    measures: Mapping[str, tuple[str, Measuring]] = field(default_factory=dict)
+
+
+def number_between(low: float, high: float) -> Value:
+    """A number within bounds."""
+
+    def check(value: Any) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise RefusedError("must be a number")
+        if not low <= value <= high:
+            raise RefusedError(f"must be from {low:g} to {high:g}")
+        return float(value)
+
+    return Value(check, {"type": "number", "minimum": low, "maximum": high})
+
+
+def whole_between(low: int, high: int) -> Value:
+    """A whole number within bounds."""
+
+    def check(value: Any) -> int:
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise RefusedError("must be a whole number")
+        if not low <= value <= high:
+            raise RefusedError(f"must be from {low} to {high}")
+        return value
+
+    return Value(check, {"type": "integer", "minimum": low, "maximum": high})
+
+
+@dataclass(frozen=True)
+class FamilyScenario:
+    """A family with some of its options fixed.
+
+    Parameters
+    ----------
+    family
+        The family.
+    fixed
+        The fixed options.
+    """
+
+    family: Family
+    fixed: Mapping[str, Any]
+
+    def __call__(self, *, seed: int, **options: Any) -> Scenario:
+        """The scenario with the options that vary."""
+        return self.family.make(seed=seed, **{**self.fixed, **options})
+
+
+_PATH = re.compile(r"[A-Za-z_][\w-]*(?:\.[A-Za-z_][\w-]*|\[\d{1,6}\])*", re.ASCII)
+_STEP = re.compile(r"([A-Za-z_][\w-]*)|(\d+)", re.ASCII)
+MOST_STEPS = 20
+
+
+def path_steps(path: str) -> tuple[str | int, ...]:
+    """Keys and positions of a path such as ``terms[1].gain``.
+
+    Raises
+    ------
+    RefusedError
+        When the text is no path.
+    """
+    steps = _STEP.findall(path) if len(path) <= 200 and _PATH.fullmatch(path) else []
+    if not 1 <= len(steps) <= MOST_STEPS:
+        raise RefusedError("must be the path of a value, such as terms[1].gain")
+    return tuple(name or int(number) for name, number in steps)
+
+
+def with_value(data: Any, steps: tuple[str | int, ...], value: Any) -> Any:
+    """A copy of nested tables and lists in which the value that ``steps`` lead to is another.
+
+    Raises
+    ------
+    RefusedError
+        When there is no such place.
+    """
+    step, rest = steps[0], steps[1:]
+    if isinstance(step, int):
+        if not isinstance(data, list) or step >= len(data):
+            raise RefusedError("must be the path of a value in [scenario]")
+        return [with_value(entry, rest, value) if rest and k == step else value if k == step else entry
+                for k, entry in enumerate(data)]  # fmt: skip
+    if not isinstance(data, dict) or (rest and step not in data):
+        raise RefusedError("must be the path of a value in [scenario]")
+    return {**data, step: with_value(data[step], rest, value) if rest else value}
+
+
+@dataclass(frozen=True)
+class FileScenario:
+    """A scenario written in the sweep file, in which values at some paths vary.
+
+    Parameters
+    ----------
+    tables
+        The scenario as in a scenario file.
+    most_agents
+        Largest number of agents it may ask for.
+    """
+
+    tables: Mapping[str, Any]
+    most_agents: int
+
+    @property
+    def drawn(self) -> bool:
+        """Whether anything in it is drawn at random, so that seeds make a difference."""
+        start, graph = self.tables.get("start"), self.tables.get("graph")
+        named = self.tables.get("graphs")
+        graphs = [graph, *(named.values() if isinstance(named, dict) else ())]
+        return (isinstance(start, dict) and "draw" in start) or any(
+            isinstance(x, dict) and x.get("kind") == "random_connected" for x in graphs
+        )
+
+    def __call__(self, *, seed: int, **values: Any) -> Scenario:
+        """The scenario with values at their paths, its draws made with the seed."""
+        from flocking.study.scenario_files.scenario_file import parse_scenario
+        from flocking.study.scenario_files.toml_text import toml_text
+
+        data: Any = dict(self.tables)
+        for path, value in values.items():
+            data = with_value(data, path_steps(path), value)
+        return parse_scenario(toml_text(data), source="scenario", seed=seed if self.drawn else None,
+                              most_agents=self.most_agents)  # fmt: skip

@@ -1,0 +1,161 @@
+"""Getting every run done: batches go out as workers come free, and what a dead worker took along goes out again."""
+
+from __future__ import annotations
+
+import tempfile
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from functools import partial
+
+from flocking.errors import SweepError
+from flocking.study.sweeps.plan import Task
+from flocking.study.sweeps.work import Row, Work, noted_tasks, packed, run_batch, run_here
+from flocking.study.sweeps.worker_pool import Crew
+
+TRIES = 3
+"""A run that was being made each time its worker died is given up after this many."""
+
+BATCH_SECONDS = 1.0
+"""Results are kept about this often by every worker; no more than that is lost to a crash."""
+
+LARGEST_BATCH = 64
+AHEAD = 2
+"""Batches that wait for each worker, so that none is idle; no more, so that memory stays bounded."""
+
+Keep = Callable[[Sequence[Row]], None]
+
+
+class Campaign:
+    """Runs on their way through a crew.
+
+    Parameters
+    ----------
+    work
+        What is done for every run.
+    crew
+        Who does it.
+    keep
+        Called with rows as they arrive; they are safe when it returns.
+    """
+
+    def __init__(self, work: Work, crew: Crew, keep: Keep) -> None:
+        self._crew = crew
+        self._job = partial(run_batch, packed(work), crew.memory) if crew.elsewhere else partial(run_here, work)
+        self._keep = keep
+        self._waiting: deque[Task] = deque()
+        self._suspects: deque[Task] = deque()
+        self._running: dict[Future[list[Row]], list[Task]] = {}
+        self._deaths: Counter[int] = Counter()
+        self._alone: set[int] = set()
+        self._barren = 0
+        self._seconds, self._done = 0.0, 0
+        self._scratch: str | None = None
+
+    def run(self, tasks: Iterable[Task]) -> None:
+        """Make all runs.
+
+        Raises
+        ------
+        SweepError
+            When workers die before they begin anything.
+        """
+        self._waiting = deque(tasks)
+        with tempfile.TemporaryDirectory(prefix="flocking-sweep-", ignore_cleanup_errors=True) as folder:
+            self._scratch = folder if self._crew.takes_notes else None
+            while self._waiting or self._suspects or self._running:
+                self._send()
+                self._receive()
+
+    def _send(self) -> None:
+        if self._suspects and not self._waiting:
+            # One alone, so that if a worker dies there is no doubt of what.
+            if not self._running:
+                task = self._suspects.popleft()
+                self._alone.add(task.index)
+                self._submit([task])
+            return
+        while self._waiting and len(self._running) < AHEAD * self._crew.size:
+            size = min(self._batch_size(), len(self._waiting))
+            self._submit([self._waiting.popleft() for _ in range(size)])
+
+    def _batch_size(self) -> int:
+        if not self._done:
+            return 1
+        fair = len(self._waiting) // (AHEAD * self._crew.size)
+        return max(1, min(LARGEST_BATCH, fair, int(BATCH_SECONDS * self._done / max(self._seconds, 1e-9))))
+
+    def _submit(self, tasks: list[Task]) -> None:
+        try:
+            self._running[self._crew.submit(self._job, tasks, self._scratch)] = tasks
+        except BaseException as error:
+            if not self._crew.lost(error):
+                raise
+            self._waiting.extendleft(reversed(tasks))
+
+    def _receive(self) -> None:
+        if not self._running:
+            return
+        done, _ = wait(self._running, return_when=FIRST_COMPLETED)
+        lost: list[Task] = []
+        for future in done:
+            lost += self._take(future)
+        if not lost:
+            return
+        if self._crew.breaks_together:
+            # Let every batch of the broken pool come back before anything new goes out.
+            for future in list(self._running):
+                wait([future])
+                lost += self._take(future)
+        self._blame(lost)
+
+    def _take(self, future: Future[list[Row]]) -> list[Task]:
+        """Keep the rows of a batch; its runs when they are lost."""
+        tasks = self._running.pop(future)
+        error = future.exception()
+        if error is None:
+            self._store(future.result())
+            return []
+        if not self._crew.lost(error):
+            raise error
+        return tasks
+
+    def _store(self, rows: Sequence[Row]) -> None:
+        for row in rows:
+            row["tries"] += self._deaths[row["index"]]
+            self._seconds += row["seconds"]
+        self._done += len(rows)
+        self._barren = 0
+        self._keep(rows)
+
+    def _blame(self, lost: list[Task]) -> None:
+        """Send lost runs out again: those under way as suspects, one at a time; given up when a worker died of them."""
+        at_work = noted_tasks(self._scratch) if self._scratch is not None else {task.index for task in lost}
+        given_up = []
+        again = []
+        for task in lost:
+            if task.index not in at_work:
+                again.append(task)
+                continue
+            self._deaths[task.index] += self._crew.deaths_told
+            if self._deaths[task.index] >= TRIES and task.index in self._alone:
+                given_up.append(task)
+            else:
+                self._suspects.append(task)
+        self._waiting.extendleft(reversed(again))
+        if not at_work:
+            self._barren += 1
+            if self._barren >= TRIES:
+                raise SweepError(
+                    f"Workers died {TRIES} times before they began a run. What was finished is kept. "
+                    "Try workers=1 to see why; a make that cannot be unpacked there is a common cause."
+                )
+        if given_up:
+            self._give_up(given_up)
+
+    def _give_up(self, tasks: Sequence[Task]) -> None:
+        row: Row = {"status": "failed", "values": {}, "verdicts": {}, "seconds": 0.0}
+        for task in tasks:
+            tries = self._deaths[task.index]
+            text = f"its worker died each of {tries} times it was tried: killed, most often because memory ran out"
+            self._keep([{**row, "index": task.index, "message": text, "tries": tries}])

@@ -1,0 +1,45 @@
+"""The showcase command: what it writes and says; its scenarios run by name."""
+
+import json
+
+import pytest
+
+from flocking.apps.cli import main
+from flocking.apps.scenario_names import find_scenario
+from flocking.papers.showcases.files import TITLES
+from flocking.papers.showcases.stored_summary import Kept
+
+
+def test_unknown_showcases_and_bad_sizes_are_bad_input(capsys):
+    assert main(["showcase", "obstacle-feild"]) == 2
+    assert "Did you mean 'obstacle-field'?" in capsys.readouterr().err
+    assert main(["showcase", "obstacle-field", "--agents", "0"]) == 2
+    assert "agents must be from 1 to 100000" in capsys.readouterr().err
+    assert main(["showcase", "obstacle-field", "--agents", "9", "--until", "-1"]) == 2
+    assert "until must be after 0" in capsys.readouterr().err
+
+
+def test_showcases_are_scenarios_by_name(capsys):
+    assert main(["list", "--json"]) == 0
+    listed = {row["scenario"] for row in json.loads(capsys.readouterr().out)}
+    assert set(TITLES) <= listed
+    for name in TITLES:
+        made = find_scenario(name, None, None)
+        assert made.name == name
+        assert (find_scenario(name, 5, None).start.q[0] != made.start.q[0]).all()
+
+
+@pytest.mark.slow
+def test_a_small_one_is_run_audited_drawn_and_gone_on_with(capsys, tmp_path):
+    words = ["showcase", "flock-from-noise", "--agents", "500", "--until", "6", "--out", str(tmp_path / "out")]
+    assert main([*words, "--json"]) == 0
+    first = json.loads(capsys.readouterr().out)
+    assert first["agents"] == 500
+    assert first["times"] == [0.0, 5.0, 6.0]
+    assert first["audit"]["ledger"][0] == "holds"
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names == {"run", "audit.json", "flock-from-noise.npz", "flock-from-noise.png"}
+    assert Kept.read(tmp_path / "out" / "flock-from-noise.npz").facts["hexatic"] == first["hexatic"]
+    assert {c["claim"] for c in json.loads((tmp_path / "out" / "audit.json").read_text())["claims"]} >= {"ledger"}
+    assert main(words) == 0
+    assert "hexatic order" in capsys.readouterr().out

@@ -1,0 +1,74 @@
+"""info, export and diff, as a shell sees them."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import pytest
+
+import flocking as fk
+from flocking.apps.cli import main
+from flocking.engine.storage.run_writer import RunWriter
+from flocking.engine.storage.stored_runs import write_run
+from tests.engine.storage.stored_runs import finished
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_run(finished(), tmp_path_factory.mktemp("runs") / "run")
+
+
+def test_info(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["info", str(folder)]) == 0
+    shown = capsys.readouterr().out
+    assert "ten agents" in shown
+    assert "finished" in shown
+    assert "can go on" not in shown
+    assert main(["info", str(folder), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["frames"], found["stored"]["frames"], found["stored"]["commits"]) == (21, 21, 1)
+    assert found["stored"]["bytes"] > 10_000
+
+
+def test_info_of_an_unfinished_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    RunWriter.create(tmp_path / "run", finished().scenario).close()
+    assert main(["info", str(tmp_path / "run")]) == 0
+    shown = capsys.readouterr().out
+    assert "unfinished" in shown
+    assert "flocking resume" in shown
+
+
+def test_info_of_no_run_and_of_a_damaged_one(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["info", str(tmp_path)]) == 2
+    assert "no run here" in capsys.readouterr().err
+    write_run(finished(), tmp_path / "run")
+    next(p for p in (tmp_path / "run" / "position" / "c").rglob("*") if p.is_file()).unlink()
+    assert main(["info", str(tmp_path / "run")]) == 2
+    assert "damaged" in capsys.readouterr().err
+
+
+def test_export(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["export", str(folder), "--to", "gsd"]) == 0
+    assert Path(capsys.readouterr().out.strip()) == folder.with_name("run.gsd")
+    assert fk.read_start(folder.with_name("run.gsd")).q.tobytes() == finished().q[-1].tobytes()
+    assert main(["export", str(folder), "--to", "csv", "--out", str(tmp_path / "table.csv")]) == 0
+    assert (tmp_path / "table.csv").read_text().startswith("time,")
+    assert main(["export", str(folder), "--to", "mp3"]) == 2
+    assert "must be one of gsd" in capsys.readouterr().err
+
+
+def test_diff(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["diff", str(folder), str(folder)]) == 0
+    assert "equal" in capsys.readouterr().out
+    q = finished().q.copy()
+    q[3, 7, 0] += 1e-12
+    other = write_run(dataclasses.replace(finished(), q=q), tmp_path / "other")
+    assert main(["diff", str(folder), str(other)]) == 1
+    assert "position of agent 7" in capsys.readouterr().out
+    assert main(["diff", str(folder), str(other), "--json"]) == 1
+    found = json.loads(capsys.readouterr().out)
+    assert (found["equal"], found["first_difference"]["agent"]) == (False, 7)
+    assert main(["diff", str(folder), str(other), "--tolerance", "1e-9"]) == 0
+    assert main(["diff", str(folder), str(tmp_path / "none")]) == 2

@@ -1,0 +1,81 @@
+"""A newcomer's first minute, through the command line and the page alone; makes the pictures of the documentation."""
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.apps.lab.tabs import Tab
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture
+def lab(tmp_path):
+    """``flocking lab`` as a user starts it: its process, its port and the address it prints."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    started = subprocess.Popen(
+        [Path(sys.executable).with_name("flocking"), "lab", "--no-browser", "--port", str(port)], cwd=tmp_path,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    )  # fmt: skip
+    said = started.stdout.readline()
+    assert said.startswith("The lab is open at http://127.0.0.1:"), said
+    yield started, port, said.split()[-1]
+    started.send_signal(signal.SIGINT)
+    assert started.wait(30) == 0
+    assert "Traceback" not in started.stdout.read()
+
+
+def answers(host, port):
+    try:
+        socket.create_connection((host, port), timeout=1).close()
+    except OSError:
+        return False
+    return True
+
+
+def seconds_used(process):
+    """Seconds of processor time a process has used."""
+    with open(f"/proc/{process.pid}/stat", encoding="ascii") as file:
+        fields = file.read().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def test_within_a_minute_a_newcomer_sees_which_hypothesis_broke(lab, browser):
+    process, port, address = lab
+    assert not answers("127.0.0.2", port), "the page is open to other addresses"
+    tab = Tab(browser, address)
+    begin = time.monotonic()
+    tab.reads("100 in 2-D, exact engine")
+    tab.press("faster")
+    tab.press("Play")
+    tab.go("Law")
+    gain = tab.tab.get_by_role("slider").nth(5)  # radius, onset, a, b, d, then the gain of the consensus
+    gain.focus()
+    gain.press("Home")
+    tab.go("Claims")
+    lamp = tab.tab.get_by_role("button", name=re.compile("^velocities-agree: hypothesis not met"))
+    lamp.wait_for()
+    tab.press("Pause")
+    lamp.click()
+    tab.reads(re.compile("Its hypothesis is not met: fell apart at t = "))
+    took = time.monotonic() - begin
+    tab.shot("fragmented")
+    tab.go("Law")
+    tab.shot("law")
+    tab.go("Run")
+    tab.shot("run")
+    print(f"fragmented and explained after {took:.0f} s")
+    assert took < 120  # half a minute on two free cores; a busy machine gets more
+    used, since = seconds_used(process), time.monotonic()
+    tab.tab.wait_for_timeout(4000)
+    assert (seconds_used(process) - used) / (time.monotonic() - since) < 0.05, "paused, and busy"
+    tab.close()

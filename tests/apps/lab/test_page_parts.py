@@ -1,0 +1,304 @@
+"""Settings, clock, history and lamps: what stands behind a page, without one."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.apps.lab.experiment.clock import Clock
+from flocking.apps.lab.experiment.events import outcome
+from flocking.apps.lab.experiment.experiment import Experiment
+from flocking.apps.lab.experiment.history import History
+from flocking.apps.lab.experiment.parts import changed, value_at
+from flocking.apps.lab.experiment.settings import sections
+from flocking.apps.lab.panels.choices import in_space
+from flocking.apps.lab.panels.interventions import agents_of
+from flocking.apps.lab.panels.measures import claims_of, lamps, ledger, measured
+from flocking.apps.lab.scene.glyphs import colors, link_segments, turns
+from flocking.apps.lab.scene.solids import imagined, solids
+from flocking.apps.scenario_names import paper_scenarios
+from flocking.engine.runs.run import Closest
+from flocking.errors import FormulaError
+
+
+def zhou(seed=0, leader=False):
+    from flocking.papers import zhou_2015
+
+    return zhou_2015.scenario(seed=seed, leader=leader, duration=20.0)
+
+
+@pytest.mark.parametrize("name", list(paper_scenarios()))
+def test_every_parameter_of_every_scenario_has_a_control_that_works(name):
+    scenario = paper_scenarios()[name][1](0)
+    found = [s for section in sections(scenario) for s in section.settings]
+    assert len({s.path for s in found}) == len(found)
+    for s in found:
+        if s.kind == "factor":
+            continue
+        assert value_at(scenario, s.path) == s.value
+        if s.kind == "number":
+            assert s.low <= s.value <= s.high
+            other = changed(scenario, s.path, s.value * (1 - 1e-9))
+            assert value_at(other, s.path) == s.value * (1 - 1e-9)
+    shown = {s.path[:3] + s.path[-1:] for s in found}
+    for k, term in enumerate(scenario.law.terms):
+        for parameter, value in term.parameters.items():
+            if isinstance(value, float) and not hasattr(term, "obstacles"):
+                assert any(path[:3] == ("law", "terms", k) and path[-1] == parameter for path in shown), parameter
+
+
+@pytest.mark.parametrize("name", list(paper_scenarios()))
+def test_every_term_and_obstacle_can_be_taken_out_of_a_law(name):
+    scenario = paper_scenarios()[name][1](0)
+    found = [(section.title, section.removal) for section in sections(scenario) if section.removal]
+    titles = [title for title, _ in found]
+    assert len(titles) == len(scenario.law.terms) + sum(len(getattr(t, "obstacles", ())) for t in scenario.law.terms)
+    for title, event in found:
+        left = outcome(event, scenario, scenario, scenario.start).scenario
+        assert len(sections(left)) < len(sections(scenario)), title
+
+
+def test_a_new_formula_brings_its_own_parameters_and_drops_those_it_does_not_use():
+    scenario = zhou()
+    path = ("law", "terms", 0, "potential", "formula")
+    psi = changed(scenario, path, "k*(r - d)**2").law.terms[0].potential
+    assert dict(psi.parameters) == {"k": 1.0, "d": 1.0}
+    with pytest.raises(FormulaError):
+        changed(scenario, path, "k*(r - ")
+
+
+def test_a_shared_leader_changes_in_every_place():
+    scenario = zhou(leader=True)
+    other = changed(scenario, ("law", "terms", 2, "leader", "value", 0), -1.0)
+    assert other.energy.leader is other.law.terms[2].leader
+    assert other.law.terms[2].leader.value.tolist() == [-1.0, 3.0]
+    assert scenario.law.terms[2].leader.value.tolist() == [3.0, 3.0]
+
+
+@pytest.fixture
+def clock():
+    found = Clock([Experiment(zhou())], speed=2.0)
+    found.begin()
+    yield found
+    found.close()
+
+
+def wait(condition, seconds=10.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "did not happen in time"
+        time.sleep(0.01)
+
+
+def test_a_clock_plays_pauses_and_steps(clock):
+    clock.play()
+    wait(lambda: clock.frame.time > 0.3)
+    clock.pause()
+    clock.do(lambda: None)
+    now = clock.frame.time
+    time.sleep(0.2)
+    assert clock.frame.time == now
+    clock.step(0.25)
+    wait(lambda: clock.frame.time > now and not clock.running)
+    clock.do(lambda: None)
+    assert clock.frame.time == pytest.approx(now + 0.25)
+
+
+def test_a_paused_clock_does_nothing(clock):
+    clock.do(lambda: None)
+    before = time.process_time()
+    time.sleep(1.0)
+    assert time.process_time() - before < 0.02
+
+
+def test_of_a_wild_slider_only_the_last_value_counts(clock):
+    experiment = clock.experiments[0]
+    gate = threading.Event()
+    clock.post(gate.wait)
+    for k in range(1000):
+        event = {"kind": "set", "path": ["law", "terms", 1, "gain"], "value": 0.001 * k}
+        clock.post(lambda event=event: experiment.apply(event), "gain")
+    gate.set()
+    clock.do(lambda: None)
+    assert [e["value"] for _, e in experiment.log.entries] == [0.999]
+
+
+def test_a_fault_in_an_action_does_not_stop_the_clock(clock):
+    said = []
+    clock.complaint = said.append
+    clock.do(lambda: 1 / 0)
+    assert "ZeroDivisionError" in said[0]
+    clock.play()
+    wait(lambda: clock.frame.time > 0.1)
+
+
+def test_the_clock_stops_at_a_failure_and_says_so():
+    psi = fk.Potential("-k/r**2", k=1.0)
+    law = fk.Law(fk.Fixed.complete(2), [fk.Gradient(psi)])
+    clock = Clock([Experiment(fk.Scenario(law, fk.State([[0.0, 0.0], [1.0, 0.0]]), t_end=10.0))])
+    said = []
+    clock.complaint = said.append
+    clock.begin()
+    try:
+        clock.play()
+        wait(lambda: clock.frame.failure)
+        assert not clock.playing
+        assert "singular" in said[0]
+    finally:
+        clock.close()
+
+
+def watched(experiment, times):
+    clock = Clock([experiment])
+    history = History()
+    for t in times:
+        experiment.advance(t)
+        history.take(clock._look())
+    return history
+
+
+def words(history, experiment):
+    run = history.run((Closest(1.0, 0.0, (0, 1), 0.0), Closest()), experiment.session.accuracy)
+    return {lamp.claim.key: lamp for lamp in lamps(run, claims_of(run.scenario.name))}
+
+
+def test_lamps_agree_with_the_audit_of_the_same_run():
+    scenario = zhou()
+    experiment = Experiment(scenario)
+    history = watched(experiment, np.linspace(0.01, 20.0, 150))
+    run = history.run(experiment.session.closest_pairs, experiment.session.accuracy)
+    lit = {x.claim.key: x.word for x in lamps(run, claims_of(scenario.name))}
+    report = fk.audit(fk.simulate(scenario.with_(frames=np.linspace(0.0, 20.0, 150).tolist()), progress=False))
+    said = {r.claim.key: str(r.verdict) for r in report.results}
+    for key in ("energy", "energy-falls", "connected", "links-kept", "linked-apart", "momentum", "all-apart"):
+        assert lit[key] == said[key] == "holds"
+    assert lit["coincide"] == "not yet"  # the flock still draws together
+
+
+def test_a_lamp_names_the_agents_that_left_and_an_intervention_begins_anew():
+    law = fk.Law(fk.Proximity(2.0), [fk.Consensus(0.0)])
+    start = fk.State([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], [[0.0, 0.0], [0.0, 0.0], [0.0, 1.0]])
+    experiment = Experiment(fk.Scenario(law, start, t_end=10.0))
+    history = watched(experiment, np.linspace(0.1, 3.0, 30))
+    found = words(history, experiment)
+    assert found["connected"].word == "fails"
+    assert found["connected"].culprit.agents == (2,)
+    assert found["connected"].culprit.time == pytest.approx(1.0, abs=1e-6)
+    assert found["links-kept"].culprit.agents == (1, 2)
+    assert found["velocities-agree"].word == "hypothesis not met"  # of a graph that stays connected
+    assert found["velocities-agree"].culprit.agents == (2,)
+    experiment.apply({"kind": "kick", "agents": [0], "speed": 0.0, "seed": 0})
+    clock = Clock([experiment])
+    for t in (3.1, 3.2, 3.3, 3.4):
+        experiment.advance(t)
+        history.take(clock._look())
+    assert history.span == (3.1, 3.4)
+    assert words(history, experiment)["connected"].word == "hypothesis not met"
+    assert words(history, experiment)["connected"].culprit.agents == (2,)
+
+
+def test_a_claim_about_the_end_has_not_failed_before_it():
+    from flocking.papers import zhou_2015
+
+    scenario = zhou_2015.scenario(seed=0)
+    experiment = Experiment(scenario)
+    early = words(watched(experiment, np.linspace(0.1, 1.0, 10)), experiment)
+    assert early["coincide"].word == "not yet"
+    assert early["coincide"].color == "orange"
+    assert early["energy"].word == "holds"
+    late = words(watched(experiment, np.linspace(1.5, scenario.t_end, 60)), experiment)
+    assert late["coincide"].word == "fails"
+
+
+def test_the_ledger_of_the_instruments_balances():
+    experiment = Experiment(zhou())
+    experiment.advance(0.5)
+    experiment.apply({"kind": "set", "path": ["law", "terms", 1, "gain"], "value": 0.5})
+    experiment.advance(2.0)
+    trace = [row for row in experiment.records()[0] if row[0] >= experiment.changed_at]
+    found = ledger(trace[0], trace[-1])
+    assert found["dissipated"] > 0.1
+    change = trace[-1][1] - trace[0][1]
+    assert change == pytest.approx(-found["dissipated"] + found["supplied"] + found["jumped"], abs=1e-5)
+    assert found["residual"] == pytest.approx(change + found["dissipated"] - found["supplied"] - found["jumped"])
+
+
+def test_agents_are_named_by_numbers_and_ranges():
+    assert agents_of("3, 5-8 1") == [1, 3, 5, 6, 7, 8]
+    for text in ("a", "1-", "-3", "1.5", "9" * 40):
+        with pytest.raises(fk.InvalidInput):
+            agents_of(text)
+
+
+def test_a_history_stays_small_and_keeps_its_beginning():
+    experiment = Experiment(zhou())
+    history = watched(experiment, np.linspace(0.01, 20.0, 900))
+    assert len(history.frames) <= 401
+    assert history.span[0] == 0.01
+    assert history.span[1] == pytest.approx(20.0)
+
+
+def test_measures_of_a_moment():
+    state = fk.State([[0.0, 0.0], [1.0, 0.0], [9.0, 0.0]], [[1.0, 0.0], [-1.0, 0.0], [0.0, 0.0]])
+    state = fk.State(state.q, state.p, 0.0, fk.Proximity(2.0).initial(state.q))
+    found = measured(state, 3.0)
+    assert found["flocks"] == 2
+    assert found["closest pair"] == 1.0
+    assert found["connectivity"] == pytest.approx(0.0, abs=1e-12)
+    assert found["velocity spread"] == 1.0
+
+
+def rotated(w, x):
+    """A vector turned by a unit quaternion."""
+    s, v = w[0], w[1:]
+    return x + 2 * np.cross(v, np.cross(v, x) + s * x)
+
+
+@pytest.mark.parametrize("dimension", [1, 2, 3])
+def test_agents_point_where_they_go(dimension):
+    rng = np.random.default_rng(dimension)
+    p = rng.normal(size=(20, dimension))
+    p[0] = -np.eye(dimension)[0]
+    for w, v in zip(turns(p), p, strict=True):
+        full = np.zeros(3)
+        full[:dimension] = v / np.linalg.norm(v)
+        assert rotated(w.astype(float), np.array([1.0, 0, 0])) == pytest.approx(full, abs=1e-5)
+    before = turns(p)
+    assert np.array_equal(turns(np.zeros_like(p), before), before)
+
+
+def test_links_beyond_the_budget_are_thinned_and_counted():
+    state = fk.start.box(60, side=1, seed=0)
+    state = fk.State(state.q, state.p, 0.0, fk.Fixed.complete(60).initial(state.q))
+    segments, count = link_segments(state, np.zeros((60, 3), np.float32), 100)
+    assert (len(segments), count) == (100, 1770)
+    assert len(np.unique(colors(state, "flock", 1.0), axis=0)) == 1
+
+
+def test_obstacles_and_leaders_can_be_drawn_and_moved():
+    ball, wall = fk.Ball([3.0, 0.0], 1.0), fk.Wall([0.0, -4.0], [0.0, 1.0])
+    avoid = fk.Avoid((ball, wall), leader=fk.Velocity([1.0, 0.0]), range=2.0)
+    law = fk.Law(fk.Proximity(2.0), [fk.Consensus(1.0), avoid, fk.Track(fk.Sink([5.0, 5.0]), 1.0)])
+    scenario = fk.Scenario(law, fk.State([[0.5, 0.0], [0.0, 9.0]]), t_end=1.0)
+    found = solids(scenario, 0.0)
+    assert [s.kind for s in found] == ["obstacle", "obstacle", "leader"]
+    for s in found:
+        assert isinstance(value_at(scenario, s.path), fk.Leader)
+    assert np.linalg.norm(found[0].vertices[1:, :2], axis=1) == pytest.approx(1.0)
+    points = imagined(scenario, scenario.start)
+    assert points[0] == pytest.approx([2.0, 0.0, 0.0])
+    assert points[1] == pytest.approx([4.0, 0.0, 0.0])
+
+
+def test_a_law_of_the_plane_goes_to_space_where_it_can():
+    lifted = in_space(zhou())
+    experiment = Experiment(lifted)
+    experiment.advance(0.1)
+    assert experiment.state.dimension == 3
+    assert np.array_equal(lifted.start.q[:, :2], zhou().start.q)
+    with pytest.raises(fk.InvalidInput):
+        in_space(zhou(leader=True))
+    with pytest.raises(fk.InvalidInput):
+        in_space(lifted)

@@ -1,0 +1,252 @@
+"""The report stands alone: one file, nothing fetched; every claim beside its picture, every figure and erratum."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from html.parser import HTMLParser
+
+import pytest
+
+import flocking as fk
+from flocking.apps.reproduction.claim_pictures import CAPTIONS, SPEAKS_OF, picture_of
+from flocking.apps.reproduction.report_formulas import formulas
+from flocking.apps.reproduction.reproduce import reproduce
+from flocking.papers import KEYS, paper
+from flocking.show.animate import ffmpeg
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    out = tmp_path_factory.mktemp("report")
+    found = reproduce(["tanner-2003-fixed"], seeds=5, out=out, workers=1, progress=False)
+    return out, found
+
+
+class Tags(HTMLParser):
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.links: list[str] = []
+        self.names: list[str] = []
+        self.beside: dict[str, str] = {}
+        self.shown = ""
+
+    def handle_starttag(self, tag, attrs):
+        if tag not in ("meta", "img", "br"):
+            self.open.append(tag)
+        found = dict(attrs)
+        self.links += [value for name, value in attrs if name in ("src", "href") and value]
+        self.names += [found["id"]] if "id" in found else []
+        if found.get("class") == "beside":
+            self.shown = ""
+        elif tag == "img":
+            self.shown = found["src"]
+        elif tag == "article":
+            self.beside[found["id"]] = self.shown
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def read(path):
+    text = path.read_text(encoding="utf-8")
+    tags = Tags()
+    tags.feed(text)
+    return text, tags
+
+
+def escaped(text):
+    return text.replace("'", "&#x27;").replace('"', "&quot;").replace(">", "&gt;")
+
+
+def test_every_claim_and_erratum_is_in_the_report(folder):
+    out, found = folder
+    text, _ = read(out / "report.html")
+    claims = json.loads((out / "claims.json").read_text(encoding="utf-8"))
+    assert found.as_expected
+    assert len(claims) == sum(len(j) for j in found.judgements.values()) > 15
+    for row in claims:
+        assert escaped(row["statement"]) in text
+        assert row["seeds"]["tried"] == 5
+        assert row["paper"] == "tanner-2003-fixed"
+        assert row["scenario"].startswith(row["paper"])
+    for row in json.loads((out / "errata.json").read_text(encoding="utf-8"))["tanner-2003-fixed"]:
+        assert row["number"] in text
+        assert row["verdict"] in ("false statement", "misprint", "ambiguity or missing value")
+
+
+def test_the_report_is_well_formed_and_asks_for_nothing(folder):
+    out, _ = folder
+    text, tags = read(out / "report.html")
+    assert tags.open == []
+    assert all(link.startswith(("data:", "#")) for link in tags.links)
+    assert not re.search(r"(?:https?:)?//[a-z]", re.sub(r"data:[^\"]+", "", text))
+    assert len(tags.names) == len(set(tags.names))
+    assert {link[1:] for link in tags.links if link.startswith("#")} <= set(tags.names)
+    claimed = len(list((out / "tanner-2003-fixed" / "claims").iterdir()))
+    assert text.count("<figure>") == 7 + 1 + claimed
+
+
+def test_every_claim_stands_beside_the_picture_of_its_subject(folder):
+    out, found = folder
+    _, tags = read(out / "report.html")
+    for name, judgements in found.judgements.items():
+        for judgement in judgements:
+            file = out / "tanner-2003-fixed" / "claims" / f"{name}-{picture_of(judgement.claim)}.svg"
+            drawn = base64.b64decode(tags.beside[f"{name}-claim-{judgement.claim.key}"].split(",")[1])
+            assert drawn == file.read_bytes()
+    collisions, speeds = (tags.beside[f"tanner-2003-fixed-claim-{key}"] for key in ("all-apart", "velocities-agree"))
+    assert collisions != speeds
+
+
+def test_claims_that_name_a_figure_stand_beside_it():
+    module = paper("olfati-saber-2003")
+    split = next(c for c in module.claims("olfati-saber-2003") if c.key == "split")
+    assert picture_of(split, ["7", "8"]) == "figure-8"
+    assert picture_of(split, ["7"]) == "connectivity"
+
+
+def test_a_caption_names_the_seeds_of_all_runs_that_are_drawn():
+    from types import SimpleNamespace
+
+    from flocking.apps.reproduction.report import figures_of, seeds_of
+
+    module = paper("shi-2009")
+    runs = {name: SimpleNamespace(scenario=SimpleNamespace(seed=k)) for k, name in enumerate(module.scenarios())}
+    numbers = [str(runs[f"shi-2009-{name}"].scenario.seed) for name in ("velocity-only", "position")]
+    figures = module.figures()
+    assert seeds_of(figures[7], runs) == f" Seed {numbers[0]}."
+    assert seeds_of(figures[9], runs) == f" Seeds {numbers[0]} and {numbers[1]}."
+    assert seeds_of(figures[1], runs) == "", "a potential shows no run"
+    assert {"7", "9"} <= set(figures_of(module, "shi-2009-velocity-only"))
+    assert {"8", "9"} <= set(figures_of(module, "shi-2009-position"))
+
+
+def test_pictures_of_claims_speak_of_claims_there_are():
+    known = {c.key for key in KEYS for name in paper(key).scenarios() for c in paper(key).claims(name)}
+    assert set(SPEAKS_OF) | {"net"} == set(CAPTIONS)
+    listed = [key for keys in SPEAKS_OF.values() for key in keys]
+    assert len(listed) == len(set(listed))
+    assert set(listed) <= known
+
+
+def test_formulas_are_drawn_with_all_their_pieces_and_spoken_as_latex():
+    text = formulas(fk.Potential("1/r**2 + log(r**2)").capped(2.0))
+    psi, slope = re.findall(r"<svg .*?</svg>", text)
+    for shown, pieces in ((psi, 2), (slope, 2)):
+        assert shown.count("<path") == 2 * pieces + 2  # values and conditions, the name and the brace
+        assert 'fill="currentColor"' in shown
+        assert "<text" not in shown
+    assert r"\psi(r) = \begin{cases}" in psi
+    one = formulas(fk.Potential("1/r"))
+    assert one.count("<path") == 4
+    assert r'aria-label="\psi(r) = \frac{1}{r}"' in one
+    width, height = (float(x) for x in re.search(r'width="(\d+)" height="(\d+)"', one).groups())
+    numbers = [float(x) for x in re.findall(r"-?\d+\.\d+", re.search(r' d="([^"]+)"', one).group(1))]
+    assert 10 < width < 200
+    assert 10 < height < 80
+    assert max(map(abs, numbers)) < width
+
+
+def test_figures_are_written_as_svg_and_png_with_a_film(folder):
+    out, _ = folder
+    names = {path.name for path in (out / "tanner-2003-fixed").iterdir()}
+    assert {f"figure-{k}.{kind}" for k in range(2, 9) for kind in ("svg", "png")} <= names
+    assert ("film.mp4" if ffmpeg() else "film.gif") in names
+    text, _ = read(out / "report.html")
+    assert ("<video" in text) == bool(ffmpeg())
+
+
+def test_a_film_of_another_kind_does_not_stay_behind(folder, tmp_path, monkeypatch):
+    from flocking.apps.reproduction.film import film_in, write_film
+
+    _, found = folder
+    run = found.runs["tanner-2003-fixed"]
+    (tmp_path / "film.mp4").write_bytes(b"old")
+    monkeypatch.setattr("flocking.show.animate.ffmpeg", lambda: None)
+    monkeypatch.setattr("flocking.apps.reproduction.film.SECONDS", 0.2)
+    assert write_film(run, tmp_path) == film_in(tmp_path) == tmp_path / "film.gif"
+    assert [path.name for path in tmp_path.iterdir()] == ["film.gif"]
+    assert film_in(tmp_path / "none") is None
+
+
+def test_what_is_not_as_expected_is_framed_and_what_fails_is_listed_first(folder, tmp_path):
+    from dataclasses import replace
+
+    from flocking.apps.reproduction.report import write_report
+    from flocking.study.claims.claim import Verdict
+    from flocking.study.claims.judgement import Judgement
+
+    out, found = folder
+    name, judged = next(iter(found.judgements.items()))
+    wrong = Judgement(replace(judged[0].claim, expected=Verdict.FAILS), judged[0].results)
+    changed = replace(found, judgements={**found.judgements, name: [wrong, *judged[1:]]}, figures=[])
+    path = write_report(changed, {"tanner-2003-fixed": paper("tanner-2003-fixed")}, tmp_path)
+    text, _ = read(path)
+    assert f'odd" id="{name}-claim-{wrong.claim.key}"' in text
+    assert "1 claim came out other than" in text
+    right, _ = read(out / "report.html")
+    assert 'odd" id=' not in right
+    assert "Every claim came out as its proof or its counter-example demands" in right
+    top = right.split("<h2")[0]
+    failing = [j.claim.statement for j in judged if j.verdict == Verdict.FAILS]
+    assert failing
+    assert all(escaped(statement) in top for statement in failing)
+    assert escaped(judged[0].claim.statement) not in top
+
+
+def test_too_few_seeds_are_named_as_the_reason(folder, tmp_path):
+    from dataclasses import replace
+
+    from flocking.apps.reproduction.report import write_report
+    from flocking.study.claims.judgement import Judgement
+
+    _, found = folder
+    few = {name: [Judgement(j.claim, j.results[:1]) for j in judged] for name, judged in found.judgements.items()}
+    modules = {"tanner-2003-fixed": paper("tanner-2003-fixed")}
+    text, _ = read(write_report(replace(found, judgements=few, figures=[]), modules, tmp_path))
+    assert "a verdict needs five seeds" in text
+
+
+def test_a_counter_example_decides_and_further_seeds_are_drawn(folder):
+    _, found = folder
+    by_key = {j.claim.key: j for j in found.judgements["tanner-2003-fixed"]}
+    minimal = by_key["minimal"]
+    assert minimal.verdict == "fails"
+    assert minimal.counterexample.verdict == "fails"
+    # Most seeds are no counter-example: a universal sentence is not confirmed by them.
+    assert minimal.held >= 3
+    assert by_key["local-minimum"].verdict == "observed"
+
+
+def test_further_seeds_are_drawn_until_five_meet_a_hypothesis(monkeypatch):
+    from flocking.apps.reproduction import reproduce as reproduction
+    from flocking.study.claims.claim import Verdict
+
+    def met_by_every_third(task):
+        claims = paper(task.key).claims(task.name)
+        verdict = Verdict.HOLDS if task.seed % 3 == 0 else Verdict.HYPOTHESIS_NOT_MET
+        return [(c.key, str(verdict), 1.0, 0.0, "") for c in claims if task.claim in ("", c.key)], None
+
+    monkeypatch.setattr(reproduction, "examine", met_by_every_third)
+    found = reproduce(["tanner-2003-dynamic"], seeds=5, first_seed=1, workers=1, progress=False)
+    (judged,) = found.judgements.values()
+    # Of 1 to 15 the multiples of three are five.
+    assert {j.tried for j in judged} == {15}
+    assert {j.met for j in judged} == {5}
+
+
+def test_where_no_seed_meets_a_hypothesis_the_draw_ends(monkeypatch):
+    from flocking.apps.reproduction import reproduce as reproduction
+
+    def never_met(task):
+        claims = paper(task.key).claims(task.name)
+        return [(c.key, "hypothesis not met", -1.0, 0.0, "") for c in claims if task.claim in ("", c.key)], None
+
+    monkeypatch.setattr(reproduction, "examine", never_met)
+    found = reproduce(["tanner-2003-dynamic"], seeds=5, workers=1, progress=False)
+    (judged,) = found.judgements.values()
+    assert {j.tried for j in judged} == {5 * reproduction.FURTHER}
+    assert found.untested

@@ -1,0 +1,67 @@
+"""How far a run has come is told in lines where there is no terminal, and not at all for short runs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.engine.driver import progress
+from flocking.engine.driver.progress import Progress, stops
+
+
+def scenario():
+    law = fk.Law(fk.Proximity(3.0), [fk.Consensus(1.0)])
+    return fk.Scenario(law, fk.start.box(4, side=2.0, seed=1), t_end=50.0, frames=6, name="four")
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    class Clock:
+        now = 100.0
+
+        def monotonic(self):
+            return self.now
+
+    made = Clock()
+    monkeypatch.setattr(progress, "time", made)
+    return made
+
+
+def test_lines_tell_time_speed_and_what_is_left(clock, capsys):
+    with Progress(True, scenario(), lines=True) as bar:
+        bar.show(0.0, 0)
+        for second in range(1, 31):
+            clock.now = 100.0 + second
+            bar.show(second, 1000 * second)
+    said = capsys.readouterr().err.splitlines()
+    assert said == [
+        "four: t = 10 of 50 (20 %), 1e+03 agent-steps/s, about 40 s left",
+        "four: t = 20 of 50 (40 %), 1e+03 agent-steps/s, about 30 s left",
+        "four: t = 30 of 50 (60 %), 1e+03 agent-steps/s, about 20 s left",
+    ]
+
+
+def test_what_is_left_of_a_run_that_goes_on_counts_from_where_it_went_on(clock, capsys):
+    with Progress(True, scenario(), lines=True) as bar:
+        bar.show(40.0, 0)
+        clock.now = 110.0
+        bar.show(45.0, 50)
+    assert capsys.readouterr().err == "four: t = 45 of 50 (90 %), 5 agent-steps/s, about 10 s left\n"
+
+
+@pytest.mark.parametrize(("wanted", "seconds"), [(True, 1.9), (False, 100.0)])
+def test_short_and_unwatched_runs_say_nothing(clock, capsys, wanted, seconds):
+    with Progress(wanted, scenario(), lines=True) as bar:
+        clock.now += seconds
+        bar.show(25.0, 1000)
+    assert capsys.readouterr().err == ""
+
+
+def test_stops_end_at_the_end_and_include_frames_where_asked():
+    made = scenario().with_(frames=[0.0, 0.123, 50.0])
+    assert stops(made, 49.9, often=False) == [50.0]
+    seldom, often = stops(made, 0.0, often=False), stops(made, 0.0, often=True)
+    assert 0.123 not in seldom
+    assert sorted({*seldom, 0.123}) == often
+    assert (np.diff(often) > 0).all()

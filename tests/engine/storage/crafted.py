@@ -1,0 +1,146 @@
+"""Checkpoints as somebody else might write them: one thing changed, everything else as it was."""
+
+from __future__ import annotations
+
+import copy
+import io
+import json
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+import flocking as fk
+from flocking.engine.archives.archive import read_archive, write_archive
+from flocking.engine.driver.checkpoint import pack
+from flocking.engine.lammps.options import LammpsOptions
+from flocking.engine.lammps.restart import Restart, packed
+from flocking.engine.tiles.session import TilesOptions, TilesSession
+from tests.engine.tiles.laws import zhou
+
+NUMBERS = (
+    None,
+    True,
+    "x",
+    -1,
+    0,
+    1,
+    10**6,
+    2**31,
+    2**63,
+    10**400,
+    -(10**12),
+    1e308,
+    float("nan"),
+    float("inf"),
+    [],
+    {},
+)
+"""What a number may be changed to."""
+
+
+@cache
+def scenario(engine: str) -> fk.Scenario:
+    """A group under a law with memory of links, which the tiled engine runs too."""
+    if engine == "tiles":
+        return fk.Scenario(
+            zhou(1.2, 0.1), fk.start.hexagonal(40, spacing=0.9, noise=0.02, speed=0.5, seed=2), t_end=0.5
+        )
+    begin = fk.start.hexagonal(8, spacing=3.6, noise=0.2, speed=1.0, seed=5)
+    return fk.Scenario(zhou(), begin, t_end=0.5, frames=6)
+
+
+@cache
+def checkpoint(engine: str) -> bytes:
+    """A checkpoint of that group, half way."""
+    if engine == "lammps":
+        agents = np.random.default_rng(1).random((8, 9))
+        return packed(Restart(agents, 0.25, 25, (0.2, 0.3, 10, 5)), LammpsOptions(step=0.01))
+    if engine == "tiles":
+        session: Any = TilesSession(scenario(engine), TilesOptions(step=0.001, threads=1, observe=True))
+    else:
+        session = fk.start(scenario(engine))
+    session.advance(0.25)
+    if engine == "exact":
+        session._links.sliding[0, 3, 4] = (0.2, 0.25, 3)
+    return pack(session)
+
+
+def contents(data: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Numbers and arrays of a checkpoint."""
+    return read_archive(data)
+
+
+def written(numbers: dict[str, Any], arrays: dict[str, Any]) -> bytes:
+    """A checkpoint of these."""
+    file = io.BytesIO()
+    write_archive(file, numbers, arrays)
+    return file.getvalue()
+
+
+def places(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    """Paths to all values in plain data."""
+    found = [path] if path else []
+    if isinstance(value, dict | list):
+        pairs = value.items() if isinstance(value, dict) else enumerate(value)
+        for key, x in pairs:
+            found += places(x, (*path, key))
+    return found
+
+
+def reshaped(x: Any, rng: np.random.Generator) -> Any:
+    """The same numbers, or about so many, in another shape."""
+    longer = [*x.shape]
+    if longer:
+        axis = int(rng.integers(len(longer)))
+        longer[axis] = int(rng.choice([0, 1, longer[axis] + 1, max(0, longer[axis] - 1), 5 * longer[axis] + 3]))
+    return [x[None], np.resize(x, longer), x.reshape(-1), np.zeros((), x.dtype)][int(rng.integers(4))]
+
+
+def retyped(x: Any, rng: np.random.Generator) -> Any:
+    """The same numbers as another type."""
+    kinds = ["c16", "f4", ">f8", "f2", "i1", "u8", "?", "i4", "u4", "S3", "U2", "i8,f8"]
+    kind = np.dtype(str(rng.choice(kinds)))
+    return np.zeros(x.shape, kind) if kind.names or kind.kind in "SU" else x.astype(kind)
+
+
+def revalued(x: Any, rng: np.random.Generator) -> Any:
+    """An array with some values that nobody would have written."""
+    x = x.copy()
+    bad = {
+        "f": [np.nan, np.inf, -np.inf, 1e308, -1e300, -1.0, 0.0],
+        "i": [-1, -(2**31), 2**31 - 1, 10**6, 41, 8],
+        "u": [2**32 - 1, 2**31, 2**31 - 1, 41, 200],
+        "b": [True, False],
+    }[x.dtype.kind]
+    with np.errstate(all="ignore"):
+        value = np.array(bad[int(rng.integers(len(bad)))]).astype(x.dtype)
+    if x.size:
+        x.reshape(-1)[rng.integers(x.size, size=int(rng.choice([1, 3, x.size])))] = value
+    return x
+
+
+def crafted(engine: str, seed: int) -> tuple[bytes, str]:
+    """A checkpoint with one thing changed, and what."""
+    rng = np.random.default_rng(seed)
+    numbers, arrays = copy.deepcopy(contents(checkpoint(engine)))
+    if rng.random() < 0.35:
+        spots = places(numbers)
+        path = spots[int(rng.integers(len(spots)))]
+        owner = numbers
+        for key in path[:-1]:
+            owner = owner[key]
+        owner[path[-1]] = NUMBERS[int(rng.integers(len(NUMBERS)))]
+        what = f"{path} = {owner[path[-1]]!r:.40}"
+    else:
+        names = sorted(arrays)
+        name = names[int(rng.integers(len(names)))]
+        how = [reshaped, retyped, revalued][int(rng.integers(3))]
+        arrays[name] = how(arrays[name], rng)
+        what = f"{name} {how.__name__} {arrays[name].dtype} {arrays[name].shape}"
+        if rng.random() < 0.05:
+            del arrays[name]
+            what = f"{name} left out"
+    file = io.BytesIO()
+    np.savez(file, numbers=np.frombuffer(json.dumps(numbers).encode(), np.uint8), **arrays)
+    return file.getvalue(), what

@@ -1,0 +1,88 @@
+"""Forks writers of runs, to be killed by the tests: one line of JSON in, one process id out."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zarr  # noqa: F401 - imported before forking, so that a writer starts at once
+
+import flocking as fk
+from flocking.engine.driver import session_writer as saving
+from flocking.engine.storage.run_writer import RunWriter
+from flocking.model.checks import Array
+from tests.engine.tiles.laws import saber
+
+AGENTS = 100_000
+
+
+def frame(k: int) -> tuple[Array, Array]:
+    """Positions and velocities of frame ``k``: noise that does not compress, known to writer and reader."""
+    q = np.random.default_rng(k).random((AGENTS, 2))
+    return q, -q[::-1]
+
+
+def large() -> fk.Scenario:
+    """A scenario whose frames take 3.2 MB."""
+    return fk.Scenario(fk.Law(fk.Proximity(0.01), [fk.Consensus(1.0)]), fk.State(frame(0)[0]), t_end=1e6)
+
+
+def write_frames(folder: Path, first: int = 0, most: int = 10**6) -> None:
+    """Append frames, one or two to a commit; after each commit the count goes to a file of its own."""
+    writer = RunWriter.reopen(folder) if first else RunWriter.create(folder, large(), with_links=False)
+    told = os.open(folder.with_suffix(".told"), os.O_CREAT | os.O_WRONLY | os.O_APPEND)
+    k = first
+    with writer:
+        while k < first + most:
+            several = range(k, k + 1 + k % 2)
+            q, p = (np.array(x) for x in zip(*map(frame, several), strict=True))
+            writer.append(np.array(several, dtype=float), q, p)
+            writer.commit()
+            k = several.stop
+            os.write(told, b"%d\n" % k)
+
+
+def simulate(folder: Path) -> None:
+    """Run the tests' scenario with a commit at every stop."""
+    from tests.engine.storage.stored_runs import scenario
+
+    saving.COMMIT_SECONDS = 0.0
+    fk.simulate(scenario(), save=folder, progress=False)
+
+
+@cache
+def crowd() -> fk.Scenario:
+    """A hundred thousand agents that meet, link and part under the structural law; a frame takes 3.2 MB."""
+    begin = fk.start.hexagonal(AGENTS, spacing=0.9, noise=0.05, speed=1.0, seed=7)
+    return fk.Scenario(saber(), begin, t_end=0.08, frames=9, name="crowd", seed=7)
+
+
+CROWDED: dict[str, Any] = {"engine": "tiles", "step": 0.005, "observe": True, "threads": 2}
+
+
+def tiles(folder: Path) -> None:
+    """Run the crowd with a commit at every stop."""
+    saving.COMMIT_SECONDS = 0.0
+    fk.simulate(crowd(), save=folder, progress=False, **CROWDED)
+
+
+def main() -> None:
+    """Answer until the input ends."""
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    for line in sys.stdin:
+        what, folder = json.loads(line)
+        child = os.fork()
+        if child == 0:
+            {"frames": write_frames, "simulate": simulate, "tiles": tiles}[what](Path(folder))
+            os._exit(0)
+        print(child, flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,68 @@
+"""Small runs for the tests of storage, what it means for two of them to be equal, and a disk that fills."""
+
+from __future__ import annotations
+
+import errno
+import functools
+import os
+
+import pytest
+
+import flocking as fk
+from flocking.engine.driver import session_writer as saving
+from flocking.engine.runs.run import Run
+from flocking.engine.runs.run_errors import accuracy_data
+from flocking.engine.storage import atomic_files as durable
+
+
+@functools.cache
+def scenario(t_end: float = 2.0) -> fk.Scenario:
+    """Ten agents under hysteresis: links appear, none breaks."""
+    law = fk.Law(
+        fk.Hysteresis(radius=4, gap=0.1), [fk.Gradient(fk.Potential("1/r + 1/(R - r)", R=4)), fk.Consensus(1.0)]
+    )
+    begin = fk.start.box(10, side=8, speed=4, seed=1, connected_under=law.graph)
+    return fk.Scenario(law, begin, t_end=t_end, frames=21, name="ten agents", seed=1)
+
+
+@functools.cache
+def finished(t_end: float = 2.0) -> Run:
+    """That scenario, run to its end in memory."""
+    return fk.simulate(scenario(t_end), progress=False)
+
+
+def assert_same(one: Run, two: Run) -> None:
+    """Equal in every bit of every record."""
+    for name in ("t", "q", "p", "links", "switches", "trace"):
+        x, y = getattr(one, name), getattr(two, name)
+        assert x.dtype == y.dtype, name
+        assert x.shape == y.shape, name
+        assert x.tobytes() == y.tobytes(), name
+    for name in ("closest_linked", "closest_unlinked", "status", "provenance"):
+        assert getattr(one, name) == getattr(two, name), name
+    assert (one.accuracy is None) == (two.accuracy is None)
+    if one.accuracy is not None and two.accuracy is not None:
+        assert accuracy_data(one.accuracy) == accuracy_data(two.accuracy)
+        assert one.accuracy.frames.tobytes() == two.accuracy.frames.tobytes()
+
+
+def fill_the_disk_after_three_commits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a run commit at every stop; after the third commit nothing more can be written."""
+    commits = 0
+    sync = os.fsync
+
+    def full(handle: int) -> None:
+        if commits >= 3:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        sync(handle)
+
+    commit = saving.Saving._commit
+
+    def count(self: saving.Saving, status: str, *, resumable: bool) -> None:
+        nonlocal commits
+        commit(self, status, resumable=resumable)
+        commits += 1
+
+    monkeypatch.setattr(saving, "COMMIT_SECONDS", 0.0)
+    monkeypatch.setattr(saving.Saving, "_commit", count)
+    monkeypatch.setattr(durable.os, "fsync", full)

@@ -1,0 +1,232 @@
+"""Writers killed without warning at random instants: what was committed is there and right, and nothing else."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+
+import flocking as fk
+from flocking.engine.runs.run import Run
+from flocking.engine.storage.atomic_files import PARTIAL
+from flocking.engine.storage.run_writer import RunWriter
+from flocking.engine.storage.stored_runs import read_run
+from flocking.errors import StorageError
+from tests.counting import count as tell
+from tests.engine.storage import storage_victim
+from tests.engine.storage.stored_runs import assert_same, finished
+
+Start = Callable[[str, Path], int]
+
+
+@pytest.fixture(scope="module")
+def start() -> Iterator[Start]:
+    """Start a writer and tell its process id."""
+    root = Path(__file__).parents[3]
+    with subprocess.Popen(
+        [sys.executable, "-m", "tests.engine.storage.storage_victim"], cwd=root, text=True,
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+    ) as server:  # fmt: skip
+
+        def ask(what: str, folder: Path) -> int:
+            assert server.stdin is not None
+            assert server.stdout is not None
+            server.stdin.write(json.dumps([what, str(folder)]) + "\n")
+            server.stdin.flush()
+            return int(server.stdout.readline())
+
+        yield ask
+        assert server.stdin is not None
+        server.stdin.close()
+
+
+def kill(process: int) -> None:
+    """Kill and wait until it is gone."""
+    os.kill(process, signal.SIGKILL)
+    while True:
+        try:
+            os.kill(process, 0)
+        except ProcessLookupError:
+            return
+        time.sleep(0.001)
+
+
+def killed_on_its_way(start: Start, what: str, folder: Path, longest: float, rng: np.random.Generator) -> float:
+    """Kill a simulation between its beginning and so many seconds later; how many were few enough on this machine."""
+    while True:
+        process = start(what, folder)
+        while not folder.exists():
+            time.sleep(0.001)
+        time.sleep(rng.uniform(0.0, longest))
+        try:
+            kill(process)
+        except ProcessLookupError:  # it had come to its end
+            longest *= 0.8
+            shutil.rmtree(folder)
+        else:
+            tell("runs on disk: simulations killed and gone on with")
+            return longest
+
+
+def committed(folder: Path) -> int:
+    """How many frames the dead writer knew to be committed."""
+    told = folder.with_suffix(".told")
+    lines = told.read_text().split("\n")[:-1] if told.exists() else []
+    return int(lines[-1]) if lines else 0
+
+
+def check_frames(folder: Path, least: int) -> int:
+    """Every committed frame is right, by every way of reading; how many there are."""
+    run = read_run(folder)
+    count = len(run.t)
+    assert least <= count <= least + 2, "one commit at most may be done and not told"
+    assert run.t.tolist() == list(range(count))
+    data = xarray.open_zarr(folder)
+    assert data.sizes["time"] == count, "a plain reader of Zarr sees no more"
+    for k in range(count):
+        q, p = storage_victim.frame(k)
+        assert run.q[k].tobytes() == q.tobytes()
+        assert run.p[k].tobytes() == p.tobytes()
+        assert data.position[k].values.tobytes() == q.tobytes()
+    return count
+
+
+def kill_while_frames_are_written(start: Start, place: Path, instants: int, seed: int) -> list[tuple[int, int]]:
+    """Kill so many writers; how many frames each had committed, and how many unread traces of others there were."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for k in range(instants):
+        folder = place / f"run{k}"
+        process = start("frames", folder)
+        least, begin = int(rng.integers(0, 9)), time.monotonic()
+        while committed(folder) < least and time.monotonic() - begin < 60:
+            time.sleep(0.001)
+        time.sleep(rng.uniform(0.0, 0.05))
+        kill(process)
+        tell("runs on disk: writers killed")
+        if not folder.exists():
+            assert committed(folder) == 0
+            with pytest.raises(StorageError, match="no run here"):
+                read_run(folder)
+            found.append((0, 0))
+            continue
+        count = check_frames(folder, committed(folder))
+        tell("runs on disk: committed frames checked", count)
+        traces = len(list(folder.rglob("*" + PARTIAL)))
+        shape = json.loads((folder / "position" / "zarr.json").read_text())["shape"][0]
+        found.append((count, traces + (shape > count)))
+        folder.with_suffix(".told").unlink(missing_ok=True)
+        if count:
+            storage_victim.write_frames(folder, first=count, most=3)
+            assert check_frames(folder, committed(folder)) >= count + 3
+        else:
+            RunWriter.reopen(folder).close()
+        assert not list(folder.rglob("*" + PARTIAL))
+    return found
+
+
+def kill_while_a_session_runs(start: Start, place: Path, instants: int, seed: int) -> list[int]:
+    """Kill so many simulations and go on with each; how many frames each had committed."""
+    rng, longest = np.random.default_rng(seed), 1.5
+    found = []
+    for k in range(instants):
+        folder = place / f"session{k}"
+        longest = killed_on_its_way(start, "simulate", folder, longest, rng)
+        stored = read_run(folder)
+        for name in ("t", "q", "p", "links", "switches", "trace"):
+            part, whole = getattr(stored, name), getattr(finished(), name)
+            assert part.tobytes() == whole[: len(part)].tobytes(), name
+        tell("runs on disk: committed frames checked", len(stored.t))
+        found.append(len(stored.t))
+        assert_same(fk.resume(folder, progress=False), finished())
+        assert_same(read_run(folder), finished())
+    return found
+
+
+@pytest.fixture(scope="module")
+def whole() -> Run:
+    """The crowd, run to its end in memory, by another number of threads."""
+    return fk.simulate(storage_victim.crowd(), progress=False, **{**storage_victim.CROWDED, "threads": 1})
+
+
+def kill_while_a_crowd_runs(start: Start, whole: Run, place: Path, instants: int, seed: int) -> list[tuple[int, int]]:
+    """Kill so many runs of 100,000 agents and go on with each: frames committed, and whether the kill left traces."""
+    rng, longest = np.random.default_rng(seed), 1.3
+    found = []
+    for k in range(instants):
+        folder = place / f"crowd{k}"
+        longest = killed_on_its_way(start, "tiles", folder, longest, rng)
+        traces = len(list(folder.rglob("*" + PARTIAL)))
+        shape = json.loads((folder / "position" / "zarr.json").read_text())["shape"][0]
+        assert_begins(read_run(folder), whole)
+        count = xarray.open_zarr(folder).sizes["time"]
+        tell("runs on disk: committed frames checked", count)
+        found.append((count, traces + (shape > count)))
+        assert_whole(fk.resume(folder, progress=False, threads=1 + k % 3), whole)
+        assert not list(folder.rglob("*" + PARTIAL))
+        shutil.rmtree(folder)
+    return found
+
+
+CROWD_RECORDS = ("t", "q", "p", "trace", "observables")
+
+
+def assert_begins(part: Run, whole: Run) -> None:
+    """What is stored is the beginning of the whole run, bit for bit."""
+    for name in CROWD_RECORDS:
+        x, y = getattr(part, name), getattr(whole, name)
+        assert x.tobytes() == y[: len(x)].tobytes(), name
+
+
+def assert_whole(run: Run, whole: Run) -> None:
+    """Equal in every bit."""
+    for name in CROWD_RECORDS:
+        x, y = getattr(run, name), getattr(whole, name)
+        assert (x.shape, x.dtype) == (y.shape, y.dtype), name
+        assert x.tobytes() == y.tobytes(), name
+    assert (run.status, run.closest, run.provenance) == (whole.status, whole.closest, whole.provenance)
+
+
+def test_killed_while_writing_at_10_instants(start: Start, tmp_path: Path) -> None:
+    found = kill_while_frames_are_written(start, tmp_path, 10, seed=11)
+    assert max(count for count, _ in found) > 3, "some writer came far enough to be interesting"
+    assert any(traces for _, traces in found), "some kill fell between two commits"
+
+
+def test_killed_simulations_go_on(start: Start, tmp_path: Path) -> None:
+    kill_while_a_session_runs(start, tmp_path, 2, seed=12)
+
+
+def test_killed_crowds_go_on_at_4_instants(start: Start, whole: Run, tmp_path: Path) -> None:
+    found = kill_while_a_crowd_runs(start, whole, tmp_path, 4, seed=15)
+    assert sum(0 < count < 9 for count, _ in found) > 1, "most kills came amid the run"
+
+
+@pytest.mark.slow
+def test_killed_crowds_go_on_at_200_instants(start: Start, whole: Run, tmp_path: Path) -> None:
+    found = kill_while_a_crowd_runs(start, whole, tmp_path, 200, seed=16)
+    print(f"{len(found)} kills, {sum(t > 0 for _, t in found)} of them while a frame was written")
+    assert sum(traces > 0 for _, traces in found) > 30
+    assert len({count for count, _ in found}) > 5
+
+
+@pytest.mark.slow
+def test_killed_while_writing_at_200_instants(start: Start, tmp_path: Path) -> None:
+    found = kill_while_frames_are_written(start, tmp_path, 200, seed=13)
+    assert sum(traces > 0 for _, traces in found) > 50
+    assert len({count for count, _ in found}) > 5
+
+
+@pytest.mark.slow
+def test_20_killed_simulations_go_on(start: Start, tmp_path: Path) -> None:
+    assert len(set(kill_while_a_session_runs(start, tmp_path, 20, seed=14))) > 5

@@ -1,0 +1,158 @@
+"""A run that was stopped goes on as if it had not been."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.engine.driver import session_writer as saving
+from flocking.engine.storage.stored_runs import read_run
+from flocking.errors import SimulationError, StorageError
+from tests.engine.storage.stored_runs import assert_same, finished, scenario
+
+
+@pytest.fixture
+def stop_after(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
+    """Commit at every stop, and interrupt the simulation at one of them."""
+    monkeypatch.setattr(saving, "COMMIT_SECONDS", 0.0)
+    keep = saving.Saving.keep
+
+    def arrange(count: int) -> None:
+        seen = 0
+
+        def keep_some(self: saving.Saving) -> None:
+            nonlocal seen
+            keep(self)
+            seen += 1
+            if seen == count:
+                raise KeyboardInterrupt
+
+        monkeypatch.setattr(saving.Saving, "keep", keep_some)
+
+    return arrange
+
+
+@pytest.mark.parametrize("count", [1, 8, 40])
+def test_an_interrupted_run_goes_on_bit_for_bit(
+    tmp_path: Path, stop_after: Callable[[int], None], count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stop_after(count)
+    part = fk.simulate(scenario(), save=tmp_path / "run", progress=False)
+    stored = read_run(tmp_path / "run")
+    assert stored.status == part.status
+    assert part.status.startswith("interrupted at t = ")
+    assert len(stored.t) == len(part.t) < 21
+    monkeypatch.setattr(saving.Saving, "keep", lambda self: None)
+    assert_same(fk.resume(tmp_path / "run", progress=False), finished())
+    assert_same(read_run(tmp_path / "run"), finished())
+    assert_same(fk.resume(tmp_path / "run", progress=False), finished())
+
+
+def test_a_saved_run_equals_one_in_memory(tmp_path: Path) -> None:
+    assert_same(fk.simulate(scenario(), save=tmp_path / "run", progress=False), finished())
+    assert_same(read_run(tmp_path / "run"), finished())
+    assert not list((tmp_path / "run").glob("checkpoint*")), "a finished run needs none"
+
+
+def test_a_run_killed_before_its_first_commit_starts_anew(tmp_path: Path) -> None:
+    from flocking.engine.storage.run_writer import RunWriter
+
+    RunWriter.create(tmp_path / "run", scenario()).close()
+    assert len(read_run(tmp_path / "run").t) == 0
+    assert_same(fk.resume(tmp_path / "run", progress=False), finished())
+
+
+def test_the_plant_goes_on_too(
+    tmp_path: Path, stop_after: Callable[[int], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plant = fk.Law(scenario().law.graph, [scenario().law.terms[0], fk.Consensus(0.5)])
+    whole = fk.simulate(scenario(), plant=plant, progress=False)
+    assert whole.q.tobytes() != finished().q.tobytes()
+    stop_after(10)
+    fk.simulate(scenario(), plant=plant, save=tmp_path / "run", progress=False)
+    monkeypatch.setattr(saving.Saving, "keep", lambda self: None)
+    assert_same(fk.resume(tmp_path / "run", progress=False), whole)
+
+
+@pytest.mark.parametrize(
+    ("harm", "said"),
+    [("flip", "does not match its checksum"), ("gone", "cannot read the checkpoint"), ("other", "checksum")],
+)
+def test_a_damaged_checkpoint(tmp_path: Path, stop_after: Callable[[int], None], harm: str, said: str) -> None:
+    stop_after(5)
+    fk.simulate(scenario(), save=tmp_path / "run", progress=False)
+    (path,) = (tmp_path / "run").glob("checkpoint-*.npz")
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    if harm == "gone":
+        path.unlink()
+    else:
+        path.write_bytes(data if harm == "flip" else b"PK")
+    with pytest.raises(StorageError, match=said):
+        fk.resume(tmp_path / "run", progress=False)
+    assert len(read_run(tmp_path / "run").t) > 0
+
+
+def test_a_checkpoint_holds_all_of_a_snapshot(tmp_path: Path) -> None:
+    """Checkpoints list what they hold: a new field of a snapshot must be added to them, and here."""
+    from flocking.engine.driver.checkpoint import pack, unpack
+
+    session = fk.start(scenario())
+    session.advance(1.0)
+    session._links.sliding[0, 3, 4] = (0.5, 0.25, 3)
+    restored = unpack(pack(session), session.run("unfinished"), None, tmp_path)
+    one, two = session.snapshot(), restored.snapshot()
+    assert {f.name for f in dataclasses.fields(one)} == {
+        "scenario", "time", "stepper", "segment", "pending", "links", "recorder", "energy", "jumped", "steps",
+        "tolerance", "sliding", "plant", "error", "origin", "momentum",
+    }  # fmt: skip
+    assert (one.time, one.energy, one.jumped, one.steps) == (two.time, two.energy, two.jumped, two.steps)
+    assert one.sliding == two.sliding
+    assert one.origin.packed() == two.origin.packed()
+    assert one.momentum.tolist() == two.momentum.tolist()
+    assert one.sliding[0, 3, 4] == (0.5, 0.25, 3)
+    assert (one.stepper.t, one.stepper.step) == (two.stepper.t, two.stepper.step)
+    assert (one.segment.t0, one.segment.t1) == (two.segment.t0, two.segment.t1)
+    pairs = [(one.stepper.y, two.stepper.y), (one.stepper.slope, two.stepper.slope), (one.tolerance, two.tolerance),
+             (one.segment.coefficients, two.segment.coefficients)]  # fmt: skip
+    pairs += [(a, b) for x, y in zip(one.links, two.links, strict=True) for a, b in zip(x, y, strict=True)]
+    pairs += [(c.pairs, d.pairs) for c, d in zip(one.pending, two.pending, strict=True)]
+    for x, y in pairs:
+        assert (x.dtype, x.shape, x.tobytes()) == (y.dtype, y.shape, y.tobytes())
+    restored.advance(2.0)
+    session.advance(2.0)
+    assert_same(restored.run(), session.run())
+
+
+def test_a_failed_run_is_kept_and_does_not_go_on(tmp_path: Path) -> None:
+    law = fk.Law(fk.Fixed(2, ((0, 1),)), [fk.Gradient(fk.Potential("log(r)"))])
+    begin = fk.State([[0.0, 0.0], [1.0, 0.0]])
+    with pytest.raises(SimulationError) as caught:
+        fk.simulate(fk.Scenario(law, begin, t_end=5.0, frames=51), save=tmp_path / "run", progress=False)
+    stored = read_run(tmp_path / "run")
+    assert stored.status == str(caught.value)
+    assert caught.value.run is not None
+    assert 3 < len(stored.t) < 51
+    np.testing.assert_array_equal(stored.trace, caught.value.run.trace)
+    with pytest.raises(StorageError, match="cannot go on, it ended"):
+        fk.resume(tmp_path / "run", progress=False)
+
+
+def test_a_failed_run_on_a_full_disk_is_not_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    law = fk.Law(fk.Fixed(2, ((0, 1),)), [fk.Gradient(fk.Potential("log(r)"))])
+    begin = fk.State([[0.0, 0.0], [1.0, 0.0]])
+
+    def full(self: saving.Saving, status: str) -> None:
+        raise StorageError("no room left")
+
+    monkeypatch.setattr(saving.Saving, "finish", full)
+    with pytest.raises(StorageError, match="no room left") as caught:
+        fk.simulate(fk.Scenario(law, begin, t_end=5.0, frames=51), save=tmp_path / "run", progress=False)
+    assert caught.value.run is not None
+    assert isinstance(caught.value.__context__, SimulationError)
+    assert len(caught.value.run.t) > 3

@@ -1,0 +1,47 @@
+"""The test of a row of an equation table: what it states, and the object at its home."""
+
+from __future__ import annotations
+
+import importlib
+from functools import cache
+
+import pytest
+
+from flocking.papers import KEYS, paper
+from flocking.study.equation_table import Row
+from tests.papers.homes import HOMES
+
+ROWS = [row for key in KEYS for row in paper(key).equations()]
+
+
+def check_of(row: Row):
+    checks = importlib.import_module(f"tests.papers.transcriptions.checks_{row.paper.replace('-', '_')}").CHECKS
+    return checks[row.number]
+
+
+def identity(row: Row) -> str:
+    return f"{row.paper} {row.number}"
+
+
+def statement(row: Row) -> None:
+    """The row's own check: it passes for the paper's number, and goes red when that is off by one per cent."""
+    check = check_of(row)
+    check(row.build(1.0))
+    with pytest.raises(AssertionError):
+        check(row.build(1.01))
+
+
+@cache
+def _at_home_once(home: str) -> None:
+    check = HOMES.get(home)
+    if check is not None:
+        check()
+
+
+def examine(row: Row) -> None:
+    """The test of a row: its statement, and the object at its home.
+
+    Rows of one home share the check of it once it has passed; while it fails, it is made, and fails, for each of them.
+    """
+    statement(row)
+    _at_home_once(row.home)

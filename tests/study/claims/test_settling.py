@@ -1,0 +1,153 @@
+"""Too short is not false: claims about limits wait for a motion that has settled."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.papers import paper
+from flocking.study.claims.claim import Claim, Measure, Result, Verdict
+from flocking.study.claims.judgement import Judgement
+from flocking.study.claims.settled_run import settled_run, settled_runs
+from flocking.study.claims.settling import limit_of_series
+
+T = np.linspace(0.0, 1.0, 401)
+BOUND = 0.01
+
+
+def verdict(values: np.ndarray, t: np.ndarray = T) -> str:
+    found = limit_of_series(t, np.asarray(values), BOUND, str)
+    return "not yet" if found.unsettled else "holds" if found.holds else "fails"
+
+
+@pytest.mark.parametrize("rate", [1e-6, 1e-3, 0.1, 1.0, 3.0, 4.0, 4.6, 5.0])
+def test_what_decays_is_never_said_not_to(rate: float) -> None:
+    """exp(-rate t) tends to 0 whatever the rate; the run shows it when it was small for its last tenth."""
+    assert verdict(np.exp(-rate * T)) == "not yet"
+
+
+@pytest.mark.parametrize("rate", [5.2, 8.0, 30.0])
+def test_what_has_decayed_holds(rate: float) -> None:
+    assert verdict(np.exp(-rate * T)) == "holds"
+
+
+@pytest.mark.parametrize("power", [0.5, 1.0, 2.0])
+def test_slow_powers_are_not_refuted(power: float) -> None:
+    assert verdict((1 + 100 * T) ** -power) == ("holds" if power == 2 else "not yet")
+
+
+def test_what_comes_to_rest_elsewhere_fails() -> None:
+    assert verdict(0.3 + 0.7 * np.exp(-10 * T)) == "fails"
+    assert verdict(np.full_like(T, 0.3)) == "fails"
+    assert verdict(0.3 + 0.7 * np.exp(-3 * T)) == "not yet"
+
+
+def test_what_passes_by_is_not_reached() -> None:
+    assert verdict(np.abs(np.cos(2.25 * np.pi * T)) * 1.0) != "holds"
+    touched = np.where(T > 0.97, 0.0, 0.3)
+    assert verdict(touched) == "not yet"
+    left = np.where((T > 0.92) & (T < 0.95), 0.0, 0.3)
+    assert verdict(left) == "not yet"
+
+
+def test_what_goes_up_and_down_and_does_not_fall_fails() -> None:
+    steady = 0.5 + 0.02 * np.sin(41 * T)
+    assert verdict(np.where(T < 0.1, 1.0, steady)) == "fails"
+    falling = steady - 0.02 * T
+    assert verdict(np.where(T < 0.1, 1.0, falling - 0.1 * (T > 0.9))) == "not yet"
+
+
+def test_few_frames_show_no_limit() -> None:
+    for count in (1, 2, 5, 20):
+        t = np.linspace(0.0, 1.0, count)
+        assert verdict(np.zeros(count), t) == "not yet"
+
+
+def test_the_contrary_of_a_limit_waits_too() -> None:
+    for values in (np.exp(-4 * T), np.exp(-9 * T), np.full_like(T, 0.3)):
+        found = limit_of_series(T, values, BOUND, str)
+        assert found.opposite.unsettled == found.unsettled
+        assert found.opposite.margin == -found.margin
+
+
+def consensus(gain: float, t_end: float, frames: int = 201) -> fk.Scenario:
+    law = fk.Law(fk.Fixed.complete(2), [fk.Consensus(gain)])
+    return fk.Scenario(law, fk.State([[0.0, 0.0], [1.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]]), t_end=t_end, frames=frames)
+
+
+@pytest.mark.parametrize(("gain", "expected"), [(1e-9, "not yet"), (0.1, "not yet"), (2.0, "not yet"), (4.0, "holds")])
+def test_agents_that_agree_in_the_end_are_never_said_not_to(gain: float, expected: str) -> None:
+    """The velocity difference is exp(-2 gain t)."""
+    assert fk.audit(fk.simulate(consensus(gain, 1.0), progress=False))["velocities-agree"].verdict == expected
+
+
+def test_agents_that_never_agree_fail() -> None:
+    assert fk.audit(fk.simulate(consensus(0.0, 1.0), progress=False))["velocities-agree"].verdict == Verdict.FAILS
+
+
+def test_switching_of_agents_that_will_meet_has_not_stopped() -> None:
+    """Quiet for most of the run; the agents meet at t = 3."""
+    law = fk.Law(fk.Proximity(1.0), [fk.Consensus(0.0)])
+    start = fk.State([[0.0, 0.0], [4.0, 0.0]], [[1.0, 0.0], [0.0, 0.0]])
+    before = fk.audit(fk.simulate(fk.Scenario(law, start, t_end=2.0), progress=False))["switching-stops"]
+    assert before.verdict == Verdict.NOT_YET
+    found = fk.audit(fk.simulate(fk.Scenario(law, start, t_end=8.0), progress=False))["switching-stops"]
+    assert found.verdict == Verdict.HOLDS, "they met, parted and never meet again"
+
+
+def test_an_open_seed_neither_holds_nor_refutes() -> None:
+    claim = Claim("a", "b", "c", lambda e: Measure(1.0))
+
+    def judged(**counts: int) -> Judgement:
+        names = {"holds": Verdict.HOLDS, "fails": Verdict.FAILS, "waits": Verdict.NOT_YET}
+        return Judgement(claim, tuple(Result(claim, names[k], 1.0, 0.0) for k, n in counts.items() for _ in range(n)))
+
+    assert judged(holds=9, waits=1).verdict == Verdict.NOT_YET
+    assert judged(waits=10).verdict == Verdict.NOT_YET
+    assert judged(holds=8, waits=1, fails=1).verdict == Verdict.FAILS
+    assert judged(holds=10).verdict == Verdict.HOLDS
+    assert judged(holds=9, waits=1).as_dict("p", "s")["seeds"] == {
+        "tried": 10,
+        "met": 10,
+        "decided": 9,
+        "held": 9,
+        "not_resolved": 0,
+        "not_yet": 1,
+    }
+
+
+def assert_same_bits(run: fk.Run, other: fk.Run) -> None:
+    for name in ("t", "q", "p", "links", "switches", "trace"):
+        a, b = getattr(run, name), getattr(other, name)
+        assert a.shape == b.shape, name
+        assert a.tobytes() == b.tobytes(), name
+    assert run.closest_linked == other.closest_linked
+    assert run.closest_unlinked == other.closest_unlinked
+    assert run.provenance["steps"] == other.provenance["steps"]
+
+
+def test_a_run_goes_on_until_it_is_decided_with_the_bits_of_a_longer_one() -> None:
+    found = paper("tanner-2003-dynamic")
+    scenario = found.scenarios()["tanner-2003-dynamic"](2).with_(t_end=12.0, frames=241)
+    claims = found.claims("tanner-2003-dynamic")
+    reports = []
+    for run, report in settled_runs(scenario, claims):
+        assert_same_bits(run, fk.simulate(run.scenario, progress=False))
+        reports.append((run, report))
+    assert reports[0][0].scenario is scenario
+    assert [run.t[-1] for run, _ in reports] == [12.0 * f for f in (1, 2, 4, 8, 10)[: len(reports)]]
+    assert len(reports) > 1
+    assert "not yet" in {r.verdict for r in reports[0][1].results}
+    assert reports[-1][0].t[-1] == 120.0 or "not yet" not in {r.verdict for r in reports[-1][1].results}
+    assert_same_bits(settled_run(scenario, claims), reports[-1][0])
+
+
+def test_a_run_goes_on_no_longer_than_asked() -> None:
+    slow = consensus(0.01, 1.0, frames=101)
+    assert settled_run(slow, factor=1).t[-1] == 1.0
+    assert settled_run(slow, factor=3).t[-1] == 3.0
+    with pytest.raises(fk.InvalidInput, match="factor"):
+        settled_run(slow, factor=0.5)
+    with pytest.raises(fk.InvalidInput, match="take time"):
+        settled_run(consensus(1.0, 0.0, frames=1))

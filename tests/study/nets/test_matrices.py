@@ -1,0 +1,117 @@
+"""Matrices of nets, and the agreement protocol on them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.errors import InvalidInput
+from flocking.study.nets import matrices as nets
+from flocking.study.nets.agreement import agree, agreement_law, nets_of
+
+
+def random_net(n: int = 9, seed: int = 0, directed: bool = False) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    weights = rng.uniform(0.2, 2, (n, n)) * (rng.random((n, n)) < 0.5)
+    np.fill_diagonal(weights, 0.0)
+    return weights if directed else (weights + weights.T) / 2
+
+
+def test_degrees_are_row_and_column_sums() -> None:
+    """deg_in is the column sum: on a star that listens outwards the hub has in-degree 0."""
+    star = np.zeros((4, 4), dtype=bool)
+    star[0, 1:] = True
+    np.testing.assert_array_equal(nets.out_degree(star), [3, 0, 0, 0])
+    np.testing.assert_array_equal(nets.in_degree(star), [0, 1, 1, 1])
+    assert not nets.is_balanced(star)
+    np.testing.assert_array_equal(nets.degree_matrix(star), np.diag([3, 0, 0, 0]))
+
+
+@pytest.mark.parametrize("directed", [False, True])
+def test_balanced_means_zero_column_sums(directed: bool) -> None:
+    """Proposition 1(ii)."""
+    weights = random_net(directed=directed)
+    L = nets.laplacian(weights)
+    np.testing.assert_allclose(L.sum(axis=1), 0.0, atol=1e-12)
+    assert nets.is_balanced(weights) == bool(np.allclose(L.sum(axis=0), 0.0))
+    cycle = np.roll(np.eye(5), 1, axis=1)
+    assert nets.is_balanced(cycle)
+
+
+def test_laplacian_from_incidence() -> None:
+    links = random_net() > 0
+    B = nets.incidence(links)
+    np.testing.assert_array_equal(B @ B.T, nets.laplacian(links))
+    with pytest.raises(InvalidInput, match="undirected"):
+        nets.incidence(np.array([[0, 1], [0, 0]]))
+
+
+def test_algebraic_connectivity_of_known_nets() -> None:
+    n = 7
+    complete = np.ones((n, n)) - np.eye(n)
+    path = np.diag(np.ones(n - 1), 1) + np.diag(np.ones(n - 1), -1)
+    cycle = np.roll(np.eye(n), 1, axis=1) + np.roll(np.eye(n), -1, axis=1)
+    assert nets.algebraic_connectivity(complete) == pytest.approx(n)
+    assert nets.algebraic_connectivity(path) == pytest.approx(2 - 2 * np.cos(np.pi / n))
+    assert nets.algebraic_connectivity(cycle) == pytest.approx(2 - 2 * np.cos(2 * np.pi / n))
+    apart = np.zeros((4, 4))
+    apart[0, 1] = apart[1, 0] = apart[2, 3] = apart[3, 2] = 1
+    assert nets.algebraic_connectivity(apart) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_flocks_and_density() -> None:
+    links = np.zeros((10, 10), dtype=bool)
+    for i, j in [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5), (5, 6), (6, 7), (7, 8)]:
+        links[i, j] = True
+    members = nets.flock_members(links)
+    assert [list(m) for m in members] == [list(range(9)), [9]]
+    assert nets.density(links) == 0.9
+    assert nets.is_quasi_flock(links)
+    assert not nets.is_quasi_flock(links, 0.95)
+    assert not nets.is_quasi_flock(np.ones((3, 3), dtype=bool) ^ np.eye(3, dtype=bool))
+
+
+def test_no_agent_senses_itself() -> None:
+    with pytest.raises(InvalidInput, match="diagonal"):
+        nets.laplacian(np.eye(2))
+
+
+@pytest.mark.parametrize("directed", [False, True])
+def test_agreement_on_one_net(directed: bool) -> None:
+    """(12)-(13): to the mean on an undirected net, to xi^T theta on a strongly connected directed one."""
+    n = 9
+    links = random_net(n, directed=directed) > 0
+    links |= np.roll(np.eye(n, dtype=bool), 1, axis=1)
+    if not directed:
+        links |= links.T
+    theta = np.random.default_rng(5).normal(size=n)
+    agents = fk.Agents(order=1)
+    scenario = fk.Scenario(agreement_law(links), fk.State(theta[:, None]), 12.0, agents=agents, frames=5)
+    run = fk.simulate(scenario, progress=False)
+    exact = agree(theta, [links] * 4, run.t)
+    np.testing.assert_allclose(run.q[:, :, 0], exact, atol=1e-7)
+    limit = nets.agreement_limit(links, theta)
+    np.testing.assert_allclose(run.q[-1, :, 0], limit, atol=1e-4)
+    if directed:
+        assert abs(limit - theta.mean()) > 1e-2
+    else:
+        assert limit == pytest.approx(theta.mean(), rel=1e-12)
+
+
+def test_agreement_on_the_nets_of_a_run() -> None:
+    """theta evolves while q gives the net: the mean stays, on the switching undirected nets of a moving group."""
+    rng = np.random.default_rng(6)
+    start = fk.State(rng.uniform(0, 4, (8, 2)), rng.normal(size=(8, 2)))
+    graph = fk.Proximity(2.5)
+    run = fk.simulate(fk.Scenario(fk.Law(graph, [fk.Consensus(0.3)]), start, 2.0, frames=201), progress=False)
+    switching, times = nets_of(run)
+    assert len(switching) >= 5
+    for net, t0, t1 in zip(switching, times[:-1], times[1:], strict=True):
+        for k in np.flatnonzero((run.t > t0) & (run.t < t1)):
+            np.testing.assert_array_equal(run.links[k], net)
+    theta = rng.normal(size=8)
+    values = agree(theta, switching, times)
+    np.testing.assert_allclose(values.mean(axis=1), theta.mean(), atol=1e-12)
+    assert (np.diff(np.ptp(values, axis=1)) <= 1e-12).all()
+    assert np.ptp(values[-1]) < 0.5 * np.ptp(theta)

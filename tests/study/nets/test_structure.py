@@ -1,0 +1,230 @@
+"""Structural nets: realizations, energies, defect factors, votes, rigidity and conformations."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.errors import InvalidInput
+from flocking.model.graphs.distance_graphs import pair_distances
+from flocking.study.linearisation import linearise
+from flocking.study.nets import conformations, rigidity, structure
+
+D, R = 7.0, 8.4
+PSI = fk.structural_potential(D)
+
+
+def hexagons(n: int = 19, scale: float = 1.0) -> np.ndarray:
+    return fk.start.hexagonal(n, spacing=D * scale, seed=0).q
+
+
+def test_phi_alpha_has_the_printed_form() -> None:
+    a, b = 1.0, 5.0
+    c = abs(a - b) / (2 * np.sqrt(a * b))
+    z = np.linspace(-D, 3, 50)
+    phi = (a + b) / 2 * (z + c) / np.sqrt(1 + (z + c) ** 2) + (a - b) / 2
+    np.testing.assert_allclose(PSI.slope(z + D), phi, atol=1e-13)
+    assert abs(float(PSI.slope(D))) < 1e-15
+    assert abs(float(PSI.slope(0.0))) < b
+
+
+def test_realization() -> None:
+    q = hexagons()
+    assert structure.is_realization(q, D, R)
+    assert not structure.is_realization(1.001 * q, D, R)
+    assert not structure.is_realization(q, D, np.sqrt(3) * D)
+    assert structure.is_realization(np.random.default_rng(0).permutation(q), D, R)  # Lemma 2
+
+
+def test_defect_of_a_realization_is_zero_and_grows_with_strain() -> None:
+    graph = fk.Smooth(R, D / R)
+    none = structure.defect(graph, PSI, fk.State(hexagons()))
+    assert none.factor == pytest.approx(0.0, abs=1e-9)
+    assert none.links == 42
+    one, two = (structure.defect(graph, PSI, fk.State(hexagons(scale=s))).normalized for s in (0.99, 0.97))
+    assert 0 < one < two
+    assert structure.is_quasi_realization([structure.defect(graph, PSI, fk.State(hexagons(scale=0.999)))] * 3)
+    assert not structure.is_quasi_realization([structure.defect(graph, PSI, fk.State(hexagons(scale=0.8)))] * 3)
+
+
+def test_defect_pieces_by_hand() -> None:
+    """Two agents: V = psi, grad V = (-phi, phi), one link, h_0 = psi(r)."""
+    found = structure.defect(fk.Proximity(R), PSI, fk.State([[0.0, 0.0], [6.0, 0.0]]), weight=0.5)
+    psi, phi = float(PSI(6.0)), float(PSI.slope(6.0))
+    assert found.factor == pytest.approx(psi + 0.5 * 2 * phi**2)
+    assert found.normalized == pytest.approx(found.factor / float(PSI(R)))
+
+
+def test_structural_energy_is_the_ledgers() -> None:
+    """H_s of (27) is the energy the engines keep in the frame of the centre of mass."""
+    rng = np.random.default_rng(1)
+    state = fk.State(rng.uniform(0, 15, (9, 2)), rng.normal(size=(9, 2)))
+    for graph in (fk.Smooth(R, D / R), fk.Proximity(R)):
+        pieces = structure.structural_energy(graph, PSI, state)
+        law = fk.Law(graph, [fk.Gradient(PSI), fk.Consensus()])
+        found = fk.evaluate(law, state, energy=fk.Energy("centre of mass"))
+        assert pieces.potential == pytest.approx(found.storage)
+        assert pieces.relative_kinetic == pytest.approx(found.kinetic)
+        assert pieces.total == pytest.approx(found.storage + found.kinetic)
+
+
+def test_votes_give_the_undamped_control() -> None:
+    rng = np.random.default_rng(2)
+    crowd, loose = rng.uniform(0, 16, (10, 2)), hexagons(7, 1.1) + 0.3 * rng.normal(size=(7, 2))
+    q = np.concatenate([crowd, loose + 50.0])
+    graph = fk.Proximity(R)
+    weights = structure.vote_weights(graph, PSI, fk.State(q))
+    u = fk.control(fk.Law(graph, [fk.Gradient(PSI)]), fk.State(q))
+    cases = set()
+    for i in range(17):
+        found = structure.vote(weights, q, i)
+        cases.add(found.case)
+        np.testing.assert_allclose(found.control, u[i], atol=1e-12)
+        if found.case != 3:
+            assert (found.total > 0) == (found.case == 1)
+            assert float(found.control @ (found.average - q[i])) * found.total > 0
+    assert cases >= {1, 2}
+
+
+def test_vote_of_two_equal_groups() -> None:
+    """Case iii: S = 0, and the agent moves along the difference of both averages."""
+    q = np.array([[0.0, 0.0], [6.0, 1.0], [-2.0, 8.0], [1.0, 1.0]])
+    weights = np.zeros((4, 4))
+    weights[0] = [0.0, 0.7, -0.7, 0.0]
+    found = structure.vote(weights, q, 0)
+    assert found.case == 3
+    np.testing.assert_allclose(found.control, weights[0] @ q, atol=1e-14)
+    np.testing.assert_allclose(found.average_positive, q[1])
+    np.testing.assert_allclose(found.average_negative, q[2])
+    assert structure.vote(np.zeros((4, 4)), q, 0).control.tolist() == [0.0, 0.0]
+
+
+def links_of(q: np.ndarray, radius: float) -> np.ndarray:
+    return pair_distances(q) <= radius
+
+
+def test_rigidity_of_known_frameworks() -> None:
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    cycle = links_of(square, 1.1)
+    assert rigidity.degrees_of_freedom(square, cycle) == 1
+    braced = cycle.copy()
+    braced[0, 2] = braced[2, 0] = True
+    assert rigidity.is_rigid(square, braced)
+    assert rigidity.rank(square, braced) == 5
+    assert rigidity.is_rigid(hexagons(), links_of(hexagons(), R))
+    corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1.0]])
+    assert rigidity.is_rigid(corners, links_of(corners, 3.0))
+    cube = np.array(list(itertools.product([0.0, 1.0], repeat=3)))
+    assert rigidity.degrees_of_freedom(cube, links_of(cube, 1.1)) == 6
+    flat = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]])
+    assert not rigidity.is_rigid(flat, ~np.eye(3, dtype=bool))
+    assert rigidity.is_rigid(flat[:2], ~np.eye(2, dtype=bool))
+    assert rigidity.degrees_of_freedom(flat[:1], np.zeros((1, 1), dtype=bool)) == 0
+
+
+def test_planarity_and_faces() -> None:
+    q = hexagons(7)
+    links = links_of(q, R)
+    assert rigidity.crossing_links(q, links) == 0
+    assert len(rigidity.faces(q, links)) == 6
+    assert rigidity.triangle_share(q, links) == 1.0
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    complete = ~np.eye(4, dtype=bool)
+    assert rigidity.crossing_links(square, complete) == 1
+    assert rigidity.is_planar_graph(complete)
+    assert not rigidity.is_planar_graph(~np.eye(5, dtype=bool))
+    with pytest.raises(InvalidInput, match="cross"):
+        rigidity.faces(square, complete)
+    tailed = np.vstack([square, [[2.0, 0.0]]])
+    links = links_of(tailed, 1.1)
+    assert [len(f) for f in rigidity.faces(tailed, links)] == [4]
+    assert rigidity.triangle_share(tailed, links) == 0.0
+
+
+@pytest.mark.parametrize("ratio", [1.01, 1.2, 1.41, 1.42, 1.7, 1.8, 1.95, 3.0])
+def test_every_conformation_is_a_realization_with_its_graph(ratio: float) -> None:
+    import networkx
+
+    for n in (1, 2, 3, 4):
+        found = conformations.conformations(n, ratio)
+        graphs = []
+        for each in found:
+            q = each.placed(2.5, ratio)
+            assert structure.is_realization(q, 2.5, 2.5 * ratio), each.name
+            np.testing.assert_array_equal(pair_distances(q) <= 2.5 * ratio, each.links)
+            graphs.append(rigidity.as_networkx(each.links))
+        for one, two in itertools.combinations(graphs, 2):
+            assert not networkx.is_isomorphic(one, two)
+        assert len(found) <= conformations.upper_bound(n)
+
+
+def test_numbers_of_conformations() -> None:
+    """Remark 3 prints 1, 2, 4, 9 for 1 < k < sqrt 2; the last is 10."""
+    assert [conformations.count(n, 1.2) for n in (1, 2, 3, 4)] == [1, 2, 4, 10]
+    assert conformations.count(4, np.sqrt(2)) == 9
+    assert conformations.count(4, 1.7) == 9
+    assert conformations.count(4, 1.75) == 7
+    assert [conformations.upper_bound(n) for n in (1, 2, 3, 4)] == [1, 2, 8, 64]
+    with pytest.raises(InvalidInput, match="ratio"):
+        conformations.count(4, 1.0)
+    with pytest.raises(InvalidInput, match="at most 4"):
+        conformations.count(5, 1.2)
+
+
+def widest_gap(edges: tuple[tuple[int, int], ...], seed: int) -> float:
+    """Largest gap random search finds for the non-neighbours of a graph on 4 agents."""
+    from scipy.optimize import minimize
+
+    linked = set(edges)
+    others = [pair for pair in itertools.combinations(range(4), 2) if pair not in linked]
+    rng = np.random.default_rng(seed)
+    best = 0.0
+    for _ in range(12):
+        x0 = np.append(rng.normal(size=8), 1.0)
+        bounds = [(-6, 6)] * 8 + [(0, 4)]
+
+        def length(x: np.ndarray, i: int, j: int) -> float:
+            return float(((x[2 * i : 2 * i + 2] - x[2 * j : 2 * j + 2]) ** 2).sum())
+
+        rules = [{"type": "eq", "fun": lambda x, i=i, j=j: length(x, i, j) - 1} for i, j in edges]
+        rules += [{"type": "ineq", "fun": lambda x, i=i, j=j: length(x, i, j) - x[8] ** 2} for i, j in others]
+        found = minimize(lambda x: -x[8], x0, bounds=bounds, constraints=rules, method="SLSQP")
+        if found.success and all(abs(length(found.x, i, j) - 1) < 1e-6 for i, j in edges):
+            best = max(best, float(found.x[8]))
+    return best
+
+
+def test_limits_of_the_tight_conformations() -> None:
+    """No placement keeps a larger gap than the listed one: the limits are those of a numerical search."""
+    tight = [c for c in conformations.conformations(4, 1.01) if np.isfinite(c.limit) and c.limit < 2]
+    assert len(tight) == 4
+    for each in tight:
+        assert widest_gap(each.edges, 0) == pytest.approx(each.limit, abs=1e-4), each.name
+
+
+def test_linearisation_of_a_hexagon() -> None:
+    law = fk.Law(fk.Smooth(R, D / R), [fk.Gradient(PSI), fk.Consensus()])
+    found = linearise(law, fk.State(hexagons(7)))
+    assert found.force < 1e-9
+    assert found.asymmetry < 1e-6
+    assert found.zero_modes() == 3
+    assert found.eigenvalues.real.max() < 1e-4
+    # The slope of the smooth potential jumps at its zero only in third order: compare the exact stiffness.
+    q, curvature = hexagons(7), float(PSI.curvature(D))
+    R0 = rigidity.rigidity_matrix(q, links_of(q, R)) / D
+    np.testing.assert_allclose(found.stiffness, curvature * R0.T @ R0, atol=1e-4)
+
+
+def test_linearisation_of_a_square_has_a_soft_mode() -> None:
+    square = D * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    law = fk.Law(fk.Proximity(R), [fk.Gradient(PSI), fk.Track(fk.Sink([0.0, 0.0]), velocity_gain=2.0)])
+    found = linearise(law, fk.State(square), agents=fk.Agents(masses=2.0, damping=0.5))
+    assert found.zero_modes() == 4
+    np.testing.assert_allclose(found.damping, 2.5 * np.eye(8), atol=1e-8)
+    slow = np.sort(found.eigenvalues.real)[-4:]
+    np.testing.assert_allclose(slow, 0.0, atol=1e-3)
+    with pytest.raises(InvalidInput, match="order"):
+        linearise(law, fk.State(square), agents=fk.Agents(order=1))

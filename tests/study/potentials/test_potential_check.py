@@ -1,0 +1,171 @@
+from __future__ import annotations
+
+import json
+import time
+
+import pytest
+from hypothesis import given, settings
+from mpmath import mpf
+
+import flocking as fk
+from flocking.errors import InvalidInput
+from flocking.formula.grammar import Formula
+from flocking.formula.precise import evaluator
+from flocking.study.potentials.potential_check import check_potential
+from flocking.study.potentials.potential_shape import shape_of
+from tests.formula.test_grammar import expressions
+from tests.model.potentials.test_potential import SHI, TANNER, ZHOU
+
+
+def rows(report, key=None):
+    found = report.rows if key is None else next(d for d in report.definitions if d.key == key).rows
+    return {row.name: row for row in found}
+
+
+def verdicts(potential, **options):
+    return {d.key: d.holds for d in check_potential(potential, **options).definitions}
+
+
+def test_each_paper_accepts_its_own_example():
+    assert verdicts(TANNER, definition="tanner-2003-fixed") == {"tanner-2003-fixed": True}
+    assert verdicts(TANNER, radius=4, definition="tanner-2003-dynamic") == {"tanner-2003-dynamic": True}
+    assert verdicts(TANNER.capped(4), radius=4, definition="tanner-2003-dynamic") == {"tanner-2003-dynamic": True}
+    assert verdicts(SHI, radius=3, definition="shi-2009") == {"shi-2009": True}
+    assert verdicts(ZHOU, definition="zhou-2015") == {"zhou-2015": True}
+
+
+def test_each_definition_refuses_the_others_examples():
+    assert verdicts(TANNER, radius=4) == {
+        "tanner-2003-fixed": True, "tanner-2003-dynamic": True, "shi-2009": False, "zhou-2015": False,
+    }  # fmt: skip
+    assert verdicts(ZHOU)["tanner-2003-fixed"] is False
+    assert verdicts(SHI, radius=3)["tanner-2003-fixed"] is False
+    assert verdicts(TANNER.capped(4), radius=4)["shi-2009"] is False
+
+
+def test_the_numbers_of_tanners_example():
+    found = rows(check_potential(TANNER, radius=4))
+    assert found["unique minimum"].explanation == "1 at r = 1"
+    assert "2.83509" in found["infinite at R"].explanation
+    assert "0.46875" in found["increasing near R"].explanation
+    capped = rows(check_potential(TANNER.capped(4), radius=4))
+    assert capped["smooth (C2) for r > 0"].explanation == "C0 at r = 4 (slope 0.46875 | 0)"
+    assert "+infinity" in found["radially unbounded"].explanation
+
+
+@pytest.mark.parametrize("a", [0.3, 1, 5])
+def test_shis_well_is_two_deep_and_once_differentiable(a):
+    psi = SHI.with_parameters(a=a)
+    shape = shape_of(psi, 3)
+    assert [b.order for b in shape.breaks] == [1, 1]
+    assert shape.infinity.value - shape.minima[0].value == pytest.approx(2, abs=1e-12)
+
+
+def test_zhous_potential_is_judged_at_its_own_radius():
+    report = check_potential(ZHOU.with_parameters(R=0.1))
+    assert report.radius == 0.1
+    assert rows(report)["unique minimum"].explanation == "40 at r = 0.05"
+    assert "-infinity" in rows(report)["smooth at R"].explanation
+
+
+@pytest.mark.parametrize(
+    ("formula", "row", "holds", "words"),
+    [
+        ("sin(r)", "unique minimum", False, "60 local minima"),
+        ("sin(r)", "infinite at 0", False, "tends to 0"),
+        ("sin(r)", "radially unbounded", False, "no limit"),
+        ("7", "unique minimum", False, r"7 is taken at r = \[0, inf\]"),
+        ("1/r", "unique minimum", False, "fall to 0 as r -> inf"),
+        ("1/r^12 - 1/r^6", "nonnegative", False, "-0.25 at r = 1.122"),
+        ("log(r - 1)", "defined", False, "no real value"),
+        ("log(-r)", "defined", False, "no real value"),
+        ("abs(r - 1)", "unique minimum", True, "0 at r = 1"),
+        ("(r - 1)^2*(r - 2)^2 + 0.1*r", "unique minimum", True, "higher local minima: 0.197"),
+        ("(r - 1)^2*(r - 2)^2", "unique minimum", False, "0 is taken at r = 1, 2"),
+        ("where(r < 1, 1/r, where(r < 2, 1, r - 1))", "unique minimum", False, r"\[1, 2\]"),
+        ("-log(r)", "infinite at 0", True, "infinity"),
+        ("log(1 + log(1 + 1/r))", "infinite at 0", True, "infinity"),
+        ("r^0.01 + 1", "infinite at 0", False, "tends to 1"),
+        ("1/log(r)^2", "infinite at 0", False, "tends to 0"),
+        ("tanh(r) + 1/r", "radially unbounded", False, "tends to 1"),
+        ("r^0.01", "radially unbounded", True, "infinity"),
+        ("exp(exp(exp(1/r)))", "infinite at 0", True, "infinity"),
+        ("1/(r - 2)^2 + 1/r", "infinite at R", True, "R = 2"),
+        ("where(r < 2, r, 3)", "smooth (C2) for r > 0", False, r"discontinuous at r = 2 \(value 2 | 3"),
+        ("where(r < 1, r^2/2, r - 0.5)", "smooth (C2) for r > 0", False, r"C1 at r = 1 \(curvature 1 \| 0"),
+        ("where(r < 1, (r - 1)^3, 0)", "smooth (C2) for r > 0", True, "C2"),
+        ("sqrt(abs(r - 2)) + 1/r", "smooth (C2) for r > 0", False, r"C0 at r = 2 \(slope -infinity"),
+    ],
+)  # fmt: skip
+def test_known_shapes(formula, row, holds, words):
+    import re
+
+    found = rows(check_potential(formula))[row]
+    assert found.holds is holds
+    assert re.search(words, found.explanation), found.explanation
+
+
+def test_items_that_need_a_radius_stay_open_without_one():
+    report = check_potential(TANNER, definition="tanner-2003-dynamic")
+    assert report.definitions[0].holds is None
+    assert "no radius" in rows(report, "tanner-2003-dynamic")["increasing near R"].explanation
+
+
+def test_a_falling_potential_is_not_increasing_near_the_radius():
+    psi = TANNER.smoothed(4, 2)
+    found = rows(check_potential(psi, radius=4), "tanner-2003-dynamic")
+    assert found["increasing near R"].holds is False
+    assert found["unique minimum"].holds is False
+
+
+def test_slope_beyond_the_radius_is_named():
+    found = rows(check_potential(TANNER, radius=2), "shi-2009")["zero slope beyond R"]
+    assert found.holds is False
+    assert "capped" in found.explanation
+
+
+def test_the_report_prints_and_is_plain_data():
+    report = check_potential(SHI, radius=3)
+    text = str(report)
+    assert "Shi, Definition 2: holds" in text
+    assert "Tanner I, Definition IV.3: fails" in text
+    again = json.loads(json.dumps(report.as_dict()))
+    assert again["definitions"][2]["key"] == "shi-2009"
+    assert again["definitions"][2]["holds"] is True
+    assert again["radius"] == 3
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"potential": TANNER, "radius": -1}, "radius must be greater than 0"),
+        ({"potential": TANNER, "radius": float("nan")}, "radius must be finite"),
+        ({"potential": TANNER, "definition": "newton"}, "definition must be one of shi-2009"),
+        ({"potential": 3}, "must be a Potential"),
+        ({"potential": "r.real"}, "Attribute"),
+        ({"potential": "R/r"}, "has no value"),
+    ],
+)
+def test_bad_input_is_explained(options, words):
+    with pytest.raises(InvalidInput, match=words):
+        check_potential(**options)
+
+
+@settings(max_examples=60)
+@given(expressions(depth=3))
+def test_any_formula_gets_a_report_soon(pair):
+    begin = time.process_time()
+    formula = Formula(pair[0])
+    report = check_potential(fk.Potential(formula, **dict.fromkeys(formula.names - {"r"}, 1.7)))
+    assert len(str(report).splitlines()) > 20
+    assert time.process_time() - begin < 20
+
+
+def test_huge_arguments_take_no_time():
+    import sympy
+
+    r = sympy.Symbol("r", positive=True)
+    begin = time.process_time()
+    for text in ("exp(exp(exp(r)))", "sin(exp(r))", "tan(((r**64)**64)**64)", "sinh(exp(r))", "exp(r)**exp(r)"):
+        evaluator(sympy.sympify(text, locals={"r": r}), r)(mpf(10) ** 256)
+    assert time.process_time() - begin < 5
