@@ -11,12 +11,20 @@ from pathlib import Path
 import pytest
 
 import flocking
+from tests.import_graph import among_children, circles, imports_of
 
 SOURCE = Path(flocking.__file__).resolve().parent
 ROOT = SOURCE.parent.parent
 HEAVY = ("numba", "scipy", "sympy", "matplotlib", "zarr", "pydantic", "networkx", "rich", "xarray", "mpmath")
 FLOORS = ("errors", "formula", "model", "engine", "study", "show", "papers", "apps")
 LONGEST = 420
+MOST_FILES = 20
+ENGINE = (
+    {"memory_shortage"}, {"interruption"}, {"runs", "archives"}, {"kernels"}, {"reference"}, {"fixed_step"},
+    {"exact", "tiles", "lammps", "storage"}, {"driver"},
+)  # fmt: skip
+"""Parts of the engine, each of which imports those of earlier rows alone: no engine knows storage or another engine,
+and storage knows no engine."""
 FILES = sorted(p for p in SOURCE.rglob("*.py") if "__pycache__" not in p.parts)
 
 
@@ -33,6 +41,55 @@ def tool(name: str) -> str:
 def test_imports_go_down_only():
     found = run(tool("lint-imports"), "--no-cache")
     assert found.returncode == 0, found.stdout[-4000:] + found.stderr
+
+
+IMPORTS = imports_of(SOURCE)
+FOLDERS = sorted({name.rpartition(".")[0] for name in IMPORTS})
+
+
+def test_no_files_import_each_other():
+    """In a circle nothing can be read, tested or moved alone; imports for type checks count too."""
+    assert circles(IMPORTS) == []
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_no_folders_import_each_other(folder):
+    assert circles(among_children(IMPORTS, folder)) == []
+
+
+def test_the_engine_is_built_in_rows():
+    row = {part: k for k, parts in enumerate(ENGINE) for part in parts}
+    found = among_children(IMPORTS, "flocking.engine")
+    assert set(found) == set(row)
+    assert [(a, b) for a, others in sorted(found.items()) for b in sorted(others) if row[b] >= row[a]] == []
+
+
+@pytest.mark.parametrize("root", [SOURCE, ROOT / "tests"], ids=["src", "tests"])
+def test_no_folder_holds_more_files_than_a_reader_takes_in(root):
+    count: dict[str, int] = {}
+    for path in root.rglob("*.py"):
+        folder = path.parent.relative_to(root).as_posix()
+        count[folder] = count.get(folder, 0) + (path.name != "__init__.py")
+    assert {folder: number for folder, number in count.items() if number > MOST_FILES} == {}
+
+
+HIDDEN_CIRCLE = {
+    "low/one.py": "import typing\nif typing.TYPE_CHECKING:\n    from house.low.two import B\nclass A: ...\n",
+    "low/two.py": "def b():\n    from house.low import one\n    return one.A\nclass B: ...\n",
+    "low/three.py": "import house.high.four\n",
+    "high/four.py": "from house.low.one import A\n",
+}
+
+
+def test_circles_are_found_for_type_checks_inside_functions_and_between_folders(tmp_path):
+    for name, text in HIDDEN_CIRCLE.items():
+        path = tmp_path / "house" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+        (path.parent / "__init__.py").touch()
+    imports = imports_of(tmp_path / "house")
+    assert circles(imports) == [["house.low.one", "house.low.two"]]
+    assert circles(among_children(imports, "house")) == [["high", "low"]]
 
 
 def test_every_module_has_a_floor():

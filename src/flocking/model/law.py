@@ -127,6 +127,18 @@ class Law:
         """Whether some potential of the law diverges where two neighbours coincide."""
         return any(not np.isfinite(t.potential(0.0)) for t in self.pair_terms if isinstance(t, Gradient))
 
+    def has_barrier(self, graph: Graph) -> bool:
+        """Whether a potential over ``graph`` is infinite where its links break."""
+        radius = np.max(np.asarray(graph.break_radius))
+        if not np.isfinite(radius):
+            return False
+        numbers = [k for k, g in enumerate(self.graphs) if g is graph]
+        return any(
+            not np.isfinite(term.potential(radius))
+            for term in self.pair_terms
+            if isinstance(term, Gradient) and self.graph_number(term) in numbers
+        )
+
     def check_count(self, n: int, dimension: int) -> None:
         """Check that the parts fit ``n`` agents in ``dimension`` dimensions.
 

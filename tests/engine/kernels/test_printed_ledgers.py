@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.engine.exact.crossings.obstacle_contacts import Encounters
 from flocking.engine.kernels.codegen import compiled_kernels
 from flocking.engine.kernels.layout import Layout
+from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 from flocking.engine.kernels.pieces import free_pieces
 from flocking.engine.reference.control import evaluate
 from flocking.model.graphs.functionals import left_eigenvector
@@ -137,7 +137,7 @@ def printed(law, energy, order):
     module = compiled_kernels(layout, 2, order)
     slots = layout.values(agents, N, T)
     lists = [np.nonzero(g.start_links(Q)) for g in law.graphs]
-    encounters = Encounters(law)
+    encounters = ObstacleDistances(law)
     lists += [np.nonzero(encounters.within(x, Q, T)) for x in encounters.levels if x.kind == "obstacle"]
     senders, sensed = (np.concatenate([x[k] for x in lists]) for k in (0, 1))
     offsets = np.cumsum([0, *(len(x[0]) for x in lists)])

@@ -136,7 +136,7 @@ def test_what_was_not_committed_is_not_there(tmp_path: Path) -> None:
 def test_a_run_without_links_or_switches(tmp_path: Path) -> None:
     bare = dataclasses.replace(
         finished(), links=np.zeros((21, 0, 0), dtype=bool), switches=finished().switches[:0],
-        trace=finished().trace[:0], closest_linked=fk.engine.run.Closest(),
+        trace=finished().trace[:0], closest_linked=fk.engine.runs.run.Closest(),
     )  # fmt: skip
     assert_same(read_run(write_run(bare, tmp_path / "run")), bare)
 

@@ -7,7 +7,7 @@ import pytest
 
 import flocking as fk
 from flocking.engine.tiles import particle_arrays as crowd_module
-from flocking.engine.tiles.listed_pairs import listed_pairs
+from flocking.engine.tiles.neighbours.listed_pairs import listed_pairs
 from flocking.engine.tiles.session import TilesOptions, TilesSession
 from flocking.errors import LawNotObeyed, LinkLost, NotFinite, StepTooLarge, TooCrowded
 from flocking.model.leaders_and_obstacles.obstacles import Ball

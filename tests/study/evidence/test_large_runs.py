@@ -22,7 +22,7 @@ def test_claims_about_links_are_not_applicable_without_link_matrices():
     assert without["ledger"].verdict == with_links["ledger"] == Verdict.HOLDS
 
 
-def tiled(n: int, **options: object) -> fk.engine.run.Run:
+def tiled(n: int, **options: object) -> fk.engine.runs.run.Run:
     """A short run of the tiled engine; the flock of the second kind falls apart."""
     law = fk.Law(fk.Proximity(1.2), [fk.Gradient(fk.Potential("(r - 1)**2")), fk.Consensus(1.0)])
     start = fk.start.hexagonal(n, spacing=0.9, noise=0.02, speed=0.2, seed=1)
@@ -30,7 +30,7 @@ def tiled(n: int, **options: object) -> fk.engine.run.Run:
     return fk.simulate(scenario, engine="tiles", step=0.01, observe=True, progress=False, **options)  # type: ignore[arg-type]
 
 
-def verdicts(run: fk.engine.run.Run) -> dict[str, str]:
+def verdicts(run: fk.engine.runs.run.Run) -> dict[str, str]:
     return {r.claim.key: str(r.verdict) for r in fk.audit(run).results}
 
 

@@ -7,7 +7,7 @@ from types import ModuleType
 import numpy as np
 
 from flocking.engine.exact.crossings.guards import reach
-from flocking.engine.exact.crossings.switching import LinkState, has_barrier
+from flocking.engine.exact.crossings.switching import LinkState
 from flocking.engine.exact.integrator.segment import Segment
 from flocking.engine.exact.narrow_features import allowed_by_obstacles, allowed_share, zones_of
 from flocking.engine.kernels.codegen import RATES, compiled_kernels
@@ -75,7 +75,7 @@ class Dynamics:
         self._known = len(self._places)
         if self._declared is not None:
             self._places += self._declared[1].places
-        self.barriers = [has_barrier(law, g) for g in law.graphs]
+        self.barriers = [law.has_barrier(g) for g in law.graphs]
         self.singular = law.singular_at_zero()
         self._energies: dict[tuple[float, bytes], tuple[float, float]] = {}
 

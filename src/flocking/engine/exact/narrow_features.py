@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from flocking.engine.exact.crossings.guards import smallest_value, squared_distance
-from flocking.engine.exact.crossings.obstacle_contacts import Encounters
 from flocking.engine.exact.integrator.segment import Segment
+from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 from flocking.engine.kernels.pieces import MARGIN
 from flocking.formula.interval_jets import Jet, on_jets
 from flocking.formula.machine_code import numba
@@ -249,7 +249,12 @@ def allowed_share(B: Array, far: Array, senders: Any, sensed: Any, offsets: Any,
 
 
 def allowed_by_obstacles(
-    segment: Segment, B: Array, encounters: Encounters, active: Sequence[Links], found: Sequence[Array], base: float
+    segment: Segment,
+    B: Array,
+    encounters: ObstacleDistances,
+    active: Sequence[Links],
+    found: Sequence[Array],
+    base: float,
 ) -> float:
     """Which fraction of a segment no agent moves further within a zone of an obstacle than its `STRIDE`.
 

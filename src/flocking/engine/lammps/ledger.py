@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.exact.crossings.obstacle_contacts import Encounters
 from flocking.engine.kernels.codegen import RATES, compiled_kernels
 from flocking.engine.kernels.layout import Layout
+from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 from flocking.engine.kernels.pieces import free_pieces
 from flocking.engine.lammps.neighbours import near_pairs
 from flocking.engine.runs.run import Closest
@@ -41,7 +41,7 @@ class Ledger:
         self._counts: list[int] = []
         self._layout = Layout(scenario.law, scenario.energy)
         self._slots = self._layout.values(scenario.agents, scenario.start.n, scenario.start.t)
-        self._encounters = Encounters(scenario.law)
+        self._encounters = ObstacleDistances(scenario.law)
 
     def go_on(self, trace: list[tuple[float, ...]], state: State) -> None:
         """Go on after the rows of an earlier run that ended in ``state``.

@@ -181,10 +181,10 @@ def obstacles_met(
     P, given
         Values of the slots of single numbers, and of all other names.
     """
-    from flocking.engine.exact.crossings.obstacle_contacts import Encounters
+    from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 
     rows, found = layout.obstacle_rows(), []
-    encounters = Encounters(law)
+    encounters = ObstacleDistances(law)
     for level in encounters.levels:
         if level.kind == "obstacle":
             i, o = np.nonzero(encounters.within(level, q, given["t"]))
@@ -197,7 +197,7 @@ def obstacles_met(
 
 
 def _functional(law: Law, number: int, pairs: tuple[Any, Any], n: int) -> Array | None:
-    from flocking.model.graphs.functionals import graph_functional
+    from flocking.model.graph_functional import graph_functional
 
     links = np.zeros((n, n), dtype=bool)
     links[pairs] = True

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from flocking.engine.fixed_step.automatic_step import SAMPLE, SampledPairs, largest_step, resolving_step
-from flocking.engine.tiles.listed_pairs import tile_pairs
+from flocking.engine.tiles.neighbours.listed_pairs import tile_pairs
 from flocking.engine.tiles.particle_arrays import Crowd
 from flocking.model.law import Scenario
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -26,10 +26,8 @@ from flocking.engine.runs.run import TRACE_FIELDS, Closest
 from flocking.engine.tiles.instability import SAMPLE, Instability
 from flocking.engine.tiles.kernels.tile_sums import SUMS
 from flocking.engine.tiles.neighbours.neighbour_lists import LINKED, NUMBER, TILES_IN_CHUNK, WIDTH, TileLists
+from flocking.engine.tiles.particle_arrays import Crowd
 from flocking.model.law import Scenario
-
-if TYPE_CHECKING:
-    from flocking.engine.tiles.particle_arrays import Crowd
 
 ANY = Real(finite=False)
 POSITIVE = Real(least=0.0, finite=False)

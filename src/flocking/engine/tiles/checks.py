@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -10,12 +10,11 @@ from flocking.engine.fixed_step.contact_limits import singular_graphs
 from flocking.engine.fixed_step.passing_pairs import check_passing
 from flocking.engine.fixed_step.step_checks import STRIDE, check_ledger, check_stride, step_too_large
 from flocking.engine.runs.run import Closest
-from flocking.engine.tiles.listed_pairs import tile_pairs
+from flocking.engine.tiles.integrators import Scheme
+from flocking.engine.tiles.neighbours.listed_pairs import tile_pairs
 from flocking.engine.tiles.particle_arrays import Crowd
+from flocking.engine.tiles.records import Records
 from flocking.errors import LinkLost, NotFinite, OutOfPrecision
-
-if TYPE_CHECKING:
-    from flocking.engine.tiles.session import TilesSession
 
 COARSEST = 1e-2
 """Largest share of the radius that the rounding of positions may take for most agents."""
@@ -28,42 +27,79 @@ FARTHEST = 1e15
 """Distances beyond it are those of no pair at all: what a kernel starts from that has not met one."""
 
 
-def after_step(session: TilesSession, crowd: Crowd, h: float) -> None:
+def after_step(
+    crowd: Crowd, h: float, records: Records, step: float, time: float, singular_reach: float | None
+) -> None:
     """What every step is checked for. The state before the step is still in ``crowd.Y``.
 
     Parameters
     ----------
-    h
-        The step just made.
+    h, step
+        The step just made, and the longest step.
+    records
+        Take the closest pair.
+    time
+        Time before the step.
+    singular_reach
+        Where a potential diverges at contact, the shortest radius of such a one; None where none does.
+
+    Raises
+    ------
+    NotFinite
+        When a position, a velocity or a force is no number.
+    LinkLost
+        When a link broke although its potential is infinite there.
+    StepTooLarge
+        When a pair moved too far for its distance.
     """
-    if not np.isfinite(crowd.top_speed):
-        bad = np.flatnonzero(~np.isfinite(crowd.X[:, : crowd.n]).all(axis=0))
-        if not len(bad):
-            bad = np.array([int(np.argmax(np.abs(crowd.X[crowd.m :, : crowd.n]).max(axis=0)))])
-        raise NotFinite(
-            "Velocities or positions became infinite or NaN. Lower the step, or look at the potential there.",
-            time=session.time, agents=tuple(sorted(int(i) for i in crowd.ids[bad[:10]])),
-        )  # fmt: skip
-    links_kept(session, crowd)
-    near = float(np.sqrt(crowd.extremes[1]))
-    if near < min(session.records.closest.distance, FARTHEST):
-        tile = int(np.argmin(crowd.tops[:, 1]))
-        closest = _closest_in(crowd, tile)
-        if closest is not None:
-            session.records.closest = Closest(near, session.time, closest)
+    _check_finite(crowd, time)
+    links_kept(crowd, step, time)
+    records.closest = _closest_pair(crowd, records.closest, time)
+    _check_pair_motion(crowd, h, step, time, singular_reach)
+
+
+def _check_finite(crowd: Crowd, time: float) -> None:
+    if np.isfinite(crowd.top_speed):
+        return
+    bad = np.flatnonzero(~np.isfinite(crowd.X[:, : crowd.n]).all(axis=0))
+    if not len(bad):
+        bad = np.array([int(np.argmax(np.abs(crowd.X[crowd.m :, : crowd.n]).max(axis=0)))])
+    raise NotFinite(
+        "Velocities or positions became infinite or NaN. Lower the step, or look at the potential there.",
+        time=time, agents=tuple(sorted(int(i) for i in crowd.ids[bad[:10]])),
+    )  # fmt: skip
+
+
+def _closest_pair(crowd: Crowd, before: Closest, time: float) -> Closest:
+    """The closest listed pair until now, given that of all earlier steps."""
+    near = _nearest(crowd)
+    if not near < min(before.distance, FARTHEST):
+        return before
+    pair = _closest_in(crowd, int(np.argmin(crowd.tops[:, 1])))
+    return before if pair is None else Closest(near, time, pair)
+
+
+def _nearest(crowd: Crowd) -> float:
+    return float(np.sqrt(crowd.extremes[1]))
+
+
+def _check_pair_motion(crowd: Crowd, h: float, step: float, time: float, singular_reach: float | None) -> None:
+    """Whether a pair met where a formula has no value, or moved too far for its distance."""
+    near = _nearest(crowd)
     if near == 0.0:
-        _check_contact(session, crowd)
-    if (reach := session.singular_reach) is not None:
-        top = 2.0 * crowd.top_speed * h
-        if top > STRIDE * near:
-            _check_strides(session, crowd, h)
-        if top > STRIDE * reach:
-            q = crowd.Y[: crowd.m, : crowd.n].T.astype(np.float64)
-            moved = crowd.X[: crowd.m, : crowd.n].T - q
-            check_passing(q, moved, reach, session.step, time=session.time, ids=crowd.ids)
+        _check_contact(crowd, time)
+    if singular_reach is None:
+        return
+    top = 2.0 * crowd.top_speed * h
+    if top > STRIDE * near:
+        _check_strides(crowd, h, step, time)
+    if top > STRIDE * singular_reach:
+        q = crowd.Y[: crowd.m, : crowd.n].T.astype(np.float64)
+        moved = crowd.X[: crowd.m, : crowd.n].T - q
+        check_passing(q, moved, singular_reach, step, time=time, ids=crowd.ids)
 
 
-def _check_contact(session: TilesSession, crowd: Crowd) -> None:
+def _check_contact(crowd: Crowd, time: float) -> None:
     """Whether a pair that coincided before the step is linked where a formula has no value for it."""
     for number in singular_graphs(crowd.spec.layout, crowd.m, crowd.P):
         lists = crowd.lists[number]
@@ -76,29 +112,33 @@ def _check_contact(session: TilesSession, crowd: Crowd) -> None:
             raise NotFinite(
                 "Two linked agents are at the same point, where their pair force or energy is infinite. "
                 "Start them apart, or take a potential that is finite at r = 0.",
-                time=session.time, agents=tuple(pair),
+                time=time, agents=tuple(pair),
             )  # fmt: skip
 
 
-def stiff_start(session: TilesSession, resolves: float) -> None:
+def stiff_start(step: float, resolves: float, scheme: str, time: float) -> None:
     """Whether a step that no ledger will judge is beyond all stability at the start.
 
     Parameters
     ----------
+    step
+        The longest step.
     resolves
         A step that resolves the forces of the start.
+    scheme
+        Name of the integrator.
 
     Raises
     ------
     StepTooLarge
         When it is.
     """
-    if session.options.scheme != "damped" and session.step > UNSTABLE * resolves:
-        why = f"it is {session.step / resolves:.3g} times one that resolves the forces of the start, and unstable"
-        raise step_too_large(session.step, resolves, why, time=session.time)
+    if scheme != "damped" and step > UNSTABLE * resolves:
+        why = f"it is {step / resolves:.3g} times one that resolves the forces of the start, and unstable"
+        raise step_too_large(step, resolves, why, time=time)
 
 
-def links_kept(session: TilesSession, crowd: Crowd) -> None:
+def links_kept(crowd: Crowd, step: float, time: float) -> None:
     """Whether a link broke although its potential is infinite there.
 
     Raises
@@ -109,8 +149,8 @@ def links_kept(session: TilesSession, crowd: Crowd) -> None:
     if crowd.lost is not None:
         raise LinkLost(
             "A link whose potential is infinite at the break radius reached it: the step "
-            f"{session.step:.3g} is too large. A step of {session.step / 4:.2g} may do.",
-            time=session.time, agents=tuple(sorted(crowd.lost)),
+            f"{step:.3g} is too large. A step of {step / 4:.2g} may do.",
+            time=time, agents=tuple(sorted(crowd.lost)),
         )  # fmt: skip
 
 
@@ -130,7 +170,7 @@ def _closest_in(crowd: Crowd, tile: int) -> tuple[int, int] | None:
     return (min(a, b), max(a, b))
 
 
-def _check_strides(session: TilesSession, crowd: Crowd, h: float) -> None:
+def _check_strides(crowd: Crowd, h: float, step: float, time: float) -> None:
     """Whether some pair really moved too far for its distance; positions before the step are in ``Y``."""
     m = crowd.m
     reach = (2.0 * crowd.top_speed * h / STRIDE) ** 2
@@ -147,35 +187,47 @@ def _check_strides(session: TilesSession, crowd: Crowd, h: float) -> None:
     k = int(np.argmax(share))
     if linked[k]:
         pair = (int(crowd.ids[i[k]]), int(crowd.ids[j[k]]))
-        check_stride(
-            session.step, float(distance[k]), float(moved[k]), time=session.time, agents=(min(pair), max(pair))
-        )
+        check_stride(step, float(distance[k]), float(moved[k]), time=time, agents=(min(pair), max(pair)))
 
 
-def resolution(session: TilesSession, q: Any) -> None:
-    """Whether numbers can still tell the positions of most agents, shape (N, m), apart."""
-    crowd = session._crowd
+def resolution(crowd: Crowd, q: Any, time: float) -> None:
+    """Whether numbers can still tell the positions of most agents, shape (N, m), apart.
+
+    Raises
+    ------
+    OutOfPrecision
+        When they cannot.
+    """
     if not crowd.moving:
         return
     out = float(np.median(np.abs(q).max(axis=1)))
-    step = float(np.finfo(crowd.dtype).eps) * out
-    if step > COARSEST * max(crowd.cutoffs):
+    spacing = float(np.finfo(crowd.dtype).eps) * out
+    if spacing > COARSEST * max(crowd.cutoffs):
         wider = "use precision='float64', or s" if crowd.dtype == np.float32 else "S"
         raise OutOfPrecision(
-            f"Most agents are so far out ({out:.3g}) that {session.options.precision} tells positions apart only by "
-            f"{step:.2g}, of a radius of {max(crowd.cutoffs):.3g}: {wider}tart near the origin.",
-            time=session.time,
+            f"Most agents are so far out ({out:.3g}) that {crowd.spec.precision} tells positions apart only by "
+            f"{spacing:.2g}, of a radius of {max(crowd.cutoffs):.3g}: {wider}tart near the origin.",
+            time=time,
         )
 
 
-def ledger(session: TilesSession) -> None:
-    """Whether the energy ledger closes well enough."""
-    first, trace = session.records.first, session.records.trace
+def ledger(records: Records, scheme: Scheme, eps: float, step: float, time: float) -> None:
+    """Whether the energy ledger closes well enough.
+
+    Parameters
+    ----------
+    records
+        The rows of the ledger.
+    scheme
+        The integrator, which holds the last sums.
+    eps
+        Rounding unit of the state.
+    step
+        The longest step.
+    """
+    first, trace = records.first, records.trace
     if first is None or trace[-1][0] == first[0]:
         return
-    sums = session._scheme.books.sums
+    sums = scheme.books.sums
     scale = abs(sums["pairs"]) + abs(sums["bodies"]) + trace[-1][2]
-    check_ledger(
-        session.step, first, trace[-1], order=session._scheme.order,
-        rounding=1e3 * float(np.finfo(session._crowd.dtype).eps) * scale, time=session.time,
-    )  # fmt: skip
+    check_ledger(step, first, trace[-1], order=scheme.order, rounding=1e3 * eps * scale, time=time)

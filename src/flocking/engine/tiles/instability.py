@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from flocking.engine.fixed_step.step_checks import step_too_large
-
-if TYPE_CHECKING:
-    from flocking.engine.tiles.particle_arrays import Crowd
+from flocking.engine.tiles.particle_arrays import Crowd
 
 GROWING, LONGEST, LARGEST = 1.25, 16, 1e4
 """Speeds that grow by such a factor in every one of so many steps, and by so much in all, grow without bound. Under a

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from flocking.engine.fixed_step.declared_law import POWERS, Declared, Group
 from flocking.engine.fixed_step.law_gaps import LawGaps
-from flocking.engine.tiles.integrators import Verlet
 from flocking.engine.tiles.kernels.tile_sums import SUMS
 from flocking.engine.tiles.neighbours.neighbour_lists import NUMBER, WIDTH
+from flocking.engine.tiles.particle_arrays import Crowd
 from flocking.errors import LawNotObeyed
-
-if TYPE_CHECKING:
-    from flocking.engine.tiles.particle_arrays import Crowd
-    from flocking.engine.tiles.session import TilesSession
+from flocking.model.law import Scenario
 
 TILES = 4
 """Tiles looked at."""
@@ -24,48 +22,91 @@ EDGE = 64.0
 """Within so many roundings of a radius, whether a pair is linked is left to the engine."""
 
 
+@dataclass(frozen=True)
+class Moment:
+    """When a look is taken.
+
+    Parameters
+    ----------
+    time
+        Time of the state that is judged.
+    gains_since
+        Time whose scheduled gains are in force.
+    steps
+        Number of steps before it.
+    """
+
+    time: float
+    gains_since: float
+    steps: int
+
+
 class LawCheck:
-    """Holds the crowd of a session against the law its scenario declares.
+    """Holds a group against the law its scenario declares.
 
     With half-step velocities the agents' own change of velocity and place during a step is judged. Elsewhere the
     accelerations of an extra pass over the state before the step are.
 
     Parameters
     ----------
-    session
-        The session.
+    scenario
+        The declared scenario.
+    dtype
+        Type of the numbers of the state.
+    half_steps
+        Whether velocities lie half a step behind positions, without damping within the kick.
+    refuses
+        Whether a law that is not obeyed is an error; where agents obey another law on purpose it is only recorded.
     """
 
-    def __init__(self, session: TilesSession) -> None:
-        self.session = session
-        self.eps = float(np.finfo(session._crowd.dtype).eps)
-        self.declared = Declared(session.scenario, self.eps)
+    def __init__(self, scenario: Scenario, dtype: Any, *, half_steps: bool, refuses: bool) -> None:
+        self.scenario, self.half_steps, self.refuses = scenario, half_steps, refuses
+        self.eps = float(np.finfo(dtype).eps)
+        self.declared = Declared(scenario, self.eps)
 
-    def before_step(self, h: float) -> None:
-        """Judge the accelerations of the state before a step of length ``h``; books and links stay as they are."""
-        crowd, session = self.session._crowd, self.session
-        if isinstance(session._scheme, Verlet) and not crowd.spec.damped:
+    def before_step(self, crowd: Crowd, moment: Moment, gaps: LawGaps) -> None:
+        """Judge the accelerations of the state before a step; the ledger and the links stay as they are.
+
+        Parameters
+        ----------
+        crowd
+            The agents, whose neighbour lists are good.
+        gaps
+            Takes what is found.
+
+        Raises
+        ------
+        LawNotObeyed
+            When they are not those of the declared law.
+        """
+        if self.half_steps:
             return
-        session._guarded(lambda: crowd.require_lists(h))
-        crowd.move(session.time, keep=0.0, kick=1.0, drift=0.0, soft=0.0, hold=True)
-        places = self._places(crowd)
+        crowd.move(moment.time, keep=0.0, kick=1.0, drift=0.0, soft=0.0, hold=True)
+        places = self._places(crowd, moment)
         q, p = (np.asarray(x.T) for x in (crowd.X[: crowd.m], crowd.X[crowd.m :]))
         mass = self._mass(crowd, places)
         force = mass[:, None] * crowd.Y[crowd.m :, places].T.astype(np.float64)
-        self._judge(crowd, (q, p), places, force, np.zeros(len(places)), remembered=True)
+        found = self._compared(crowd, (q, p), places, force, np.zeros(len(places)), moment, gaps, remembered=True)
+        self._require(found, moment, gaps)
 
-    def after_step(self, kick: float, h: float) -> None:
+    def after_step(self, crowd: Crowd, kick: float, h: float, moment: Moment, gaps: LawGaps) -> None:
         """Judge the motion of a step of half-step velocities. The state before it is still in ``crowd.Y``.
 
         Parameters
         ----------
         kick, h
             Times for which forces acted on velocities, and velocities on places.
+        gaps
+            Takes what is found.
+
+        Raises
+        ------
+        LawNotObeyed
+            When it is not that of the declared law.
         """
-        crowd = self.session._crowd
-        if crowd.spec.damped or not isinstance(self.session._scheme, Verlet):
+        if not self.half_steps:
             return
-        m, places = crowd.m, self._places(crowd)
+        m, places = crowd.m, self._places(crowd, moment)
         before, after = (x[:, places].T.astype(np.float64) for x in (crowd.Y, crowd.X))
         mass = self._mass(crowd, places)
         force = mass[:, None] * (after[:, m:] - before[:, m:]) / kick
@@ -76,26 +117,31 @@ class LawCheck:
         way = np.maximum(way - 4.0 * self.eps * (np.abs(after[:, :m]).sum(axis=1) + h * speed), 0.0)
         force += (mass * way / (h * kick))[:, None]
         q, p = (np.asarray(x.T) for x in (crowd.Y[:m], crowd.Y[m:]))
-        self._judge(crowd, (q, p), places, force, rounding, remembered=False)
+        found = self._compared(crowd, (q, p), places, force, rounding, moment, gaps, remembered=False)
+        self._require(found, moment, gaps)
 
-    def _places(self, crowd: Crowd) -> Any:
+    def _places(self, crowd: Crowd, moment: Moment) -> Any:
         """Places of the judged agents: tiles spread evenly, other ones at every look, and the one of the closest pair.
 
         Whole tiles, since books are per tile.
         """
         count = min(TILES, crowd.tiles)
-        first = int(self.session.steps * 0.6180339887498949 * crowd.tiles / count) % crowd.tiles
+        first = int(moment.steps * 0.6180339887498949 * crowd.tiles / count) % crowd.tiles
         tiles = (first + np.arange(count) * crowd.tiles // count) % crowd.tiles
         tiles = np.unique(np.append(tiles, np.argmin(crowd.tops[:, 1])))
         places = (tiles[:, None] * WIDTH + np.arange(WIDTH)).ravel()
         return places[places < crowd.n]
 
     def _mass(self, crowd: Crowd, places: Any) -> Any:
-        masses = self.session.scenario.agents.masses
+        masses = self.scenario.agents.masses
         return np.broadcast_to(masses, crowd.n)[crowd.ids[places]].astype(np.float64)
 
-    def _judge(self, crowd: Crowd, state: Any, places: Any, force: Any, rounding: Any, *, remembered: bool) -> None:
-        session, scenario = self.session, self.session.scenario
+    def _compared(
+        self, crowd: Crowd, state: Any, places: Any, force: Any, rounding: Any, moment: Moment, gaps: LawGaps, *,
+        remembered: bool,
+    ) -> tuple[int | None, str | None]:  # fmt: skip
+        """The agent whose force is not that of the law, and the name of a power that is not; None for none."""
+        scenario = self.scenario
         q, p = state
         energy = scenario.energy
         means = np.full((2, crowd.m), np.nan)
@@ -106,25 +152,28 @@ class LawCheck:
         if energy.frame == "centre of mass":
             frame = means[1]
         elif energy.leader is not None:
-            frame = energy.leader.at(session.time)[1]
-        group = Group(q, p, crowd.ids, session.time, session._plan[0], frame, *means)
+            frame = energy.leader.at(moment.time)[1]
+        group = Group(q, p, crowd.ids, moment.time, moment.gains_since, frame, *means)
         pairs = [self._pairs(crowd, number, q, places, remembered) for number in range(len(crowd.lists))]
-        said = self.declared.state(group, places, pairs)
-        gaps: LawGaps = session.law_gaps
+        declared = self.declared.state(group, places, pairs)
         gaps.checks += 1
-        wrong = gaps.compare_forces(said, force, rounding)
+        wrong = gaps.compare_forces(declared, force, rounding)
         tiles, which = np.unique(places // WIDTH, return_inverse=True)
-        books = crowd.sums[tiles][:, [SUMS.index(name) for name in POWERS]]
-        false = gaps.compare_powers(said, which, books)
-        if session.plant is None and (wrong is not None or false is not None):
-            agents = () if wrong is None else (int(crowd.ids[places[wrong]]),)
-            what = "force" if wrong is not None else {"pairs": "energy", "bodies": "energy"}.get(str(false), str(false))
-            raise LawNotObeyed(
-                f"What acted on the agents is not what the declared law says: a {what} is off by {100 * gaps.gap:.3g} "
-                f"% of its parts, where rounding explains {100 * gaps.allowed:.2g} %. The engine is at fault, not the "
-                "step; use engine='exact', and report the law.",
-                time=session.time, agents=agents,
-            )  # fmt: skip
+        sums = crowd.sums[tiles][:, [SUMS.index(name) for name in POWERS]]
+        power = gaps.compare_powers(declared, which, sums)
+        return None if wrong is None else int(crowd.ids[places[wrong]]), power
+
+    def _require(self, found: tuple[int | None, str | None], moment: Moment, gaps: LawGaps) -> None:
+        agent, power = found
+        if not self.refuses or (agent is None and power is None):
+            return
+        what = "force" if agent is not None else {"pairs": "energy", "bodies": "energy"}.get(str(power), str(power))
+        raise LawNotObeyed(
+            f"What acted on the agents is not what the declared law says: a {what} is off by {100 * gaps.gap:.3g} "
+            f"% of its parts, where rounding explains {100 * gaps.allowed:.2g} %. The engine is at fault, not the "
+            "step; use engine='exact', and report the law.",
+            time=moment.time, agents=() if agent is None else (agent,),
+        )  # fmt: skip
 
     def _pairs(self, crowd: Crowd, number: int, q: Any, places: Any, remembered: bool) -> tuple[Any, Any, Any]:
         """Linked pairs of the judged agents under a graph: number of the judged one, place of the other, certainty."""

@@ -16,9 +16,9 @@ from flocking.engine.tiles.kernels.parameters import kernel_numbers
 from flocking.engine.tiles.kernels.spec import PRECISIONS, KernelSpec
 from flocking.engine.tiles.kernels.step_kernel import tile_kernels
 from flocking.engine.tiles.kernels.tile_sums import sums_of
-from flocking.engine.tiles.listed_pairs import broken_pair
 from flocking.engine.tiles.measures import cutoffs_of, extremes_of, fastest, sensed_offsets, strayed_squares
 from flocking.engine.tiles.neighbours.cell_list import Sorter
+from flocking.engine.tiles.neighbours.listed_pairs import nearest_pair_beyond
 from flocking.engine.tiles.neighbours.neighbour_lists import (
     LINKED,
     NUMBER,
@@ -30,8 +30,7 @@ from flocking.engine.tiles.neighbours.neighbour_lists import (
 from flocking.engine.tiles.neighbours.obstacle_lists import NearbyObstacles
 from flocking.engine.tiles.neighbours.pair_count_bound import Room
 from flocking.engine.tiles.neighbours.verlet_skin import FIRST_SKIN, best_skin
-from flocking.engine.tiles.particle_memory import CrowdMemory
-from flocking.engine.tiles.planted_law import Planted
+from flocking.engine.tiles.planted_law import PassArrays, Planted
 from flocking.engine.tiles.threads import Workers
 from flocking.model.law import Scenario
 from flocking.model.state import State
@@ -344,10 +343,19 @@ class Crowd:
             self.ids, self.seeds, self.matrices, self.M, self.C, self.tops, self.sums,
         )  # fmt: skip
         if self.planted is not None:
-            self.planted.move(self, begin, lists)
+            arrays = PassArrays(self.agents, self.successor, self.ids, self.n, self.M, self.C, self.tops)
+            self.planted.move(self.workers, arrays, begin, lists)
         self.read_tops()
         if self.extremes[2] > 0 and self.lost is None and not hold:
-            self.lost = broken_pair(self)
+            self.lost = self._broken_pair()
+
+    def _broken_pair(self) -> tuple[int, int]:
+        """The nearest pair beyond its radius in the tiles that report a broken link; numbers of the agents."""
+        kinds = self.spec.graphs
+        least = min(float(x[0]) for x, kind in zip(self.limits, kinds, strict=True) if kind.barrier)
+        tiles = np.flatnonzero(self.tops[:, 2] > 0)[:4]
+        i, j = nearest_pair_beyond(least, self.lists, tiles, self.X[: self.m], self.n)
+        return int(self.ids[i]), int(self.ids[j])
 
     def read_tops(self) -> None:
         """Take the extremes of what the tiles reported last."""
@@ -398,14 +406,6 @@ class Crowd:
         out = np.empty((self.n, len(array)))
         out[self.ids[: self.n]] = array[:, : self.n].T
         return out
-
-    def memory(self, *, copied: bool = True) -> CrowdMemory:
-        """State, order, lists and rebuild reference; not ``copied``, they change as the crowd goes on."""
-        return CrowdMemory.of(self, copied=copied)
-
-    def recall(self, memory: CrowdMemory) -> None:
-        """Go back to ``memory``."""
-        memory.put_back(self)
 
     @property
     def nbytes(self) -> int:

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from flocking.engine.tiles.checkpoint_form import check_crowd
-
-if TYPE_CHECKING:
-    from flocking.engine.tiles.particle_arrays import Crowd
+from flocking.engine.tiles.particle_arrays import Crowd
 
 KEPT = (
     "X", "ids", "each", "A", "C", "reference", "elapsed", "bound", "skin", "rebuilds", "lists", "top_speed",

@@ -1,21 +1,48 @@
-"""A crowd that obeys another law than the declared one, whose books are still those of the declared law."""
+"""Agents that obey another law than the declared one, while the ledger goes on holding the declared law."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.tiles.kernels.parameters import kernel_numbers
+from flocking.engine.tiles.kernels.spec import KernelSpec
 from flocking.engine.tiles.kernels.step_kernel import tile_kernels
 from flocking.engine.tiles.kernels.tile_sums import sums_of
+from flocking.engine.tiles.threads import Workers
 from flocking.model.law import Law, Scenario
 
-if TYPE_CHECKING:
-    from flocking.engine.tiles.kernels.spec import KernelSpec
-    from flocking.engine.tiles.particle_arrays import Crowd
+
+@dataclass(frozen=True)
+class PassArrays:
+    """The arrays of one pass of a kernel over all agents.
+
+    Parameters
+    ----------
+    agents, successor
+        Positions and velocities before and after the pass, shape (size, 2m).
+    ids
+        Which agent lies where, shape (size,).
+    n
+        Number of agents.
+    means
+        Centre of mass and its velocity, shape (2m,).
+    velocity
+        Velocity of the frame that neighbour lists are kept in, shape (m,).
+    extremes
+        Largest squared speed, smallest squared distance and broken link of every tile, shape (tiles, 3).
+    """
+
+    agents: Any
+    successor: Any
+    ids: Any
+    n: int
+    means: Any
+    velocity: Any
+    extremes: Any
 
 
 class Planted:
@@ -43,23 +70,28 @@ class Planted:
         """Take the values of scheduled gains from time ``t`` on."""
         self._numbers = kernel_numbers(self._scenario, self.spec, t)
 
-    def move(self, crowd: Crowd, begin: tuple[Any, ...], lists: list[Any]) -> None:
-        """Write the successor of the crowd's state under the plant; links and books stay as they are.
+    def move(self, workers: Workers, arrays: PassArrays, begin: tuple[Any, ...], lists: list[Any]) -> None:
+        """Write the successor of the state under the plant; links and the ledger stay as they are.
 
         Parameters
         ----------
+        workers
+            Threads to use.
+        arrays
+            The state and where its successor goes.
         begin
             The kernel's first arguments, up to the factor of exponential damping.
         lists
             The kernel's lists.
         """
         P, rows, seeds, matrices = self._numbers
-        A = np.zeros((len(rows), crowd.size), crowd.dtype)
+        tiles = len(arrays.extremes)
+        A = np.zeros((len(rows), len(arrays.ids)), arrays.agents.dtype)
         for row, value in zip(A, rows, strict=True):
-            row[:] = np.asarray(value)[crowd.ids] if np.ndim(value) else value
-        tops, sums = crowd.tops.copy(), np.zeros((crowd.tiles, len(sums_of(self.spec))))
-        crowd.workers.each(
-            self._move, crowd.tiles, *begin, True, crowd.agents, crowd.successor, crowd.n, *lists, P, A, self._O,
-            crowd.ids, seeds, matrices, crowd.M, crowd.C, tops, sums,
+            row[:] = np.asarray(value)[arrays.ids] if np.ndim(value) else value
+        extremes, sums = arrays.extremes.copy(), np.zeros((tiles, len(sums_of(self.spec))))
+        workers.each(
+            self._move, tiles, *begin, True, arrays.agents, arrays.successor, arrays.n, *lists, P, A, self._O,
+            arrays.ids, seeds, matrices, arrays.means, arrays.velocity, extremes, sums,
         )  # fmt: skip
-        crowd.tops[:, 0] = tops[:, 0]
+        arrays.extremes[:, 0] = extremes[:, 0]

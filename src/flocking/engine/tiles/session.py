@@ -6,7 +6,7 @@ import sys
 import time
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -20,13 +20,15 @@ from flocking.engine.runs.provenance import provenance
 from flocking.engine.runs.run import Closest, Run
 from flocking.engine.tiles import automatic_step, checks
 from flocking.engine.tiles.instability import Instability
-from flocking.engine.tiles.integrators import Scheme, scheme_named
+from flocking.engine.tiles.integrators import Scheme, Verlet, scheme_named
 from flocking.engine.tiles.kernels.spec import KernelSpec, check_supported, graph_kinds
 from flocking.engine.tiles.kernels.step_kernel import is_compiled
-from flocking.engine.tiles.listed_pairs import listed_pairs
+from flocking.engine.tiles.law_check import LawCheck, Moment
+from flocking.engine.tiles.neighbours.listed_pairs import listed_pairs
 from flocking.engine.tiles.neighbours.neighbour_lists import TooManyNeighboursError
 from flocking.engine.tiles.options import TilesOptions as TilesOptions
 from flocking.engine.tiles.particle_arrays import Crowd
+from flocking.engine.tiles.particle_memory import CrowdMemory
 from flocking.engine.tiles.planted_law import Planted
 from flocking.engine.tiles.records import MOST_LINKED, Records
 from flocking.engine.tiles.snapshot import TilesSnapshot as TilesSnapshot
@@ -34,9 +36,6 @@ from flocking.engine.tiles.threads import Workers
 from flocking.errors import InvalidInput, NotFinite, SimulationError, TooCrowded
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
-
-if TYPE_CHECKING:
-    from flocking.engine.tiles.law_check import LawCheck
 
 MOST_STEPS = 1e12
 
@@ -84,7 +83,7 @@ class TilesSession:
         self.law_gaps, self.instability = LawGaps(), Instability()
         self._scheme: Scheme = scheme_named(self.options.scheme, self.options.ledger)
         self._crowd = self._new_crowd(scenario, scenario.start)
-        checks.resolution(self, scenario.start.q)
+        checks.resolution(self._crowd, scenario.start.q, self.time)
         self.step, span = self.options.step or self._automatic_step(), scenario.t_end - scenario.start.t
         self.step = min(self.step, span) if span > 0 else self.step
         if span > MOST_STEPS * self.step:
@@ -126,9 +125,8 @@ class TilesSession:
 
     @cached_property
     def _law_check(self) -> LawCheck:
-        from flocking.engine.tiles.law_check import LawCheck
-
-        return LawCheck(self)
+        half_steps = isinstance(self._scheme, Verlet) and not self._crowd.spec.damped
+        return LawCheck(self.scenario, self._crowd.dtype, half_steps=half_steps, refuses=self.plant is None)
 
     @property
     def recorder(self) -> Records:
@@ -258,15 +256,17 @@ class TilesSession:
         looked = self.options.ledger and is_due(self.steps + 1)
         try:
             if looked:
-                self._law_check.before_step(h)
+                if not self._law_check.half_steps:
+                    self._guarded(lambda: crowd.require_lists(h))
+                self._law_check.before_step(crowd, self._moment, self.law_gaps)
             self._guarded(lambda: self._scheme.step(crowd, self.time, h))
         except FloatingPointError:
             why = "agents move further than the reach of their neighbour lists"
             raise step_too_large(self.step, h, why, time=self.time) from None
-        checks.after_step(self, crowd, h)
-        checks.stiff_start(self, resolves)
+        checks.after_step(crowd, h, self.records, self.step, self.time, self.singular_reach)
+        checks.stiff_start(self.step, resolves, self.options.scheme, self.time)
         if looked:
-            self._law_check.after_step(0.5 * (last + h), h)
+            self._law_check.after_step(crowd, 0.5 * (last + h), h, self._moment, self.law_gaps)
         if not self.options.ledger:
             self.instability.look(
                 crowd, self.steps, h, self.step, self.time, alternating=self.options.scheme == "verlet"
@@ -278,21 +278,25 @@ class TilesSession:
         self._plan = (start, end, count, index + 1)
         self.time = end if index + 1 == count else start + (end - start) * (index + 1) / count
 
+    @property
+    def _moment(self) -> Moment:
+        return Moment(self.time, self._plan[0], self.steps)
+
     def _record(self) -> None:
         """Store a frame where one is due."""
         if not self.records.due(self.time):
             return
         if not (self.options.keep_frames or self.options.observe):
             self._guarded(lambda: self._scheme.look(self._crowd, self.time, self.step))
-            checks.links_kept(self, self._crowd)
+            checks.links_kept(self._crowd, self.step, self.time)
             self._book()
             self.records.count += 1
             return
         q, p = self._look()
         if not (np.isfinite(q).all() and np.isfinite(p).all()):
             raise NotFinite("The state became infinite or NaN.", time=self.time)
-        checks.links_kept(self, self._crowd)
-        checks.resolution(self, q)
+        checks.links_kept(self._crowd, self.step, self.time)
+        checks.resolution(self._crowd, q, self.time)
         self._book()
         observed = None
         if self.options.observe:
@@ -310,7 +314,8 @@ class TilesSession:
                 if not np.isfinite(self.records.trace[-1][2]):
                     fix = f"Squares of the velocities overflow in {self.options.precision}."
                 raise InvalidInput("Scenario", "start", "must have a finite energy", self.records.trace[-1][1], fix)
-            checks.ledger(self)
+            eps = float(np.finfo(self._crowd.dtype).eps)
+            checks.ledger(self.records, self._scheme, eps, self.step, self.time)
 
     def snapshot(self, *, copied: bool = True) -> TilesSnapshot:
         """Everything needed to go on bit for bit: sort order, lists, link memory and rebuild reference included.
@@ -318,7 +323,7 @@ class TilesSession:
         Not ``copied``, it is good only until the session goes on.
         """
         return TilesSnapshot(
-            self.scenario, self.options, self.step, self.time, self._plan, self._crowd.memory(copied=copied),
+            self.scenario, self.options, self.step, self.time, self._plan, CrowdMemory.of(self._crowd, copied=copied),
             self._scheme.memory(),
             self.records.copy() if copied else self.records, self.steps, self.farthest,
             replace(self.law_gaps), self.instability.copy(), self.plant,
@@ -332,7 +337,7 @@ class TilesSession:
         session.workers = Workers(threads or snapshot.options.threads)
         session._scheme = scheme_named(snapshot.options.scheme, snapshot.options.ledger)
         session._crowd = session._new_crowd(snapshot.scenario, snapshot.scenario.start)
-        session._crowd.recall(snapshot.crowd)
+        snapshot.crowd.put_back(session._crowd)
         session._scheme.recall(snapshot.scheme)
         session.time, session.steps, session.step = snapshot.time, snapshot.steps, snapshot.step
         session.records, session._plan = snapshot.records.copy(), snapshot.plan

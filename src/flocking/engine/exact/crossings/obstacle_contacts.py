@@ -10,7 +10,6 @@ watched by `ball_guards`, which misses nothing.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 from flocking.engine.exact.crossings.ball_guards import ball_crossings, centre_paths, uniform_balls
 from flocking.engine.exact.crossings.guards import NEVER
 from flocking.engine.exact.integrator.segment import Segment
+from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 from flocking.formula.compiled import Reading
 from flocking.formula.machine_code import numba
 from flocking.model.checks import Array
@@ -26,7 +26,6 @@ from flocking.model.graphs.connectivity import Links
 from flocking.model.law import Law
 from flocking.model.leaders_and_obstacles.leaders import Sink, Velocity
 from flocking.model.leaders_and_obstacles.obstacles import Obstacle
-from flocking.model.terms.avoidance import ObstacleGroup, ObstacleTerm
 
 Indices = NDArray[np.intp]
 
@@ -35,27 +34,8 @@ CLOSED = 1e-15
 """Fraction of a step to which a crossing is located."""
 
 
-@dataclass(frozen=True)
-class Level:
-    """A distance from the obstacles of one group at which something happens.
-
-    Parameters
-    ----------
-    group
-        Number of the group.
-    kind
-        ``"obstacle"`` at the range of the term, ``"rim"`` at a kink of its force below it.
-    distance
-        The distance.
-    """
-
-    group: int
-    kind: str
-    distance: float
-
-
-class Encounters:
-    """Distances of agents from the obstacles of a law, and the levels they cross.
+class ObstacleContacts(ObstacleDistances):
+    """Distances of agents from the obstacles of a law, and when they cross the levels of the law.
 
     Parameters
     ----------
@@ -64,32 +44,9 @@ class Encounters:
     """
 
     def __init__(self, law: Law) -> None:
-        self.groups: list[ObstacleGroup] = []
-        self.levels: list[Level] = []
-        for term in law.body_terms:
-            if isinstance(term, ObstacleTerm):
-                inner = sorted(d for d in term.kinks() if d < term.range)
-                for group in term.groups:
-                    number = len(self.groups)
-                    self.levels.append(Level(number, "obstacle", term.range))
-                    self.levels += [Level(number, "rim", distance) for distance in inner]
-                    self.groups.append(group)
+        super().__init__(law)
         self._reading = Reading()
-        self._distance = [g.obstacles[0].distance_function() for g in self.groups]
         self._balls = [uniform_balls(g) for g in self.groups]
-        self._rows = [np.array([v.values for v in g.rows.values()]) for g in self.groups]
-
-    def distances(self, group: int, q: Array, t: float) -> Array:
-        """Signed distances of all agents from the obstacles of a group, shape (N, K)."""
-        n, count = len(q), len(self.groups[group].obstacles)
-        points = np.repeat(q, count, axis=0)
-        found = self._clearance(group, points, np.full(n * count, t), np.tile(np.arange(count), n))
-        return found.reshape(n, count)
-
-    def within(self, level: Level, q: Array, t: float) -> Links:
-        """Which agents are closer than the level, shape (N, K); at the range itself closed, as printed."""
-        distance = self.distances(level.group, q, t)
-        return np.asarray(distance <= level.distance if level.kind == "obstacle" else distance < level.distance)
 
     def record(self, group: int, t: float, q: Array, p: Array, pair: tuple[int, int]) -> tuple[Any, ...]:
         """The switch of one pair (agent, obstacle), fields `SWITCH_FIELDS`; ``j`` numbers the obstacle in its term.
@@ -102,14 +59,11 @@ class Encounters:
         i, o = (int(k) for k in pair)
         step = 1e-6
         low, high = (
-            self._clearance(group, (q[i] + s * p[i])[None], np.array([t + s]), np.array([o]))[0] for s in (-step, step)
+            self.clearance(group, (q[i] + s * p[i])[None], np.array([t + s]), np.array([o]))[0] for s in (-step, step)
         )
         speed = float(high - low) / (2 * step)
         slow = abs(speed) < 1e-6 * max(float(np.linalg.norm(p[i])), 1e-12)
         return (t, i, self.groups[group].numbers[o], "obstacle", group, speed, slow)
-
-    def _clearance(self, group: int, points: Array, t: Array, obstacle: Indices) -> Array:
-        return self._distance[group](points, t, list(self._rows[group][:, obstacle]))
 
     def next_crossings(
         self, segment: Segment, B: Array, near: list[Links], active: list[Links]
@@ -191,7 +145,7 @@ class Encounters:
         length = segment.t1 - segment.t0
 
         def above(points: Array, x: Array, which: Indices) -> Array:
-            values = self._clearance(group, points, segment.t0 + length * x, obstacle[which])
+            values = self.clearance(group, points, segment.t0 + length * x, obstacle[which])
             return np.asarray(sign[which] * (values - border[which]))
 
         return above

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.engine.exact.crossings.guards import crossings, reach
-from flocking.engine.exact.crossings.obstacle_contacts import Encounters
+from flocking.engine.exact.crossings.obstacle_contacts import ObstacleContacts
 from flocking.engine.exact.crossings.view_guards import view_crossings
 from flocking.engine.exact.integrator.segment import Segment
 from flocking.model.checks import Array
@@ -130,7 +130,7 @@ class LinkState:
             self.links[0] = np.array(links)
         self.watches = _watches(law, len(q))
         self.near: list[Links] = [self._near_at(q, w) for w in self.watches]
-        self.encounters = Encounters(law)
+        self.encounters = ObstacleContacts(law)
         self._first_level = len(self.watches)
         for level in self.encounters.levels:
             distance = np.full(len(q), level.distance)
@@ -194,7 +194,7 @@ class LinkState:
         found = np.zeros((len(self.graphs), len(self._allowed[0])))
         if not any(getattr(t, "functional", False) for t in self._law.pair_terms):
             return found
-        from flocking.model.graphs.functionals import graph_functional
+        from flocking.model.graph_functional import graph_functional
 
         for number, links in enumerate(self.links):
             values = graph_functional(self._law, number, links)
@@ -300,7 +300,7 @@ class LinkState:
         Parameters
         ----------
         barriers
-            Of each graph, whether a potential is infinite where its links break, see `has_barrier`.
+            Of each graph, whether a potential is infinite where its links break, see `Law.has_barrier`.
         crossings
             What crosses at the end of a step.
         """
@@ -369,16 +369,3 @@ def _meets(term: PairTerm, distance: float) -> bool:
         return isinstance(term, Gradient | Consensus)
     inside, outside = term.potential.slope(distance * (1 + np.array([-1e-9, 1e-9])))
     return bool(abs(outside - inside) <= 1e-6 * max(1.0, abs(float(inside)), abs(float(outside))))
-
-
-def has_barrier(law: Law, graph: Graph) -> bool:
-    """Whether a potential over ``graph`` is infinite where its links break."""
-    radius = np.max(np.asarray(graph.break_radius))
-    if not np.isfinite(radius):
-        return False
-    numbers = [k for k, g in enumerate(law.graphs) if g is graph]
-    return any(
-        not np.isfinite(term.potential(radius))
-        for term in law.pair_terms
-        if isinstance(term, Gradient) and law.graph_number(term) in numbers
-    )

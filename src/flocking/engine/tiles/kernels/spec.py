@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.exact.crossings.switching import has_barrier
 from flocking.engine.kernels.layout import Layout
 from flocking.errors import UnsupportedLaw
 from flocking.model.graphs.distance_graphs import Fixed, Graph, Hysteresis, Proximity
@@ -132,7 +131,7 @@ def graph_kinds(scenario: Scenario, ledger: bool) -> tuple[GraphKind, ...]:
         Whether energies are summed on the way.
     """
     law = scenario.law
-    return tuple(_kind(graph, has_barrier(law, graph) and graph.moves, ledger) for graph in law.graphs)
+    return tuple(_kind(graph, law.has_barrier(graph) and graph.moves, ledger) for graph in law.graphs)
 
 
 def _kind(graph: Graph, barrier: bool, ledger: bool) -> GraphKind:

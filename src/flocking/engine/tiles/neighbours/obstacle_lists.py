@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.exact.crossings.obstacle_contacts import Encounters
+from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 from flocking.engine.tiles.neighbours.neighbour_lists import WIDTH
 from flocking.model.law import Law
 from flocking.model.leaders_and_obstacles.leaders import Sink, Velocity
@@ -35,7 +35,7 @@ class NearbyObstacles:
     """
 
     def __init__(self, law: Law, ranges: list[float]) -> None:
-        self.encounters = Encounters(law)
+        self.encounters = ObstacleDistances(law)
         self.ranges = ranges
         self.lists: list[tuple[Any, Any]] = []
         self.used = np.inf

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
 from flocking.engine.tiles.neighbours.neighbour_lists import NUMBER, WIDTH, TileLists
-
-if TYPE_CHECKING:
-    from flocking.engine.tiles.particle_arrays import Crowd
 
 
 def tile_pairs(lists: TileLists, tiles: Iterable[int], n: int) -> tuple[Any, Any]:
@@ -41,12 +38,26 @@ def listed_pairs(lists: TileLists, n: int, *, linked: bool = False) -> tuple[Any
     return i[ranks], j[ranks]
 
 
-def broken_pair(crowd: Crowd) -> tuple[int, int]:
-    """The nearest pair beyond its radius in the tiles that report a broken link; numbers of the agents."""
-    tiles = np.flatnonzero(crowd.tops[:, 2] > 0)[:4]
-    pairs = [tile_pairs(lists, tiles, crowd.n) for lists in crowd.lists if lists is not None]
+def nearest_pair_beyond(
+    square: float, neighbour_lists: Sequence[TileLists | None], tiles: Iterable[int], positions: Any, n: int
+) -> tuple[int, int]:
+    """Places of the nearest listed pair of some tiles at a squared distance of at least ``square``.
+
+    Parameters
+    ----------
+    square
+        The squared distance.
+    neighbour_lists
+        The lists of every graph.
+    tiles
+        The tiles.
+    positions
+        Positions, shape (m, size).
+    n
+        Number of agents.
+    """
+    pairs = [tile_pairs(lists, tiles, n) for lists in neighbour_lists if lists is not None]
     i, j = (np.concatenate(x) for x in zip(*pairs, strict=True))
-    square = ((crowd.X[: crowd.m, j] - crowd.X[: crowd.m, i]) ** 2).sum(axis=0)
-    least = min(float(x[0]) for x, kind in zip(crowd.limits, crowd.spec.graphs, strict=True) if kind.barrier)
-    k = int(np.argmin(np.where(square >= least, square, np.inf)))
-    return int(crowd.ids[i[k]]), int(crowd.ids[j[k]])
+    squares = ((positions[:, j] - positions[:, i]) ** 2).sum(axis=0)
+    k = int(np.argmin(np.where(squares >= square, squares, np.inf)))
+    return int(i[k]), int(j[k])

@@ -1,0 +1,74 @@
+"""Distances of agents from the obstacles of a law, and the distances at which something happens."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flocking.model.checks import Array
+from flocking.model.graphs.connectivity import Links
+from flocking.model.law import Law
+from flocking.model.terms.avoidance import ObstacleGroup, ObstacleTerm
+
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Level:
+    """A distance from the obstacles of one group at which something happens.
+
+    Parameters
+    ----------
+    group
+        Number of the group.
+    kind
+        ``"obstacle"`` at the range of the term, ``"rim"`` at a kink of its force below it.
+    distance
+        The distance.
+    """
+
+    group: int
+    kind: str
+    distance: float
+
+
+class ObstacleDistances:
+    """Distances of agents from the obstacles of a law, and the levels they cross.
+
+    Parameters
+    ----------
+    law
+        The law.
+    """
+
+    def __init__(self, law: Law) -> None:
+        self.groups: list[ObstacleGroup] = []
+        self.levels: list[Level] = []
+        for term in law.body_terms:
+            if isinstance(term, ObstacleTerm):
+                inner = sorted(d for d in term.kinks() if d < term.range)
+                for group in term.groups:
+                    number = len(self.groups)
+                    self.levels.append(Level(number, "obstacle", term.range))
+                    self.levels += [Level(number, "rim", distance) for distance in inner]
+                    self.groups.append(group)
+        self._distance = [g.obstacles[0].distance_function() for g in self.groups]
+        self._rows = [np.array([v.values for v in g.rows.values()]) for g in self.groups]
+
+    def distances(self, group: int, q: Array, t: float) -> Array:
+        """Signed distances of all agents from the obstacles of a group, shape (N, K)."""
+        n, count = len(q), len(self.groups[group].obstacles)
+        points = np.repeat(q, count, axis=0)
+        found = self.clearance(group, points, np.full(n * count, t), np.tile(np.arange(count), n))
+        return found.reshape(n, count)
+
+    def within(self, level: Level, q: Array, t: float) -> Links:
+        """Which agents are closer than the level, shape (N, K); at the range itself closed, as printed."""
+        distance = self.distances(level.group, q, t)
+        return np.asarray(distance <= level.distance if level.kind == "obstacle" else distance < level.distance)
+
+    def clearance(self, group: int, points: Array, t: Array, obstacle: Indices) -> Array:
+        """Signed distances of points, shape (k, m), at times ``t`` from one obstacle of a group each; shape (k,)."""
+        return self._distance[group](points, t, list(self._rows[group][:, obstacle]))
