@@ -1,4 +1,4 @@
-"""The house: imports go down only, importing is cheap, files stay small, types and style hold."""
+"""Imports go down only and in no circle, importing is cheap, files stay small, types and style hold."""
 
 from __future__ import annotations
 

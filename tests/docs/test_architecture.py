@@ -1,0 +1,81 @@
+"""The page on the architecture leads to the right file for each of many tasks, and names every folder."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCE = ROOT / "src" / "flocking"
+PAGE = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+ROWS = dict(re.findall(r"^\| (.+?) \| `([^`]+)` \|$", PAGE, re.MULTILINE))
+
+HOMES = {
+    "allow another function in text formulas": "FUNCTIONS: dict[str, int] = {",
+    "change the size limit of the cache of generated code": "MOST_BYTES =",
+    "add a term that acts between pairs": "class PairTerm(",
+    "change the pursuit of a leader": "class Track(",
+    "change what beta- and gamma-agents do": "class Avoid(",
+    "add a graph with another link rule": "class Graph(",
+    "add a bump function": "class Bump",
+    "add a shape of obstacle": "class Obstacle(",
+    "add a random start": "def box(",
+    "change how a kernel of the exact engine is printed": "def _stages_source(",
+    "change the relative tolerance of the exact engine": "RELATIVE =",
+    "change how a crossing of a distance is located": "def crossings(",
+    "change the estimate of the integration error": "class Companion",
+    "add a field to the checkpoint of the exact engine": "def pack_exact(",
+    "add a column to the ledger": "TRACE_FIELDS =",
+    "change the automatic time step": "def largest_step(",
+    "add an integrator with a fixed step": "class Verlet(",
+    "change the skin rule": "def best_skin(",
+    "change how neighbour lists are built": "class ListBuilder",
+    "change the kernel of one time step": "def tile_kernels(",
+    "change the accuracy of the inverse square root": "def inverse_root(",
+    "change the LAMMPS input deck": "def make_deck(",
+    "change how a file survives a kill": "os.replace(",
+    "export runs to another format": "def export_run(",
+    "change how often a run is committed to disk": "COMMIT_SECONDS =",
+    "change the progress lines": "LINE_SECONDS =",
+    "add a claim about links that any law can be asked": "def stays_connected(",
+    "change the verdict over several seeds": "class Judgement",
+    "change when a potential counts as one": "def check_potential(",
+    "let scenario files name a new part": "Kind(",
+    "change what happens to work of a dead worker": "class Campaign",
+    "change the colours of pictures": "class Theme",
+    "correct the reading of an equation of Zhou": "[[statement]]",
+    "add an option to `flocking run`": "def run(",
+    "change the layout of the report": "def write_report(",
+    "fix a lamp's colour in the lab": "class Lamp",
+    "change which requests the lab refuses": "class AccessCheck",
+}
+"""For each task, words that stand where it is done."""
+
+
+def test_there_are_at_least_thirty_tasks_on_the_page():
+    assert set(ROWS) == set(HOMES)
+    assert len(HOMES) >= 30
+
+
+@pytest.mark.parametrize("task", HOMES)
+def test_a_task_is_done_in_the_file_that_the_page_names(task):
+    path = SOURCE / ROWS[task]
+    assert path.is_file()
+    assert HOMES[task] in path.read_text(encoding="utf-8")
+
+
+def test_the_plan_names_every_folder():
+    plan = PAGE.split("```text")[1].split("```")[0]
+    named = set(re.findall(r"([a-z_0-9]+)/", plan))
+    papers = {p.parent.name for p in SOURCE.glob("papers/*/equations.toml")}
+    folders = {p.parent.name for p in SOURCE.rglob("*.py")} - {"flocking"} - papers
+    assert folders - named == set()
+    assert named - folders == {"src", "flocking"}
+
+
+def test_files_named_in_the_text_are_there():
+    text = PAGE.split("## How it works")[1]
+    for name in re.findall(r"`([a-z_/]+\.py)`", text):
+        assert [p for p in SOURCE.rglob(Path(name).name) if p.as_posix().endswith(f"/{name}")], name
