@@ -26,6 +26,9 @@ CONSTANTS: dict[str, float] = {"pi": math.pi}
 RESERVED = frozenset({"math", "numpy"})
 """Names generated code needs for itself."""
 
+LARGEST_NUMBER = 1e100
+"""Numbers in formulas and exact numbers that follow from them: products of three are finite in double precision."""
+
 LONGEST_TEXT = 10_000
 DEEPEST_NESTING = 60
 MOST_NODES = 600
@@ -144,7 +147,7 @@ def _convert(node: ast.expr, text: str, owner: str) -> Node:
         case ast.Constant(value=bool()):
             raise _reject(owner, text, "must not contain True or False")
         case ast.Constant(value=(int() | float()) as value):
-            if not abs(value) <= 1e100:  # NaN and integers beyond floats included
+            if not abs(value) <= LARGEST_NUMBER:  # NaN and integers beyond floats included
                 raise _reject(owner, text, "must have finite numbers below 1e100")
             return ("number", value)
         case ast.Name(id=name):

@@ -10,6 +10,9 @@ if TYPE_CHECKING:
     import sympy
 
 DIGITS = 600
+LARGEST_POWER = 4096
+"""Whole exponents up to it are powers by repeated multiplication, exact for negative bases; beyond, exp and log."""
+
 LONGEST_NUMBER = 20_000
 """Bits of an argument beyond which a function is not evaluated: its value would need all of them."""
 
@@ -65,7 +68,7 @@ def evaluator(
             return nan
         if base == 0:
             return inf if exponent < 0 else context.mpf(1) if exponent == 0 else zero
-        if context.isint(exponent) and abs(exponent) <= 4096 and not context.isinf(base):
+        if context.isint(exponent) and abs(exponent) <= LARGEST_POWER and not context.isinf(base):
             return base ** int(exponent)
         return growth(exponent * context.log(base)) if base > 0 else nan
 

@@ -6,13 +6,12 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from flocking.errors import FormulaError
-from flocking.formula.grammar import CONSTANTS, Formula, Node
+from flocking.formula.grammar import CONSTANTS, LARGEST_NUMBER, Formula, Node
 
 if TYPE_CHECKING:
     import sympy
 
 
-LARGEST_EXACT = 10**100
 MOST_BITS = 4096
 """Numbers beyond two to this power are not raised to powers: double precision ends at 1024."""
 
@@ -38,7 +37,7 @@ def to_sympy(formula: Formula, values: Mapping[str, sympy.Expr]) -> sympy.Expr:
     except (TypeError, ValueError, ArithmeticError):  # a comparison with such a number
         result = sympy.nan
     powers = [p for p in result.atoms(sympy.Pow) if p.is_number]
-    if any(abs(n.p) > LARGEST_EXACT or n.q > LARGEST_EXACT for n in result.atoms(sympy.Rational)):
+    if any(abs(n.p) > LARGEST_NUMBER or n.q > LARGEST_NUMBER for n in result.atoms(sympy.Rational)):
         raise FormulaError(formula.owner, "formula", "must have exact numbers below 1e100", formula.text)
     unreal = any(p.base.is_negative and p.exp.is_integer is False for p in powers)
     if unreal or result.has(sympy.I, sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
@@ -101,7 +100,7 @@ def _exact(exponent: sympy.Expr) -> sympy.Expr:
     """
     import sympy
 
-    floats = [x for x in exponent.atoms(sympy.Float) if 1 / LARGEST_EXACT < abs(x) < LARGEST_EXACT]
+    floats = [x for x in exponent.atoms(sympy.Float) if 1 / LARGEST_NUMBER < abs(x) < LARGEST_NUMBER]
     return exponent.xreplace({x: sympy.Rational(repr(float(x))) for x in floats})
 
 

@@ -13,6 +13,10 @@ from flocking.errors import InvalidInput
 
 Array = NDArray[np.float64]
 
+NO_LESS = 1e-300
+"""Least divisor, in place of a length or an energy that may be zero: quotients of zero become zero, and others so large
+that every bound refuses them. It is a normal number, so that dividing by it is exact to rounding."""
+
 
 def number(
     owner: str,

@@ -108,3 +108,29 @@ def test_looking_for_a_closed_form_is_quick(formula):
 def test_bad_input_is_explained(make, words):
     with pytest.raises((InvalidInput, FormulaError), match=words):
         make()
+
+
+BURST = fk.Path(["100*exp(-((t - 0.53)/0.001)^2)", "where(t < 0.5, t, 3*t^2)"])
+"""A burst that nine samples of [0, 1] do not meet."""
+
+
+@pytest.mark.parametrize("leader", [*LEADERS.values(), BURST], ids=[*LEADERS, "burst"])
+@given(begin=st.floats(-2, 5), length=st.floats(0, 1))
+def test_no_speed_exceeds_its_bound(leader, begin, length):
+    bound = leader.speed_bound(begin, begin + length)
+    assert np.isfinite(bound)
+    fastest = max(float(np.linalg.norm(leader.velocity_at(t))) for t in np.linspace(begin, begin + length, 33))
+    assert fastest <= bound
+
+
+def test_a_bound_of_the_speed_holds_between_samples_and_is_close_to_the_speed():
+    samples = [np.linalg.norm(BURST.velocity_at(t)) for t in np.linspace(0, 1, 9)]
+    assert 1.5 * max(samples) < np.linalg.norm(BURST.velocity_at(0.53)) <= BURST.speed_bound(0, 1)
+    assert 1.0 <= LEADERS["circle"].speed_bound(2.0, 2.01) < 1.001
+    assert fk.Velocity([3.0, 4.0]).speed_bound(0, 1) == pytest.approx(5.0, rel=1e-9)
+
+
+def test_a_speed_without_bound_has_an_infinite_one():
+    assert fk.Path(["1/(t - 0.5)"], start_time=1.0).speed_bound(0.0, 1.0) == np.inf
+    many = " + ".join(f"where(t < {k}, t, {k + 1}*t)" for k in range(20))
+    assert fk.Path([many]).speed_bound(0.0, 1.0) == np.inf

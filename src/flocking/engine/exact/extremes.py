@@ -19,6 +19,9 @@ from flocking.model.graphs.connectivity import Links
 SPEEDS = ("speed", "spread", "relative speed")
 NOTHING = Largest()
 
+FARTHEST = 1e150
+"""Distances beyond it are taken for it: its square, 1e300, is still a number in double precision."""
+
 SQUARED = 64 * float(np.finfo(float).eps)
 """Error of a squared distance inside a step, relative to the largest on it: a sum of 64 products, halved repeatedly."""
 
@@ -117,7 +120,7 @@ class Extremes:
 
     def _approach(self, segment: Segment, B: Array, far: Array, linked: Links, error: float) -> None:
         margin = 0.0 if error == np.inf else error
-        at_most = [min(max(c.distance, c.distance - _known(c) + margin), 1e150) for c in self.closest]
+        at_most = [min(max(c.distance, c.distance - _known(c) + margin), FARTHEST) for c in self.closest]
         rows = closest(B, far, linked, *at_most).tolist()
         if rows[0][1] >= NEVER and rows[1][1] >= NEVER and error < np.inf:
             return

@@ -39,10 +39,21 @@ NEGLIGIBLE = 1e-26
 FINEST = 1e-10
 """Smallest width looked for, relative to the distance."""
 
+AIMED = 0.9
+"""Share of the allowed stride at which a step that goes too far is cut: the path between two samples is taken for
+straight, and its bend must not make the next step too long again."""
+
 MOST_CELLS = 4096
+"""Undecided intervals at which the search ends: extrema that are left then are known to the stages of a step alone."""
+
 MOST_KNOWN = 1000
+"""Formulas whose zones are kept; a thousand laws at one time is more than a sweep in one process has."""
+
 SHELLS = 40
+"""Halvings of the range, down to 2^-40 of it; where the range is infinite, from 2^40 to 2^-40."""
+
 SAMPLES = 64
+"""Places of a pair looked at along a step."""
 
 
 _known: dict[object, Array] = {}
@@ -240,7 +251,7 @@ def allowed_share(B: Array, far: Array, senders: Any, sensed: Any, offsets: Any,
                 inside = min(max(r, begin), end)
                 low, high = min(low, inside), max(high, inside)
                 if high - low > most:
-                    goal = high - 0.9 * most if inside == low else low + 0.9 * most
+                    goal = high - AIMED * most if inside == low else low + AIMED * most
                     part = (goal - before) / (r - before) if r != before else 1.0
                     share = min(share, last + min(max(part, 0.0), 1.0) * (x - last))
                     break
@@ -289,7 +300,8 @@ def allowed_by_obstacles(
             for pair in np.flatnonzero(far.any(axis=0)):
                 k = int(np.argmax(far[:, pair]))
                 inwards = inside[k, pair] == low[k, pair]
-                goal = high[k, pair] - 0.9 * STRIDE * width if inwards else low[k, pair] + 0.9 * STRIDE * width
+                aim = AIMED * STRIDE * width
+                goal = high[k, pair] - aim if inwards else low[k, pair] + aim
                 before, after = distance[k - 1, pair], distance[k, pair]
                 part = float(np.clip((goal - before) / (after - before), 0.0, 1.0)) if after != before else 1.0
                 share = min(share, float(x[k - 1]) + part / SAMPLES)

@@ -18,6 +18,10 @@ from flocking.engine.exact.uncertain_switches import Doubts, Settled
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
 
+DIFFERENCED = 0.01
+"""Part of a step over which the second derivative of a distance is a difference of first ones: short against the step,
+long against the rounding of polynomials, about 1e-14 of it."""
+
 MOST_DOUBTS = 2000
 """After so many switches in doubt the rest of a run counts as unknown."""
 
@@ -306,7 +310,7 @@ def _radial(
     span, C = segment.t1 - segment.t0, segment.coefficients
     pair = Segment(segment.t0, segment.t1, C[:, j * m : (j + 1) * m] - C[:, i * m : (i + 1) * m])
     rates = []
-    for t in (segment.t1 - 0.01 * span, segment.t1):
+    for t in (segment.t1 - DIFFERENCED * span, segment.t1):
         d, w = pair.with_slope(t)
         r = float(np.linalg.norm(d))
         rates.append(float(d @ w) / r if r > 0.0 else 0.0)
@@ -317,4 +321,4 @@ def _radial(
     if difference is not None:
         e = difference[: n * m].reshape(n, m)
         off = float(d @ (e[j] - e[i])) / r
-    return off, drift, (rates[1] - rates[0]) / (0.01 * span)
+    return off, drift, (rates[1] - rates[0]) / (DIFFERENCED * span)

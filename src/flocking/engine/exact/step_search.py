@@ -12,6 +12,9 @@ from flocking.engine.exact.failures import link_lost
 from flocking.engine.exact.integrator.segment import Segment
 from flocking.engine.exact.integrator.stepper import Stepper
 
+SHORTENED = 0.25
+"""What a step that cannot be right is shortened to."""
+
 RETRIES = 30
 """How often a step that cannot be right is retried, four times smaller each time."""
 
@@ -55,7 +58,7 @@ def found_step(
         jumped = books is not None and lost is None and share >= 1 and jumps_barrier(dynamics, segment, books)
         if lost is None and share >= 1 and not jumped:
             break
-        longest = (segment.t1 - segment.t0) * (share if share < 1 else 0.25)
+        longest = (segment.t1 - segment.t0) * (share if share < 1 else SHORTENED)
         if longest <= 64 * np.finfo(float).eps * max(1.0, abs(before.t)):
             break
         stepper.recall(before)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from flocking.engine.fixed_step.declared_law import POWERS, Statement
+from flocking.model.checks import NO_LESS
 
 EVERY = 1024
 """Steps between two looks at the forces of a long run."""
@@ -85,10 +86,10 @@ class LawGaps:
 
     def _compare(self, gap: Any, allowed: Any, size: Any) -> int | None:
         gap = np.where(np.isfinite(gap), gap, np.inf)
-        share = gap / np.maximum(allowed, 1e-300)
+        share = gap / np.maximum(allowed, NO_LESS)
         k = int(np.argmax(share))
         if share[k] > self.worst:
             self.worst = float(share[k])
-            whole = max(float(size[k]), float(allowed[k]), 1e-300)
+            whole = max(float(size[k]), float(allowed[k]), NO_LESS)
             self.gap, self.allowed = float(gap[k]) / whole, float(allowed[k]) / whole
         return k if share[k] > 1.0 else None

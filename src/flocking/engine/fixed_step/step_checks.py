@@ -7,9 +7,20 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from flocking.errors import StepTooLarge
+from flocking.model.checks import NO_LESS
 
 STRIDE = 0.25
 """Largest share of a linked pair's distance that it may move in one step under a potential singular at contact."""
+
+SPARE = 0.5
+"""Share of the allowed stride that a recommended step would use: the next pair may be closer."""
+
+SMALL_GAP = 0.2
+"""Share of the allowed residual that a recommended step would leave: the order of the scheme is reached only for small
+steps."""
+
+LARGEST_GAP = 1e6
+"""Residuals beyond so many times the energy moved are taken for it: a recommendation stays a number."""
 
 RESIDUAL = 0.05
 """Largest share of the energy moved that the ledger may leave unexplained."""
@@ -50,10 +61,10 @@ def check_stride(step: float, distance: float, moved: float, *, time: float, age
     StepTooLarge
         When it moved further.
     """
-    share = moved / max(distance, 1e-300)
+    share = moved / max(distance, NO_LESS)
     if share > STRIDE:
         raise step_too_large(
-            step, step * 0.5 * STRIDE / share, f"a pair at distance {distance:.3g} moved {moved:.3g} in one step",
+            step, step * SPARE * STRIDE / share, f"a pair at distance {distance:.3g} moved {moved:.3g} in one step",
             time=time, agents=agents,
         )  # fmt: skip
 
@@ -90,8 +101,8 @@ def check_ledger(
     """
     gap = (last[1] - first[1]) + (last[4] - first[4]) - (last[5] - first[5]) - (last[6] - first[6])
     moved = sum(abs(last[k] - first[k]) for k in (3, 4, 5, 6)) + first[2] + last[2] + rounding
-    share = abs(gap) / max(moved, 1e-300)
+    share = abs(gap) / max(moved, NO_LESS)
     if not share <= allowed:
-        smaller = step * (0.2 * allowed / min(share, 1e6)) ** (1.0 / order) if np.isfinite(share) else 0.1
+        smaller = step * (SMALL_GAP * allowed / min(share, LARGEST_GAP)) ** (1.0 / order) if np.isfinite(share) else 0.1
         why = f"the energy ledger leaves {100 * share:.3g} % of the energy unexplained"
         raise step_too_large(step, min(smaller, step / 2, at_most()), why, time=time, instead=instead)

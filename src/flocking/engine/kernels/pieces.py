@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.model.checks import Array
+from flocking.model.checks import NO_LESS, Array
 
 if TYPE_CHECKING:
     import sympy
@@ -108,8 +108,8 @@ def limits(borders: Sequence[float], formulas: Shape, parameters: Sequence[Any] 
 def _limits(
     low: float, high: float, shape: Callable[[float, float, float], Array]
 ) -> tuple[float, float, float, float]:
-    inner = low + MARGIN * max(abs(low), 1e-300) if np.isfinite(low) else -np.inf
-    outer = high - MARGIN * max(abs(high), 1e-300) if np.isfinite(high) else np.inf
+    inner = low + MARGIN * max(abs(low), NO_LESS) if np.isfinite(low) else -np.inf
+    outer = high - MARGIN * max(abs(high), NO_LESS) if np.isfinite(high) else np.inf
     if not inner < outer:
         return FREE
     middle = float(np.clip(0.5 * (inner + outer) if np.isfinite(inner + outer) else 0.0, inner, outer))

@@ -11,6 +11,7 @@ from flocking.engine.fixed_step.step_checks import RESIDUAL, check_ledger, check
 from flocking.engine.fixed_step.step_checks import step_too_large as too_large
 from flocking.engine.lammps.neighbours import sampled_pairs
 from flocking.errors import StepTooLarge
+from flocking.model.checks import NO_LESS
 
 if TYPE_CHECKING:
     from flocking.engine.lammps.ledger import Ledger
@@ -75,7 +76,7 @@ def check_strides(state: State, pairs: tuple[Any, Any], step: float) -> None:
     if not len(i):
         return
     distance, speed = (np.linalg.norm(x[j] - x[i], axis=1) for x in (state.q, state.p))
-    k = int(np.argmax(speed / np.maximum(distance, 1e-300)))
+    k = int(np.argmax(speed / np.maximum(distance, NO_LESS)))
     pair = (int(min(i[k], j[k])), int(max(i[k], j[k])))
     check_stride(step, float(distance[k]), step * float(speed[k]), time=state.t, agents=pair)
 

@@ -15,6 +15,7 @@ from flocking.engine.tiles.neighbours.listed_pairs import tile_pairs
 from flocking.engine.tiles.particle_arrays import Crowd
 from flocking.engine.tiles.records import Records
 from flocking.errors import LinkLost, NotFinite, OutOfPrecision
+from flocking.model.checks import NO_LESS
 
 COARSEST = 1e-2
 """Largest share of the radius that the rounding of positions may take for most agents."""
@@ -22,6 +23,10 @@ COARSEST = 1e-2
 UNSTABLE = 40.0
 """A step so many times longer than one that resolves the start turns damped velocities round, to three times their
 size, and skips whole periods of its oscillations."""
+
+MOST_TILES = 4096
+"""Tiles whose pairs are measured one by one after a step, those with the closest pairs first: a bound on the time and
+the memory of a check, some 65,000 agents. A pair moves too far for its distance where distances are least."""
 
 FARTHEST = 1e15
 """Distances beyond it are those of no pair at all: what a kernel starts from that has not met one."""
@@ -175,15 +180,15 @@ def _check_strides(crowd: Crowd, h: float, step: float, time: float) -> None:
     m = crowd.m
     reach = (2.0 * crowd.top_speed * h / STRIDE) ** 2
     tiles = np.flatnonzero(crowd.tops[:, 1] < reach)
-    if len(tiles) > 4096:
-        tiles = tiles[np.argsort(crowd.tops[tiles, 1], kind="stable")[:4096]]
+    if len(tiles) > MOST_TILES:
+        tiles = tiles[np.argsort(crowd.tops[tiles, 1], kind="stable")[:MOST_TILES]]
     i, j = _listed(crowd, tiles)
     if not len(i):
         return
     distance = np.sqrt(((crowd.Y[:m, j] - crowd.Y[:m, i]) ** 2).sum(axis=0))
     moved = np.sqrt(((crowd.X[:m, j] - crowd.X[:m, i] - crowd.Y[:m, j] + crowd.Y[:m, i]) ** 2).sum(axis=0))
     linked = distance < max(crowd.cutoffs) if crowd.moving else np.ones(len(i), dtype=bool)
-    share = np.where(linked, moved / np.maximum(distance, 1e-300), 0.0)
+    share = np.where(linked, moved / np.maximum(distance, NO_LESS), 0.0)
     k = int(np.argmax(share))
     if linked[k]:
         pair = (int(crowd.ids[i[k]]), int(crowd.ids[j[k]]))

@@ -14,11 +14,22 @@ from numpy.typing import ArrayLike
 from flocking.errors import InvalidInput
 from flocking.formula.compiled import generated_module
 from flocking.formula.grammar import Formula
+from flocking.formula.interval_jets import Jet, on_jets
 from flocking.model.checks import Array, array, listed, number
 from flocking.model.checks import parameters as checked_parameters
 
 if TYPE_CHECKING:
     import sympy
+
+
+SPEED_INTERVALS = 8
+"""Parts of an interval of time on which a bound of the speed is sought: the shorter they are, the tighter it is."""
+
+ROUNDED_UP = 1.0 + 1e-12
+"""Bounds by interval arithmetic are not widened for rounding; a velocity is a few hundred operations at most."""
+
+MOST_BRANCHES = 64
+"""Branches of a velocity made of pieces that are bounded one by one; beyond, there is no bound."""
 
 
 class Leader(ABC):
@@ -111,6 +122,24 @@ class Leader(ABC):
     def velocity_at(self, t: float) -> Array:
         """Velocity at time ``t``, shape (m,)."""
         return np.asarray(self._motion(self._module, float(t), tuple(self.parameters.values()))[1])
+
+    def speed_bound(self, t0: float, t1: float) -> float:
+        """A speed that it does not exceed on [t0, t1], by interval arithmetic on the velocity's formulas.
+
+        Infinite where interval arithmetic finds none: its bounds are too wide, or it does not know a function.
+        """
+        module, numbers = self._module, tuple(self.parameters.values())
+        edges = np.linspace(t0, t1, SPEED_INTERVALS + 1)
+        t = Jet.variable(edges[:-1], edges[1:])
+        square = np.zeros(SPEED_INTERVALS)
+        try:
+            for branches in on_jets(module.branches)(t, *numbers):
+                jets = [v if isinstance(v, Jet) else t.constant(float(v)) for v in branches]
+                largest = np.max([np.maximum(-jet.parts[0][0], jet.parts[0][1]) for jet in jets], axis=0)
+                square += largest**2
+        except (ValueError, ArithmeticError, TypeError, AttributeError):
+            return np.inf
+        return ROUNDED_UP * float(np.sqrt(square.max()))
 
     def _motion(self, module: ModuleType, t: float, numbers: tuple[float, ...]) -> Array:
         """What the formulas say, shape (3, m); NaN where they have no real value."""
@@ -343,5 +372,17 @@ def _leader_source(
     place = written(q) if q is not None else f"[math.nan] * {len(p)}"
     return (
         f"import math\n\nCLOSED = {q is not None}\n\n\ndef leader(t, {', '.join(names)}):\n"
-        f"    return {place}, {written(p)}, {written(a)}\n"
+        f"    return {place}, {written(p)}, {written(a)}\n\n\n"
+        f"def branches(t, {', '.join(names)}):\n    return [{', '.join(written(_branches(v)) for v in p)}]\n"
     )
+
+
+def _branches(velocity: sympy.Expr) -> list[sympy.Expr]:
+    """What a component of the velocity is on each of its pieces; not a number where there are too many."""
+    import sympy
+
+    if velocity.count(sympy.Piecewise) > MOST_BRANCHES.bit_length():
+        return [sympy.nan]
+    folded = sympy.piecewise_fold(velocity)
+    pieces = [value for value, _ in folded.args] if isinstance(folded, sympy.Piecewise) else [folded]
+    return pieces if len(pieces) <= MOST_BRANCHES and not any(p.has(sympy.Piecewise) for p in pieces) else [sympy.nan]

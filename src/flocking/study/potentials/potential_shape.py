@@ -18,6 +18,10 @@ if TYPE_CHECKING:
 
 NEAREST, FARTHEST = 1e-9, 1e9
 """Range of distances that is searched for breaks and minima."""
+GROWING = 0.9
+"""Differences of values at 10^-1, 10^-2, 10^-4, ... from a point of which none is below this share of the one before
+belong to no finite limit: those of a logarithm double, of a negative power grow, of a positive power vanish."""
+
 GRID = 36_001
 MOST_BREAKS = 40
 MOST_MINIMA = 60
@@ -177,7 +181,7 @@ def limit(values: list[Number]) -> Limit:
     if any(context.isinf(v) for v in tail):
         return Limit("none")
     d = [b - a for a, b in pairwise(tail)]
-    growing = all(abs(b) >= 0.9 * abs(a) for a, b in pairwise(d))
+    growing = all(abs(b) >= GROWING * abs(a) for a, b in pairwise(d))
     if all(x > 0 for x in d) and growing:
         return Limit("infinite", np.inf)
     if all(x < 0 for x in d) and growing:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.model.checks import Array
+from flocking.model.checks import NO_LESS, Array
 from flocking.model.graphs.connectivity import components
 from flocking.model.state import State
 
@@ -56,7 +56,7 @@ def turns(p: Array, before: NDArray[np.float32] | None = None) -> NDArray[np.flo
     """
     v = in_space(p).astype(np.float64)
     speed = np.linalg.norm(v, axis=1)
-    moving = speed > 1e-9 * max(float(speed.max(initial=0.0)), 1e-300)
+    moving = speed > 1e-9 * max(float(speed.max(initial=0.0)), NO_LESS)
     d = np.where(moving[:, None], v / np.where(moving, speed, 1.0)[:, None], (1.0, 0.0, 0.0))
     found = np.stack([1 + d[:, 0], np.zeros(len(d)), -d[:, 2], d[:, 1]], axis=1)
     size = np.linalg.norm(found, axis=1, keepdims=True)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.apps.lab.scene.glyphs import in_space
-from flocking.model.checks import Array
+from flocking.model.checks import NO_LESS, Array
 from flocking.model.law import Scenario
 from flocking.model.leaders_and_obstacles.obstacles import Ball, Obstacle, Wall
 from flocking.model.state import State
@@ -143,6 +143,6 @@ def imagined(scenario: Scenario, state: State) -> Array:
             found.append(in_space(obstacle.project(state.q[near], state.t)).astype(np.float64))
             if isinstance(term, Avoid) and term.gamma_agents and term.leader is not None and obstacle.mover is not None:
                 velocity = term.leader.at(state.t)[1]
-                ahead = term.offset * velocity / max(float(np.linalg.norm(velocity)), 1e-300)
+                ahead = term.offset * velocity / max(float(np.linalg.norm(velocity)), NO_LESS)
                 found.append(in_space((obstacle.mover.at(state.t)[0] + ahead)[None]).astype(np.float64))
     return np.concatenate(found)

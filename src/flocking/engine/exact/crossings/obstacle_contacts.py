@@ -30,6 +30,11 @@ from flocking.model.leaders_and_obstacles.obstacles import Obstacle
 Indices = NDArray[np.intp]
 
 FINE = 1e-7
+SPEED_SAMPLES = 9
+SPEED_MARGIN = 1.5
+"""Covers a speed that changes by a third between neighbouring samples of a step, which is more than steps that resolve
+the motion have. It proves nothing: used where a velocity has no bound by interval arithmetic."""
+
 CLOSED = 1e-15
 """Fraction of a step to which a crossing is located."""
 
@@ -152,13 +157,21 @@ class ObstacleContacts(ObstacleDistances):
 
 
 def _speed_bound(obstacle: Obstacle, t0: float, t1: float) -> float:
-    """Largest speed of an obstacle on [t0, t1]: exact for constant velocities, sampled with a margin for others."""
+    """Speed that an obstacle does not exceed on [t0, t1].
+
+    Exact for constant velocities, by interval arithmetic for formulas. Only where that finds none is it an estimate:
+    the largest of `SPEED_SAMPLES` speeds, `SPEED_MARGIN` times.
+    """
     mover = obstacle.mover
     if mover is None or type(mover) is Sink:
         return 0.0
     if type(mover) is Velocity:
         return float(np.linalg.norm(mover.value))
-    return 1.5 * max(float(np.linalg.norm(mover.at(float(t))[1])) for t in np.linspace(t0, t1, 9))
+    bound = mover.speed_bound(t0, t1)
+    if np.isfinite(bound):
+        return bound
+    times = np.linspace(t0, t1, SPEED_SAMPLES)
+    return SPEED_MARGIN * max(float(np.linalg.norm(mover.at(float(t))[1])) for t in times)
 
 
 def first_crossings(above: Callable[[Array, Array, Indices], Array], C: Array, speed: Array) -> Array:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from flocking.model.checks import NO_LESS
 from flocking.model.graphs.weights import PairWeights
 from flocking.model.terms.pair_terms import Gradient
 from flocking.study.claims.claim import Measure, above
@@ -123,7 +124,7 @@ def agents_at_their_minimum(e: Evidence) -> Measure:
 
     reach = float(np.max(np.asarray(e.law.graph.break_radius)))
     lowest = sum(smallest_value(p, reach)[1] for p in e.equilibrium.potentials)
-    scale = max(float(np.abs(e.equilibrium.agent_potentials).max(initial=0.0)), 1e-300)
+    scale = max(float(np.abs(e.equilibrium.agent_potentials).max(initial=0.0)), NO_LESS)
 
     def excess(frame: int) -> float:
         found = e.equilibrium_at(frame)
