@@ -262,8 +262,8 @@ def sealing(path: Path) -> Iterator[Any]:
         file.write(data.getvalue() + hashlib.sha256(data.getvalue()).digest())
 
 
-def is_sealed(path: Path) -> bool:
-    """Whether a file is as `sealing` left it, and nobody else may write it.
+def read_sealed(path: Path) -> bytes | None:
+    """What `sealing` wrote; None where the file is not there, not whole, or others may write it.
 
     Parameters
     ----------
@@ -272,15 +272,26 @@ def is_sealed(path: Path) -> bool:
     """
     try:
         if not _mine(path):
-            return False
+            return None
         data = path.read_bytes()
         if len(data) <= TAIL or hashlib.sha256(data[:-TAIL]).digest() != data[-TAIL:]:
-            return False
+            return None
         with suppress(OSError):
             os.utime(path)
-        return True
+        return data[:-TAIL]
     except OSError:
-        return False
+        return None
+
+
+def is_sealed(path: Path) -> bool:
+    """Whether a file is as `sealing` left it, and nobody else may write it.
+
+    Parameters
+    ----------
+    path
+        The file.
+    """
+    return read_sealed(path) is not None
 
 
 @dataclass(frozen=True)
@@ -339,7 +350,7 @@ def _files(folder: Path) -> list[tuple[float, int, Path]]:
     """Time of the last use, size and path of every file this library writes there."""
     found = []
     for path in folder.rglob("*"):
-        if path.suffix in (".py", ".txt", ".tmp", ".nbi", ".nbc", ".pyc") and not path.is_symlink():
+        if path.suffix in (".py", ".txt", ".tmp", ".nbi", ".nbc", ".pyc", ".o") and not path.is_symlink():
             with suppress(OSError):
                 about = path.lstat()
                 if stat.S_ISREG(about.st_mode):

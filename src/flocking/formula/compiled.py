@@ -156,6 +156,7 @@ def _loaded(name: str, source: str) -> ModuleType:
     path = cache_folder() / f"{name}.py"
     module = ModuleType(name)
     module.__file__ = str(path)
+    module.__dict__["SOURCE"] = source
     sys.modules[name] = module
     try:
         exec(compile(source, str(path), "exec"), module.__dict__)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import ModuleType
-
 import numpy as np
 
 from flocking.engine.exact.crossings.guards import reach
@@ -11,6 +9,7 @@ from flocking.engine.exact.crossings.switching import LinkState
 from flocking.engine.exact.integrator.segment import Segment
 from flocking.engine.exact.narrow_features import allowed_by_obstacles, allowed_share, zones_of
 from flocking.engine.kernels.codegen import RATES, compiled_kernels
+from flocking.engine.kernels.law_kernels import LawKernels, Pairs
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.kernels.pieces import FREE, free_pieces, limits
 from flocking.errors import InvalidInput
@@ -60,8 +59,8 @@ class Dynamics:
         law.check_count(n, m)
         self.order = scenario.agents.order
         self.layout = Layout(law, scenario.energy)
-        self._kernels = compiled_kernels(self.layout, m, self.order)
-        self._declared: tuple[ModuleType, Layout] | None = None
+        self._kernels = LawKernels(compiled_kernels(self.layout, m, self.order), self.order)
+        self._declared: tuple[LawKernels, Layout] | None = None
         if plant is not None:
             if len(law.graphs) != len(scenario.law.graphs):
                 raise InvalidInput(
@@ -69,7 +68,7 @@ class Dynamics:
                     f"{len(law.graphs)} instead of {len(scenario.law.graphs)}",
                 )  # fmt: skip
             declared = Layout(scenario.law, scenario.energy)
-            self._declared = (compiled_kernels(declared, m, self.order), declared)
+            self._declared = (LawKernels(compiled_kernels(declared, m, self.order), self.order), declared)
         self._reading = Reading()
         self._places = list(self.layout.places)
         self._known = len(self._places)
@@ -110,18 +109,18 @@ class Dynamics:
         for k, borders in enumerate(links.borders()):
             graphs = len(links.graphs)
             name = f"shape{k}" if k < graphs else f"shape_obstacles{k - graphs}"
-            shape = getattr(self._kernels, name, None)
+            shape = self._kernels.shape(name)
             rows.append(np.tile(FREE, (len(borders), 1)) if shape is None else limits(borders, shape, self._slots))
         self._spans = np.concatenate(rows)
         found = [
-            zones_of(self._kernels.__name__, getattr(self._kernels, f"shape{k}"), self._slots, borders)
+            zones_of(self._kernels.name, self._kernels.shape(f"shape{k}"), self._slots, borders)
             for k, borders in enumerate(links.borders()[: len(links.graphs)])
         ]
         self.zones = np.concatenate(found)
         self.zone_graphs = np.repeat(np.arange(len(found)), [len(rows) for rows in found])
         self._obstacle_zones = [
             zones_of(
-                self._kernels.__name__, getattr(self._kernels, f"shape_obstacles{k}"), self._slots, borders,
+                self._kernels.name, self._kernels.shape(f"shape_obstacles{k}"), self._slots, borders,
                 tuple(group.rows.values()),
             )
             for k, (group, borders) in enumerate(
@@ -160,7 +159,9 @@ class Dynamics:
         *pairs, pieces = links.pairs()
         self.pairs = (*pairs, pieces, self._spans)
         # The pieces are those of the acting law.
-        self._declared_pairs = (*pairs, *free_pieces(len(pieces))) if self._declared is not None else self.pairs
+        self._declared_pairs: Pairs = self.pairs
+        if self._declared is not None:
+            self._declared_pairs = (*pairs, *free_pieces(len(pieces)))
         self._functionals = links.functionals()
         self._linked = int(np.count_nonzero(links.links[0]))
 
@@ -194,8 +195,9 @@ class Dynamics:
         self._locate(y)
         t = t + self.base
         dy = np.zeros_like(y)
-        given = (0, 1, -1, t, y, 0.0, dy[None], *_START, self.n, *self.pairs, *self._slots, self._functionals)
-        self._kernels.stages(*given)
+        nodes, weights = _START
+        law = self.n, self.m, self.pairs, self._slots, self._functionals
+        self._kernels.stages(0, 1, -1, t, y, 0.0, dy[None], nodes, weights, *law)
         if not self._places and self._ledger is None:
             return dy
         tail = self.order * self.n * self.m
@@ -206,7 +208,7 @@ class Dynamics:
         module, slots = self._ledger
         q, p, _ = self.split(y)
         rates = np.empty(LEDGER)
-        module.control(t, q, p, *self._declared_pairs, *slots, self._functionals, np.empty_like(q), rates)
+        module.control(t, q, p, self._declared_pairs, slots, self._functionals, np.empty_like(q), rates)
         dy[tail + 1 : tail + LEDGER] = rates[1:]
         return dy
 
@@ -225,8 +227,8 @@ class Dynamics:
             The method: its nodes c, shape (stages,), and its matrix a, shape (stages, stages).
         """
         if not self._places and self._ledger is None:
-            given = (first, last, kept, t + self.base, y, h, K, nodes, weights, self.n, *self.pairs, *self._slots)
-            return np.asarray(self._kernels.stages(*given, self._functionals))
+            given = first, last, kept, t + self.base, y, h, K, nodes, weights
+            return self._kernels.stages(*given, self.n, self.m, self.pairs, self._slots, self._functionals)
         found = y
         for s in range(first, max(last, kept + 1)):
             z = y + h * (weights[s, :s] @ K[:s])
@@ -251,7 +253,7 @@ class Dynamics:
         self._locate(y)
         module, slots = self._ledger or (self._kernels, self._slots)
         q, p, _ = self.split(y)
-        given = t + self.base, q, p, *self._declared_pairs, *slots, self._functionals
+        given = t + self.base, q, p, self._declared_pairs, slots, self._functionals
         pairs, bodies, kinetic = module.energies(*given)
         unlinked = 0.5 * (self.n * (self.n - 1) - self._linked) * self.scenario.energy.unlinked
         found = float(pairs + bodies + kinetic + unlinked), float(kinetic)

@@ -22,13 +22,18 @@ RATES = ("work", "dissipated", "supplied")
 """Quantities integrated beside the state: power of the control, and the two powers of the energy ledger."""
 
 
+ARGUMENTS = "f8, f8[:,:], f8[:,:], i8[:], i8[:], i8[:], i4[:], f8[:,:], f8[:], f8[:,:], f8[:,:,:], f8[:,:]"
+"""Kinds of t, q, p, senders, sensed, offsets, pieces, spans, P, A, W and S, which all compiled functions take."""
+CONTROL_RESULTS = ", f8[:,:], f8[:]"
+"""Kinds of u and rates, which ``control`` fills."""
+
+
 def compiled_kernels(layout: Layout, dimension: int, order: int) -> ModuleType:
-    """Numba kernels of a law.
+    """Functions of a law that are compiled when they are first used.
 
     Functions of the module: ``control(t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S, u, rates)`` fills
     the forces and the `RATES`; ``energies(t, q, p, ...)`` gives pair storage, body storage and kinetic energy in the
-    frame of the energy; ``stages(...)`` computes the slope of the exact engine's state vector at stages of a
-    Runge-Kutta step, see `flocking.engine.exact.dynamics.Dynamics.stages`. Row
+    frame of the energy, see `flocking.engine.kernels.law_kernels`. Row
     ``pieces[e]`` of ``spans`` says which piece of a piecewise formula is in force for pair ``e``, see `limits`;
     ``shape0(r, side, reach, P, A, W)``... are those formulas of each graph in plain Python, ``shape_obstacles0``...
     those of each group of obstacles. ``shape0.reads`` numbers the slots of P, A and W that such a function reads,
@@ -99,45 +104,16 @@ def _indented(lines: Iterable[str], depth: int) -> str:
 
 _HEADER = """import math
 
-from flocking.formula.machine_code import numba
-import numpy as np
+from flocking.formula.native.functions import native_of
 
-ARGUMENTS = "t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S"
+ARGUMENTS = {arguments!r}
 
 """
-
-
-_STAGES = """
-@numba.njit(cache=True, error_model="numpy", nogil=True, no_cfunc_wrapper=True)
-def stages(first, last, kept, t, y, h, K, nodes, weights, n, senders, sensed, offsets, pieces, spans, P, A, W, S):
-    size = y.shape[0]
-    found = np.empty(size)
-    z = np.empty(size)
-    q = np.empty((n, {m}))
-    p = np.zeros((n, {m}))
-    u = np.empty((n, {m}))
-    rates = np.empty({rates})
-    for s in range(first, max(last, kept + 1)):
-        for c in range(size):
-            z[c] = y[c]
-        for k in range(s):
-            if weights[s, k] != 0.0:
-                factor = h * weights[s, k]
-                for c in range(size):
-                    z[c] += factor * K[k, c]
-        if s == kept:
-            for c in range(size):
-                found[c] = z[c]
-        if s < last:
-{slope}    return found
-"""
-# Loops in place of slices, shapes and assignments of whole arrays: to compile their checks takes longer than all else.
 
 
 def _scalar_module(formulas: LawFormulas, order: int) -> str:
-    m = formulas.dimension
-    source = _HEADER + _control_source(formulas, order) + _energies_source(formulas, order)
-    return source + _stages_source(m, order) + _shapes_source(formulas)
+    header = _HEADER.format(arguments=ARGUMENTS)
+    return header + _control_source(formulas, order) + _energies_source(formulas, order) + _shapes_source(formulas)
 
 
 def _shapes_source(formulas: LawFormulas) -> str:
@@ -259,7 +235,7 @@ def _control_source(formulas: LawFormulas, order: int) -> str:
     m, body = formulas.dimension, formulas.body
     everything = [e for p in formulas.pairs for e in (*p.named().values(), p.flow)]
     everything += [*body.named().values(), *body.frame, body.flow]
-    source = '@numba.njit(cache=True, error_model="numpy", nogil=True, no_cfunc_wrapper=True)\n'
+    source = f'@native_of(ARGUMENTS + "{CONTROL_RESULTS}")\n'
     source += "def control(t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S, u, rates):\n"
     source += _indented(["n = q.shape[0]"], 1) + _unpack(free_names(everything), 1)
     source += _indented(["work = 0.0", "dissipated = 0.0", "supplied = 0.0"], 1) + _means(body, m)
@@ -309,7 +285,7 @@ def _flow_source(formulas: LawFormulas) -> str:
 def _energies_source(formulas: LawFormulas, order: int) -> str:
     m, body = formulas.dimension, formulas.body
     everything = [p.storage for p in formulas.pairs] + [*body.named().values(), *body.frame]
-    source = '@numba.njit(cache=True, error_model="numpy", nogil=True, no_cfunc_wrapper=True)\n'
+    source = "@native_of(ARGUMENTS)\n"
     source += "def energies(t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S):\n"
     source += _indented(["n = q.shape[0]"], 1) + _unpack(free_names(everything), 1)
     source += _indented(["pairs = 0.0", "bodies = 0.0", "kinetic = 0.0"], 1) + _means(body, m)
@@ -325,22 +301,6 @@ def _energies_source(formulas: LawFormulas, order: int) -> str:
     if lines:
         source += _indented(["for i in range(n):"], 1) + _indented(lines, 2)
     return source + "    return pairs, bodies, kinetic\n\n\n"
-
-
-def _stages_source(m: int, order: int) -> str:
-    """Stages of a Runge-Kutta step; the lines put in give row ``s`` of ``K``, the slope at the state ``z``."""
-    each = ["for i in range(n):", f"    for k in range({m}):"]
-    lines = [*each, f"        q[i, k] = z[i * {m} + k]"]
-    if order == 2:
-        lines += [f"        p[i, k] = z[(n + i) * {m} + k]"]
-    lines += ["control(t + nodes[s] * h, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S, u, rates)", *each]
-    if order == 2:
-        lines += [f"        K[s, i * {m} + k] = p[i, k]"]
-        lines += [f"        K[s, (n + i) * {m} + k] = (u[i, k] - A[1, i] * p[i, k]) / A[0, i]"]
-    else:
-        lines += [f"        K[s, i * {m} + k] = u[i, k]"]
-    lines += [f"for k in range({len(RATES)}):", f"    K[s, n * {m * order} + k] = rates[k]"]
-    return _STAGES.format(m=m, rates=len(RATES), slope=_indented(lines, 3))
 
 
 def _array_module(formulas: LawFormulas) -> str:

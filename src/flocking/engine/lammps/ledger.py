@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from flocking.engine.kernels.codegen import RATES, compiled_kernels
+from flocking.engine.kernels.law_kernels import LawKernels
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 from flocking.engine.kernels.pieces import free_pieces
@@ -82,7 +83,7 @@ class Ledger:
 
     def _evaluated(self, state: State, pairs: list[tuple[Any, Any]]) -> tuple[float, float, Any]:
         """Stored and kinetic energy, and the powers of `RATES`."""
-        kernels = compiled_kernels(self._layout, state.dimension, 2)
+        kernels = LawKernels(compiled_kernels(self._layout, state.dimension, 2), 2)
         pairs = list(pairs)
         self._closest(state, pairs[0])
         n, count = state.n, len(pairs[0][0])
@@ -95,11 +96,11 @@ class Ledger:
         P, A, W = self._slots
         functionals = np.zeros((len(self.scenario.law.graphs), n))
         motion = (state.t, np.ascontiguousarray(state.q), np.ascontiguousarray(state.p))
-        given = (*motion, senders, sensed, offsets, *free_pieces(len(senders)))
+        given = (*motion, (senders, sensed, offsets, *free_pieces(len(senders))), (P, A, W), functionals)
         u, powers = np.empty((n, state.dimension)), np.empty(len(RATES))
         try:
-            kernels.control(*given, P, A, W, functionals, u, powers)
-            links, bodies, kinetic = kernels.energies(*given, P, A, W, functionals)
+            kernels.control(*given, u, powers)
+            links, bodies, kinetic = kernels.energies(*given)
         except ZeroDivisionError:
             raise NotFinite("Some agents are where a potential is infinite.", time=state.t) from None
         unlinked = 0.5 * (n * (n - 1.0) - count) * self.scenario.energy.unlinked

@@ -1,0 +1,306 @@
+"""Arithmetic of native functions: operators, conversions and the functions of Python's ``math`` module."""
+
+from __future__ import annotations
+
+import ast
+import math
+from collections.abc import Callable, Sequence
+
+from llvmlite import ir
+
+from flocking.formula.native.kinds import B1, F8, I8, Constant, Kind, Number, Value, joined
+
+VECTOR_FLAGS = ("contract", "reassoc", "arcp", "nsz", "afn")
+"""Liberties taken with numbers side by side; none is taken with single numbers."""
+
+
+class UntranslatableError(Exception):
+    """A function holds what native functions cannot; the message says what."""
+
+
+def number(value: Value) -> Number:
+    """A single number, where a value is one or is known.
+
+    Raises
+    ------
+    UntranslatableError
+        When it is anything else.
+    """
+    if isinstance(value, Number):
+        return value
+    if isinstance(value, Constant):
+        known = value.value
+        if isinstance(known, bool):
+            return Number(B1, ir.Constant(B1.type, int(known)))
+        if isinstance(known, int):
+            return Number(I8, ir.Constant(I8.type, known))
+        if isinstance(known, float):
+            return Number(F8, ir.Constant(F8.type, known))
+    raise UntranslatableError(f"{value} where a number is needed")
+
+
+def spread(builder: ir.IRBuilder, value: ir.Value, kind: Kind) -> ir.Value:
+    """A single number in every lane of a vector of ``kind``."""
+    nothing = ir.Constant(kind.type, ir.Undefined)
+    first = builder.insert_element(nothing, value, ir.Constant(ir.IntType(32), 0))
+    zeros = ir.Constant(ir.VectorType(ir.IntType(32), kind.lanes), [0] * kind.lanes)
+    return builder.shuffle_vector(first, nothing, zeros)
+
+
+def converted(builder: ir.IRBuilder, value: Number, kind: Kind) -> Number:
+    """A number as one of another kind, in every lane where that is a vector.
+
+    Raises
+    ------
+    UntranslatableError
+        When lanes would become a single number, or lanes of another kind.
+    """
+    if value.kind == kind:
+        return value
+    if value.kind.lanes:
+        raise UntranslatableError(f"{value.kind} where {kind} is needed")
+    code, source, target = value.code, value.kind, Kind(kind.name)
+    if source != target:
+        code = _scalar(builder, code, source, target)
+    return Number(kind, spread(builder, code, kind) if kind.lanes else code)
+
+
+def _scalar(builder: ir.IRBuilder, code: ir.Value, source: Kind, target: Kind) -> ir.Value:
+    if target == B1:
+        zero = ir.Constant(source.type, 0)
+        return builder.fcmp_unordered("!=", code, zero) if source.real else builder.icmp_signed("!=", code, zero)
+    if target.real and source.real:
+        return builder.fptrunc(code, target.type) if target.name == "f4" else builder.fpext(code, target.type)
+    if target.real:
+        return (builder.uitofp if source.name[0] in "ub" else builder.sitofp)(code, target.type)
+    if source.real:
+        return builder.fptosi(code, target.type)
+    if source.type.width > target.type.width:
+        return builder.trunc(code, target.type)
+    if source.type.width == target.type.width:
+        return code
+    return (builder.zext if source.name[0] in "ub" else builder.sext)(code, target.type)
+
+
+def common(builder: ir.IRBuilder, *values: Value) -> tuple[Kind, list[ir.Value]]:
+    """Values as numbers of one kind: that of the lanes where there are any, else the joined one.
+
+    Raises
+    ------
+    UntranslatableError
+        When they have none.
+    """
+    numbers = [number(v) for v in values]
+    kind = next((x.kind for x in numbers if x.kind.lanes), None)
+    if kind is None:
+        kind = numbers[0].kind
+        for x in numbers[1:]:
+            kind = joined(kind, x.kind)
+    return kind, [converted(builder, x, kind).code for x in numbers]
+
+
+_FLOAT = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv"}
+_WHOLE = {
+    ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.BitAnd: "and_", ast.BitOr: "or_", ast.BitXor: "xor",
+    ast.LShift: "shl",
+}  # fmt: skip
+_KNOWN: dict[type[ast.operator], Callable[..., object]] = {
+    ast.Add: lambda a, b: a + b, ast.Sub: lambda a, b: a - b, ast.Mult: lambda a, b: a * b, ast.Div: lambda a, b: a / b,
+    ast.Pow: lambda a, b: a**b, ast.FloorDiv: lambda a, b: a // b, ast.Mod: lambda a, b: a % b,
+}  # fmt: skip
+
+
+def binary(builder: ir.IRBuilder, operator: ast.operator, left: Value, right: Value) -> Value:
+    """Value of ``left operator right``.
+
+    Raises
+    ------
+    UntranslatableError
+        When the operator does not join such values.
+    """
+    if isinstance(left, Constant) and isinstance(right, Constant) and type(operator) in _KNOWN:
+        try:
+            return Constant(_KNOWN[type(operator)](left.value, right.value))
+        except (ArithmeticError, TypeError, ValueError):
+            pass
+    if isinstance(operator, ast.Pow):
+        return power(builder, number(left), right)
+    kind, (a, b) = common(builder, left, right)
+    if isinstance(operator, ast.Div) and not kind.real:
+        kind, (a, b) = F8, [converted(builder, Number(kind, x), F8).code for x in (a, b)]
+    if isinstance(operator, ast.RShift) and not kind.real:
+        return Number(kind, (builder.lshr if kind.name[0] == "u" else builder.ashr)(a, b))
+    if isinstance(operator, ast.FloorDiv | ast.Mod) and kind == I8:
+        return Number(kind, _floored(builder, operator, a, b))
+    name = (_FLOAT if kind.real else _WHOLE).get(type(operator))
+    if name is None:
+        raise UntranslatableError(f"the operator {type(operator).__name__} of {kind.name}")
+    if kind == B1 and isinstance(operator, ast.Add | ast.Sub | ast.Mult | ast.LShift):
+        kind, (a, b) = I8, [converted(builder, Number(B1, x), I8).code for x in (a, b)]
+    flags = VECTOR_FLAGS if kind.real and kind.lanes else ()
+    return Number(kind, getattr(builder, name)(a, b, flags=flags) if flags else getattr(builder, name)(a, b))
+
+
+def _floored(builder: ir.IRBuilder, operator: ast.operator, a: ir.Value, b: ir.Value) -> ir.Value:
+    """Quotient or remainder rounded down, as Python does; LLVM's are rounded towards zero."""
+    zero = ir.Constant(I8.type, 0)
+    rest = builder.srem(a, b)
+    uneven = builder.and_(builder.icmp_signed("!=", rest, zero), builder.icmp_signed("<", builder.xor(rest, b), zero))
+    if isinstance(operator, ast.Mod):
+        return builder.select(uneven, builder.add(rest, b), rest)
+    quotient = builder.sdiv(a, b)
+    return builder.select(uneven, builder.sub(quotient, ir.Constant(I8.type, 1)), quotient)
+
+
+def power(builder: ir.IRBuilder, base: Number, exponent: Value) -> Number:
+    """``base ** exponent``: by multiplications where the exponent is a known whole number.
+
+    Raises
+    ------
+    UntranslatableError
+        When whole numbers are to be raised to a power that is not known.
+    """
+    known = exponent.value if isinstance(exponent, Constant) else None
+    if isinstance(known, int) and abs(known) < 2**16 and (base.kind.real or known >= 0):
+        multiply = builder.fmul if base.kind.real else builder.mul
+        one = ir.Constant(base.kind.type, [1] * base.kind.lanes if base.kind.lanes else 1)
+        result, factor, left = one, base.code, abs(known)
+        while left:
+            if left & 1:
+                result = factor if result is one else multiply(result, factor)
+            left >>= 1
+            if left:
+                factor = multiply(factor, factor)
+        return Number(base.kind, builder.fdiv(one, result) if known < 0 else result)
+    kind, codes = common(builder, converted(builder, base, F8) if not base.kind.real else base, exponent)
+    return Number(kind, _library(builder, "llvm.pow", kind, codes))
+
+
+_SIGNS: dict[type[ast.cmpop], str] = {
+    ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!=",
+}  # fmt: skip
+
+
+def compared(builder: ir.IRBuilder, operator: ast.cmpop, left: Value, right: Value) -> Number:
+    """Whether ``left operator right``, in each lane.
+
+    Raises
+    ------
+    UntranslatableError
+        When the operator compares anything but sizes.
+    """
+    sign = _SIGNS.get(type(operator))
+    if sign is None:
+        raise UntranslatableError(f"the comparison {type(operator).__name__}")
+    kind, (a, b) = common(builder, left, right)
+    if kind.real:
+        # A comparison with NaN is false, except that NaN differs from everything.
+        code = builder.fcmp_unordered(sign, a, b) if sign == "!=" else builder.fcmp_ordered(sign, a, b)
+    else:
+        code = (builder.icmp_unsigned if kind.name[0] in "ub" else builder.icmp_signed)(sign, a, b)
+    return Number(Kind("b1", kind.lanes), code)
+
+
+def unary(builder: ir.IRBuilder, operator: ast.unaryop, value: Value) -> Value:
+    """``-value``, ``+value``, ``~value`` or ``not value``.
+
+    Raises
+    ------
+    UntranslatableError
+        When the operator does not apply to such a value.
+    """
+    if isinstance(value, Constant) and isinstance(value.value, int | float):
+        known = value.value
+        if isinstance(operator, ast.Not):
+            return Constant(not known)
+        if isinstance(operator, ast.USub | ast.UAdd):
+            return Constant(-known if isinstance(operator, ast.USub) else +known)
+    x = number(value)
+    if isinstance(operator, ast.Not):
+        return Number(B1, builder.not_(converted(builder, x, B1).code))
+    if isinstance(operator, ast.Invert) and not x.kind.real:
+        return Number(x.kind, builder.not_(x.code))
+    if isinstance(operator, ast.USub):
+        if x.kind.real:
+            return Number(x.kind, builder.fneg(x.code, flags=VECTOR_FLAGS if x.kind.lanes else ()))
+        return Number(x.kind, builder.neg(x.code))
+    if isinstance(operator, ast.UAdd):
+        return x
+    raise UntranslatableError(f"the operator {type(operator).__name__} of {x.kind.name}")
+
+
+_BY_LLVM = ("sqrt", "exp", "log", "sin", "cos", "log2", "log10", "exp2", "fabs", "floor", "ceil")
+_BY_LIBRARY = (
+    "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "log1p", "expm1", "erf", "erfc",
+    "lgamma", "cbrt", "atan2", "hypot", "copysign", "fmod",
+)  # fmt: skip
+_NAMES = {
+    **{name: f"llvm.{name}" for name in _BY_LLVM}, **{name: name for name in _BY_LIBRARY}, "gamma": "tgamma",
+    "pow": "llvm.pow",
+}  # fmt: skip
+FUNCTIONS = {getattr(math, name): name for name in _NAMES if hasattr(math, name)}
+"""Functions of Python's ``math`` module that native functions may call."""
+
+
+def _library(builder: ir.IRBuilder, name: str, kind: Kind, codes: Sequence[ir.Value]) -> ir.Value:
+    """Call of a function of LLVM, or of the library of mathematics; of numbers side by side one by one."""
+    if name.startswith("llvm."):
+        name += "." + (f"v{kind.lanes}" if kind.lanes else "") + {"f8": "f64", "f4": "f32"}[kind.name]
+        return builder.call(_declared(builder, name, kind, len(codes)), codes)
+    if kind.lanes:
+        result = ir.Constant(kind.type, ir.Undefined)
+        for lane in range(kind.lanes):
+            at = ir.Constant(ir.IntType(32), lane)
+            parts = [builder.extract_element(code, at) for code in codes]
+            result = builder.insert_element(result, _library(builder, name, Kind(kind.name), parts), at)
+        return result
+    if kind.name == "f4":
+        name += "f"
+    return builder.call(_declared(builder, name, kind, len(codes)), codes)
+
+
+def _declared(builder: ir.IRBuilder, name: str, kind: Kind, count: int) -> ir.Function:
+    module = builder.module
+    if name in module.globals:
+        return module.globals[name]
+    return ir.Function(module, ir.FunctionType(kind.type, [kind.type] * count), name)
+
+
+def called(builder: ir.IRBuilder, function: object, values: Sequence[Value]) -> Value | None:
+    """Value of a function of Python or of its ``math`` module; None where it is not one of these.
+
+    Raises
+    ------
+    UntranslatableError
+        When the values are not what it takes.
+    """
+    if function in (min, max):
+        kind, codes = common(builder, *values)
+        found = codes[0]
+        for code in codes[1:]:
+            sign = "<" if function is min else ">"
+            better = builder.fcmp_ordered(sign, code, found) if kind.real else builder.icmp_signed(sign, code, found)
+            found = builder.select(better, code, found)
+        return Number(kind, found)
+    if function in (float, int, bool):
+        target = {float: F8, int: I8, bool: B1}[function]
+        return converted(builder, number(values[0]), target)
+    if function is abs:
+        x = number(values[0])
+        if x.kind.real:
+            return Number(x.kind, _library(builder, "llvm.fabs", x.kind, [x.code]))
+        negative = builder.icmp_signed("<", x.code, ir.Constant(x.kind.type, 0))
+        return Number(x.kind, builder.select(negative, builder.neg(x.code), x.code))
+    try:
+        name = FUNCTIONS.get(function)
+    except TypeError:
+        return None
+    if name is None:
+        return None
+    kind, codes = common(builder, *values)
+    if not kind.real:
+        kind, codes = F8, [converted(builder, Number(kind, code), F8).code for code in codes]
+    found = _library(builder, _NAMES[name], kind, codes)
+    if name in ("floor", "ceil") and not kind.lanes:
+        return converted(builder, Number(kind, found), I8)
+    return Number(kind, found)

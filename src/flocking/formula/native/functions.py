@@ -1,0 +1,306 @@
+"""Native functions as Python calls them, and as native functions call each other by their addresses."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import hashlib
+import inspect
+import threading
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from flocking.formula.native.kinds import Argument, Number
+    from flocking.formula.native.scopes import Primitive
+
+_C_KINDS: dict[str, Any] = {
+    "f8": ctypes.c_double, "f4": ctypes.c_float, "i8": ctypes.c_int64, "i4": ctypes.c_int32, "u8": ctypes.c_uint64,
+    "u4": ctypes.c_uint32, "b1": ctypes.c_bool,
+}  # fmt: skip
+_translating = threading.RLock()
+_PYTHON: dict[str, Callable[[Any], Any]] = {"f": float, "i": int, "u": int, "b": bool}
+
+
+class Compiled:
+    """A native function for arguments of some kinds.
+
+    Parameters
+    ----------
+    name
+        Its name.
+    arguments
+        Kinds of its arguments.
+    address
+        Where its machine code is.
+    results
+        Kinds of the numbers it returns, ``"f8"``, ``"i8"`` or ``"b1"``.
+    """
+
+    def __init__(self, name: str, arguments: tuple[Argument, ...], address: int, results: tuple[str, ...]) -> None:
+        self.name, self.arguments, self.address, self.results = name, arguments, address, results
+        types: list[Any] = []
+        for kind in arguments:
+            axes = getattr(kind, "axes", None)
+            types += [_C_KINDS[kind.name]] if axes is None else [ctypes.c_void_p, *[ctypes.c_int64] * axes]  # type: ignore[union-attr]
+        self._entry = ctypes.CFUNCTYPE(None, *types, ctypes.c_void_p)(address)
+        self._room = ctypes.c_int64 * max(len(results), 1)
+
+    def run(self, given: list[Any]) -> Any:
+        """Call it with pointers, lengths and numbers; one number, or several in a tuple, or None.
+
+        Parameters
+        ----------
+        given
+            For each argument its number, or the address of an array and the lengths of its axes.
+        """
+        if not self.results:
+            self._entry(*given, None)
+            return None
+        room = self._room()
+        self._entry(*given, ctypes.addressof(room))
+        values = []
+        for k, kind in enumerate(self.results):
+            if kind == "f8":
+                values.append(ctypes.c_double.from_buffer(room, 8 * k).value)
+            else:
+                values.append(bool(room[k]) if kind == "b1" else room[k])
+        return values[0] if len(values) == 1 else tuple(values)
+
+
+class NativeFunction:
+    """A function compiled when it is first used, once for each list of kinds its arguments have.
+
+    Parameters
+    ----------
+    py_func
+        The function itself, which Python may call as well.
+    signature
+        Kinds of the arguments, see `flocking.formula.native.kinds.arguments_of`; those of each call when absent.
+    """
+
+    def __init__(self, py_func: Callable[..., Any], signature: str | None = None) -> None:
+        self.py_func = py_func
+        self.signature = signature
+        self._compiled: dict[tuple[Argument, ...], Compiled] = {}
+        functools.update_wrapper(self, py_func)
+
+    @property
+    def address(self) -> int:
+        """Where the machine code for the stated kinds is."""
+        from flocking.formula.native.kinds import arguments_of
+
+        if self.signature is None:
+            raise TypeError(f"{self.py_func.__name__} states no kinds")
+        return self.compiled(arguments_of(self.signature)).address
+
+    def compiled(self, arguments: tuple[Argument, ...]) -> Compiled:
+        """The function for arguments of these kinds.
+
+        Parameters
+        ----------
+        arguments
+            Their kinds.
+
+        Raises
+        ------
+        CacheError
+            When the cache folder cannot be used.
+        """
+        found = self._compiled.get(arguments)
+        if found is None:
+            # One thread translates at a time: Python's own parser of programs does not bear two.
+            with _translating:
+                found = self._compiled.get(arguments) or self._made(arguments)
+                self._compiled[arguments] = found
+        return found
+
+    def _made(self, arguments: tuple[Argument, ...]) -> Compiled:
+        from flocking.formula.native.objects import address_of
+
+        name = self.py_func.__name__
+        address, results = address_of(name, f"{self._key()} {arguments!r}", lambda: self._text(name, arguments))
+        return Compiled(name, arguments, address, results)
+
+    def _key(self) -> str:
+        """What fixes the code: the text of the module, and of those it takes functions from."""
+        from flocking.formula.origins import runtime_digest
+
+        text = self.py_func.__globals__.get("SOURCE")
+        if text is None:
+            text = inspect.getsource(inspect.getmodule(self.py_func) or self.py_func)
+            text += runtime_digest(text)
+        return f"{self.py_func.__module__} {hashlib.sha256(text.encode()).hexdigest()}"
+
+    def _text(self, name: str, arguments: tuple[Argument, ...]) -> tuple[str, tuple[str, ...]]:
+        from flocking.formula.native.scopes import source_of
+        from flocking.formula.native.translation import translate
+
+        text, results = translate(name, source_of(self.py_func), arguments)
+        return text, tuple(kind.name for kind in results)
+
+    def bound(self) -> Bound:
+        """The function for an owner who calls it again and again with mostly the same arrays."""
+        return Bound(self)
+
+    def __call__(self, *values: Any) -> Any:
+        """Call the function.
+
+        Parameters
+        ----------
+        values
+            Its arguments; arrays must be stored row by row.
+
+        Raises
+        ------
+        TypeError
+            When an argument is not of the stated kind, or of none that native functions know.
+        """
+        return Bound(self)(*values)
+
+
+class Bound:
+    """A native function that remembers the arrays it was called with last, so that passing them again costs little.
+
+    Parameters
+    ----------
+    function
+        The function.
+    """
+
+    def __init__(self, function: NativeFunction) -> None:
+        self._function = function
+        self._last: tuple[list[Any], list[list[Any]], Compiled] | None = None
+
+    def __call__(self, *values: Any) -> Any:
+        """Call the function, see `NativeFunction.__call__`; from several threads at once, too."""
+        known = self._last
+        if known is not None and len(known[0]) == len(values):
+            last, parts, compiled = known
+            given: list[Any] = []
+            for k, value in enumerate(values):
+                if value is not last[k]:
+                    break
+                given += parts[k]
+            else:
+                return compiled.run(given)
+        return self._anew(values, known)
+
+    def _anew(self, values: tuple[Any, ...], known: tuple[list[Any], list[list[Any]], Compiled] | None) -> Any:
+        last, parts, compiled = known if known is not None and len(known[0]) == len(values) else (None, None, None)
+        kinds: list[Argument] = []
+        fresh: list[list[Any]] = []
+        for k, value in enumerate(values):
+            if last is not None and parts is not None and compiled is not None and value is last[k]:
+                kinds.append(compiled.arguments[k])
+                fresh.append(parts[k])
+            else:
+                kind = kind_of_value(value)
+                kinds.append(kind)
+                fresh.append(_passed(value, kind))
+        wanted = tuple(kinds)
+        if compiled is None or wanted != compiled.arguments:
+            compiled = self._function.compiled(self._stated(wanted))
+            fresh = [_fitted(x, a, b) for x, a, b in zip(fresh, wanted, compiled.arguments, strict=True)]
+        self._last = list(values), fresh, compiled
+        return compiled.run([x for part in fresh for x in part])
+
+    def _stated(self, kinds: tuple[Argument, ...]) -> tuple[Argument, ...]:
+        from flocking.formula.native.kinds import Kind, arguments_of
+
+        if self._function.signature is None:
+            return kinds
+        stated = arguments_of(self._function.signature)
+        for number, (a, b) in enumerate(zip(kinds, stated, strict=True)):
+            if a != b and not (isinstance(a, Kind) and isinstance(b, Kind) and (b.real or not a.real)):
+                raise TypeError(f"Argument {number} of {self._function.py_func.__name__} must be {b}, not {a}")
+        return stated
+
+
+def kind_of_value(value: Any) -> Argument:
+    """Kind of an argument.
+
+    Raises
+    ------
+    TypeError
+        When native functions know no such values, or an array is not stored row by row.
+    """
+    from flocking.formula.native.kinds import ArrayKind, Kind, kind_of
+
+    if isinstance(value, np.ndarray):
+        if not value.flags.c_contiguous:
+            raise TypeError("Native functions take arrays stored row by row")
+        return ArrayKind(kind_of(value.dtype), value.ndim)
+    if isinstance(value, np.generic):
+        return kind_of(value.dtype)
+    if isinstance(value, bool):
+        return Kind("b1")
+    if isinstance(value, int):
+        return Kind("i8")
+    if isinstance(value, float):
+        return Kind("f8")
+    raise TypeError(f"Native functions take numbers and arrays, not {type(value).__name__}")
+
+
+def _passed(value: Any, kind: Argument) -> list[Any]:
+    if isinstance(value, np.ndarray):
+        return [value.__array_interface__["data"][0], *value.shape]
+    return [_PYTHON[kind.name[0]](value)]  # type: ignore[union-attr]
+
+
+def _fitted(part: list[Any], given: Argument, stated: Argument) -> list[Any]:
+    return part if given == stated else [_PYTHON[stated.name[0]](part[0])]  # type: ignore[union-attr]
+
+
+def native(function: Callable[..., Any]) -> NativeFunction:
+    """Make a function of a small part of Python a native one, see `flocking.formula.native.translation`."""
+    return NativeFunction(function)
+
+
+def native_of(signature: str) -> Callable[[Callable[..., Any]], NativeFunction]:
+    """Make a function a native one whose arguments have stated kinds, so that it has an `NativeFunction.address`.
+
+    Parameters
+    ----------
+    signature
+        Kinds of its arguments.
+    """
+    return lambda function: NativeFunction(function, signature)
+
+
+def by_address(signature: str) -> Primitive:
+    """A function for native functions, ``call(address, *arguments, found)``, of what is at an address.
+
+    Parameters
+    ----------
+    signature
+        Kinds of the arguments; ``found`` is the array that takes the floating-point numbers it returns.
+    """
+    from llvmlite import ir
+
+    from flocking.formula.native.arithmetic import UntranslatableError, converted, number
+    from flocking.formula.native.kinds import I8, Array, Kind, Value, arguments_of
+    from flocking.formula.native.scopes import Primitive
+
+    kinds = arguments_of(signature)
+
+    def build(builder: ir.IRBuilder, address: Value, *values: Value) -> None:
+        codes: list[ir.Value] = []
+        for given, kind in zip(values[:-1], kinds, strict=True):
+            if isinstance(kind, Kind):
+                codes.append(converted(builder, number(given), kind).code)
+            elif isinstance(given, Array) and given.kind == kind:
+                codes += [given.data, *given.shape]
+            else:
+                raise UntranslatableError(f"{given} as an argument that must be {kind}")
+        found = values[-1]
+        if not isinstance(found, Array):
+            raise UntranslatableError("results that go to no array")
+        codes.append(builder.bitcast(found.data, I8.type.as_pointer()))
+        shape = ir.FunctionType(ir.VoidType(), [code.type for code in codes])
+        place: Number = converted(builder, number(address), I8)
+        builder.call(builder.inttoptr(place.code, shape.as_pointer()), codes)
+
+    return Primitive(build)

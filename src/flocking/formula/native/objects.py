@@ -1,0 +1,134 @@
+"""Machine code of native functions: made by LLVM for this processor, kept in the cache folder, loaded and called."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import llvmlite
+from llvmlite import binding
+
+from flocking.errors import CacheError
+from flocking.formula.cache import MACHINE, cache_folder, read_sealed, sealing
+
+_engines: list[Any] = []
+"""What holds the loaded code, which functions of it need as long as the process lives."""
+
+
+@cache
+def processor() -> tuple[str, str]:
+    """Name and features of the processor that code is made for; ``NUMBA_CPU_NAME`` and ``_FEATURES`` choose another."""
+    name, features = os.environ.get("NUMBA_CPU_NAME"), os.environ.get("NUMBA_CPU_FEATURES")
+    if name is None:
+        found = binding.get_host_cpu_features()
+        return binding.get_host_cpu_name(), features if features is not None else found.flatten()
+    return name, features or ""
+
+
+@cache
+def machine() -> Any:
+    """LLVM's target machine for this processor."""
+    binding.initialize_native_target()
+    binding.initialize_native_asmprinter()
+    name, features = processor()
+    return binding.Target.from_default_triple().create_target_machine(
+        cpu=name, features=features, opt=3, reloc="pic", codemodel="jitdefault", jit=True
+    )
+
+
+def has_feature(name: str) -> bool:
+    """Whether the processor has a feature, such as ``"avx512f"``.
+
+    Parameters
+    ----------
+    name
+        LLVM's name of the feature.
+    """
+    return f"+{name}" in processor()[1].split(",")
+
+
+def object_code(text: str) -> bytes:
+    """Machine code of an LLVM module.
+
+    Parameters
+    ----------
+    text
+        The module in LLVM's language.
+    """
+    target = machine()
+    module = binding.parse_assembly(text)
+    module.triple = binding.get_default_triple()
+    module.data_layout = str(target.target_data)
+    module.verify()
+    tuning = binding.create_pipeline_tuning_options(speed_level=3)
+    tuning.loop_vectorization = tuning.slp_vectorization = True
+    builder = binding.create_pass_builder(target, tuning)
+    builder.getModulePassManager().run(module, builder)
+    return bytes(target.emit_object(module))
+
+
+def address_of(name: str, key: str, make: Callable[[], tuple[str, tuple[str, ...]]]) -> tuple[int, tuple[str, ...]]:
+    """Address of a compiled function and kinds of its results, from the cache folder where it is there and whole.
+
+    Parameters
+    ----------
+    name
+        Name of the function in its module.
+    key
+        What fixes its code, beside the processor and the version of LLVM.
+    make
+        Gives the text of its module, and the kinds of its results.
+
+    Raises
+    ------
+    CacheError
+        When the cache folder cannot be used, or the code cannot be loaded.
+    """
+    path = _path(name, key)
+    kept = read_sealed(path)
+    if kept is None:
+        text, results = make()
+        kept = " ".join(results).encode() + b"\n" + object_code(text)
+        with sealing(path) as file:
+            file.write(kept)
+    head, _, code = kept.partition(b"\n")
+    return _loaded(name, code), tuple(head.decode().split())
+
+
+def _path(name: str, key: str) -> Path:
+    versions = ".".join(map(str, binding.llvm_version_info))
+    stated = "\0".join((key, name, _translator(), *processor(), versions, llvmlite.__version__))
+    return cache_folder() / MACHINE / "native" / f"{hashlib.sha256(stated.encode()).hexdigest()[:32]}.o"
+
+
+@cache
+def _translator() -> str:
+    """Digest of the modules that translate."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def _loaded(name: str, code: bytes) -> int:
+    # An engine owns its target machine, so that each is given one of its own.
+    machine()
+    engine = binding.create_mcjit_compiler(binding.parse_assembly(""), _machine_of_an_engine())
+    engine.add_object_file(binding.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    address = int(engine.get_function_address(name))
+    if not address:
+        raise CacheError(f"Compiled code of {name} cannot be loaded. Clear the cache folder (flocking cache --clear).")
+    _engines.append(engine)
+    return address
+
+
+def _machine_of_an_engine() -> Any:
+    name, features = processor()
+    return binding.Target.from_default_triple().create_target_machine(
+        cpu=name, features=features, opt=3, reloc="pic", codemodel="jitdefault", jit=True
+    )

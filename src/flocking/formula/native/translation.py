@@ -1,0 +1,263 @@
+"""A function of Python, with the kinds of its arguments, as a function of LLVM.
+
+The part of Python that is understood: assignments, ``for`` over ``range``, ``while``, ``if``, ``break``, ``continue``,
+``return`` of numbers, arithmetic, comparisons, ``and``, ``or``, ``not``, conditional expressions, indices of arrays,
+their ``shape``, ``np.empty`` and ``np.zeros`` of small arrays that are not returned, and calls of the functions of
+`arithmetic`, of `Primitive` and of plain functions, which are put in place. It computes bit for bit what Python does,
+except that a power with a known whole exponent is a product, and that whole numbers have 64 bits.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Sequence
+
+from llvmlite import ir
+
+from flocking.formula.native.arithmetic import UntranslatableError, binary, converted, number
+from flocking.formula.native.expressions import Expressions
+from flocking.formula.native.kinds import B1, F8, I8, Argument, Array, Constant, Kind, Number, Several, Value
+from flocking.formula.native.scopes import Loop, Scope, Source, WiderError, result_name
+
+
+def translate(name: str, source: Source, arguments: Sequence[Argument]) -> tuple[str, tuple[Kind, ...]]:
+    """Text of an LLVM module with the function, and the kinds of what it returns.
+
+    The function takes a pointer behind its last argument, to eight bytes for each number it returns.
+
+    Parameters
+    ----------
+    name
+        Name of the function in the module.
+    source
+        The function.
+    arguments
+        Kinds of its arguments.
+
+    Raises
+    ------
+    UntranslatableError
+        When it holds what native functions cannot.
+    """
+    wider: dict[tuple[str, str], Kind] = {}
+    while True:
+        try:
+            translator = _Translator(name, source, arguments, wider)
+            return str(translator.module), translator.found
+        except WiderError:
+            continue
+        except UntranslatableError as error:
+            raise UntranslatableError(f"{source.node.name} cannot be compiled: {error}") from None
+
+
+class _Translator(Expressions):
+    def __init__(
+        self, name: str, source: Source, arguments: Sequence[Argument], wider: dict[tuple[str, str], Kind]
+    ) -> None:
+        module = ir.Module(name)
+        types: list[ir.Type] = []
+        for kind in arguments:
+            types += [stored(kind)] if isinstance(kind, Kind) else [kind.stored.as_pointer(), *[I8.type] * kind.axes]
+        shape = ir.FunctionType(ir.VoidType(), [*types, I8.type.as_pointer()])
+        function = ir.Function(module, shape, name)
+        entry = function.append_basic_block("entry")
+        begin, leave = function.append_basic_block("begin"), function.append_basic_block("leave")
+        super().__init__(module, entry, ir.IRBuilder(begin), wider)
+        self.scope = Scope("", source, leave)
+        given = list(function.args)
+        names = [a.arg for a in source.node.args.args]
+        if len(names) != len(arguments):
+            raise UntranslatableError(f"it has {len(names)} arguments, and {len(arguments)} kinds are stated")
+        for text, kind in zip(names, arguments, strict=True):
+            if isinstance(kind, Kind):
+                code = given.pop(0)
+                self.store(text, Number(kind, self.builder.trunc(code, B1.type) if kind == B1 else code))
+            else:
+                self.store(text, Array(kind, given[0], tuple(given[1 : 1 + kind.axes])))
+                del given[: 1 + kind.axes]
+        self._body(source.node.body)
+        if not self.builder.block.is_terminated:
+            self.builder.branch(leave)
+        self.builder.position_at_end(leave)
+        self.found = self._finish(given[0])
+        ir.IRBuilder(entry).branch(begin)
+
+    def _finish(self, place: ir.Value) -> tuple[Kind, ...]:
+        if self.scope.returned is not None:
+            raise UntranslatableError("it returns what is no number")
+        found = []
+        for k in range(self.scope.results or 0):
+            x = self.load(result_name(k))
+            assert isinstance(x, Number)
+            kind = F8 if x.kind.real else I8
+            at = self.builder.gep(place, [ir.Constant(I8.type, k)])
+            code = converted(self.builder, x, kind).code
+            self.builder.store(code, self.builder.bitcast(at, kind.type.as_pointer()))
+            found.append(kind if x.kind != B1 else B1)
+        self.free_all()
+        self.builder.ret_void()
+        return tuple(found)
+
+    def in_place(self, source: object, values: Sequence[Value]) -> Value:
+        """What a function gives, translated where it is called."""
+        assert isinstance(source, Source)
+        self.calls += 1
+        outer = self.scope
+        path = f"{outer.path}/{source.node.name}{self.calls}"
+        if path.count(f"/{source.node.name}") > 1:
+            raise UntranslatableError(f"{source.node.name}, which calls itself")
+        leave = self.builder.append_basic_block("leave")
+        scope = self.scope = Scope(path, source, leave)
+        if len(source.node.args.args) != len(values):
+            raise UntranslatableError(f"{source.node.name} with {len(values)} arguments")
+        for argument, value in zip(source.node.args.args, values, strict=True):
+            self.store(argument.arg, value)
+        self._body(source.node.body)
+        if not self.builder.block.is_terminated:
+            self.builder.branch(leave)
+        self.builder.position_at_end(leave)
+        found = scope.returned
+        if found is None:
+            numbers = tuple(self.load(result_name(k)) for k in range(abs(scope.results or 0)))
+            found = numbers[0] if scope.results == 1 else Several(numbers)
+        self.scope = outer
+        return found
+
+    # Statements
+
+    def _body(self, statements: Sequence[ast.stmt]) -> None:
+        for node in statements:
+            if self.builder.block.is_terminated:
+                return
+            handler = getattr(self, f"_{type(node).__name__.lower()}", None)
+            if handler is None:
+                raise UntranslatableError(f"the statement {type(node).__name__}, line {node.lineno}")
+            handler(node)
+
+    def _pass(self, node: ast.Pass) -> None:
+        pass
+
+    def _expr(self, node: ast.Expr) -> None:
+        if not isinstance(node.value, ast.Constant):
+            self.value(node.value)
+
+    def _return(self, node: ast.Return) -> None:
+        value = Several(()) if node.value is None else self.value(node.value)
+        values = value.values if isinstance(value, Several) else (value,)
+        scope = self.scope
+        if any(isinstance(x, Array) or (isinstance(x, Number) and x.kind.lanes) for x in values):
+            if scope.loops or scope.results is not None or node is not scope.source.node.body[-1]:
+                raise UntranslatableError("a return of arrays or lanes that is not the only one, at the end")
+            scope.returned = value
+        else:
+            if scope.results not in (None, len(values)):
+                raise UntranslatableError("returns of different numbers of values")
+            scope.results = len(values)
+            for k, x in enumerate(values):
+                self.store(result_name(k), x)
+        self.builder.branch(scope.leave)
+
+    def _assign(self, node: ast.Assign) -> None:
+        value = self.value(node.value)
+        for target in node.targets:
+            self._bind(target, value)
+
+    def _annassign(self, node: ast.AnnAssign) -> None:
+        if node.value is not None:
+            self._bind(node.target, self.value(node.value))
+
+    def _augassign(self, node: ast.AugAssign) -> None:
+        if isinstance(node.target, ast.Subscript):
+            data, kind = self.place(node.target)
+            before = self.element(data, kind)
+            self.assign(data, kind, binary(self.builder, node.op, before, self.value(node.value)))
+        elif isinstance(node.target, ast.Name):
+            before = self.load(node.target.id)  # type: ignore[assignment]
+            self.store(node.target.id, binary(self.builder, node.op, before, self.value(node.value)))
+        else:
+            raise UntranslatableError("an assignment to an attribute")
+
+    def _bind(self, target: ast.expr, value: Value) -> None:
+        if isinstance(target, ast.Name):
+            self.store(target.id, value)
+        elif isinstance(target, ast.Tuple):
+            if not isinstance(value, Several) or len(value.values) != len(target.elts):
+                raise UntranslatableError("values that do not fit the names they are assigned to")
+            for part, each in zip(target.elts, value.values, strict=True):
+                self._bind(part, each)
+        elif isinstance(target, ast.Subscript):
+            self.assign(*self.place(target), value)
+        else:
+            raise UntranslatableError(f"an assignment to {type(target).__name__}")
+
+    def _for(self, node: ast.For) -> None:
+        call = node.iter
+        if not (isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "range"):
+            raise UntranslatableError("a loop over anything but a range")
+        if not isinstance(node.target, ast.Name) or node.orelse:
+            raise UntranslatableError("a loop of another form than 'for name in range(...)'")
+        bounds = [self.value(a) for a in call.args]
+        first, last = (Constant(0), bounds[0]) if len(bounds) == 1 else bounds[:2]
+        step = bounds[2] if len(bounds) == 3 else Constant(1)
+        if not isinstance(step, Constant) or not isinstance(step.value, int) or not step.value:
+            raise UntranslatableError("a range whose step is not known")
+        b = self.builder
+        counter = self.variable(I8)
+        b.store(converted(b, number(first), I8).code, counter)
+        end = converted(b, number(last), I8).code
+        test, body = b.append_basic_block("test"), b.append_basic_block("body")
+        again, after = b.append_basic_block("again"), b.append_basic_block("after")
+        b.branch(test)
+        b.position_at_end(test)
+        now = b.load(counter)
+        b.cbranch(b.icmp_signed("<" if step.value > 0 else ">", now, end), body, after)
+        b.position_at_end(body)
+        self.store(node.target.id, Number(I8, now))
+        self._repeated(node.body, Loop(again, after))
+        b.position_at_end(again)
+        b.store(b.add(b.load(counter), ir.Constant(I8.type, step.value), flags=("nsw",)), counter)
+        b.branch(test)
+        b.position_at_end(after)
+
+    def _while(self, node: ast.While) -> None:
+        b = self.builder
+        test, body, after = (b.append_basic_block(name) for name in ("test", "body", "after"))
+        b.branch(test)
+        b.position_at_end(test)
+        b.cbranch(self.truth(node.test), body, after)
+        b.position_at_end(body)
+        self._repeated(node.body, Loop(test, after))
+        b.position_at_end(after)
+
+    def _repeated(self, statements: Sequence[ast.stmt], loop: Loop) -> None:
+        self.scope.loops.append(loop)
+        self._body(statements)
+        if not self.builder.block.is_terminated:
+            self.builder.branch(loop.again)
+        self.scope.loops.pop()
+
+    def _break(self, node: ast.Break) -> None:
+        self.builder.branch(self.scope.loops[-1].after)
+
+    def _continue(self, node: ast.Continue) -> None:
+        self.builder.branch(self.scope.loops[-1].again)
+
+    def _if(self, node: ast.If) -> None:
+        test = self.value(node.test)
+        if isinstance(test, Constant):
+            self._body(node.body if test.value else node.orelse)
+            return
+        b = self.builder
+        yes, no, after = (b.append_basic_block(name) for name in ("yes", "no", "after"))
+        b.cbranch(converted(b, number(test), B1).code, yes, no)
+        for block, statements in ((yes, node.body), (no, node.orelse)):
+            b.position_at_end(block)
+            self._body(statements)
+            if not b.block.is_terminated:
+                b.branch(after)
+        b.position_at_end(after)
+
+
+def stored(kind: Kind) -> ir.Type:
+    """LLVM's type of an argument, where a flag takes a byte."""
+    return ir.IntType(8) if kind == B1 else kind.type
