@@ -16,7 +16,7 @@ from tests.import_graph import among_children, circles, imports_of
 SOURCE = Path(flocking.__file__).resolve().parent
 ROOT = SOURCE.parent.parent
 HEAVY = ("numba", "scipy", "sympy", "matplotlib", "zarr", "pydantic", "networkx", "rich", "xarray", "mpmath")
-FLOORS = ("errors", "formula", "model", "engine", "study", "show", "papers", "apps")
+FLOORS = ("arrays", "errors", "formula", "model", "engine", "study", "show", "papers", "apps")
 LONGEST = 420
 MOST_FILES = 20
 ENGINE = (

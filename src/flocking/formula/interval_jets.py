@@ -11,9 +11,9 @@ from types import FunctionType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from flocking.arrays import Array
+
 Interval = tuple[Array, Array]
 
 

@@ -7,11 +7,9 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flocking.arrays import Array as Array
 from flocking.errors import InvalidInput
-
-Array = NDArray[np.float64]
 
 NO_LESS = 1e-300
 """Least divisor, in place of a length or an energy that may be zero: quotients of zero become zero, and others so large

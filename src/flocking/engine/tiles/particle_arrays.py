@@ -36,8 +36,7 @@ from flocking.model.law import Scenario
 from flocking.model.state import State
 
 SAME_CELLS = 0.9
-"""Cells that are wider than needed by no more than this share leaves are kept: agents are not sorted again. In three
-dimensions they hold (1/0.9)^3 = 1.4 times the pairs that are looked at, once for each list that is built."""
+"""Share of the width of cells that must be needed for them to be kept: (1/0.9)^3 = 1.4 times the pairs at most."""
 
 CERTAIN = 0.999
 """Share of half the skin that may be used up; the rest covers rounding."""

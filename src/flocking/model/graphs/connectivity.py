@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
-Links = np.ndarray[Any, np.dtype[np.bool_]]
-"""Link matrix, shape (N, N): entry (i, j) is true when agent i senses agent j."""
+from flocking.arrays import Links as Links
 
 
 def components(links: Links) -> NDArray[np.intp]:
