@@ -96,11 +96,6 @@ def velocity_change(scenario: Scenario, mass: float) -> Array:
     return np.asarray(run.p[-1] - run.p[0])
 
 
-def state_at(scenario: Scenario, time: float) -> State:
-    """State of a scenario at ``time``, exactly."""
-    return simulate(scenario.with_(t_end=time, frames=(scenario.start.t, time)), progress=False).state(-1)
-
-
 @lru_cache(maxsize=16)
 def shown(make: Callable[[], Scenario]) -> Run:
     """The run of a scenario that figures show."""

@@ -46,8 +46,6 @@ RULES: tuple[tuple[str, str, str], ...] = (
     ),
     ("tanner_2003_dynamic.pictures.times", "SNAPSHOT_TIMES = with 0.05 at 0", "the first time is left out"),
     ("theorems.longest_path", "for 50 in", "the upper end of the bracket need only lie beyond the root"),
-    ("Equilibrium.force_scale", "without minlength", "agents without links add nothing to a maximum"),
-    ("Equilibrium.force_scale", "without initial", "the array has an entry for each agent"),
     ("Equilibrium._look", "in np.where(self.r > 0", "the direction of a pair at one place is 0, whatever divides it"),
     ("diagrams.neighbourhoods", "other sign in headings[0] +", "the first agent heads along x, at an angle of 0"),
     ("diagrams._neighbours", "without arrows = False", "the agents of Fig. 1 are at rest and have no arrows"),

@@ -96,19 +96,17 @@ def equilibrium():
     for law in (Law(Proximity(R), (Gradient(PSI), Consensus())), Law(Proximity(R), (Gradient(PSI), Gradient(PSI)))):
         times = len([t for t in law.pair_terms if isinstance(t, Gradient)])
         found = Equilibrium(law, state)
-        potentials, forces, scale = np.zeros(N), np.zeros((N, 2)), np.zeros(N)
+        potentials, forces = np.zeros(N), np.zeros((N, 2))
         hessian = np.zeros((N, 2, N, 2))
         for i, j, d, n in near_pairs():
             potentials[i] += times * value(d)
             forces[i] += times * slope(d) * n
-            scale[i] += times * abs(slope(d))
             block = times * (curvature(d) * np.outer(n, n) + slope(d) / d * (np.eye(2) - np.outer(n, n)))
             hessian[i, :, i] += block
             hessian[i, :, j] -= block
         matrix = hessian.reshape(2 * N, 2 * N)
         assert_allclose(found.agent_potentials, potentials, rtol=1e-10)
         assert_allclose(found.forces, forces, rtol=1e-10, atol=1e-12)
-        assert_allclose(found.force_scale, scale.max(), rtol=1e-10)
         assert_allclose(found.hessian, matrix, rtol=1e-9, atol=1e-9)
         assert_allclose(found.stiffness, np.linalg.eigvalsh(matrix), atol=1e-8)
         assert_allclose(found.r, np.sqrt(((Q[found.j] - Q[found.i]) ** 2).sum(axis=1)), rtol=1e-12)
@@ -117,10 +115,6 @@ def equilibrium():
     links[0, 1] = links[1, 0] = True
     kept = Equilibrium(Law(Proximity(R), (Gradient(PSI),)), State(Q, P, links=links))
     assert_allclose(kept.agent_potentials, [value(math.dist(Q[0], Q[1]))] * 2 + [0.0] * (N - 2), rtol=1e-10)
-    apart = Equilibrium(Law(Proximity(0.01), (Gradient(PSI),)), state)
-    assert apart.force_scale == 0.0
-    slight = Equilibrium(Law(Proximity(R), (Gradient(Potential("0.001*r")),)), state).force_scale
-    assert_allclose(slight, 0.001 * max(sum(i == k for i, *_ in near_pairs()) for k in range(N)), rtol=1e-10)
     other = Equilibrium(Law(Proximity(R), (Gradient(PSI, over=Fixed.complete(N)), Consensus())), state)
     assert_allclose(other.forces, 0.0, atol=1e-15)
     assert other.potentials == []

@@ -27,7 +27,6 @@ OPENING = 0.6
 """phi_0 of the example cones."""
 RATIO = 1.407
 """k of the example conformations: just below sqrt 2."""
-RING_AGENTS = 5
 
 
 def scattered() -> Array:
@@ -209,12 +208,6 @@ def bumps(scale: float) -> dict[str, tuple[Array, Array]]:
 def steepest(scale: float) -> dict[str, float]:
     """L_rho of each bump for 1 - k0 = 1/6 times ``scale``."""
     return {name: bump.steepest(1.0 - scale / 6.0) for name, bump in BUMPS.items()}
-
-
-def bump_of_figure_2(scale: float) -> tuple[Array, Array]:
-    """rho(z/r) and rho'(z/r) of Fig. 2 for z = 0, 1, ... 14 and r = 12 times ``scale``."""
-    z = np.arange(15.0) / (12.0 * scale)
-    return BUMPS["cosine"](z, 5 / 6), BUMPS["cosine"].slope(z, 5 / 6)
 
 
 def close() -> Array:

@@ -63,9 +63,6 @@ FREE_NOISE, FREE_SPEED = 0.7, 0.5
 """Standard deviations of each coordinate about a lattice of spacing d_alpha, and of each velocity component."""
 FREE_DURATION = 300.0
 
-TRACKINGS = ("agent", "shared")
-"""Translational controllers: per agent and linear, or the shared bounded feedback (66)."""
-
 
 def alpha_terms(
     a: float = ATTRACTION,

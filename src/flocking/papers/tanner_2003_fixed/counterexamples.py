@@ -51,17 +51,3 @@ def minimises() -> Demonstration:
         lowest, float(evidence.equilibrium.agent_potentials.min()), 1e-3,
         "least possible V_i against the least one at the limit of the complete graph",
     )  # fmt: skip
-
-
-def unlinked_meet() -> Demonstration:
-    """Abstract: "avoid collisions" holds of linked agents only: unlinked ones end at the same point."""
-    run = simulate(system.scenario(seed=worst_seed()), progress=False)
-    return Demonstration(
-        run.closest_linked.distance, run.closest_unlinked.distance, 1e-3, "closest linked pair against closest unlinked"
-    )
-
-
-def worst_seed() -> int:
-    """Seed of the paper's draw, of the first ten, whose unlinked agents come closest."""
-    found = [simulate(system.scenario(seed=s), progress=False).closest_unlinked.distance for s in range(10)]
-    return int(np.argmin(found))

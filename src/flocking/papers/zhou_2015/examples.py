@@ -332,12 +332,6 @@ def start_of(scale: float) -> State:
     return system.scenario(seed=0, side=system.SIDE * scale).start
 
 
-def led_start_of(scale: float) -> tuple[State, Array, Array]:
-    """The start with the leader, and the leader's position and velocity, its velocity scaled."""
-    leader = system.virtual_leader(scale)
-    return system.scenario(seed=0, leader=True).start, *leader.at(1.0)[:2]
-
-
 def known_figures() -> Mapping[int, Figure]:
     """Figures of the paper; the pictures are loaded when they are asked for."""
     from flocking.papers.zhou_2015.pictures import figures

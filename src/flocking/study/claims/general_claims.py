@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from flocking.study.claims.claim import Claim
 from flocking.study.claims.conclusions.approach import (
     all_apart,
@@ -42,12 +40,6 @@ from flocking.study.claims.conclusions.links import (
     stays_connected,
 )
 
-
-def from_paper(claim: Claim, source: str, **changes: object) -> Claim:
-    """The same claim under the words of a paper, stated at ``source``."""
-    return replace(claim, source=source, **changes)  # type: ignore[arg-type]
-
-
 GENERAL: tuple[Claim, ...] = (
     Claim("ledger", "any law", "The declared law explains the energy of the motion.", ledger_residual,
           obstacle=needs_ledger, dynamic=False),
@@ -82,7 +74,6 @@ __all__ = [
     "energy_continuous",
     "energy_rise",
     "forces_vanish",
-    "from_paper",
     "imbalance",
     "ledger_residual",
     "linked_apart",

@@ -98,12 +98,6 @@ class Equilibrium:
         return found
 
     @cached_property
-    def force_scale(self) -> float:
-        """Largest sum over neighbours of |psi'(r_ij)| of an agent: the scale the forces cancel from."""
-        totals = np.bincount(self.i, weights=np.abs(self._sum("slope")), minlength=self.state.n)
-        return float(totals.max(initial=0.0))
-
-    @cached_property
     def hessian(self) -> Array:
         """Second derivative of the total potential, one psi per link, shape (N m, N m).
 

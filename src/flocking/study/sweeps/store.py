@@ -20,7 +20,6 @@ FORMAT = 1
 RECORD = "sweep.json"
 ROWS = "rows"
 LARGEST_FILE = 64 * 2**20
-MOST_CHUNKS = 10_000_000
 _CHUNK = re.compile(r"\d{8}\.json")
 _FIELDS = {"index", "status", "values", "verdicts", "message", "tries", "seconds"}
 

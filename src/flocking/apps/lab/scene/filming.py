@@ -18,7 +18,6 @@ from flocking.model.terms.avoidance import ObstacleTerm
 
 MOST_FRAMES = 600
 FRAME_SECONDS = 0.05
-SECONDS_A_FRAME = 0.05
 PLAIN = "plain"
 
 _drawing = threading.Lock()
