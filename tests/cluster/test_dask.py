@@ -201,9 +201,9 @@ def test_the_command_line_takes_the_address(address, tmp_path):
 
 
 def test_an_address_where_nobody_answers_is_told(monkeypatch):
-    from flocking.study.sweeps import worker_pool as crew
+    from flocking.study.sweeps import worker_pool as pool
 
-    monkeypatch.setattr(crew, "CONNECT_SECONDS", 1)
+    monkeypatch.setattr(pool, "CONNECT_SECONDS", 1)
     for odd in ("tcp://127.0.0.1:9", "nonsense://x"):
         with pytest.raises(fk.InvalidInput, match="must be a scheduler that answers"):
             run("unused", cluster=odd)
@@ -212,9 +212,9 @@ def test_an_address_where_nobody_answers_is_told(monkeypatch):
 def test_a_cluster_without_workers_is_told(tmp_path, monkeypatch):
     from distributed import LocalCluster
 
-    from flocking.study.sweeps import worker_pool as crew
+    from flocking.study.sweeps import worker_pool as pool
 
-    monkeypatch.setattr(crew, "CONNECT_SECONDS", 3)
+    monkeypatch.setattr(pool, "CONNECT_SECONDS", 3)
     with (
         LocalCluster(n_workers=0, dashboard_address="127.0.0.1:0") as empty,
         pytest.raises(fk.InvalidInput, match="have workers"),

@@ -15,7 +15,7 @@ from flocking.engine.runs.run import Closest
 from flocking.papers import KEYS, paper
 from flocking.study.claims.claim import UNCOMPUTED, Claim, Verdict
 from flocking.study.claims.general_claims import GENERAL
-from flocking.study.claims.witnesses import culprit
+from flocking.study.claims.witnesses import witness_of
 from flocking.study.evidence import Evidence
 from flocking.study.trajectory import run_from_samples
 from tests.fuzz.guard import fuzz, guarded
@@ -59,7 +59,7 @@ def audited(run: fk.Run) -> dict[int, Verdict]:
         assert isinstance(result.verdict, Verdict)
         assert not result.note.startswith(UNCOMPUTED), (claim.key, result.note)
         json.dumps(result.as_dict(), allow_nan=False)
-        culprit(result, evidence)
+        witness_of(result, evidence)
         if result.verdict in (Verdict.HOLDS, Verdict.FAILS):
             assert not np.isnan(result.margin), claim.key
         found[number] = result.verdict

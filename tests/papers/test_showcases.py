@@ -14,7 +14,7 @@ from flocking.papers.showcases import flock_from_noise
 from flocking.papers.showcases.files import TITLES, showcase_scenario, showcase_text
 from flocking.papers.showcases.obstacle_views import LATTICE, CloseView, ObstacleViews, balls_of, surface_distances
 from flocking.papers.showcases.shipped import FIELD, RESULTS, SHOWCASES, SIX, showcase
-from flocking.papers.showcases.stored_summary import Kept, packed, unpacked
+from flocking.papers.showcases.stored_summary import StoredSummary, packed, unpacked
 
 STORED = sorted(path.stem.split(".") for path in RESULTS.glob("*.npz"))
 
@@ -111,14 +111,14 @@ def test_orders_of_lattices_are_kept_in_steps():
 
 
 def test_what_is_kept_survives_the_disk(tmp_path):
-    kept = Kept({"a": [1, 2.5], "b": {"c": "d"}}, {"x": np.arange(6, dtype=np.uint8).reshape(2, 3)})
-    back = Kept.read(kept.write(tmp_path / "deep" / "kept.npz"))
+    kept = StoredSummary({"a": [1, 2.5], "b": {"c": "d"}}, {"x": np.arange(6, dtype=np.uint8).reshape(2, 3)})
+    back = StoredSummary.read(kept.write(tmp_path / "deep" / "kept.npz"))
     assert back.facts == kept.facts
     assert np.array_equal(back.arrays["x"], kept.arrays["x"])
     (tmp_path / "broken.npz").write_bytes((tmp_path / "deep" / "kept.npz").read_bytes()[:100])
     for name in ("none.npz", "broken.npz"):
         with pytest.raises(InvalidInput, match="must hold a kept run"):
-            Kept.read(tmp_path / name)
+            StoredSummary.read(tmp_path / name)
 
 
 def views():
@@ -250,8 +250,8 @@ def test_a_smaller_run_is_made_and_kept(tmp_path):
     for other in (one.scenario(agents=401, until=10.0), one.scenario(agents=400, until=11.0)):
         with pytest.raises(InvalidInput, match="must hold no other run"):
             one.run(tmp_path / "run", other, progress=False)
-    kept = one.kept_of(run, fk.audit(run))
+    kept = one.stored_summary_of(run, fk.audit(run))
     assert kept.facts["views"] == [10.0]
     assert kept.facts["audit"]["ledger"][0] == "holds"
-    sooner = one.kept_of(dataclasses.replace(run, t=run.t[:2], q=run.q[:2], p=run.p[:2]), fk.audit(run))
+    sooner = one.stored_summary_of(dataclasses.replace(run, t=run.t[:2], q=run.q[:2], p=run.p[:2]), fk.audit(run))
     assert not sooner.drawable

@@ -125,7 +125,7 @@ def _run(words: Sequence[str]) -> int:
     except FlockingError as error:
         if interruption.comes_of_interrupt(error):
             raise
-        return BAD_INPUT if getattr(error, "told_elsewhere", False) else refused(str(error))
+        return BAD_INPUT if getattr(error, "reported_elsewhere", False) else refused(str(error))
     except BrokenPipeError:
         # Whoever read the output has seen enough.
         return FINE

@@ -7,7 +7,7 @@ import pytest
 from flocking.apps.cli import main
 from flocking.apps.scenario_names import find_scenario
 from flocking.papers.showcases.files import TITLES
-from flocking.papers.showcases.stored_summary import Kept
+from flocking.papers.showcases.stored_summary import StoredSummary
 
 
 def test_unknown_showcases_and_bad_sizes_are_bad_input(capsys):
@@ -39,7 +39,7 @@ def test_a_small_one_is_run_audited_drawn_and_gone_on_with(capsys, tmp_path):
     assert first["audit"]["ledger"][0] == "holds"
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert names == {"run", "audit.json", "flock-from-noise.npz", "flock-from-noise.png"}
-    assert Kept.read(tmp_path / "out" / "flock-from-noise.npz").facts["hexatic"] == first["hexatic"]
+    assert StoredSummary.read(tmp_path / "out" / "flock-from-noise.npz").facts["hexatic"] == first["hexatic"]
     assert {c["claim"] for c in json.loads((tmp_path / "out" / "audit.json").read_text())["claims"]} >= {"ledger"}
     assert main(words) == 0
     assert "hexatic order" in capsys.readouterr().out

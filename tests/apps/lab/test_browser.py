@@ -195,7 +195,7 @@ def test_an_agent_that_is_clicked_is_chosen(page, tab):
         tab.drawn()
         tab.tab.mouse.click(*tab.on_screen(np.append(page.clock.frame.states[0].q[agent], 0.0) + page.scene._shift))
         tab.drawn()
-        return page.handling.which.value
+        return page.interventions.which.value
 
     tab.wait(lambda: click() == str(agent), "the agent is chosen")
     assert page.scene.look.highlight == (agent,)

@@ -184,11 +184,11 @@ def test_a_lamp_names_the_agents_that_left_and_an_intervention_begins_anew():
     history = watched(experiment, np.linspace(0.1, 3.0, 30))
     found = words(history, experiment)
     assert found["connected"].word == "fails"
-    assert found["connected"].culprit.agents == (2,)
-    assert found["connected"].culprit.time == pytest.approx(1.0, abs=1e-6)
-    assert found["links-kept"].culprit.agents == (1, 2)
+    assert found["connected"].witness.agents == (2,)
+    assert found["connected"].witness.time == pytest.approx(1.0, abs=1e-6)
+    assert found["links-kept"].witness.agents == (1, 2)
     assert found["velocities-agree"].word == "hypothesis not met"  # of a graph that stays connected
-    assert found["velocities-agree"].culprit.agents == (2,)
+    assert found["velocities-agree"].witness.agents == (2,)
     experiment.apply({"kind": "kick", "agents": [0], "speed": 0.0, "seed": 0})
     clock = Clock([experiment])
     for t in (3.1, 3.2, 3.3, 3.4):
@@ -196,7 +196,7 @@ def test_a_lamp_names_the_agents_that_left_and_an_intervention_begins_anew():
         history.take(clock._look())
     assert history.span == (3.1, 3.4)
     assert words(history, experiment)["connected"].word == "hypothesis not met"
-    assert words(history, experiment)["connected"].culprit.agents == (2,)
+    assert words(history, experiment)["connected"].witness.agents == (2,)
 
 
 def test_a_claim_about_the_end_has_not_failed_before_it():

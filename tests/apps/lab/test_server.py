@@ -129,13 +129,16 @@ def test_no_file_outside_the_folder_is_opened(page, tmp_path):
     (tmp_path / "nothing.toml").symlink_to(outside / "absent.toml")
     (tmp_path / "door").symlink_to(outside)
     page.offer()
-    assert not {"out.toml", "nothing.toml", "door"} & {*page.transport.scenario.options, *page.keeping.folder.options}
+    assert not {"out.toml", "nothing.toml", "door"} & {
+        *page.transport.scenario.options,
+        *page.saving_panel.folder.options,
+    }
     before = page.experiment
     page._orders.take = lambda: True  # how often is asked elsewhere
     for name in WAYS_OUT:
         if name in ("below/chunk",):
             continue
-        for way in (page.load, page.keeping.open_run):
+        for way in (page.load, page.saving_panel.open_run):
             page.trouble = ""
             try:
                 way(name.format(out=outside))
@@ -145,25 +148,25 @@ def test_no_file_outside_the_folder_is_opened(page, tmp_path):
             count("lab: names that lead out of its folder")
     for name in (f"{outside}/run", "door/run", "../" + outside.name + "/run"):
         with pytest.raises(fk.InvalidInput):
-            page.keeping.open_run(name)
+            page.saving_panel.open_run(name)
     assert page.experiment is before
-    assert page.keeping.stored is None
+    assert page.saving_panel.stored is None
     fk.write_run(run, tmp_path / "run")
-    page.keeping.open_run("run")
-    assert np.array_equal(page.keeping.stored.q, run.q)
+    page.saving_panel.open_run("run")
+    assert np.array_equal(page.saving_panel.stored.q, run.q)
     fk.write_scenario(page.experiment.original, tmp_path / "here.toml")
     page.load("here.toml")
     assert page.experiment is not before
 
 
 def test_saving_does_not_follow_a_link_out_of_the_folder(page, tmp_path, monkeypatch):
-    from flocking.apps.lab.panels import saving_panel as keeping
+    from flocking.apps.lab.panels import saving_panel
 
-    monkeypatch.setattr(keeping.time, "strftime", lambda *_: "now")
+    monkeypatch.setattr(saving_panel.time, "strftime", lambda *_: "now")
     target = tmp_path.parent / f"{tmp_path.name}-taken"
     (tmp_path / "ten-now.toml").symlink_to(target)
-    page.keeping.save_scenario()
-    assert page.keeping.saved[-1].name == "ten-now-2.toml"
+    page.saving_panel.save_scenario()
+    assert page.saving_panel.saved[-1].name == "ten-now-2.toml"
     assert not target.exists()
 
 

@@ -36,7 +36,7 @@ def large() -> fk.Scenario:
 def write_frames(folder: Path, first: int = 0, most: int = 10**6) -> None:
     """Append frames, one or two to a commit; after each commit the count goes to a file of its own."""
     writer = RunWriter.reopen(folder) if first else RunWriter.create(folder, large(), with_links=False)
-    told = os.open(folder.with_suffix(".told"), os.O_CREAT | os.O_WRONLY | os.O_APPEND)
+    committed = os.open(folder.with_suffix(".committed"), os.O_CREAT | os.O_WRONLY | os.O_APPEND)
     k = first
     with writer:
         while k < first + most:
@@ -45,7 +45,7 @@ def write_frames(folder: Path, first: int = 0, most: int = 10**6) -> None:
             writer.append(np.array(several, dtype=float), q, p)
             writer.commit()
             k = several.stop
-            os.write(told, b"%d\n" % k)
+            os.write(committed, b"%d\n" % k)
 
 
 def simulate(folder: Path) -> None:

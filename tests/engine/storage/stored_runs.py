@@ -12,7 +12,7 @@ import flocking as fk
 from flocking.engine.driver import session_writer as saving
 from flocking.engine.runs.run import Run
 from flocking.engine.runs.run_errors import accuracy_data
-from flocking.engine.storage import atomic_files as durable
+from flocking.engine.storage import atomic_files
 
 
 @functools.cache
@@ -65,4 +65,4 @@ def fill_the_disk_after_three_commits(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(saving, "COMMIT_SECONDS", 0.0)
     monkeypatch.setattr(saving.Saving, "_commit", count)
-    monkeypatch.setattr(durable.os, "fsync", full)
+    monkeypatch.setattr(atomic_files.os, "fsync", full)

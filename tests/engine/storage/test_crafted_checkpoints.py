@@ -126,8 +126,8 @@ def test_every_agent_is_there_once() -> None:
 def test_another_runs_restart_of_lammps() -> None:
     numbers, arrays = contents(checkpoint("lammps"))
     assert "agents must have the shape" in refused(written(numbers, {"agents": np.zeros((9, 9))}), "lammps")
-    told = {**numbers, "options": {**numbers["options"], "keep_log": "/somebody/else's/file"}}
-    assert unpacked(written(told, arrays), WHERE, scenario("lammps"))[1].keep_log is None
+    changed = {**numbers, "options": {**numbers["options"], "keep_log": "/somebody/else's/file"}}
+    assert unpacked(written(changed, arrays), WHERE, scenario("lammps"))[1].keep_log is None
 
 
 @pytest.mark.parametrize("engine", ["exact", "tiles", "lammps"])

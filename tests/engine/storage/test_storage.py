@@ -19,7 +19,7 @@ import xarray
 
 import flocking as fk
 from flocking.engine.runs.run import Closest
-from flocking.engine.storage import atomic_files as durable
+from flocking.engine.storage import atomic_files
 from flocking.engine.storage.run_writer import RunWriter
 from flocking.engine.storage.stored_runs import read_run, write_run
 from flocking.errors import InvalidInput, StorageError
@@ -90,7 +90,7 @@ def test_an_append_that_failed_can_be_repeated(tmp_path: Path, monkeypatch: pyte
         for fails in (True, False):
             with monkeypatch.context() as patch:
                 if fails:
-                    patch.setattr(durable.os, "fsync", full)
+                    patch.setattr(atomic_files.os, "fsync", full)
                 for append, records in (
                     (writer.append, (run.t, run.q, run.p, run.links, run.accuracy.frames)),
                     (writer.append_records, (run.switches, run.trace)),
@@ -350,10 +350,10 @@ def test_no_partial_file_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     def fail(*_: object) -> None:
         raise OSError(errno.EIO, "broken")
 
-    durable.put(tmp_path / "file", b"old")
-    monkeypatch.setattr(durable.os, "replace", fail)
+    atomic_files.put(tmp_path / "file", b"old")
+    monkeypatch.setattr(atomic_files.os, "replace", fail)
     with pytest.raises(OSError, match="broken"):
-        durable.put(tmp_path / "file", b"new")
+        atomic_files.put(tmp_path / "file", b"new")
     assert [(p.name, p.read_bytes()) for p in tmp_path.iterdir()] == [("file", b"old")]
 
 

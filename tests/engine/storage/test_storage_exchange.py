@@ -17,7 +17,7 @@ from pyarrow import parquet
 import flocking as fk
 from flocking.engine.runs.compare import first_difference
 from flocking.engine.runs.run import Closest, Run
-from flocking.engine.storage import atomic_files as durable
+from flocking.engine.storage import atomic_files
 from flocking.engine.storage.exchange import FORMATS, export_run, observable_table
 from flocking.engine.storage.start_files import read_start
 from flocking.errors import InvalidInput, StorageError
@@ -123,7 +123,7 @@ def test_an_export_replaces_the_old_one_whole(tmp_path: Path, monkeypatch: pytes
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(durable.os, "replace", full)
+    monkeypatch.setattr(atomic_files.os, "replace", full)
     for form in FORMATS:
         with pytest.raises(StorageError, match=f"cannot write {form}: no room left"):
             export_run(finished(), tmp_path / f"run.{form}")
@@ -314,5 +314,5 @@ def test_only_runs_can_be_compared() -> None:
 
 def test_a_full_disk_is_told_in_one_way(tmp_path: Path) -> None:
     for number in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT):
-        with pytest.raises(StorageError, match="no room left"), durable.told(tmp_path, "write"):
+        with pytest.raises(StorageError, match="no room left"), atomic_files.storage_errors(tmp_path, "write"):
             raise OSError(number, os.strerror(number))

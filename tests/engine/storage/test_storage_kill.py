@@ -80,8 +80,8 @@ def killed_on_its_way(start: Start, what: str, folder: Path, longest: float, rng
 
 def committed(folder: Path) -> int:
     """How many frames the dead writer knew to be committed."""
-    told = folder.with_suffix(".told")
-    lines = told.read_text().split("\n")[:-1] if told.exists() else []
+    committed = folder.with_suffix(".committed")
+    lines = committed.read_text().split("\n")[:-1] if committed.exists() else []
     return int(lines[-1]) if lines else 0
 
 
@@ -125,7 +125,7 @@ def kill_while_frames_are_written(start: Start, place: Path, instants: int, seed
         traces = len(list(folder.rglob("*" + PARTIAL)))
         shape = json.loads((folder / "position" / "zarr.json").read_text())["shape"][0]
         found.append((count, traces + (shape > count)))
-        folder.with_suffix(".told").unlink(missing_ok=True)
+        folder.with_suffix(".committed").unlink(missing_ok=True)
         if count:
             storage_victim.write_frames(folder, first=count, most=3)
             assert check_frames(folder, committed(folder)) >= count + 3

@@ -394,8 +394,8 @@ def test_mutated_files_are_read_or_refused_in_plain_words(data):
             owner[last] = data.draw(VALUES)
     text = toml_text(table)
     assert tomllib.loads(text) is not None
-    told = refusal(text)
-    assert told is None or ("\n  " in told and "Traceback" not in told and "pydantic" not in told)
+    message = refusal(text)
+    assert message is None or ("\n  " in message and "Traceback" not in message and "pydantic" not in message)
 
 
 def refusal(text):

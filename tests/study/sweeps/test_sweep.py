@@ -206,7 +206,7 @@ def test_a_changed_function_is_noticed_and_a_moved_one_is_not(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         ({"grid": {"sped": [1.0]}}, "unexpected keyword argument 'sped'"),
         ({"grid": {"speed": []}}, "at least one value"),
@@ -230,13 +230,13 @@ def test_a_changed_function_is_noticed_and_a_moved_one_is_not(tmp_path):
         ({"workers": 2, "cluster": "tcp://127.0.0.1:1"}, "must be left out with a cluster"),
     ],
 )
-def test_what_is_asked_wrongly_is_refused_before_any_run(arguments, told):
-    with pytest.raises(fk.InvalidInput, match=told):
+def test_what_is_asked_wrongly_is_refused_before_any_run(arguments, message):
+    with pytest.raises(fk.InvalidInput, match=message):
         run(**{"workers": 1, **arguments})
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (("sobl", 4, {"a": (0, 1)}), "must be one of random"),
         (("sobol", 0, {"a": (0, 1)}), "at least 1"),
@@ -247,8 +247,8 @@ def test_what_is_asked_wrongly_is_refused_before_any_run(arguments, told):
         (("sobol", 4, {"a": (0, 1)}, ["b"]), "must be among a"),
     ],
 )
-def test_samples_that_make_no_sense_are_refused(arguments, told):
-    with pytest.raises(fk.InvalidInput, match=told):
+def test_samples_that_make_no_sense_are_refused(arguments, message):
+    with pytest.raises(fk.InvalidInput, match=message):
         fk.Sample(*arguments)
 
 
@@ -268,7 +268,7 @@ def test_ctrl_c_keeps_what_was_finished(tmp_path):
 
 
 def test_two_writers_never_share_a_folder(tmp_path):
-    inside, told = threading.Event(), []
+    inside, message = threading.Event(), []
     go_on = threading.Event()
 
     def waiting(seed):
@@ -283,7 +283,7 @@ def test_two_writers_never_share_a_folder(tmp_path):
         run(make=waiting, out=tmp_path / "out")
     go_on.set()
     first.join(20)
-    assert told == []
+    assert message == []
     assert fk.read_sweep(tmp_path / "out").complete
 
 
@@ -329,10 +329,10 @@ def test_the_folder_of_something_else_is_left_alone(tmp_path):
 def test_a_full_disk_is_told_and_what_was_committed_stays(tmp_path, monkeypatch):
     import errno
 
-    from flocking.engine.storage import atomic_files as durable
+    from flocking.engine.storage import atomic_files
 
     arguments = {"grid": {"speed": SPEEDS}, "seeds": range(4), "out": tmp_path / "out", "measures": ["flocks"]}
-    put, calls = durable.put, []
+    put, calls = atomic_files.put, []
 
     def filling(path, data, **options):
         calls.append(path)
@@ -340,10 +340,10 @@ def test_a_full_disk_is_told_and_what_was_committed_stays(tmp_path, monkeypatch)
             raise OSError(errno.ENOSPC, "No space left on device")
         put(path, data, **options)
 
-    monkeypatch.setattr(durable, "put", filling)
+    monkeypatch.setattr(atomic_files, "put", filling)
     with pytest.raises(StorageError, match="no room left"):
         run(**arguments)
     kept = len(fk.read_sweep(tmp_path / "out"))
     assert 1 <= kept < 12
-    monkeypatch.setattr(durable, "put", put)
+    monkeypatch.setattr(atomic_files, "put", put)
     assert run(**arguments).complete

@@ -161,9 +161,9 @@ def test_every_fault_is_named_at_once_with_its_place():
 )  # fmt: skip
 def test_single_faults(old, new, place):
     assert old in OF_A_PAPER
-    told = refusal(OF_A_PAPER.replace(old, new, 1))
-    assert told is not None
-    assert place in told, told
+    message = refusal(OF_A_PAPER.replace(old, new, 1))
+    assert message is not None
+    assert place in message, message
 
 
 @pytest.mark.parametrize(
@@ -183,9 +183,9 @@ def test_single_faults(old, new, place):
 )  # fmt: skip
 def test_faults_of_a_scenario_in_the_file(old, new, place):
     assert old in WRITTEN
-    told = refusal(WRITTEN.replace(old, new, 1))
-    assert told is not None
-    assert place in told, told
+    message = refusal(WRITTEN.replace(old, new, 1))
+    assert message is not None
+    assert place in message, message
 
 
 def test_limits_give_way_to_an_explicit_word():
@@ -244,24 +244,24 @@ def refusal(text, **limits):
 def test_a_file_with_endless_faults_is_refused_soon_and_briefly():
     begin = time.monotonic()
     axes = "\n".join(f"a{k} = {{low = -5.0, high = -1.0, count = 10000}}" for k in range(50))
-    told = refusal(f'scenario = "zhou-2015"\n[grid]\n{axes}\n')
-    assert told.startswith("sweep: 50 faults")
-    assert "grid.a49: is no option of this family" in told
+    message = refusal(f'scenario = "zhou-2015"\n[grid]\n{axes}\n')
+    assert message.startswith("sweep: 50 faults")
+    assert "grid.a49: is no option of this family" in message
     values = ", ".join(str(-k) for k in range(1, 9001))
-    told = refusal(f'scenario = "zhou-2015"\n[grid]\nside = [{values}]\n')
-    assert told.startswith("sweep: 9000 faults")
-    assert told.endswith("... and 8800 more")
-    assert len(told) < 20_000
+    message = refusal(f'scenario = "zhou-2015"\n[grid]\nside = [{values}]\n')
+    assert message.startswith("sweep: 9000 faults")
+    assert message.endswith("... and 8800 more")
+    assert len(message) < 20_000
     names = ", ".join(f'"x{k}"' for k in range(50))
-    told = refusal(f'scenario = "zhou-2015"\nmeasures = [{names}]\n')
-    assert "measures[49]: is not known" in told
-    assert told.count("Known here") == 1
+    message = refusal(f'scenario = "zhou-2015"\nmeasures = [{names}]\n')
+    assert "measures[49]: is not known" in message
+    assert message.count("Known here") == 1
     assert time.monotonic() - begin < 20
 
 
 def test_the_ends_of_a_spaced_axis_are_checked():
-    told = refusal(OF_A_PAPER.replace("high = 10.0", "high = 1e9"))
-    assert "grid.gain.high: must be from 0 to 1000; got 1000000000.0" in told
+    message = refusal(OF_A_PAPER.replace("high = 10.0", "high = 1e9"))
+    assert "grid.gain.high: must be from 0 to 1000; got 1000000000.0" in message
 
 
 def test_a_fault_that_does_not_vary_is_told_once_and_trying_ends(monkeypatch):

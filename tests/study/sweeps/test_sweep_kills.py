@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.study.sweeps import worker_pool as crew
+from flocking.study.sweeps import worker_pool as pool
 from flocking.study.sweeps.worker_pool import memory_share
 from tests.counting import count as tell
 from tests.study.sweeps.sweep_cases import harmful, make, slow
@@ -65,8 +65,8 @@ def test_two_workers_killed_while_they_run_cost_nothing_but_time(tmp_path):
 
 def test_a_run_that_kills_its_worker_each_time_is_given_up_and_one_that_wants_all_memory_fails(tmp_path, monkeypatch):
     assert memory_share(2) <= os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
-    assert memory_share(10**6) == crew.LEAST_MEMORY
-    monkeypatch.setattr(crew, "memory_share", lambda workers: 700 * 2**20)
+    assert memory_share(10**6) == pool.LEAST_MEMORY
+    monkeypatch.setattr(pool, "memory_share", lambda workers: 700 * 2**20)
     table = run(make=harmful(tmp_path), grid={"speed": SPEEDS}, seeds=range(4), out=tmp_path / "out")
     tell("sweeps: workers killed", 3)
     assert (tmp_path / "deaths").read_text() == "xxx"
@@ -162,7 +162,7 @@ def test_a_sweep_killed_outright_goes_on_where_it_was(tmp_path):
 def test_a_process_that_begins_without_interrupts_never_hears_of_ctrl_c():
     before = signal.getsignal(signal.SIGINT)
     code = "import os, signal; os.kill(os.getpid(), signal.SIGINT); print(signal.getsignal(2) == signal.SIG_IGN)"
-    with crew.without_interrupts():
+    with pool.without_interrupts():
         inside = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert (inside.stdout.strip(), inside.stderr) == ("True", "")
     assert signal.getsignal(signal.SIGINT) is before

@@ -31,8 +31,8 @@ def test_it_names_every_section_and_every_family_with_its_options():
     assert set(SCHEMA["properties"]) == set(SECTIONS)
     assert SCHEMA["required"] == ["scenario"]
     assert SCHEMA["properties"]["scenario"]["anyOf"][0]["enum"] == sorted(families())
-    told = {part["if"]["properties"]["scenario"]["const"]: part["then"]["properties"] for part in SCHEMA["allOf"]}
-    assert {name: set(told[name]["options"]["properties"]) for name in told} == {
+    message = {part["if"]["properties"]["scenario"]["const"]: part["then"]["properties"] for part in SCHEMA["allOf"]}
+    assert {name: set(message[name]["options"]["properties"]) for name in message} == {
         name: set(family.options) for name, family in families().items()
     }
 

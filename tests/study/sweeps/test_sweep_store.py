@@ -46,11 +46,11 @@ def test_every_bit_that_flips_is_noticed_or_changes_nothing(stored, copy):
     for place in range(0, len(content), 3):
         path.write_bytes(content[:place] + bytes([content[place] ^ 4]) + content[place + 1 :])
         count("sweeps: files damaged")
-        told = refusal(copy)
-        if told is None:
+        message = refusal(copy)
+        if message is None:
             assert fk.read_sweep(copy).rows == table.rows
         else:
-            assert "delete this file" in told
+            assert "delete this file" in message
             refused += 1
     assert refused > len(content) // 6
 
@@ -89,7 +89,7 @@ def test_a_newer_format_is_refused_by_number(copy):
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         ({"seeds": 10**7}, "at most 100000 runs"),
         (
@@ -99,12 +99,12 @@ def test_a_newer_format_is_refused_by_number(copy):
         ({"grid": {f"x{k}": [1.0] for k in range(5000)}}, "at most 100 parameters"),
     ],
 )
-def test_a_record_that_asks_for_too_much_is_refused_before_anything_is_made(copy, change, told):
+def test_a_record_that_asks_for_too_much_is_refused_before_anything_is_made(copy, change, message):
     record = json.loads(json.loads((copy / "sweep.json").read_text())["body"])
     plan = {**record["plan"], **change}
     (copy / "sweep.json").write_text(sealed({**record, "plan": plan}))
     count("sweeps: files damaged")
-    with pytest.raises(StorageError, match=told):
+    with pytest.raises(StorageError, match=message):
         fk.read_sweep(copy)
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 if TYPE_CHECKING:
-    from flocking.papers.showcases.stored_summary import Kept
+    from flocking.papers.showcases.stored_summary import StoredSummary
     from flocking.study.claims.audit import Report
 
 FINE, DIFFERENT, INTERRUPTED = 0, 1, 130
@@ -64,7 +64,7 @@ def showcase(
         print(f"flocking: {run.status}; the same command goes on.", file=sys.stderr)
         return INTERRUPTED
     report = audit(run)
-    kept = chosen.kept_of(run, report)
+    kept = chosen.stored_summary_of(run, report)
     written = [kept.write(folder / f"{name}.npz"), folder / "audit.json"]
     write_file(written[1], json.dumps(report.as_dict(), indent=2, default=str).encode(), "write the audit")
     if kept.drawable:
@@ -73,7 +73,7 @@ def showcase(
     return FINE if report["ledger"].verdict == Verdict.HOLDS else DIFFERENT
 
 
-def _print(title: str, report: Report, kept: Kept, written: list[Path], as_json: bool) -> None:
+def _print(title: str, report: Report, kept: StoredSummary, written: list[Path], as_json: bool) -> None:
     from flocking.apps.tables import print_facts, print_table, short
 
     if as_json:

@@ -18,10 +18,10 @@ from flocking.apps.lab.panels.choices import first_choice, in_space, is_built_in
 from flocking.apps.lab.panels.comparison import Comparison
 from flocking.apps.lab.panels.controls import Controls
 from flocking.apps.lab.panels.display import Display
-from flocking.apps.lab.panels.interventions import Handling
-from flocking.apps.lab.panels.measurement_panel import Instruments
+from flocking.apps.lab.panels.interventions import Interventions
+from flocking.apps.lab.panels.measurement_panel import MeasurementPanel
 from flocking.apps.lab.panels.playback import Transport
-from flocking.apps.lab.panels.saving_panel import Keeping
+from flocking.apps.lab.panels.saving_panel import SavingPanel
 from flocking.apps.lab.scene.scene import Scene
 from flocking.errors import FlockingError, InvalidInput
 from flocking.model.law import Scenario
@@ -70,25 +70,25 @@ class Page:
         tabs = gui.add_tab_group()
         with tabs.add_tab("Run"):
             self.transport = Transport(gui, self.clock, names, load=self.load, restart=self.restart, lift=self.lift)
-            self.instruments = Instruments(gui, self.clock, self.scene)
+            self.measurement_panel = MeasurementPanel(gui, self.clock, self.scene)
         law_tab = tabs.add_tab("Law")
         self.controls = Controls(gui, law_tab, self.send)
         with tabs.add_tab("Act"):
-            self.handling = Handling(gui, self.clock, self.send)
+            self.interventions = Interventions(gui, self.clock, self.send)
             self.scene.picked = self._picked
         with tabs.add_tab("Claims"):
-            self.instruments.add_lamps()
+            self.measurement_panel.add_lamps()
         with tabs.add_tab("View"):
             self.display = Display(gui, self.scene)
             self.comparison = Comparison(gui, self)
         with tabs.add_tab("Keep"):
-            self.keeping = Keeping(gui, self)
+            self.saving_panel = SavingPanel(gui, self)
         self._given = scenario if isinstance(scenario, Scenario) else None
         self._given_name = name
         self._settle()
         self.clock.begin()
         self.scene.begin()
-        self.instruments.begin()
+        self.measurement_panel.begin()
         self.clock.post(lambda: None)
         server.on_client_connect(lambda _: self.offer())
 
@@ -109,7 +109,7 @@ class Page:
         """End the page."""
         self.clock.close()
         self.scene.join()
-        self.instruments.join()
+        self.measurement_panel.join()
         self.server.stop()
 
     def _first(self, scenario: Scenario | str | None) -> tuple[str, Experiment]:
@@ -184,7 +184,7 @@ class Page:
 
     def _picked(self, agent: int) -> None:
         """An agent was clicked: it is chosen for what is done next, and seen to be."""
-        self.scene.look.highlight = tuple(self.handling.pick(agent))
+        self.scene.look.highlight = tuple(self.interventions.pick(agent))
         self.scene.repaint()
 
     def load(self, name: str, seed: int | None = None) -> None:
@@ -215,7 +215,7 @@ class Page:
     def offer(self) -> None:
         """Offer the files that are in the folder now."""
         self.transport.offer(library(self.folder))
-        self.keeping.offer()
+        self.saving_panel.offer()
 
     def lift(self) -> None:
         """Start the present scenario anew in three dimensions."""
@@ -239,7 +239,7 @@ class Page:
         """Make controls and view fit the scenario that was opened."""
         scenario = self.experiment.scenario
         self.controls.build(scenario)
-        self.instruments.reset()
+        self.measurement_panel.reset()
         self.comparison.refresh()
         length = max(scenario.t_end - scenario.start.t, 1e-9)
         self.transport.run_at(length / SECONDS_A_RUN)
@@ -263,7 +263,7 @@ class Page:
         def act() -> None:
             self.may()
             self.clock.experiments = [self.anew(each) for each in self.clock.experiments]
-            self.instruments.reset()
+            self.measurement_panel.reset()
 
         self.clock.post(act, "restart")
 
@@ -276,6 +276,6 @@ class Page:
                 each.go_back()
             self.clock.experiments = list(self.clock.experiments)
             self.controls.build(self.experiment.scenario)
-            self.instruments.reset()
+            self.measurement_panel.reset()
 
         self.clock.post(act, "go back")

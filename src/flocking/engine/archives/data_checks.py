@@ -129,7 +129,7 @@ class Real(Form):
 
 
 @dataclass(frozen=True)
-class Whole(Form):
+class Integer(Form):
     """A whole number.
 
     Parameters
@@ -160,7 +160,7 @@ class Flag(Form):
 
 
 @dataclass(frozen=True)
-class Word(Form):
+class Text(Form):
     """One of some words.
 
     Parameters

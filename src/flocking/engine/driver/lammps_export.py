@@ -9,7 +9,7 @@ import numpy as np
 from flocking.engine.lammps.bodies import AXES
 from flocking.engine.lammps.deck import make_deck
 from flocking.engine.lammps.steps import chosen_step, steps_between
-from flocking.engine.storage.atomic_files import put, told
+from flocking.engine.storage.atomic_files import put, storage_errors
 from flocking.errors import InvalidInput, StorageError
 from flocking.model.checks import number
 from flocking.model.law import Scenario
@@ -60,7 +60,9 @@ def export_deck(scenario: Scenario, folder: str | Path, *, step: float | None = 
         "dump_modify frames sort id format float %.17g",
         f"restart {max(each, 1000)} restart.1 restart.2", f"run {count}",
     ]  # fmt: skip
-    with told(folder, "write the deck", full="What is there is not whole; free some space or choose another folder."):
+    with storage_errors(
+        folder, "write the deck", full="What is there is not whole; free some space or choose another folder."
+    ):
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise StorageError(f"{folder}: not an empty folder. Choose another one; nothing is ever overwritten.")
         files = {

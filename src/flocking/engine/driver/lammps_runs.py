@@ -17,7 +17,7 @@ from flocking.engine.lammps.ranks import Ranks
 from flocking.engine.lammps.restart import Restart, packed, stored_options, unpacked
 from flocking.engine.lammps.session import LammpsSession
 from flocking.engine.runs.run import OBSERVED_FIELDS, SWITCH_FIELDS, TRACE_FIELDS, Run
-from flocking.engine.storage.atomic_files import told
+from flocking.engine.storage.atomic_files import storage_errors
 from flocking.engine.storage.run_writer import RunWriter
 from flocking.engine.storage.stored_runs import read_run, read_scenario_of
 from flocking.errors import InvalidInput, SimulationError, StorageError
@@ -155,7 +155,7 @@ def _last_commit(
         return records, stored_options(writer.record["session"]["options"])
     if kept is None:
         raise StorageError(f"{folder}: this run cannot go on, it has no checkpoint: {records.status}")
-    with told(folder, "read the checkpoint"):
+    with storage_errors(folder, "read the checkpoint"):
         data = (folder / kept["file"]).read_bytes()
     if zlib.crc32(data) != kept["checksum"]:
         raise StorageError(f"{folder / kept['file']}: the checkpoint does not match its checksum; it was damaged.")

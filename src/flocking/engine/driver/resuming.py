@@ -9,7 +9,7 @@ from flocking.engine.driver.checkpoint import unpack
 from flocking.engine.driver.session_writer import Saving
 from flocking.engine.driver.simulate import drive, opened
 from flocking.engine.runs.run import Run
-from flocking.engine.storage.atomic_files import checksum, read_soundly, told
+from flocking.engine.storage.atomic_files import checksum, read_soundly, storage_errors
 from flocking.engine.storage.record import written_by
 from flocking.engine.storage.run_writer import RunWriter
 from flocking.engine.storage.stored_runs import read_last, read_run, read_scenario_of
@@ -73,7 +73,7 @@ def _resume(folder: Path, scenario: Scenario | None, plant: Law | None, progress
         fewer = {} if threads is None or engine != "tiles" else {"threads": threads}
         if kept is not None:
             path = folder / kept["file"]
-            with told(folder, "read the checkpoint"):
+            with storage_errors(folder, "read the checkpoint"):
                 found = checksum(path)
             if found != kept["checksum"]:
                 raise StorageError(f"{path}: the checkpoint does not match its checksum; the file was damaged.")

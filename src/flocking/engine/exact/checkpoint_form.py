@@ -11,14 +11,14 @@ from flocking.engine.archives.data_checks import (
     And,
     Flag,
     Form,
+    Integer,
     MalformedError,
     Many,
     Names,
     Real,
     Row,
     Table,
-    Whole,
-    Word,
+    Text,
     squarable,
 )
 from flocking.engine.exact.companion import NODES
@@ -80,31 +80,31 @@ def _ORIGIN(m: int) -> Row:  # noqa: N802
     return Row([Real(), place, place, Real()])
 
 
-def _agent(n: int) -> Whole:
-    return Whole(0, n - 1)
+def _agent(n: int) -> Integer:
+    return Integer(0, n - 1)
 
 
 def _numbers(scenario: Scenario, links: LinkState) -> Names:
     n, m = scenario.start.q.shape
-    agent, other = _agent(n), Whole(0, max(n, *(x.shape[1] for x in links.near), 1) - 1)
-    watch = Whole(0, len(links.watches) - 1)
+    agent, other = _agent(n), Integer(0, max(n, *(x.shape[1] for x in links.near), 1) - 1)
+    watch = Integer(0, len(links.watches) - 1)
     pair = Row([watch, agent, other])
-    nobody = Row([Whole(-1, -1), Whole(-1, -1)])
+    nobody = Row([Integer(-1, -1), Integer(-1, -1)])
     closest = _Either(Row([ANY, ANY, nobody, ANY]), Row([ANY, ANY, Row([agent, agent]), ANY]))
-    kind, what = Word(("near miss", "switch")), Word(KINDS)
-    doubt = {"kind": kind, "what": what, "i": agent, "j": other, "graph": Whole(0, len(links.graphs) - 1)}
+    kind, what = Text(("near miss", "switch")), Text(KINDS)
+    doubt = {"kind": kind, "what": what, "i": agent, "j": other, "graph": Integer(0, len(links.graphs) - 1)}
     extreme = Row([ANY, ANY, Many(agent), ANY])
     near = Row([pair, Row([ANY, ANY, ANY, ANY])])
     fresh = Row([pair, Row([ANY, ANY, ANY, Flag(), what, ANY, Flag()])])
     extremes = dict.fromkeys((*SPEEDS, "diameter", "ledger"), extreme)
     return Names(
         {
-            "engine": Word(("exact",)), "time": Real(), "energy": Real(), "jumped": Real(), "steps": Whole(),
+            "engine": Text(("exact",)), "time": Real(), "energy": Real(), "jumped": Real(), "steps": Integer(),
             "stepper": Row([Real(), POSITIVE]), "segment": Row([Real(), Real()]), "pending": Many(watch),
-            "graphs": Whole(len(links.graphs), len(links.graphs)),
-            "watches": Whole(len(links.watches), len(links.watches)), "origin": _ORIGIN(m),
+            "graphs": Integer(len(links.graphs), len(links.graphs)),
+            "watches": Integer(len(links.watches), len(links.watches)), "origin": _ORIGIN(m),
             "momentum": Row([Real()] * m),
-            "sliding": Many(Row([watch, agent, other, Real(), ANY, Whole()])),
+            "sliding": Many(Row([watch, agent, other, Real(), ANY, Integer()])),
             "doubts": Many(Row([doubt.get(name, ANY) for name in DOUBT_FIELDS.names or ()])),
             "closest": Row([closest, closest]), "largest": Names({}, extremes),
         },

@@ -140,7 +140,7 @@ class SolutionError:
 
     def _settle(self, settled: list[Settled], segment: Segment, links: LinkState) -> None:
         for doubt in settled:
-            self._recorder.doubts += self._told([doubt.row])
+            self._recorder.doubts += self._in_user_time([doubt.row])
             begin, end = doubt.row[:2]
             if len(self._recorder.doubts) > MOST_DOUBTS:
                 self._companion.lose(begin)
@@ -249,7 +249,7 @@ class SolutionError:
 
     def abandon(self, t: float, links: LinkState) -> None:
         """Put on record what is in doubt now: the watches of ``links`` are given up."""
-        self._recorder.doubts += self._told(self._doubts.open_rows(t, links))
+        self._recorder.doubts += self._in_user_time(self._doubts.open_rows(t, links))
         self._doubts = Doubts()
 
     def until_now(
@@ -277,10 +277,10 @@ class SolutionError:
         if part.t1 > part.t0:
             error = self.over(segment)
             extremes.follow(part, links.links[0], error, origin)
-            rows += self._told([settled.row for settled in doubts.follow(part, links, error)])
-        return rows + self._told(doubts.open_rows(t, links)), extremes
+            rows += self._in_user_time([settled.row for settled in doubts.follow(part, links, error)])
+        return rows + self._in_user_time(doubts.open_rows(t, links)), extremes
 
-    def _told(self, rows: list[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
+    def _in_user_time(self, rows: list[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
         """Rows with the user's times in place of the session's own."""
         base = self._dynamics.base
         return [(*(time + base for time in row[:3]), *row[3:]) for row in rows]

@@ -123,7 +123,7 @@ def _encounters(deck: BodyDeck, formulas: LawFormulas, layout: Layout, P: Any, n
                 sympy.Symbol(f"O{k}", real=True): sympy.Float(float(row[column]), 17) for k, row in enumerate(rows)
             }
             own: dict[str, str] = {}
-            deck.lines.append(f"# obstacle {which}: {_told(group.obstacles[column])}")
+            deck.lines.append(f"# obstacle {which}: {_description(group.obstacles[column])}")
             for stage in stages:
                 for name, e in stage.items():
                     if name in wanted:
@@ -174,6 +174,6 @@ def _needed(encounter: Any) -> set[str]:
     return wanted
 
 
-def _told(obstacle: Any) -> str:
+def _description(obstacle: Any) -> str:
     values = ", ".join(f"{name} = {value:g}" for name, value in obstacle.parameters.items())
     return f"{type(obstacle).__name__.lower()} with {values}"

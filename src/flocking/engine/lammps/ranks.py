@@ -15,7 +15,7 @@ from flocking.errors import FlockingError, SimulationError
 
 T = TypeVar("T")
 
-TOLD_SECONDS = 0.5
+MESSAGE_SECONDS = 0.5
 """``mpiexec`` drops what it has not passed on when a job is ended."""
 
 
@@ -52,11 +52,11 @@ class Ranks:
                     result = action()
             except (FlockingError, KeyboardInterrupt) as error:
                 failure = error
-        told = None if self.size == 1 else self.comm.bcast(None if failure is None else _told(failure))
+        report = None if self.size == 1 else self.comm.bcast(None if failure is None else _reported(failure))
         if failure is not None:
             raise failure
-        if told is not None:
-            raise _told_again(*told)
+        if report is not None:
+            raise _rebuilt(*report)
         return result
 
     def end(self, words: str) -> None:
@@ -69,7 +69,7 @@ class Ranks:
         """
         sys.stderr.write(f"flocking: rank {self.rank} of {self.size}: {words}\n")
         sys.stderr.flush()
-        time.sleep(TOLD_SECONDS)
+        time.sleep(MESSAGE_SECONDS)
         self.comm.Abort(1)
 
     def gathered(self, rows: Any) -> Any | None:
@@ -106,17 +106,17 @@ class Ranks:
 class OtherRankError(FlockingError):
     """Another rank of the job met an error and has said which."""
 
-    told_elsewhere = True
+    reported_elsewhere = True
 
 
-def _told(failure: BaseException) -> tuple[type[BaseException], tuple[Any, ...], dict[str, Any]]:
+def _reported(failure: BaseException) -> tuple[type[BaseException], tuple[Any, ...], dict[str, Any]]:
     """What other ranks are told of an error. The run that it may hold is not theirs."""
     if isinstance(failure, SimulationError):
         return type(failure), failure.args, {**vars(failure), "run": None}
     return OtherRankError, (f"{type(failure).__name__}: {failure}",), {}
 
 
-def _told_again(kind: type[BaseException], args: tuple[Any, ...], facts: dict[str, Any]) -> BaseException:
+def _rebuilt(kind: type[BaseException], args: tuple[Any, ...], facts: dict[str, Any]) -> BaseException:
     found = kind.__new__(kind, *args)
     found.args = args
     vars(found).update(facts)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from flocking.engine.archives.archive import UNREADABLE, read_archive, write_archive
-from flocking.engine.archives.data_checks import And, Names, Real, Row, Table, Whole, Word
+from flocking.engine.archives.data_checks import And, Integer, Names, Real, Row, Table, Text
 from flocking.engine.lammps.options import LammpsOptions
 from flocking.errors import StorageError
 from flocking.model.law import Scenario
@@ -81,7 +81,13 @@ def stored_options(data: dict[str, Any]) -> LammpsOptions:
 def _form(scenario: Scenario) -> Names:
     slack = 1e-9 * max(1.0, abs(scenario.start.t), abs(scenario.t_end))
     time = Real(scenario.start.t - slack, scenario.t_end + slack)
-    plan = And(Row([time, time, Whole(1), Whole()]), "lead forward", lambda x: bool(x[0] <= x[1] and x[3] <= x[2]))
+    plan = And(Row([time, time, Integer(1), Integer()]), "lead forward", lambda x: bool(x[0] <= x[1] and x[3] <= x[2]))
     return Names(
-        {"engine": Word(("lammps",)), "time": time, "steps": Whole(), "plan": plan, "options": Names({}, others=True)}
+        {
+            "engine": Text(("lammps",)),
+            "time": time,
+            "steps": Integer(),
+            "plan": plan,
+            "options": Names({}, others=True),
+        }
     )

@@ -104,13 +104,13 @@ def sweep(folder: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def durable_store(folder: Path) -> Any:
+def atomic_store(folder: Path) -> Any:
     """A Zarr store in ``folder`` whose files are written by `put`; ``touched`` collects the folders of new ones."""
     from zarr.storage import LocalStore
 
     end_zarr_patiently()
 
-    class DurableStore(LocalStore):  # type: ignore[misc]
+    class AtomicStore(LocalStore):  # type: ignore[misc]
         """LocalStore with whole-file, synchronised writes."""
 
         touched: set[Path]
@@ -123,7 +123,7 @@ def durable_store(folder: Path) -> Any:
             # The metadata of an array need not last: the record of the run holds them again.
             await asyncio.to_thread(put, path, value.to_bytes(), lasting=path.name != "zarr.json")
 
-    store = DurableStore(folder)
+    store = AtomicStore(folder)
     store.touched = set()
     return store
 
@@ -141,7 +141,7 @@ def write_file(path: Path, data: bytes, doing: str) -> Path:
     StorageError
         When it cannot be written; what was there before stays.
     """
-    with told(path, doing, full=NOTHING_WRITTEN):
+    with storage_errors(path, doing, full=NOTHING_WRITTEN):
         write_through(path, data)
     return path
 
@@ -165,7 +165,7 @@ def write_through(path: Path, data: bytes, *, parents: bool = True, lasting: boo
 
 
 @contextmanager
-def told(folder: Path, doing: str, *, full: str = RUN_STAYS) -> Iterator[None]:
+def storage_errors(folder: Path, doing: str, *, full: str = RUN_STAYS) -> Iterator[None]:
     """Turn failures of the file system into a `StorageError` that says what to do.
 
     Parameters

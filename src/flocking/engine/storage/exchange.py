@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from flocking.engine.runs.run import Run
-from flocking.engine.storage.atomic_files import NOTHING_WRITTEN, put, told
+from flocking.engine.storage.atomic_files import NOTHING_WRITTEN, put, storage_errors
 from flocking.errors import InvalidInput, StorageError
 from flocking.model import observables
 from flocking.model.checks import Array
@@ -49,7 +49,7 @@ def export_run(run: Run, path: str | Path, *, to: str | None = None) -> Path:
     form = (to or path.suffix.removeprefix(".")).lower()
     if form not in FORMATS:
         raise InvalidInput("export_run", "to", f"must be one of {', '.join(FORMATS)}", form)
-    with told(path, f"write {form}", full=NOTHING_WRITTEN):
+    with storage_errors(path, f"write {form}", full=NOTHING_WRITTEN):
         FORMATS[form](run, path)
     return path
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.archives.data_checks import And, Flag, MalformedError, Many, Maybe, Names, Row, Whole, Word
+from flocking.engine.archives.data_checks import And, Flag, Integer, MalformedError, Many, Maybe, Names, Row, Text
 from flocking.engine.runs.columns import ARRAYS, ERRORS, GROWING, LARGEST_CHUNK, MEASURES, QUANTITIES
 
 CODECS = ("bytes", "crc32c", "gzip", "vlen-utf8", "zstd")
@@ -40,15 +40,16 @@ def _is_checkpoint(name: str) -> bool:
 
 
 _CHECKPOINT = Names({
-    "file": And(Word(), "be the name of a checkpoint", _is_checkpoint), "checksum": Whole(),
+    "file": And(Text(), "be the name of a checkpoint", _is_checkpoint), "checksum": Integer(),
 })  # fmt: skip
 _RECORD = Names(
     {
-        "format": Whole(1), "title": Word(), "status": Word(), "commits": Whole(), "checkpoint": Maybe(_CHECKPOINT),
-        "n": Whole(1), "dimension": Whole(1), "links": Flag(), "arrays": Many(Word(tuple(ARRAYS))),
-        "counts": Names({"time": Whole(0, MOST_ROWS)}, {name: Whole(0, MOST_ROWS) for name in GROWING}),
-        "checksums": Names({}, {name: Whole() for name in ARRAYS}),
-        "scenario": Names({"checksum": Whole(), "left_out": Maybe(Word())}, others=True),
+        "format": Integer(1), "title": Text(), "status": Text(), "commits": Integer(),
+        "checkpoint": Maybe(_CHECKPOINT),
+        "n": Integer(1), "dimension": Integer(1), "links": Flag(), "arrays": Many(Text(tuple(ARRAYS))),
+        "counts": Names({"time": Integer(0, MOST_ROWS)}, {name: Integer(0, MOST_ROWS) for name in GROWING}),
+        "checksums": Names({}, {name: Integer() for name in ARRAYS}),
+        "scenario": Names({"checksum": Integer(), "left_out": Maybe(Text())}, others=True),
     },
     others=True,
 )  # fmt: skip
@@ -71,7 +72,7 @@ def check_metadata(root: dict[str, Any], record: dict[str, Any]) -> None:
     """
     _RECORD.check(record, "")
     Names(
-        {"zarr_format": Whole(3, 3), "node_type": Word(("group",)), "attributes": Names({}, others=True),
+        {"zarr_format": Integer(3, 3), "node_type": Text(("group",)), "attributes": Names({}, others=True),
          "consolidated_metadata": Names({"metadata": Names({}, others=True)}, others=True)},
     ).check(root, "")  # fmt: skip
     arrays = root["consolidated_metadata"]["metadata"]
@@ -92,13 +93,13 @@ def _check_array(name: str, data: Any, record: dict[str, Any]) -> None:
     if name in ("position", "velocity"):
         kinds = ("float64", "float32")
     shape = [*_sizes(dimensions, record)]
-    transformers = And(Many(Word()), "hold no transformers", lambda x: not x)
-    grid = Names({"name": Word(("regular",)), "configuration": Names({"chunk_shape": Row([Whole(1)] * len(shape))})})
-    codec = Names({"name": Word(CODECS)}, others=True)
-    keys = Names({"name": Word(("default",))}, others=True)
+    transformers = And(Many(Text()), "hold no transformers", lambda x: not x)
+    grid = Names({"name": Text(("regular",)), "configuration": Names({"chunk_shape": Row([Integer(1)] * len(shape))})})
+    codec = Names({"name": Text(CODECS)}, others=True)
+    keys = Names({"name": Text(("default",))}, others=True)
     Names(
-        {"zarr_format": Whole(3, 3), "node_type": Word(("array",)), "shape": Row([Whole(k, k) for k in shape]),
-         "data_type": Word(kinds), "chunk_grid": grid, "chunk_key_encoding": keys, "codecs": Many(codec)},
+        {"zarr_format": Integer(3, 3), "node_type": Text(("array",)), "shape": Row([Integer(k, k) for k in shape]),
+         "data_type": Text(kinds), "chunk_grid": grid, "chunk_key_encoding": keys, "codecs": Many(codec)},
         {"storage_transformers": transformers}, others=True,
     ).check(data, name)  # fmt: skip
     size = 1 if kind == "str" else np.dtype(data["data_type"]).itemsize

@@ -28,14 +28,14 @@ from flocking.engine.runs.run import Accuracy, Closest
 from flocking.engine.runs.run_errors import accuracy_data, json_number
 from flocking.engine.storage.atomic_files import (
     NOTHING_WRITTEN,
-    durable_store,
+    atomic_store,
     only_writer,
     partial_folder,
     put,
     remove_left_over,
     settle,
+    storage_errors,
     sweep,
-    told,
 )
 from flocking.engine.storage.metadata import checkpoint_name
 from flocking.engine.storage.record import (
@@ -62,10 +62,10 @@ class RunWriter:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         read_record(folder)
-        with told(folder, "write the run"), ExitStack() as opening:
+        with storage_errors(folder, "write the run"), ExitStack() as opening:
             opening.enter_context(only_writer(folder))
             self.record = read_record(folder)
-            self._store = durable_store(folder)
+            self._store = atomic_store(folder)
             self._arrays = self._open_arrays()
             self._closing = opening.pop_all()
         self._counts = dict.fromkeys(GROWING, 0) | dict(self.record["counts"])
@@ -115,13 +115,13 @@ class RunWriter:
         check_free(folder)
         size = Dimensions(scenario.start.n, scenario.start.dimension, with_links, precision, observed, with_errors)
         fresh = partial_folder(folder)
-        with told(folder, "create the run", full=NOTHING_WRITTEN):
+        with storage_errors(folder, "create the run", full=NOTHING_WRITTEN):
             remove_left_over(folder.parent)
             try:
                 fresh.mkdir(parents=True)
                 text, reason = _scenario_text(scenario, plant)
                 put(fresh / SCENARIO, text)
-                store = durable_store(fresh)
+                store = atomic_store(fresh)
                 for name in size.names():
                     size.create(store, name)
                 record: dict[str, Any] = {
@@ -238,7 +238,7 @@ class RunWriter:
     def _extend(self, dimension: str, parts: dict[str, Any]) -> None:
         old = self._counts[dimension]
         new = old + len(next(iter(parts.values())))
-        with told(self.folder, "append to the run"):
+        with storage_errors(self.folder, "append to the run"):
             for name, values in parts.items():
                 array = self._arrays[name]
                 array.resize((new, *array.shape[1:]))
@@ -281,7 +281,7 @@ class RunWriter:
             "closest": [_closest_data(c) for c in closest], "commits": number, "checkpoint": None,
             "accuracy": None if accuracy is None else accuracy_data(accuracy),
         }  # fmt: skip
-        with told(self.folder, "commit to the run"):
+        with storage_errors(self.folder, "commit to the run"):
             if checkpoint is not None:
                 name = checkpoint_name(number)
                 record["checkpoint"] = {"file": name, "checksum": put(self.folder / name, checkpoint)}
@@ -303,7 +303,7 @@ class RunWriter:
             When the disk is full or gone.
         """
         record = {**self.record, "status": status}
-        with told(self.folder, "mark the run"):
+        with storage_errors(self.folder, "mark the run"):
             write_record(self.folder, record, self._provenance)
         self.record = record
 
@@ -316,7 +316,7 @@ def check_free(folder: Path) -> None:
     StorageError
         When it does, or cannot be looked at.
     """
-    with told(folder, "create the run", full=NOTHING_WRITTEN):
+    with storage_errors(folder, "create the run", full=NOTHING_WRITTEN):
         if (folder / RECORD).exists():
             raise StorageError(
                 f"{folder}: holds a run already. Choose another folder, go on with `flocking resume`, or delete it."

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.storage.atomic_files import told
+from flocking.engine.storage.atomic_files import storage_errors
 from flocking.engine.storage.exchange import axis_names
 from flocking.errors import InvalidInput, StorageError
 from flocking.model.state import State
@@ -44,7 +44,7 @@ def read_start(path: str | Path, *, frame: int = -1) -> State:
     form = path.suffix.removeprefix(".").lower()
     if form not in READERS:
         raise InvalidInput("read_start", "path", f"must end in one of {', '.join('.' + k for k in READERS)}", str(path))
-    with told(path, f"read {form}"):
+    with storage_errors(path, f"read {form}"):
         if not path.is_file():
             raise StorageError(f"{path}: no such file.")
         q, p = READERS[form](path, frame)

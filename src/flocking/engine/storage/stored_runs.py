@@ -30,7 +30,7 @@ from flocking.engine.runs.columns import (
 )
 from flocking.engine.runs.run import Closest, Run
 from flocking.engine.runs.run_errors import accuracy_of
-from flocking.engine.storage.atomic_files import NO_MEMORY, end_zarr_patiently, read_soundly, told
+from flocking.engine.storage.atomic_files import NO_MEMORY, end_zarr_patiently, read_soundly, storage_errors
 from flocking.engine.storage.record import SCENARIO, read_record
 from flocking.engine.storage.record_checks import check_records
 from flocking.engine.storage.run_writer import RunWriter
@@ -106,7 +106,7 @@ def _read_run(folder: Path, scenario: Scenario | None, frames: int | None, last:
     record = read_record(folder)
     if scenario is None:
         scenario, _ = read_scenario_of(folder)
-    with told(folder, "read the run"):
+    with storage_errors(folder, "read the run"):
         import zarr
 
         end_zarr_patiently()
@@ -155,7 +155,7 @@ def stored_facts(folder: str | Path) -> dict[str, Any]:
 
 def _stored_facts(folder: Path) -> dict[str, Any]:
     record = read_record(folder)
-    with told(folder, "read the run"):
+    with storage_errors(folder, "read the run"):
         size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
     return {
         "title": record["title"], "status": record["status"], "agents": record["n"], "dimension": record["dimension"],
@@ -180,7 +180,7 @@ def read_scenario_of(folder: str | Path) -> tuple[Scenario, Law | None]:
             f"{folder}: the run holds no scenario ({about['left_out']}). "
             "Give it when reading: read_run(folder, scenario=...)."
         )
-    with told(folder, "read the scenario"):
+    with storage_errors(folder, "read the scenario"):
         text = (folder / SCENARIO).read_bytes()
     if zlib.crc32(text) != about["checksum"]:
         raise StorageError(f"{folder / SCENARIO}: the scenario does not match its checksum; the file was damaged.")

@@ -10,6 +10,7 @@ from flocking.engine.archives.data_checks import (
     And,
     Flag,
     Form,
+    Integer,
     MalformedError,
     Many,
     Maybe,
@@ -18,7 +19,6 @@ from flocking.engine.archives.data_checks import (
     Real,
     Row,
     Table,
-    Whole,
     squarable,
 )
 from flocking.engine.fixed_step.law_gaps import LawGaps
@@ -54,7 +54,7 @@ def check_session(kept: Any, books: type[Any], memory: type[Any], scenario: Scen
     time = Real(scenario.start.t - slack, scenario.t_end + slack)
     row = Row([ANY] * len(TRACE_FIELDS.names or ()))
     plan = And(
-        Row([time, time, Whole(1), Whole()]), "lead forward",
+        Row([time, time, Integer(1), Integer()]), "lead forward",
         lambda x: bool(x[0] <= x[1] and x[3] <= x[2]),
     )  # fmt: skip
     sums = And(Names({}, dict.fromkeys(SUMS, ANY)), "hold all sums or none", lambda x: len(x) in (0, len(SUMS)))
@@ -62,15 +62,15 @@ def check_session(kept: Any, books: type[Any], memory: type[Any], scenario: Scen
     ledger = Part(books, {"integrals": integrals, "jumped": ANY, "sums": sums, "ahead": integrals})
     Names(
         {
-            "step": Real(least=float(np.finfo(float).tiny)), "time": time, "plan": plan, "steps": Whole(),
+            "step": Real(least=float(np.finfo(float).tiny)), "time": time, "plan": plan, "steps": Integer(),
             "crowd": Part(memory, {"fields": Names({}, others=True)}),
             "scheme": Names({"last": Real(least=0.0), "counted": Flag(), "books": ledger}),
             "records": Names({
-                "count": Whole(0, len(scenario.frame_times)), "apart": ANY, "first": Maybe(row),
+                "count": Integer(0, len(scenario.frame_times)), "apart": ANY, "first": Maybe(row),
                 "open": And(Many(row), "hold one row at most", lambda x: len(x) <= 1), "closest": _closest(n),
             }),
             "farthest": POSITIVE,
-            "law_gaps": Part(LawGaps, {"checks": Whole(), "gap": ANY, "allowed": ANY, "worst": ANY}),
+            "law_gaps": Part(LawGaps, {"checks": Integer(), "gap": ANY, "allowed": ANY, "worst": ANY}),
             "instability": _instability(n, m),
         }
     ).check(kept, "session")  # fmt: skip
@@ -78,7 +78,7 @@ def check_session(kept: Any, books: type[Any], memory: type[Any], scenario: Scen
 
 def _closest(n: int) -> Part:
     pair = And(
-        Row([Whole(-1, n - 1)] * 2), "name two agents or none", lambda x: (x[0] < 0) == (x[1] < 0)
+        Row([Integer(-1, n - 1)] * 2), "name two agents or none", lambda x: (x[0] < 0) == (x[1] < 0)
     )  # fmt: skip
     return Part(Closest, {"distance": ANY, "time": ANY, "pair": pair, "error": ANY})
 
@@ -89,10 +89,10 @@ def _instability(n: int, m: int) -> Form:
         Part(
             Instability,
             {
-                "speed": POSITIVE, "streak": Whole(), "grown": ANY, "rebuilds": Whole(-1),
+                "speed": POSITIVE, "streak": Integer(), "grown": ANY, "rebuilds": Integer(-1),
                 "places": Maybe(Table("i4", (looked_at,), least=0, most=n - 1)),
                 "change": Maybe(Table("f8", (looked_at, m), finite=False)), "products": ANY, "sizes": ANY,
-                "compared": Whole(), "early": ANY, "late": ANY, "turns": Whole(),
+                "compared": Integer(), "early": ANY, "late": ANY, "turns": Integer(),
             },
         ),
         "say which agents changed", lambda x: x.change is None or x.places is not None,
@@ -114,7 +114,7 @@ def check_crowd(fields: dict[str, Any], crowd: Crowd) -> None:
     MalformedError
         When it is none; the message names what is wrong.
     """
-    n, agent = crowd.n, Whole(0, crowd.n - 1)
+    n, agent = crowd.n, Integer(0, crowd.n - 1)
     kind, large = crowd.dtype, squarable(crowd.dtype)
     lists = Part(
         TileLists,
@@ -133,7 +133,7 @@ def check_crowd(fields: dict[str, Any], crowd: Crowd) -> None:
             "A": Table(kind, crowd.A.shape), "C": Table(kind, crowd.C.shape, -large, large),
             # Before the first rebuild there is none.
             "reference": Table(kind, crowd.reference.shape, finite=False),
-            "elapsed": Real(), "bound": POSITIVE, "skin": Real(least=0.0), "rebuilds": Whole(),
+            "elapsed": Real(), "bound": POSITIVE, "skin": Real(least=0.0), "rebuilds": Integer(),
             "lists": Row([Maybe(lists)] * len(crowd.graphs)), "top_speed": POSITIVE, "_rounding": POSITIVE,
             "_first_links": Maybe(Table("?", (n, n), ordered=False)), "lost": Maybe(Row([agent, agent])),
             "rooms": Row([Table("i8", b.room.shape, least=0, most=most_room) for b in crowd.builders]),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from flocking.engine.runs.run import Run
 from flocking.model.checks import Array
 from flocking.papers.olfati_saber_2003.system import DISTANCE, RADIUS
-from flocking.papers.showcases.stored_summary import Kept
+from flocking.papers.showcases.stored_summary import StoredSummary
 from flocking.study.hexatic_order import hexatic, hexatic_map, largest_share
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ HUES, GRADES = 48, 15
 """In how many steps direction and quality of the lattice are kept."""
 
 
-def keep(run: Run) -> Kept:
+def keep(run: Run) -> StoredSummary:
     """What is kept of a run of the scenario.
 
     Parameters
@@ -57,10 +57,10 @@ def keep(run: Run) -> Kept:
         if last:
             arrays["whole"] = _map(q, order, WHOLE, WHOLE_CELL)
             arrays |= _close(q, order, neighbours)
-    return Kept(facts | rows, arrays)
+    return StoredSummary(facts | rows, arrays)
 
 
-def draw(kept: Kept) -> Figure:
+def draw(kept: StoredSummary) -> Figure:
     """A window as it ages; at the end all of the flock, and single agents in the middle of the window.
 
     Parameters
@@ -79,7 +79,7 @@ def draw(kept: Kept) -> Figure:
     return sheet(panels, columns=2, width=7.2, ratio=1.0)
 
 
-def draw_close(kept: Kept, axes: Any) -> Any:
+def draw_close(kept: StoredSummary, axes: Any) -> Any:
     """Single agents in the smallest window: hue by direction; rings where there are not six neighbours.
 
     Parameters
@@ -157,7 +157,7 @@ def _nearest(q: Array) -> Array:
     return np.asarray(cKDTree(q).query(q, k=2)[0])[:, 1]
 
 
-def _shades(kept: Kept, name: str, side: float, title: str, inner: float = 0.0) -> Any:
+def _shades(kept: StoredSummary, name: str, side: float, title: str, inner: float = 0.0) -> Any:
     """A panel of a map, with a square about the next smaller window."""
     from flocking.show.lattice_orientation import lattice_colors, wheel
 

@@ -15,7 +15,7 @@ from flocking.model.leaders_and_obstacles.obstacles import Ball
 from flocking.model.terms.avoidance import Avoid
 from flocking.papers.olfati_saber_2003.system import DISTANCE, RADIUS
 from flocking.papers.showcases.files import showcase_scenario
-from flocking.papers.showcases.stored_summary import Kept, packed, unpacked
+from flocking.papers.showcases.stored_summary import StoredSummary, packed, unpacked
 from flocking.study.density_maps import DensityMap, density_map
 from flocking.study.hexatic_order import largest_share
 
@@ -79,7 +79,7 @@ class ObstacleViews:
     ratio: float = 0.8
     close: CloseView | None = None
 
-    def keep(self, run: Run) -> Kept:
+    def keep(self, run: Run) -> StoredSummary:
         """What is kept of a run, which may have ended early."""
         balls = np.array([[*ball.centre.at(0.0)[0], ball.radius] for ball in balls_of(run.scenario)])
         near = [surface_distances(q, balls) for q in run.q]
@@ -104,19 +104,19 @@ class ObstacleViews:
         if self.close is not None and np.abs(run.t - self.close.time).min() < 1e-6:
             at = _frame(run, self.close.time)
             arrays |= self._close(self.close, run.q[at], run.p[at])
-        return Kept(facts, arrays)
+        return StoredSummary(facts, arrays)
 
     def view(self, q: Array, t: float) -> DensityMap:
         """Density in the picture at one of the times drawn."""
         low = self._corner(t)
         return density_map(q, low=low, high=low + np.array(self.size), cell=self.cell, blur=DISTANCE)
 
-    def stored(self, kept: Kept, t: float) -> DensityMap:
+    def stored(self, kept: StoredSummary, t: float) -> DensityMap:
         """The same from what was kept, in terms of the lattice's density."""
         values, low = unpacked(kept.arrays[f"density_{t:g}"]), self._corner(t)
         return DensityMap(values, low, low + self.cell * np.array(values.shape[::-1]))
 
-    def draw(self, kept: Kept) -> Figure:
+    def draw(self, kept: StoredSummary) -> Figure:
         """Densities at the times kept, and single agents among obstacles at one of them."""
         panels = [self._panel(kept, t, f"$t = {t:g}$") for t in kept.facts["views"]]
         if self.close is not None and "close_place" in kept.arrays:
@@ -124,11 +124,11 @@ class ObstacleViews:
             panels.append(lambda axes: self._draw_close(close, kept, axes))
         return self._sheet(panels, 2)
 
-    def strip(self, kept: Kept, times: Sequence[float]) -> Figure:
+    def strip(self, kept: StoredSummary, times: Sequence[float]) -> Figure:
         """Densities at some of the times kept, side by side."""
         return self._sheet([self._panel(kept, t, f"$t = {t:g}$") for t in times], len(times), letters=False)
 
-    def beside(self, kept: Mapping[str, Kept]) -> Figure:
+    def beside(self, kept: Mapping[str, StoredSummary]) -> Figure:
         """The same moments of runs of several engines, a row for each.
 
         Parameters
@@ -140,7 +140,7 @@ class ObstacleViews:
         panels = [self._panel(one, t, f"{engine}, $t = {t:g}$") for engine, one in kept.items() for t in times]
         return self._sheet(panels, len(times), letters=False)
 
-    def difference(self, one: Kept, other: Kept, t: float) -> float:
+    def difference(self, one: StoredSummary, other: StoredSummary, t: float) -> float:
         """Share of the agents in view that would have to stand elsewhere for two densities to be the same.
 
         Parameters
@@ -151,7 +151,7 @@ class ObstacleViews:
         a, b = (self.stored(kept, t).values for kept in (one, other))
         return float(np.abs(a - b).sum() / (a.sum() + b.sum()))
 
-    def parting(self, one: Kept, other: Kept, t: float) -> float:
+    def parting(self, one: StoredSummary, other: StoredSummary, t: float) -> float:
         """Largest distance between the same agent in two runs, of those whose places are kept.
 
         Parameters
@@ -174,7 +174,7 @@ class ObstacleViews:
         scale(made, axes[0].images[0], axes, *SPAN, label=SCALE_LABEL)
         return made
 
-    def _panel(self, kept: Kept, t: float, title: str) -> Any:
+    def _panel(self, kept: StoredSummary, t: float, title: str) -> Any:
         from flocking.show.density import density
 
         balls = balls_of(showcase_scenario(self.name, agents=1))
@@ -192,7 +192,7 @@ class ObstacleViews:
             "close_speed": np.rint(255 * np.minimum(speed, 1.0)).astype(np.uint8),
         }
 
-    def _draw_close(self, close: CloseView, kept: Kept, axes: Any) -> Any:
+    def _draw_close(self, close: CloseView, kept: StoredSummary, axes: Any) -> Any:
         from flocking.show.density import GROUND, STONE, STONE_EDGE
 
         low, high = np.array(close.low) / RADIUS, np.array(close.high) / RADIUS

@@ -15,7 +15,7 @@ from flocking.model.law import Scenario
 from flocking.papers.showcases import flock_from_noise
 from flocking.papers.showcases.files import TITLES, showcase_scenario
 from flocking.papers.showcases.obstacle_views import CloseView, ObstacleViews
-from flocking.papers.showcases.stored_summary import Kept
+from flocking.papers.showcases.stored_summary import StoredSummary
 from flocking.study.claims.audit import Report
 
 if TYPE_CHECKING:
@@ -71,8 +71,8 @@ class Showcase:
 
     name: str
     step: float
-    keep: Callable[[Run], Kept]
-    draw: Callable[[Kept], Figure]
+    keep: Callable[[Run], StoredSummary]
+    draw: Callable[[StoredSummary], Figure]
 
     @property
     def title(self) -> str:
@@ -146,7 +146,7 @@ class Showcase:
         options: dict[str, Any] = {"ledger": LEDGER_EVERY} if engine == "lammps" else {"threads": threads}
         return simulate(scenario, engine=engine, save=folder, progress=progress, step=self.step, **options)
 
-    def kept_of(self, run: Run, report: Report) -> Kept:
+    def stored_summary_of(self, run: Run, report: Report) -> StoredSummary:
         """What is kept of a run, with its audit and where it comes from.
 
         Parameters
@@ -165,9 +165,9 @@ class Showcase:
             facts["closest"] = {"distance": closest.distance, "time": closest.time}
         if len(run.trace):
             facts["ledger_share"] = float(np.abs(run.residual).max() / max(run.turnover, 1e-300))
-        return Kept({**kept.facts, **facts}, kept.arrays)
+        return StoredSummary({**kept.facts, **facts}, kept.arrays)
 
-    def stored(self, engine: str = "tiles") -> Kept:
+    def stored(self, engine: str = "tiles") -> StoredSummary:
         """What came with the library of a run at full size.
 
         Raises
@@ -178,7 +178,7 @@ class Showcase:
         path = RESULTS / f"{self.name}.{engine}.npz"
         if not path.is_file():
             raise InvalidInput("showcases", "engine", "must be one whose run came with the library", engine)
-        return Kept.read(path)
+        return StoredSummary.read(path)
 
 
 def showcase(name: str) -> Showcase:

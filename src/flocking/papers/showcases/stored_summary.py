@@ -23,7 +23,7 @@ LOWEST, HIGHEST = 0.05, 20.0
 
 
 @dataclass(frozen=True, eq=False)
-class Kept:
+class StoredSummary:
     """What is kept of a run.
 
     Parameters
@@ -57,7 +57,7 @@ class Kept:
         return write_file(Path(path), file.getvalue(), "write what is kept of the run")
 
     @classmethod
-    def read(cls, path: str | Path) -> Kept:
+    def read(cls, path: str | Path) -> StoredSummary:
         """Read what `write` wrote.
 
         Raises

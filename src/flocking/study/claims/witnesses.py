@@ -1,4 +1,4 @@
-"""Who broke a claim, and when: the agents and the moment behind a verdict, for whoever shows them."""
+"""Agents that broke a claim, and when: the witnesses of a verdict."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
 
 
 @dataclass(frozen=True)
-class Culprit:
+class Witness:
     """A moment of a run and the agents it is about.
 
     Parameters
@@ -29,7 +29,7 @@ class Culprit:
     agents: tuple[int, ...] = ()
 
 
-def culprit(result: Result, evidence: Evidence) -> Culprit | None:
+def witness_of(result: Result, evidence: Evidence) -> Witness | None:
     """The moment and the agents that broke a claim; None where it holds or nothing points at anyone.
 
     Parameters
@@ -51,76 +51,76 @@ def culprit(result: Result, evidence: Evidence) -> Culprit | None:
         return None
 
 
-def _pair(time: float, i: int, j: int) -> Culprit:
-    return Culprit(float(time), (int(i), int(j)))
+def _pair(time: float, i: int, j: int) -> Witness:
+    return Witness(float(time), (int(i), int(j)))
 
 
-def _apart(links: Links, time: float) -> Culprit:
+def _apart(links: Links, time: float) -> Witness:
     """The agents outside the largest flock."""
     flock = components(links)
     largest = int(np.bincount(flock).argmax())
-    return Culprit(time, tuple(int(i) for i in np.flatnonzero(flock != largest)))
+    return Witness(time, tuple(int(i) for i in np.flatnonzero(flock != largest)))
 
 
-def _first_split(e: Evidence) -> Culprit:
+def _first_split(e: Evidence) -> Witness:
     links = next((links for t, links in e.link_looks if t == e.seen_disconnected), e.link_looks[-1][1])
     return _apart(links, float(e.seen_disconnected))
 
 
-def _split_at_start(e: Evidence) -> Culprit:
+def _split_at_start(e: Evidence) -> Witness:
     time, links = e.link_looks[0]
     return _apart(links, time)
 
 
-def _first_break(e: Evidence) -> Culprit:
+def _first_break(e: Evidence) -> Witness:
     rows = e.link_switches[e.link_switches["kind"] == "break"]
     return _pair(rows["time"][0], rows["i"][0], rows["j"][0])
 
 
-def _last_switch(e: Evidence) -> Culprit:
+def _last_switch(e: Evidence) -> Witness:
     row = e.link_switches[-1]
     return _pair(row["time"], row["i"], row["j"])
 
 
-def _slowest_crossing(e: Evidence) -> Culprit:
+def _slowest_crossing(e: Evidence) -> Witness:
     row = e.link_switches[np.abs(e.link_switches["speed"]).argmin()]
     return _pair(row["time"], row["i"], row["j"])
 
 
-def _closest_linked(e: Evidence) -> Culprit:
+def _closest_linked(e: Evidence) -> Witness:
     c = e.run.closest_linked
-    return Culprit(c.time, c.pair)
+    return Witness(c.time, c.pair)
 
 
-def _closest(e: Evidence) -> Culprit:
+def _closest(e: Evidence) -> Witness:
     c = e.run.closest
-    return Culprit(c.time, c.pair)
+    return Witness(c.time, c.pair)
 
 
-def _largest_rise(e: Evidence) -> Culprit:
+def _largest_rise(e: Evidence) -> Witness:
     rises = np.diff(e.run.trace["energy"]) - np.diff(e.run.trace["jumped"])
-    return Culprit(float(e.run.trace["time"][1 + int(rises.argmax())]))
+    return Witness(float(e.run.trace["time"][1 + int(rises.argmax())]))
 
 
-def _worst_residual(e: Evidence) -> Culprit:
-    return Culprit(float(e.run.trace["time"][int(np.abs(e.run.residual).argmax())]))
+def _worst_residual(e: Evidence) -> Witness:
+    return Witness(float(e.run.trace["time"][int(np.abs(e.run.residual).argmax())]))
 
 
-def _odd_velocity(e: Evidence) -> Culprit:
+def _odd_velocity(e: Evidence) -> Witness:
     offsets = np.linalg.norm(e.run.p[-1] - e.mean_velocity[-1], axis=1)
-    return Culprit(float(e.run.t[-1]), (int(offsets.argmax()),))
+    return Witness(float(e.run.t[-1]), (int(offsets.argmax()),))
 
 
-def _fastest_agent(e: Evidence) -> Culprit:
+def _fastest_agent(e: Evidence) -> Witness:
     frame = int(e.speeds.argmax())
-    return Culprit(float(e.run.t[frame]), (int(np.linalg.norm(e.run.p[frame], axis=1).argmax()),))
+    return Witness(float(e.run.t[frame]), (int(np.linalg.norm(e.run.p[frame], axis=1).argmax()),))
 
 
-def _unbalanced(e: Evidence) -> Culprit:
-    return Culprit(float(e.run.t[-1]), (int(np.linalg.norm(e.equilibrium.forces, axis=1).argmax()),))
+def _unbalanced(e: Evidence) -> Witness:
+    return Witness(float(e.run.t[-1]), (int(np.linalg.norm(e.equilibrium.forces, axis=1).argmax()),))
 
 
-_FINDERS: dict[Callable[[Evidence], Measure], Callable[[Evidence], Culprit]] = {
+_FINDERS: dict[Callable[[Evidence], Measure], Callable[[Evidence], Witness]] = {
     general.starts_connected: _split_at_start,
     general.stays_connected: _first_split,
     general.no_link_lost: _first_break,

@@ -24,9 +24,9 @@ class ApproachEvidence(DoubtEvidence, MotionEvidence):
             The closest approach that was recorded.
         """
         if self.sampled:
-            return self.told("gap")
+            return self.provenance_number("gap")
         if "farthest" in self.run.provenance:
-            return self.told("farthest")
+            return self.provenance_number("farthest")
         if "closest" in self.run.provenance:
             raise NotMeasurable(f"agents' distances were looked at only {self.run.provenance['closest']}")
         self.accuracy  # noqa: B018

@@ -52,7 +52,7 @@ class RunEvidence:
         """Whether the run is made of samples from elsewhere: nothing is known between them."""
         return self.run.provenance.get("engine") == "samples"
 
-    def told(self, name: str) -> float:
+    def provenance_number(self, name: str) -> float:
         """A number of the run's provenance.
 
         Raises

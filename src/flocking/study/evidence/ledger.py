@@ -55,8 +55,10 @@ class LedgerEvidence(LinkEvidence):
             return RESIDUAL * self.energy_moved + 1e-14
         if self.sampled:
             size = float(np.abs(self.trace["energy"]).max(initial=0.0))
-            return 3 * self.told("ledger_error") + self.told("switch_error") + 1e-9 * size
-        tolerance = self.told("tolerance") if "tolerance" in self.run.provenance else self.run.scenario.tolerance
+            return 3 * self.provenance_number("ledger_error") + self.provenance_number("switch_error") + 1e-9 * size
+        tolerance = (
+            self.provenance_number("tolerance") if "tolerance" in self.run.provenance else self.run.scenario.tolerance
+        )
         size = float(np.abs(self.trace["energy"]).max(initial=0.0))
         explained = min(self.explained_residual, MOST_EXPLAINED * self.energy_moved)
         return max(LEDGER_FACTOR * tolerance * self.run.turnover, explained) + 1e-12 * size + 1e-14
@@ -134,7 +136,7 @@ class LedgerEvidence(LinkEvidence):
         """
         if "law_gap" not in self.run.provenance:
             return ""
-        gap, allowed = self.told("law_gap"), self.told("law_gap_allowed")
+        gap, allowed = self.provenance_number("law_gap"), self.provenance_number("law_gap_allowed")
         if gap <= allowed:
             return ""
         return (
@@ -156,6 +158,6 @@ class LedgerEvidence(LinkEvidence):
     def _ledger_sizes(self) -> str:
         share = f" ({100 * RESIDUAL:g} % of the energy moved, for a fixed step)" if self.fixed_step else ""
         if checks := self.run.provenance.get("law_checks", 0):
-            gap = self.told("law_gap")
+            gap = self.provenance_number("law_gap")
             share += f"; forces are those of the law to {gap:.0e} of their parts, looked at {checks} times"
         return f"ledger residual {self.residual:.2e}, allowed {self.ledger_bound:.2e}{share}"

@@ -11,7 +11,7 @@ from functools import partial
 from flocking.errors import SweepError
 from flocking.study.sweeps.plan import Task
 from flocking.study.sweeps.work import Row, Work, noted_tasks, packed, run_batch, run_here
-from flocking.study.sweeps.worker_pool import Crew
+from flocking.study.sweeps.worker_pool import WorkerPool
 
 TRIES = 3
 """A run that was being made each time its worker died is given up after this many."""
@@ -26,22 +26,22 @@ AHEAD = 2
 Keep = Callable[[Sequence[Row]], None]
 
 
-class Campaign:
-    """Runs on their way through a crew.
+class Scheduler:
+    """Runs that are handed out to the workers of a pool.
 
     Parameters
     ----------
     work
         What is done for every run.
-    crew
+    pool
         Who does it.
     keep
         Called with rows as they arrive; they are safe when it returns.
     """
 
-    def __init__(self, work: Work, crew: Crew, keep: Keep) -> None:
-        self._crew = crew
-        self._job = partial(run_batch, packed(work), crew.memory) if crew.elsewhere else partial(run_here, work)
+    def __init__(self, work: Work, pool: WorkerPool, keep: Keep) -> None:
+        self._pool = pool
+        self._job = partial(run_batch, packed(work), pool.memory) if pool.elsewhere else partial(run_here, work)
         self._keep = keep
         self._waiting: deque[Task] = deque()
         self._suspects: deque[Task] = deque()
@@ -62,7 +62,7 @@ class Campaign:
         """
         self._waiting = deque(tasks)
         with tempfile.TemporaryDirectory(prefix="flocking-sweep-", ignore_cleanup_errors=True) as folder:
-            self._scratch = folder if self._crew.takes_notes else None
+            self._scratch = folder if self._pool.takes_notes else None
             while self._waiting or self._suspects or self._running:
                 self._send()
                 self._receive()
@@ -75,21 +75,21 @@ class Campaign:
                 self._alone.add(task.index)
                 self._submit([task])
             return
-        while self._waiting and len(self._running) < AHEAD * self._crew.size:
+        while self._waiting and len(self._running) < AHEAD * self._pool.size:
             size = min(self._batch_size(), len(self._waiting))
             self._submit([self._waiting.popleft() for _ in range(size)])
 
     def _batch_size(self) -> int:
         if not self._done:
             return 1
-        fair = len(self._waiting) // (AHEAD * self._crew.size)
+        fair = len(self._waiting) // (AHEAD * self._pool.size)
         return max(1, min(LARGEST_BATCH, fair, int(BATCH_SECONDS * self._done / max(self._seconds, 1e-9))))
 
     def _submit(self, tasks: list[Task]) -> None:
         try:
-            self._running[self._crew.submit(self._job, tasks, self._scratch)] = tasks
+            self._running[self._pool.submit(self._job, tasks, self._scratch)] = tasks
         except BaseException as error:
-            if not self._crew.lost(error):
+            if not self._pool.lost(error):
                 raise
             self._waiting.extendleft(reversed(tasks))
 
@@ -102,7 +102,7 @@ class Campaign:
             lost += self._take(future)
         if not lost:
             return
-        if self._crew.breaks_together:
+        if self._pool.breaks_together:
             # Let every batch of the broken pool come back before anything new goes out.
             for future in list(self._running):
                 wait([future])
@@ -116,7 +116,7 @@ class Campaign:
         if error is None:
             self._store(future.result())
             return []
-        if not self._crew.lost(error):
+        if not self._pool.lost(error):
             raise error
         return tasks
 
@@ -137,7 +137,7 @@ class Campaign:
             if task.index not in at_work:
                 again.append(task)
                 continue
-            self._deaths[task.index] += self._crew.deaths_told
+            self._deaths[task.index] += self._pool.deaths_reported
             if self._deaths[task.index] >= TRIES and task.index in self._alone:
                 given_up.append(task)
             else:

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from flocking.engine.storage import atomic_files as durable
+from flocking.engine.storage import atomic_files
 from flocking.errors import StorageError
 from flocking.study.sweeps.work import LONGEST_MESSAGE, Row
 
@@ -33,22 +33,25 @@ def open_store(folder: Path, record: Mapping[str, Any]) -> Iterator[Store]:
     StorageError
         When the folder cannot be used, holds another sweep or something else, or is being written.
     """
-    with durable.told(folder, "make the folder of the sweep", full=durable.NOTHING_WRITTEN):
+    with atomic_files.storage_errors(folder, "make the folder of the sweep", full=atomic_files.NOTHING_WRITTEN):
         folder.mkdir(parents=True, exist_ok=True)
         foreign = [p.name for p in folder.iterdir() if p.name not in (RECORD, ROWS, ".lock")]
     fresh = not (folder / RECORD).exists()
-    if fresh and [name for name in foreign if not name.endswith(durable.PARTIAL)]:
+    if fresh and [name for name in foreign if not name.endswith(atomic_files.PARTIAL)]:
         raise StorageError(f"{folder}: holds something else already ({foreign[0]}). Choose an empty or new folder.")
     if (folder / ROWS).is_symlink():
         raise StorageError(f"{folder}: its {ROWS} is a link to elsewhere; nothing is written through it.")
-    with durable.told(folder, "write the sweep", full=durable.SWEEP_STAYS), durable.only_writer(folder):
+    with (
+        atomic_files.storage_errors(folder, "write the sweep", full=atomic_files.SWEEP_STAYS),
+        atomic_files.only_writer(folder),
+    ):
         if fresh:
-            durable.sweep(folder)
-            durable.put(folder / RECORD, _sealed(dict(record)))
-            durable.settle({folder})
+            atomic_files.sweep(folder)
+            atomic_files.put(folder / RECORD, _sealed(dict(record)))
+            atomic_files.settle({folder})
         else:
             _compare(folder, read_record(folder), json.loads(json.dumps(record)))
-            durable.sweep(folder)
+            atomic_files.sweep(folder)
         yield Store(folder)
 
 
@@ -64,7 +67,7 @@ class Store:
     def __init__(self, folder: Path) -> None:
         self._rows = folder / ROWS
         self._folder = folder
-        with durable.told(folder, "write the sweep", full=durable.SWEEP_STAYS):
+        with atomic_files.storage_errors(folder, "write the sweep", full=atomic_files.SWEEP_STAYS):
             self._rows.mkdir(exist_ok=True)
         numbers = [int(path.stem) for path in _chunks(folder)]
         self._next = max(numbers, default=-1) + 1
@@ -77,9 +80,9 @@ class Store:
         StorageError
             When they cannot be written; what was committed before stays.
         """
-        with durable.told(self._folder, "write results of the sweep", full=durable.SWEEP_STAYS):
-            durable.put(self._rows / f"{self._next:08d}.json", _sealed({"rows": list(rows)}))
-            durable.settle({self._rows})
+        with atomic_files.storage_errors(self._folder, "write results of the sweep", full=atomic_files.SWEEP_STAYS):
+            atomic_files.put(self._rows / f"{self._next:08d}.json", _sealed({"rows": list(rows)}))
+            atomic_files.settle({self._rows})
         self._next += 1
 
 
@@ -129,7 +132,7 @@ def _chunks(folder: Path) -> list[Path]:
     rows = folder / ROWS
     if rows.is_symlink() or not rows.is_dir():
         return []
-    with durable.told(folder, "read the sweep"):
+    with atomic_files.storage_errors(folder, "read the sweep"):
         return sorted(path for path in rows.iterdir() if _CHUNK.fullmatch(path.name))
 
 

@@ -125,8 +125,8 @@ def _run(
     show: bool,
 ) -> SweepTable:
     from flocking.study.sweeps.progress import Progress
-    from flocking.study.sweeps.scheduler import Campaign
-    from flocking.study.sweeps.worker_pool import crew
+    from flocking.study.sweeps.scheduler import Scheduler
+    from flocking.study.sweeps.worker_pool import pool
 
     rows: dict[int, Row] = {}
     status = "finished"
@@ -145,8 +145,8 @@ def _run(
                 bar.advance(len(new), sum(row["status"] == "failed" for row in new))
 
             try:
-                with crew(workers, cluster) as everyone:
-                    Campaign(work, everyone, keep).run(plan.task(k) for k in missing)
+                with pool(workers, cluster) as everyone:
+                    Scheduler(work, everyone, keep).run(plan.task(k) for k in missing)
             except KeyboardInterrupt:
                 status = "interrupted"
     return SweepTable(plan, rows, tuple(work.measures), about, status)

@@ -26,12 +26,12 @@ GROUP_LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit
 """Where Linux says how much memory a container may use."""
 
 
-class Crew:
+class WorkerPool:
     """Workers behind the interface of `concurrent.futures`; what is submitted to them is theirs to schedule."""
 
     breaks_together = False
     """Whether the death of one worker loses what all others were at."""
-    deaths_told = 1
+    deaths_reported = 1
     """How many workers have died on a task before it comes back as lost."""
     takes_notes = False
     """Whether workers see the files of this process."""
@@ -40,7 +40,7 @@ class Crew:
     memory: int | None = None
     """Bytes that each worker may hold; None where others see to it."""
 
-    def __enter__(self) -> Crew:
+    def __enter__(self) -> WorkerPool:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
@@ -63,7 +63,7 @@ class Crew:
         """Give the workers back; what they were at is stopped."""
 
 
-class Alone(Crew):
+class Alone(WorkerPool):
     """The calling process itself."""
 
     elsewhere = False
@@ -78,7 +78,7 @@ class Alone(Crew):
         return future
 
 
-class LocalProcesses(Crew):
+class LocalProcesses(WorkerPool):
     """Processes of this machine, kept warm from batch to batch by joblib's loky.
 
     Parameters
@@ -126,7 +126,7 @@ class LocalProcesses(Crew):
             self._executor.shutdown(wait=True, kill_workers=True)
 
 
-class Cluster(Crew):
+class Cluster(WorkerPool):
     """The workers of a Dask cluster; Dask chooses who runs what and starts again what dies with its worker.
 
     Parameters
@@ -165,7 +165,7 @@ class Cluster(Crew):
             ) from None
         self._executor: Executor = self._client.get_executor(pure=False)
         # Dask itself lets a task kill so many workers before it tells of it.
-        self.deaths_told = 1 + int(self._client.run_on_scheduler(_allowed_failures))
+        self.deaths_reported = 1 + int(self._client.run_on_scheduler(_allowed_failures))
 
     @property
     def size(self) -> int:
@@ -221,8 +221,8 @@ def _allowed_failures(dask_scheduler: Any) -> int:
     return int(dask_scheduler.allowed_failures)
 
 
-def crew(workers: int | None, cluster: str | None) -> Crew:
-    """The crew a user asks for: so many ``workers`` here, or those of a ``cluster``.
+def pool(workers: int | None, cluster: str | None) -> WorkerPool:
+    """The pool of workers that a user asks for: so many ``workers`` here, or those of a ``cluster``.
 
     Raises
     ------

@@ -86,7 +86,7 @@ class Comparison:
             self.path = path
             self._page.clock.experiments = [left, right]
             self._page.clock.post(self._fit)
-            self._page.instruments.reset()
+            self._page.measurement_panel.reset()
             self.stop.visible = True
 
         self._page.clock.post(act)

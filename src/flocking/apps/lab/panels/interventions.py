@@ -16,7 +16,7 @@ from flocking.model.serial import to_data
 MOST_CHOSEN = 100_000
 
 
-class Handling:
+class Interventions:
     """The part of a page that intervenes.
 
     Parameters

@@ -1,4 +1,4 @@
-"""The instruments: live numbers, curves and lamps, read on a thread of their own so that nothing waits for them."""
+"""Live numbers, curves and verdict lamps, computed on a thread of their own so that nothing waits for them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SECOND_INK = "#999999"
 """Of the run on the right, when two are compared."""
 
 
-class Instruments:
+class MeasurementPanel:
     """The part of a page that measures.
 
     Parameters
@@ -55,7 +55,7 @@ class Instruments:
         ]  # fmt: skip
         self._buttons: list[Any] = []
         self._lock = threading.Lock()
-        self._thread = threading.Thread(target=self._run, name="flocking-lab-instruments", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="flocking-lab-measurements", daemon=True)
 
     def add_lamps(self) -> None:
         """Make room for the lamps in the container that is open."""
@@ -100,7 +100,7 @@ class Instruments:
                     judged = time.perf_counter()
                     pause = max(LAMP_SECONDS, PATIENCE * (judged - begin))
             except Exception as error:  # whatever a changed law does to a measure, the page goes on
-                self.table.content = f"<p>The instruments stumbled: {type(error).__name__}: {error}</p>"
+                self.table.content = f"<p>The measurements failed: {type(error).__name__}: {error}</p>"
             time.sleep(max(READ_SECONDS, 2 * (time.perf_counter() - begin)))
 
     def _read(self, frame: Frame) -> None:
@@ -175,8 +175,8 @@ class Instruments:
                 self._buttons.append(self._button(len(self._buttons)))
         for button, lamp in zip(self._buttons, shown, strict=True):
             label = f"{lamp.claim.key}: {lamp.word}"
-            if lamp.culprit is not None:
-                label += f" (t = {lamp.culprit.time:.3g})"
+            if lamp.witness is not None:
+                label += f" (t = {lamp.witness.time:.3g})"
             if button.label != label:
                 button.label, button.color = label, lamp.color
 
@@ -201,8 +201,8 @@ class Instruments:
         if number >= len(shown):
             return
         lamp = shown[number]
-        who = lamp.culprit.agents if lamp.culprit else ()
-        about = f" At t = {lamp.culprit.time:.4g}" if lamp.culprit else ""
+        who = lamp.witness.agents if lamp.witness else ()
+        about = f" At t = {lamp.witness.time:.4g}" if lamp.witness else ""
         about += (
             f", agents {', '.join(map(str, who[:12]))}{'...' if len(who) > 12 else ''}."
             if who

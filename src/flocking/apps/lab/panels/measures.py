@@ -1,4 +1,4 @@
-"""What the instruments read: numbers of one moment, and the verdicts on claims."""
+"""What the panel of measurements shows: numbers of one moment, and the verdicts on claims."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flocking.model.state import State
 from flocking.papers.auditing import paper_claims
 from flocking.study.claims import general_claims as general
 from flocking.study.claims.claim import Claim, Result, Verdict
-from flocking.study.claims.witnesses import Culprit, culprit
+from flocking.study.claims.witnesses import Witness, witness_of
 from flocking.study.evidence import Evidence
 
 MOST_CONNECTIVITY = 400
@@ -87,14 +87,14 @@ class Lamp:
         Its verdict; ``"not yet"`` also of what a paper says of the end of its scenario, before that end.
     note
         What was measured.
-    culprit
+    witness
         The moment and agents that broke it, where something did.
     """
 
     claim: Claim
     word: str
     note: str
-    culprit: Culprit | None = None
+    witness: Witness | None = None
 
     @property
     def color(self) -> str:
@@ -135,7 +135,7 @@ def lamps(run: Run, claims: Sequence[Claim]) -> list[Lamp]:
     for claim in claims:
         try:
             result = claim.examine(evidence)
-            who = culprit(result, evidence)
+            who = witness_of(result, evidence)
         except Exception as error:  # claims of papers look at their own laws, and a law may be changed at will
             result, who = Result(claim, Verdict.NOT_APPLICABLE, note=f"{type(error).__name__}: {error}"), None
         found.append(Lamp(claim, _word(claim, result.verdict, run), result.note, who))

@@ -21,7 +21,7 @@ MOST_RUNS = 200
 FILMS = (".mp4", ".gif")
 
 
-class Keeping:
+class SavingPanel:
     """The part of a page that saves and opens.
 
     Parameters
