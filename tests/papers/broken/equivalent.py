@@ -58,11 +58,6 @@ RULES: tuple[tuple[str, str, str], ...] = (
     ),
     ("zhou_2015.system.scenario", "without velocity_gain = ", "the paper's number is the default of the term"),
     ("obstacles._first_that_holds", "in (last[0], True)", "the last piece is taken wherever no earlier one holds"),
-    (
-        "codegen._stages_source",
-        "for 3 in _indented(lines, 3)",
-        "the lines are the whole body of their condition, which may be indented deeper",
-    ),
     ("obstacles._by_feature", "swap: arguments of sympy.Eq(", "an equation may be read from either side"),
 )
 """Function, words of the fault, and why it changes nothing."""
