@@ -85,31 +85,33 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
-    "Agent": "engine.reference.control", "Agents": "model.state", "Avoid": "model.terms.avoidance", "Ball":
-    "model.leaders_and_obstacles.obstacles", "BodyTerm": "model.terms.body_terms", "Bump": "model.potentials.bumps",
-    "Compensate": "model.terms.body_terms", "Cone": "model.graphs.views", "Consensus": "model.terms.pair_terms",
-    "ConvexPolygon": "model.leaders_and_obstacles.polygons", "Energy": "model.energy", "ExactSession":
-    "engine.exact.session", "FieldOfView": "model.graphs.views", "Fixed": "model.graphs.distance_graphs",
-    "FlockingError": "errors", "Gradient": "model.terms.pair_terms", "Graph": "model.graphs.distance_graphs",
-    "HashedWeights": "model.graphs.weights", "Hysteresis": "model.graphs.distance_graphs", "InvalidInput": "errors",
-    "Law": "model.law", "Leader": "model.leaders_and_obstacles.leaders", "MatrixWeights": "model.graphs.weights",
-    "Obstacle": "model.leaders_and_obstacles.obstacles", "PairTerm": "model.terms.pair_terms", "Path":
-    "model.leaders_and_obstacles.leaders", "PerAgentRadii": "model.graphs.smooth_graphs", "Potential":
-    "model.potentials.potential", "Proximity": "model.graphs.distance_graphs", "Run": "engine.runs.run", "Sample":
-    "study.sweeps.sampling", "Scenario": "model.law", "Schedule": "model.terms.schedules", "SimulationError":
-    "errors", "Sink": "model.leaders_and_obstacles.leaders", "Smooth": "model.graphs.smooth_graphs", "SmoothCone":
-    "model.graphs.views", "State": "model.state", "StorageError": "errors", "Track": "model.terms.body_terms",
-    "Velocity": "model.leaders_and_obstacles.leaders", "Wall": "model.leaders_and_obstacles.obstacles",
-    "agent_energies": "study.potentials.state_energy", "animate": "show.animate", "audit": "papers.auditing",
-    "check_potential": "study.potentials.potential_check", "control": "engine.reference.control", "control_of":
-    "engine.reference.control", "evaluate": "engine.reference.control", "export_run": "engine.storage.exchange",
-    "first_difference": "engine.runs.compare", "lab": "apps.lab.server", "plot": "show.plot", "read_run":
-    "engine.storage.stored_runs", "read_scenario": "study.scenario_files.scenario_file", "read_start":
-    "engine.storage.start_files", "read_sweep": "study.sweeps.sweep", "resume": "engine.driver.resuming",
-    "simulate": "engine.driver.simulate", "start": "engine.driver.starting", "structural_potential":
-    "model.potentials.structural_potential", "sweep": "study.sweeps.sweep", "total_energy":
-    "study.potentials.state_energy", "write_run": "engine.storage.stored_runs", "write_scenario":
-    "study.scenario_files.scenario_file",
+    "Agent": "engine.reference.control", "Agents": "model.state", "Avoid": "model.terms.avoidance",
+    "Ball": "model.leaders_and_obstacles.obstacles", "BodyTerm": "model.terms.body_terms",
+    "Bump": "model.potentials.bumps", "Compensate": "model.terms.body_terms", "Cone": "model.graphs.views",
+    "Consensus": "model.terms.pair_terms", "ConvexPolygon": "model.leaders_and_obstacles.polygons",
+    "Energy": "model.energy", "ExactSession": "engine.exact.session", "FieldOfView": "model.graphs.views",
+    "Fixed": "model.graphs.distance_graphs", "FlockingError": "errors", "Gradient": "model.terms.pair_terms",
+    "Graph": "model.graphs.distance_graphs", "HashedWeights": "model.graphs.weights",
+    "Hysteresis": "model.graphs.distance_graphs", "InvalidInput": "errors", "Law": "model.law",
+    "Leader": "model.leaders_and_obstacles.leaders", "MatrixWeights": "model.graphs.weights",
+    "Obstacle": "model.leaders_and_obstacles.obstacles", "PairTerm": "model.terms.pair_terms",
+    "Path": "model.leaders_and_obstacles.leaders", "PerAgentRadii": "model.graphs.smooth_graphs",
+    "Potential": "model.potentials.potential", "Proximity": "model.graphs.distance_graphs", "Run": "engine.runs.run",
+    "Sample": "study.sweeps.sampling", "Scenario": "model.law", "Schedule": "model.terms.schedules",
+    "SimulationError": "errors", "Sink": "model.leaders_and_obstacles.leaders",
+    "Smooth": "model.graphs.smooth_graphs", "SmoothCone": "model.graphs.views", "State": "model.state",
+    "StorageError": "errors", "Track": "model.terms.body_terms", "Velocity": "model.leaders_and_obstacles.leaders",
+    "Wall": "model.leaders_and_obstacles.obstacles", "agent_energies": "study.potentials.state_energy",
+    "animate": "show.animate", "audit": "papers.auditing", "check_potential": "study.potentials.potential_check",
+    "control": "engine.reference.control", "control_of": "engine.reference.control",
+    "evaluate": "engine.reference.control", "export_run": "engine.storage.exchange",
+    "first_difference": "engine.runs.compare", "lab": "apps.lab.server", "plot": "show.plot",
+    "read_run": "engine.storage.stored_runs", "read_scenario": "study.scenario_files.scenario_file",
+    "read_start": "engine.storage.start_files", "read_sweep": "study.sweeps.sweep",
+    "resume": "engine.driver.resuming", "simulate": "engine.driver.simulate", "start": "engine.driver.starting",
+    "structural_potential": "model.potentials.structural_potential", "sweep": "study.sweeps.sweep",
+    "total_energy": "study.potentials.state_energy", "write_run": "engine.storage.stored_runs",
+    "write_scenario": "study.scenario_files.scenario_file",
 }  # fmt: skip
 
 __all__ = [*sorted(_HOMES), "papers"]

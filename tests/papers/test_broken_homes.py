@@ -86,7 +86,7 @@ def test_a_fault_that_cannot_be_put_in_force_is_not_noticed(monkeypatch: pytest.
 
     fault = Mutant("sign", "of nothing", f"{HOME}:1", install)
     monkeypatch.setattr(running, "mutants_of", lambda parts, places: [fault])
-    assert "sign: of nothing [study.nets.degree_matrix:1]" in break_home(HOME).survivors
+    assert "sign: of nothing [study.nets.matrices.degree_matrix:1]" in break_home(HOME).survivors
 
 
 def test_a_test_that_is_stopped_has_noticed_nothing_unless_it_never_ends(monkeypatch: pytest.MonkeyPatch) -> None:

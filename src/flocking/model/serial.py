@@ -16,16 +16,17 @@ import numpy as np
 from flocking.errors import InvalidInput
 
 HOMES: dict[str, str] = {
-    "Agents": "state", "Avoid": "terms.avoidance", "Ball": "leaders_and_obstacles.obstacles", "Bump":
-    "potentials.bumps", "Compensate": "terms.body_terms", "Cone": "graphs.views", "Consensus": "terms.pair_terms",
-    "ConvexPolygon": "leaders_and_obstacles.polygons", "Energy": "energy", "FieldOfView": "graphs.views", "Fixed":
-    "graphs.distance_graphs", "Gradient": "terms.pair_terms", "HashedWeights": "graphs.weights", "HeadingWeights":
-    "graphs.views", "Hysteresis": "graphs.distance_graphs", "Law": "law", "MatrixWeights": "graphs.weights", "Path":
-    "leaders_and_obstacles.leaders", "PerAgentRadii": "graphs.smooth_graphs", "Potential": "potentials.potential",
-    "Proximity": "graphs.distance_graphs", "Scenario": "law", "Schedule": "terms.schedules", "Sink":
-    "leaders_and_obstacles.leaders", "Smooth": "graphs.smooth_graphs", "SmoothCone": "graphs.views", "State":
-    "state", "Track": "terms.body_terms", "Velocity": "leaders_and_obstacles.leaders", "Wall":
-    "leaders_and_obstacles.obstacles",
+    "Agents": "state", "Avoid": "terms.avoidance", "Ball": "leaders_and_obstacles.obstacles",
+    "Bump": "potentials.bumps", "Compensate": "terms.body_terms", "Cone": "graphs.views",
+    "Consensus": "terms.pair_terms", "ConvexPolygon": "leaders_and_obstacles.polygons", "Energy": "energy",
+    "FieldOfView": "graphs.views", "Fixed": "graphs.distance_graphs", "Gradient": "terms.pair_terms",
+    "HashedWeights": "graphs.weights", "HeadingWeights": "graphs.views", "Hysteresis": "graphs.distance_graphs",
+    "Law": "law", "MatrixWeights": "graphs.weights", "Path": "leaders_and_obstacles.leaders",
+    "PerAgentRadii": "graphs.smooth_graphs", "Potential": "potentials.potential",
+    "Proximity": "graphs.distance_graphs", "Scenario": "law", "Schedule": "terms.schedules",
+    "Sink": "leaders_and_obstacles.leaders", "Smooth": "graphs.smooth_graphs", "SmoothCone": "graphs.views",
+    "State": "state", "Track": "terms.body_terms", "Velocity": "leaders_and_obstacles.leaders",
+    "Wall": "leaders_and_obstacles.obstacles",
 }  # fmt: skip
 """Module under `flocking.model` of every part that data may name. A new dataclass part needs its line here only."""
 

@@ -14,8 +14,8 @@ GRID = "a wider bracket holds the maximum too, and the largest slope of the grid
 EQUAL_MASSES = "equal masses give the same mean, whatever they are"
 ONE_END = "what holds at one end is the same whether distances end at R or go on"
 RULES: tuple[tuple[str, str, str], ...] = (
-    ("nets.adjacency", "index: [(i, j)] turned round", SYMMETRIC_GAP),
-    ("nets._matrix", "sign: minus matrix", "algebraic_connectivity passes its matrix through _matrix twice"),
+    ("matrices.adjacency", "index: [(i, j)] turned round", SYMMETRIC_GAP),
+    ("matrices._matrix", "sign: minus matrix", "algebraic_connectivity passes its matrix through _matrix twice"),
     ("structure._weights", "times adjacency", "a vote asks only whether a weight is positive"),
     ("views.Cone.allowed", "in -1", ANY_LENGTH),
     ("views.Cone.start_links", "in -1", ANY_LENGTH),
@@ -50,7 +50,7 @@ RULES: tuple[tuple[str, str, str], ...] = (
     ("diagrams.neighbourhoods", "other sign in headings[0] +", "the first agent heads along x, at an angle of 0"),
     ("diagrams._neighbours", "without arrows = False", "the agents of Fig. 1 are at rest and have no arrows"),
     ("diagrams._neighbours", "True for False in a keyword", "the agents of Fig. 1 are at rest and have no arrows"),
-    ("reference._pair_values", "in np.where(r > 0", "the direction of a pair at one place is 0, whatever divides it"),
+    ("control._pair_values", "in np.where(r > 0", "the direction of a pair at one place is 0, whatever divides it"),
     ("Obstacle.geometry", "swap: arguments of zip(normals, p", "the factors of a scalar product may change places"),
     *(
         ("check_potential", f"in judge.{name}(", ONE_END)
