@@ -56,13 +56,13 @@ def fill_the_disk_after_three_commits(monkeypatch: pytest.MonkeyPatch) -> None:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         sync(handle)
 
-    commit = saving.Saving._commit
+    commit = saving.SessionWriter._commit
 
-    def count(self: saving.Saving, status: str, *, resumable: bool) -> None:
+    def count(self: saving.SessionWriter, status: str, *, resumable: bool) -> None:
         nonlocal commits
         commit(self, status, resumable=resumable)
         commits += 1
 
     monkeypatch.setattr(saving, "COMMIT_SECONDS", 0.0)
-    monkeypatch.setattr(saving.Saving, "_commit", count)
+    monkeypatch.setattr(saving.SessionWriter, "_commit", count)
     monkeypatch.setattr(atomic_files.os, "fsync", full)

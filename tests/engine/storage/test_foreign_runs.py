@@ -79,7 +79,7 @@ def unfinished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run that was interrupted amid its way, with a checkpoint."""
     folder = tmp_path_factory.mktemp("runs") / "run"
     session = fk.start(scenario())
-    with saving.Saving.create(folder, session, 0.0) as kept:
+    with saving.SessionWriter.create(folder, session, 0.0) as kept:
         session.advance(1.0)
         kept.keep()
     return folder

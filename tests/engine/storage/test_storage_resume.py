@@ -20,19 +20,19 @@ from tests.engine.storage.stored_runs import assert_same, finished, scenario
 def stop_after(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
     """Commit at every stop, and interrupt the simulation at one of them."""
     monkeypatch.setattr(saving, "COMMIT_SECONDS", 0.0)
-    keep = saving.Saving.keep
+    keep = saving.SessionWriter.keep
 
     def arrange(count: int) -> None:
         seen = 0
 
-        def keep_some(self: saving.Saving) -> None:
+        def keep_some(self: saving.SessionWriter) -> None:
             nonlocal seen
             keep(self)
             seen += 1
             if seen == count:
                 raise KeyboardInterrupt
 
-        monkeypatch.setattr(saving.Saving, "keep", keep_some)
+        monkeypatch.setattr(saving.SessionWriter, "keep", keep_some)
 
     return arrange
 
@@ -47,7 +47,7 @@ def test_an_interrupted_run_goes_on_bit_for_bit(
     assert stored.status == part.status
     assert part.status.startswith("interrupted at t = ")
     assert len(stored.t) == len(part.t) < 21
-    monkeypatch.setattr(saving.Saving, "keep", lambda self: None)
+    monkeypatch.setattr(saving.SessionWriter, "keep", lambda self: None)
     assert_same(fk.resume(tmp_path / "run", progress=False), finished())
     assert_same(read_run(tmp_path / "run"), finished())
     assert_same(fk.resume(tmp_path / "run", progress=False), finished())
@@ -75,7 +75,7 @@ def test_the_plant_goes_on_too(
     assert whole.q.tobytes() != finished().q.tobytes()
     stop_after(10)
     fk.simulate(scenario(), plant=plant, save=tmp_path / "run", progress=False)
-    monkeypatch.setattr(saving.Saving, "keep", lambda self: None)
+    monkeypatch.setattr(saving.SessionWriter, "keep", lambda self: None)
     assert_same(fk.resume(tmp_path / "run", progress=False), whole)
 
 
@@ -147,10 +147,10 @@ def test_a_failed_run_on_a_full_disk_is_not_lost(tmp_path: Path, monkeypatch: py
     law = fk.Law(fk.Fixed(2, ((0, 1),)), [fk.Gradient(fk.Potential("log(r)"))])
     begin = fk.State([[0.0, 0.0], [1.0, 0.0]])
 
-    def full(self: saving.Saving, status: str) -> None:
+    def full(self: saving.SessionWriter, status: str) -> None:
         raise StorageError("no room left")
 
-    monkeypatch.setattr(saving.Saving, "finish", full)
+    monkeypatch.setattr(saving.SessionWriter, "finish", full)
     with pytest.raises(StorageError, match="no room left") as caught:
         fk.simulate(fk.Scenario(law, begin, t_end=5.0, frames=51), save=tmp_path / "run", progress=False)
     assert caught.value.run is not None

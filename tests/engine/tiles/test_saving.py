@@ -80,7 +80,7 @@ def stop_after(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
     def arrange(count: int) -> None:
         seen = 0
 
-        def keep_some(self: saving.Saving) -> None:
+        def keep_some(self: saving.SessionWriter) -> None:
             nonlocal seen
             seen += 1
             if seen in (count - 16, count):
@@ -88,7 +88,7 @@ def stop_after(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
             if seen == count:
                 raise KeyboardInterrupt
 
-        monkeypatch.setattr(saving.Saving, "keep", keep_some)
+        monkeypatch.setattr(saving.SessionWriter, "keep", keep_some)
 
     return arrange
 
@@ -112,7 +112,7 @@ def test_a_stopped_run_goes_on_bit_for_bit_with_any_number_of_threads(
     stop_after(71)
     part = fk.simulate(scenario(kind), save=tmp_path / "run", threads=3, **how)
     assert len(part.t) < 11
-    monkeypatch.setattr(saving.Saving, "keep", lambda self: None)
+    monkeypatch.setattr(saving.SessionWriter, "keep", lambda self: None)
     assert_same(fk.resume(tmp_path / "run", threads=1, progress=False), whole)
     assert_same(read_run(tmp_path / "run"), whole)
 
@@ -217,7 +217,7 @@ def test_a_full_disk_loses_nothing_that_was_computed(tmp_path: Path, monkeypatch
 def test_a_run_killed_before_its_first_commit_starts_anew_under_its_engine(tmp_path: Path) -> None:
     whole = fk.simulate(scenario("proximity"), precision="float32", **OPTIONS)
     session = TilesSession(scenario("proximity"), TilesOptions(step=0.004, observe=True, precision="float32"))
-    saving.Saving.create(tmp_path / "run", session).__exit__()
+    saving.SessionWriter.create(tmp_path / "run", session).__exit__()
     assert len(read_run(tmp_path / "run").t) == 0
     assert_same(fk.resume(tmp_path / "run", progress=False), whole)
 
@@ -229,13 +229,13 @@ def test_a_second_stop_before_a_commit_forgets_no_provenance(
     fk.simulate(scenario("proximity"), save=tmp_path / "run", **OPTIONS)
     first = read_run(tmp_path / "run").provenance
 
-    def fall(self: saving.Saving) -> None:
+    def fall(self: saving.SessionWriter) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(saving.Saving, "keep", fall)
+    monkeypatch.setattr(saving.SessionWriter, "keep", fall)
     fk.resume(tmp_path / "run", progress=False)
     assert read_run(tmp_path / "run").provenance == first
-    monkeypatch.setattr(saving.Saving, "keep", lambda self: None)
+    monkeypatch.setattr(saving.SessionWriter, "keep", lambda self: None)
     assert_same(fk.resume(tmp_path / "run", progress=False), fk.simulate(scenario("proximity"), **OPTIONS))
 
 
@@ -246,7 +246,7 @@ def test_a_run_without_frames_keeps_observations(
     assert (len(whole.t), len(whole.observables)) == (0, 11)
     stop_after(60)
     fk.simulate(scenario("hysteresis"), save=tmp_path / "run", keep_frames=False, **OPTIONS)
-    monkeypatch.setattr(saving.Saving, "keep", lambda self: None)
+    monkeypatch.setattr(saving.SessionWriter, "keep", lambda self: None)
     assert_same(fk.resume(tmp_path / "run", progress=False), whole)
     assert_same(read_run(tmp_path / "run"), whole)
 
@@ -270,8 +270,8 @@ def test_many_waiting_frames_are_committed_at_once(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(saving, "COMMIT_SECONDS", 1e9)
     monkeypatch.setattr(saving, "MOST_WAITING", 40_000)
     commits = []
-    keep = saving.Saving._keep
-    monkeypatch.setattr(saving.Saving, "_keep", lambda self: (commits.append(self._session.time), keep(self)))
+    keep = saving.SessionWriter._keep
+    monkeypatch.setattr(saving.SessionWriter, "_keep", lambda self: (commits.append(self._session.time), keep(self)))
     fk.simulate(scenario("proximity"), save=tmp_path / "run", **OPTIONS)
     assert len(commits) in (3, 4), "every third frame of 16,000 bytes"
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from flocking.engine.driver.checkpoint import unpack
-from flocking.engine.driver.session_writer import Saving
+from flocking.engine.driver.session_writer import SessionWriter
 from flocking.engine.driver.simulate import drive, opened
 from flocking.engine.runs.run import Run
 from flocking.engine.storage.atomic_files import checksum, read_soundly, storage_errors
@@ -83,4 +83,4 @@ def _resume(folder: Path, scenario: Scenario | None, plant: Law | None, progress
             session = opened(scenario, how["engine"], plant, **{**how["options"], **fewer})
         else:
             raise StorageError(f"{folder}: this run cannot go on, it ended: {records.status}")
-        return drive(session, progress=progress, saving=Saving(writer, session))
+        return drive(session, progress=progress, saving=SessionWriter(writer, session))

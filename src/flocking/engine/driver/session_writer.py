@@ -31,7 +31,7 @@ MOST_RETURNED = 8 * 2**30
 """Bytes of frames up to which a saved run comes back whole; a larger one with its last frame alone."""
 
 
-class Saving:
+class SessionWriter:
     """Writes what a session has recorded since the last time.
 
     Parameters
@@ -52,7 +52,9 @@ class Saving:
         self._last = time.monotonic()
 
     @classmethod
-    def create(cls, folder: str | Path, session: ExactSession | TilesSession, every: float | None = None) -> Saving:
+    def create(
+        cls, folder: str | Path, session: ExactSession | TilesSession, every: float | None = None
+    ) -> SessionWriter:
         """Save a new session to a new or empty folder.
 
         Parameters
@@ -72,7 +74,7 @@ class Saving:
             RunWriter.create(folder, session.scenario, plant=session.plant, session=how, **layout), session, every
         )
 
-    def __enter__(self) -> Saving:
+    def __enter__(self) -> SessionWriter:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -87,14 +89,14 @@ class Saving:
 
     def _keep(self, status: str = "unfinished") -> None:
         begin = time.monotonic()
-        self._write(whole=False)
+        self._write(complete=False)
         self._commit(status, resumable=True)
         self._last = time.monotonic()
         self._cost = self._last - begin
 
     def finish(self, status: str) -> None:
         """Commit the last records of a run that will not go on."""
-        self._write(whole=True)
+        self._write(complete=True)
         self._commit(status, resumable=False)
 
     def interrupt(self, status: str, *, between_steps: bool = False) -> None:
@@ -119,8 +121,8 @@ class Saving:
             found.provenance["frames"] = f"last frame alone; all of them are in {self._writer.folder}"
         return found
 
-    def _write(self, *, whole: bool) -> None:
-        new = self._session.recorder.since(self._writer.counts, whole=whole)
+    def _write(self, *, complete: bool) -> None:
+        new = self._session.recorder.since(self._writer.counts, complete=complete)
         if len(new.t):
             self._writer.append(new.t, new.q, new.p, new.links, new.errors)
         self._writer.append_records(new.switches, new.trace, new.observed)
@@ -140,6 +142,6 @@ class Saving:
 def _joined(stored: Run, recent: Run) -> Run:
     """A run of which memory holds the end alone, the rest read back."""
     names = ["t", "q", "p", "switches", "trace"] + ([] if recent.observables is None else ["observables"])
-    whole: dict[str, Any] = {name: np.concatenate([getattr(stored, name), getattr(recent, name)]) for name in names}
+    complete: dict[str, Any] = {name: np.concatenate([getattr(stored, name), getattr(recent, name)]) for name in names}
     links = [run.links for run in (stored, recent) if len(run.t)] or [recent.links]
-    return replace(recent, links=np.concatenate(links), **whole)
+    return replace(recent, links=np.concatenate(links), **complete)

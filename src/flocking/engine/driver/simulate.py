@@ -16,7 +16,7 @@ from flocking.errors import InvalidInput, SimulationError, StorageError, Unsuppo
 from flocking.model.law import Law, Scenario
 
 if TYPE_CHECKING:
-    from flocking.engine.driver.session_writer import Saving
+    from flocking.engine.driver.session_writer import SessionWriter
     from flocking.engine.lammps.session import LammpsSession
     from flocking.engine.tiles.session import TilesSession
 
@@ -194,13 +194,13 @@ def simulate(
     shared = cast("ExactSession | TilesSession", session)
     if save is None:
         return drive(shared, progress=progress)
-    from flocking.engine.driver.session_writer import Saving
+    from flocking.engine.driver.session_writer import SessionWriter
 
-    with Saving.create(save, shared) as saving:
+    with SessionWriter.create(save, shared) as saving:
         return drive(shared, progress=progress, saving=saving)
 
 
-def drive(session: ExactSession | TilesSession, *, progress: bool, saving: Saving | None = None) -> Run:
+def drive(session: ExactSession | TilesSession, *, progress: bool, saving: SessionWriter | None = None) -> Run:
     """Advance a session to the end of its scenario, and save it on the way.
 
     Parameters
@@ -256,7 +256,7 @@ def drive(session: ExactSession | TilesSession, *, progress: bool, saving: Savin
     return session.run(status) if saving is None else saving.run(status)
 
 
-def _what_there_is(session: ExactSession | TilesSession, saving: Saving | None, status: str) -> Run:
+def _what_there_is(session: ExactSession | TilesSession, saving: SessionWriter | None, status: str) -> Run:
     """What was computed until the disk failed: with what is on it, where that can be read."""
     with suppress(StorageError):
         if saving is not None:

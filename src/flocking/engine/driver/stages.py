@@ -62,8 +62,8 @@ def in_stages(
         rule = f"must be ascending times from the end of a run that takes time, {scenario.t_end:g}"
         raise InvalidInput("in_stages", "ends", rule, list(ends))
     # This session meets no end: its steps near one are those of a run that has it far ahead.
-    whole = longer(scenario, ends[-1]).with_(t_end=ends[-1] + first)
-    session = ExactSession(whole, plant=plant)
+    complete = longer(scenario, ends[-1]).with_(t_end=ends[-1] + first)
+    session = ExactSession(complete, plant=plant)
     session.recorder.fine = [] if fine else None
     left = session.snapshot()
     for end in ends:

@@ -18,7 +18,7 @@ encounter inside it, jumped over a barrier."""
 
 
 @dataclass(frozen=True, eq=False)
-class Books:
+class LedgerState:
     """The ledger at the start of a step.
 
     Parameters
@@ -34,7 +34,7 @@ class Books:
     kinetic: float
 
 
-def jumps_barrier(dynamics: Dynamics, segment: Segment, books: Books) -> bool:
+def jumps_barrier(dynamics: Dynamics, segment: Segment, ledger: LedgerState) -> bool:
     """Whether a step changes the energy by far more than its ledger explains.
 
     Parameters
@@ -43,11 +43,11 @@ def jumps_barrier(dynamics: Dynamics, segment: Segment, books: Books) -> bool:
         The law in force.
     segment
         The step.
-    books
+    ledger
         What the ledger says at the start of the step.
     """
     tolerance = dynamics.scenario.tolerance
-    if _gap(dynamics, segment.t1, segment.coefficients[-1], books) > LEDGER_GAP * tolerance:
+    if _gap(dynamics, segment.t1, segment.coefficients[-1], ledger) > LEDGER_GAP * tolerance:
         return True
     if not dynamics.singular:
         return False
@@ -56,13 +56,13 @@ def jumps_barrier(dynamics: Dynamics, segment: Segment, books: Books) -> bool:
     if x > 1.0:
         return False
     inside = segment.cut(x)
-    return _gap(dynamics, inside.t1, inside.coefficients[-1], books) > DIP_GAP
+    return _gap(dynamics, inside.t1, inside.coefficients[-1], ledger) > DIP_GAP
 
 
-def _gap(dynamics: Dynamics, t: float, y: Array, books: Books) -> float:
+def _gap(dynamics: Dynamics, t: float, y: Array, ledger: LedgerState) -> float:
     """What the ledger misses between the start of the step and ``y``, relative to the energies."""
-    _, dissipated, supplied = (y[dynamics.order * dynamics.n * dynamics.m :] - books.tail)[:LEDGER]
+    _, dissipated, supplied = (y[dynamics.order * dynamics.n * dynamics.m :] - ledger.tail)[:LEDGER]
     energy, kinetic = dynamics.energy(t, y)
-    gap = abs(energy - books.energy + dissipated - supplied)
-    gap /= max(1.0, abs(books.energy), abs(supplied), books.kinetic, kinetic)
+    gap = abs(energy - ledger.energy + dissipated - supplied)
+    gap /= max(1.0, abs(ledger.energy), abs(supplied), ledger.kinetic, kinetic)
     return float(gap) if np.isfinite(gap) else np.inf

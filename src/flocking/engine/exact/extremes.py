@@ -98,7 +98,7 @@ class Extremes:
         segment
             The step.
         unexplained
-            Energy by which the books of this step may be open for that reason alone.
+            Energy by which the ledger of this step may be open for that reason alone.
         """
         value = self.largest.get("ledger", Largest(0.0)).value + unexplained
         self.largest["ledger"] = Largest(value, segment.t1 + self._base)

@@ -229,14 +229,14 @@ def allowed_share(B: Array, far: Array, senders: Any, sensed: Any, offsets: Any,
         begin, end, most = found[z, 0], found[z, 1], STRIDE * found[z, 2]
         for e in range(offsets[owners[z]], offsets[owners[z] + 1]):
             i, j = senders[e], sensed[e]
-            stray = far[i] + far[j]
-            if stray <= most:
+            excursion = far[i] + far[j]
+            if excursion <= most:
                 continue
             d2 = 0.0
             for k in range(B.shape[2]):
                 d2 += (B[0, j, k] - B[0, i, k]) ** 2
             distance = np.sqrt(d2)
-            if distance - stray > end or distance + stray < begin:
+            if distance - excursion > end or distance + excursion < begin:
                 continue
             squared_distance(B, i, j, square)
             _, turn = smallest_value(square, np.inf)

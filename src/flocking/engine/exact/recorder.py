@@ -100,8 +100,8 @@ class Recorder:
         """How the records are stored on disk, as options of `RunWriter.create`."""
         return {"with_links": True, "with_errors": True}
 
-    def since(self, counts: dict[str, int], *, whole: bool) -> NewRecords:
-        """What came after the first ``counts`` records of each kind; ``whole`` or not, no row is still open."""
+    def since(self, counts: dict[str, int], *, complete: bool) -> NewRecords:
+        """What came after the first ``counts`` records of each kind; ``complete`` or not, no row is still open."""
         new = slice(counts["time"], len(self.t))
         t, q, p, links = (np.array(x[new]) for x in (self.t, self.q, self.p, self.links))
         return NewRecords(

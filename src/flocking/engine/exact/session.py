@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from flocking.engine import interruption
-from flocking.engine.exact.barriers import Books
+from flocking.engine.exact.barriers import LedgerState
 from flocking.engine.exact.crossings.switching import Crossing, LinkState
 from flocking.engine.exact.dynamics import LEDGER, Dynamics
 from flocking.engine.exact.failures import infinite_at_once, sliding
@@ -180,8 +180,8 @@ class ExactSession:
         before, known = self._stepper.memory, self._error.difference
         try:
             bound = self._jumps.bound(self._segment.t1, self._origin.own_time(self.scenario.t_end))
-            books = Books(self._tail, self.energy, self.kinetic) if self.plant is None else None
-            segment, pending = found_step(self._stepper, self._links, self._dynamics, bound, books)
+            ledger = LedgerState(self._tail, self.energy, self.kinetic) if self.plant is None else None
+            segment, pending = found_step(self._stepper, self._links, self._dynamics, bound, ledger)
             self._precision.check(segment.t1, segment.coefficients[-1])
             self._error.follow(segment)
         except BaseException:

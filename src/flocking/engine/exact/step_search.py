@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.engine import interruption
-from flocking.engine.exact.barriers import Books, jumps_barrier
+from flocking.engine.exact.barriers import LedgerState, jumps_barrier
 from flocking.engine.exact.crossings.switching import Crossing, LinkState
 from flocking.engine.exact.dynamics import Dynamics
 from flocking.engine.exact.failures import link_lost
@@ -20,7 +20,7 @@ RETRIES = 30
 
 
 def found_step(
-    stepper: Stepper, links: LinkState, dynamics: Dynamics, bound: float, books: Books | None
+    stepper: Stepper, links: LinkState, dynamics: Dynamics, bound: float, ledger: LedgerState | None
 ) -> tuple[Segment, list[Crossing]]:
     """The next segment, up to the first crossing, with what crosses at its end.
 
@@ -34,7 +34,7 @@ def found_step(
         The law in force.
     bound
         Where the step must end.
-    books
+    ledger
         The ledger at its begin; none where the agents obey another law than the ledger holds.
 
     Raises
@@ -50,12 +50,12 @@ def found_step(
     longest = np.inf
     for _ in range(RETRIES):
         interruption.check()
-        whole = stepper.step(bound, longest)
-        where, crossings = links.next_crossings(whole, dynamics.n, dynamics.m, dynamics.order)
-        segment = whole.cut(where) if crossings else whole
+        complete = stepper.step(bound, longest)
+        where, crossings = links.next_crossings(complete, dynamics.n, dynamics.m, dynamics.order)
+        segment = complete.cut(where) if crossings else complete
         lost = links.lost_link(crossings, dynamics.barriers)
         share = dynamics.allowed_share(segment, links)
-        jumped = books is not None and lost is None and share >= 1 and jumps_barrier(dynamics, segment, books)
+        jumped = ledger is not None and lost is None and share >= 1 and jumps_barrier(dynamics, segment, ledger)
         if lost is None and share >= 1 and not jumped:
             break
         longest = (segment.t1 - segment.t0) * (share if share < 1 else SHORTENED)

@@ -106,7 +106,7 @@ class Doubts:
             return []
         n, m = error.n, error.m
         B = segment.positions(n, m)
-        settled, gone = self._fresh(segment, B, links, error)
+        settled, ended = self._fresh(segment, B, links, error)
         found: dict[Key, tuple[float, float, float, bool]] = {}
         far, most, nodes, size = reach(B), error.pairs, error.q, error.q_floor / ROUNDING
         for number, watch, active, view in links.watched():
@@ -116,8 +116,8 @@ class Doubts:
             directed = links.graphs[watch.graph].directed
             if view is not None and watch.kind == "link":
                 slack = -(most + floor)
-                when, who = view_crossings(B, far, links.near[number], *view, watch.leave, slack)
-                for x, (i, j) in zip(when, who, strict=True):
+                when, which = view_crossings(B, far, links.near[number], *view, watch.leave, slack)
+                for x, (i, j) in zip(when, which, strict=True):
                     found[number, int(i), int(j)] = (float(x), 0.0, -slack, True)
                 continue
             rows = within_error(
@@ -125,7 +125,7 @@ class Doubts:
             )
             for i, j, x, margin, bound, end in rows.tolist():
                 found[number, int(i), int(j)] = (x, margin, bound, bool(end))
-        for key, after in gone.items():
+        for key, after in ended.items():
             # It left at its switch; only what it does after that is an approach.
             number, i, j = key
             watch, inside = links.watches[number], bool(links.near[number][i, j])
@@ -143,7 +143,7 @@ class Doubts:
     ) -> tuple[list[Settled], dict[Key, float]]:
         """Pairs that have switched and come back without being beyond the error, and those that are, with where."""
         settled: list[Settled] = []
-        gone: dict[Key, float] = {}
+        ended: dict[Key, float] = {}
         for key, fresh in list(self.fresh.items()):
             number, i, j = key
             bound = error.pair(i, j) + slack_of(links.watches[number], error.q_floor / ROUNDING)
@@ -153,11 +153,11 @@ class Doubts:
             fresh.error = max(fresh.error, bound)
             if x <= 1.0 and x <= back:
                 del self.fresh[key]
-                gone[key] = x
+                ended[key] = x
             elif back <= 1.0:
                 settled += self._doubtful(key, segment.t1, links)
-                gone[key] = back
-        return settled, gone
+                ended[key] = back
+        return settled, ended
 
     def _compare(
         self, segment: Segment, links: LinkState, found: dict[Key, tuple[float, float, float, bool]]

@@ -47,27 +47,27 @@ class LawGaps:
         """The gap as a run's provenance says it."""
         return {"law_checks": self.checks, "law_gap": self.gap, "law_gap_allowed": self.allowed}
 
-    def compare_forces(self, said: Statement, force: Any, rounding: Any) -> int | None:
+    def compare_forces(self, declared: Statement, force: Any, rounding: Any) -> int | None:
         """Hold forces against the law; which of the judged agents contradicts it most, if one does.
 
         Parameters
         ----------
-        said
+        declared
             What the law says.
         force
             Control less damping that acted, shape (S, m).
         rounding
             Bound on the rounding of the numbers it was read from, shape (S,).
         """
-        gap = np.sqrt(((force - said.force) ** 2).sum(axis=1))
-        return self._compare(gap, said.force_error + rounding, said.size)
+        gap = np.sqrt(((force - declared.force) ** 2).sum(axis=1))
+        return self._compare(gap, declared.force_error + rounding, declared.size)
 
-    def compare_powers(self, said: Statement, groups: Any, found: Any) -> str | None:
+    def compare_powers(self, declared: Statement, groups: Any, found: Any) -> str | None:
         """Hold energies and powers of groups of judged agents against the law; the name of a wrong one, if there is.
 
         Parameters
         ----------
-        said
+        declared
             What the law says.
         groups
             Which group each judged agent is in, shape (S,).
@@ -76,11 +76,11 @@ class LawGaps:
         """
         wrong = None
         for k, name in enumerate(POWERS):
-            declared, error, size = (
+            power, error, size = (
                 np.bincount(groups, x, minlength=len(found))
-                for x in (said.powers[:, k], said.power_errors[:, k], np.abs(said.powers[:, k]))
+                for x in (declared.powers[:, k], declared.power_errors[:, k], np.abs(declared.powers[:, k]))
             )
-            if self._compare(np.abs(found[:, k] - declared), error, size) is not None:
+            if self._compare(np.abs(found[:, k] - power), error, size) is not None:
                 wrong = name
         return wrong
 

@@ -119,27 +119,27 @@ def _scalar_module(formulas: LawFormulas, order: int) -> str:
 def _shapes_source(formulas: LawFormulas) -> str:
     source = ""
     for number, pair in enumerate(formulas.pairs):
-        wanted, _ = held({name: getattr(pair, name) for name in ("along", "drag", "storage")}, "r")
-        source += _shape_function(f"shape{number}", "r", wanted, formulas)
+        requested, _ = held({name: getattr(pair, name) for name in ("along", "drag", "storage")}, "r")
+        source += _shape_function(f"shape{number}", "r", requested, formulas)
     for number, encounter in enumerate(formulas.encounters):
-        wanted, _ = held(encounter.after_distance, "distance")
-        source += _shape_function(f"shape_obstacles{number}", "distance", wanted, formulas)
+        requested, _ = held(encounter.after_distance, "distance")
+        source += _shape_function(f"shape_obstacles{number}", "distance", requested, formulas)
     return source
 
 
-def _shape_function(name: str, distance: str, wanted: dict[str, sympy.Expr], formulas: LawFormulas) -> str:
+def _shape_function(name: str, distance: str, requested: dict[str, sympy.Expr], formulas: LawFormulas) -> str:
     """Formulas as a function of the distance alone: what else they depend on is 1, or that of the first agent."""
     from flocking.formula.printing import statements
 
-    names = free_names(wanted.values())
+    names = free_names(requested.values())
     lines = [f"{n} = A[{n[1:]}, 0]" for n in names.per_agent] + [f"{n} = W[{n[1:]}, 0, -1]" for n in names.per_pair]
     for other in sorted(names.others - {distance, "side", "reach"}):
         lines += [f"{other} = {obstacle_slot(other, formulas.encounters, '0') or '1.0'}"]
-    lines += [*statements(wanted, arrays=False, prefix="s_"), "return " + ", ".join(wanted) + ","]
+    lines += [*statements(requested, arrays=False, prefix="s_"), "return " + ", ".join(requested) + ","]
     head = f"\n\ndef {name}({distance}, side, reach, P, A, W):\n"
     kinds = (names.scalars, names.per_agent, names.per_pair)
     reads = tuple(tuple(int(n[1:]) for n in slots) for slots in kinds)
-    acting = tuple(k for k, what in enumerate(wanted) if what in ("along", "drag") or what.startswith("force"))
+    acting = tuple(k for k, what in enumerate(requested) if what in ("along", "drag") or what.startswith("force"))
     facts = f"\n\n{name}.reads = {reads!r}\n{name}.acting = {acting!r}\n"
     return head + _unpack(names, 1) + _indented(lines, 1) + facts
 
@@ -167,16 +167,21 @@ def _sums(formulas: Iterable[str], m: int, share: str = "") -> list[str]:
 
 
 def _pair_loop(
-    number: int, pair: PairFormulas, wanted: dict[str, str], m: int, tail: list[str] | None = None, velocity: str = "p"
+    number: int,
+    pair: PairFormulas,
+    requested: dict[str, str],
+    m: int,
+    tail: list[str] | None = None,
+    velocity: str = "p",
 ) -> str:
-    """Loop over the ordered pairs of one graph, computing the ``wanted`` formulas, then the ``tail`` lines.
+    """Loop over the ordered pairs of one graph, computing the ``requested`` formulas, then the ``tail`` lines.
 
     Without a ``tail`` the formulas are added to the force and the sums. ``velocity`` names the array of velocities:
     ``u`` for the power of first-order agents.
     """
     from flocking.formula.printing import statements
 
-    chosen, split = held(_nonzero({name: getattr(pair, source) for name, source in wanted.items()}), "r")
+    chosen, split = held(_nonzero({name: getattr(pair, source) for name, source in requested.items()}), "r")
     if not chosen:
         return ""
     names = free_names(chosen.values())
@@ -240,9 +245,9 @@ def _control_source(formulas: LawFormulas, order: int) -> str:
     source += _indented(["n = q.shape[0]"], 1) + _unpack(free_names(everything), 1)
     source += _indented(["work = 0.0", "dissipated = 0.0", "supplied = 0.0"], 1) + _means(body, m)
     source += _indented(["for i in range(n):"], 1) + _indented([f"u[i, {k}] = 0.0" for k in range(m)], 2)
-    wanted = {name: name for name in ("along", "drag", *(("dissipation", "supply") if order == 2 else ()))}
+    requested = {name: name for name in ("along", "drag", *(("dissipation", "supply") if order == 2 else ()))}
     for number, pair in enumerate(formulas.pairs):
-        source += _pair_loop(number, pair, wanted, m)
+        source += _pair_loop(number, pair, requested, m)
     push = [f"u[i, {k}] += force{k}" for k in range(m)]
     if order == 2:
         push += ["dissipated += dissipation", "supplied += supply"]
@@ -319,7 +324,7 @@ def _array_function(name: str, results: dict[str, sympy.Expr]) -> str:
 
     names = free_names(results.values())
     source = f"def {name}(P, values):\n" + _unpack(names, 1)
-    wanted = [*names.per_agent, *names.per_pair, *sorted(names.others)]
-    source += _indented((f"{n} = values[{n!r}]" for n in wanted), 1)
+    requested = [*names.per_agent, *names.per_pair, *sorted(names.others)]
+    source += _indented((f"{n} = values[{n!r}]" for n in requested), 1)
     source += _indented(statements(results, arrays=True, prefix="x_"), 1)
     return source + _indented(["return {" + ", ".join(f"{k!r}: {k}" for k in results) + "}"], 1) + "\n\n"

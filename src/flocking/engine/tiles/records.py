@@ -102,12 +102,12 @@ class Records:
         """How the records are stored on disk, as options of `RunWriter.create`."""
         return {"with_links": self.with_links, "precision": self.precision, "observed": self.observe}
 
-    def since(self, counts: dict[str, int], *, whole: bool) -> NewRecords:
-        """What came after the first ``counts`` records of each kind; unless ``whole``, without the last ledger row.
+    def since(self, counts: dict[str, int], *, complete: bool) -> NewRecords:
+        """What came after the first ``counts`` records of each kind; unless ``complete``, without the last ledger row.
 
         The last row of the ledger is still open: a look at the same moment replaces it.
         """
-        rows = self.trace if whole else self.trace[:-1]
+        rows = self.trace if complete else self.trace[:-1]
         frames = slice(counts["time"] - self.stored["time"], None)
         none = np.zeros((0, self.n, self.m), self.dtype)
         q, p = (np.array(x[frames]) if x[frames] else none for x in (self.q, self.p))

@@ -1,7 +1,7 @@
 """Certified crossings of the distances from balls that stand still or move uniformly.
 
 The squared distance of an agent from such a ball's centre is a polynomial on a segment, like that of two agents:
-no excursion can be missed, however short. Other obstacles take the general way of `encounters`.
+no excursion can be missed, however short. Other obstacles take the general way of `obstacle_contacts`.
 """
 
 from __future__ import annotations
@@ -86,20 +86,20 @@ def ball_crossings(
                 continue
             border = radii[o] + level + (slack if near[i, o] else -slack)
             first = 0.0
-            stray = 0.0
+            excursion = 0.0
             for a in range(8):
-                gone = 0.0
+                apart2 = 0.0
                 for k in range(m):
                     relative[a, k] = B[a, i, k] - centres[a, o, k]
-                    gone += (relative[a, k] - relative[0, k]) ** 2
+                    apart2 += (relative[a, k] - relative[0, k]) ** 2
                     if a == 0:
                         first += relative[0, k] ** 2
-                stray = max(stray, gone)
-            first, stray = np.sqrt(first), np.sqrt(stray) * (1.0 + 1e-14)
+                excursion = max(excursion, apart2)
+            first, excursion = np.sqrt(first), np.sqrt(excursion) * (1.0 + 1e-14)
             if near[i, o]:
-                if first + stray < border:
+                if first + excursion < border:
                     continue
-            elif border <= 0.0 or first - stray > border:
+            elif border <= 0.0 or first - excursion > border:
                 continue
             for a in range(15):
                 square[a] = 0.0
@@ -117,5 +117,5 @@ def ball_crossings(
                 found = with_room(found, count)
                 found[count, 0], found[count, 1], found[count, 2] = x, i, o
                 count += 1
-    when, who = places_and_pairs(found, count)
-    return when, who
+    when, which = places_and_pairs(found, count)
+    return when, which

@@ -81,11 +81,11 @@ def within_error(
             d2 = 0.0
             for k in range(B.shape[2]):
                 d2 += (B[0, j, k] - B[0, i, k]) ** 2
-            stray = far[i] + far[j] + most
+            excursion = far[i] + far[j] + most
             if inside:
-                if level > stray and d2 < (level - stray) ** 2:
+                if level > excursion and d2 < (level - excursion) ** 2:
                     continue
-            elif d2 > (level + stray) ** 2:
+            elif d2 > (level + excursion) ** 2:
                 continue
             error = pair_error(nodes, floor, i, j)
             squared_distance(B, i, j, square)
@@ -231,21 +231,21 @@ def fastest(P: Array, shares: Array, goal: Array, speed: float, spread: float, r
         A row for each: value, where in [0, 1] or `NEVER`, and whose; shape (3, 3).
     """
     n, m = P.shape[1], P.shape[2]
-    whole = np.zeros((P.shape[0], n + 3, m))
+    extended = np.zeros((P.shape[0], n + 3, m))
     for a in range(P.shape[0]):
         for k in range(m):
             for i in range(n):
-                whole[a, i, k] = P[a, i, k]
-                whole[a, n + 1, k] += shares[i] * P[a, i, k]
-            whole[a, n + 2, k] = goal[k]
+                extended[a, i, k] = P[a, i, k]
+                extended[a, n + 1, k] += shares[i] * P[a, i, k]
+            extended[a, n + 2, k] = goal[k]
     square, rows = np.empty(15), np.empty((3, 3))
     for row in range(3):
         least = speed if row == 0 else spread if row == 1 else relative
-        best, where, who = max(least, -1.0) * abs(least), NEVER, -1
+        best, where, which = max(least, -1.0) * abs(least), NEVER, -1
         if least < np.inf:
             for i in range(n):
-                value, x = _farthest(whole, n + row, i, square, best)
+                value, x = _farthest(extended, n + row, i, square, best)
                 if x <= 1.0:
-                    best, where, who = value, x, i
-        rows[row, 0], rows[row, 1], rows[row, 2] = np.sqrt(max(best, 0.0)), where, who
+                    best, where, which = value, x, i
+        rows[row, 0], rows[row, 1], rows[row, 2] = np.sqrt(max(best, 0.0)), where, which
     return rows

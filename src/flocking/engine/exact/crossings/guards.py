@@ -243,10 +243,10 @@ def places_and_pairs(found: Array, count: int) -> tuple[Array, Any]:
     count
         How many of them count: the first ones.
     """
-    when, who = np.empty(count), np.empty((count, 2), dtype=np.int64)
+    when, which = np.empty(count), np.empty((count, 2), dtype=np.int64)
     for row in range(count):
-        when[row], who[row, 0], who[row, 1] = found[row, 0], int(found[row, 1]), int(found[row, 2])
-    return when, who
+        when[row], which[row, 0], which[row, 1] = found[row, 0], int(found[row, 1]), int(found[row, 2])
+    return when, which
 
 
 @numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
@@ -296,11 +296,11 @@ def crossings(
             d2 = 0.0
             for k in range(B.shape[2]):
                 d2 += (B[0, j, k] - B[0, i, k]) ** 2
-            stray = far[i] + far[j] + slack
+            excursion = far[i] + far[j] + slack
             if near[i, j]:
-                if level > stray and d2 < (level - stray) ** 2:
+                if level > excursion and d2 < (level - excursion) ** 2:
                     continue
-            elif d2 > (level + stray) ** 2:
+            elif d2 > (level + excursion) ** 2:
                 continue
             squared_distance(B, i, j, square)
             border = (level + slack) ** 2 if near[i, j] else max(level - slack, 0.0) ** 2
@@ -313,8 +313,8 @@ def crossings(
                 found = with_room(found, count)
                 found[count, 0], found[count, 1], found[count, 2] = x, i, j
                 count += 1
-    when, who = places_and_pairs(found, count)
-    return when, who
+    when, which = places_and_pairs(found, count)
+    return when, which
 
 
 @numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]

@@ -97,7 +97,7 @@ class ObstacleContacts(ObstacleDistances):
     def _crossings(
         self, segment: Segment, B: Array, near: list[Links], active: list[Links]
     ) -> list[tuple[int, Array, Indices]]:
-        stray = np.sqrt(((B - B[0]) ** 2).sum(axis=2).max(axis=0))
+        excursion = np.sqrt(((B - B[0]) ** 2).sum(axis=2).max(axis=0))
         slack = 1e-13 + 16 * np.finfo(float).eps * float(np.abs(B).max(initial=0.0))
         length = segment.t1 - segment.t0
         found = []
@@ -111,8 +111,8 @@ class ObstacleContacts(ObstacleDistances):
             for number, level in enumerate(self.levels):
                 if level.group != g:
                     continue
-                room = stray[:, None] + moved + 2 * slack * max(level.distance, 1.0)
-                candidates = np.abs(clear - level.distance) <= room
+                allowance = excursion[:, None] + moved + 2 * slack * max(level.distance, 1.0)
+                candidates = np.abs(clear - level.distance) <= allowance
                 if level.kind == "rim":
                     candidates &= active[g]
                 i, o = np.nonzero(candidates)
@@ -138,9 +138,9 @@ class ObstacleContacts(ObstacleDistances):
             if level.group == g:
                 watched = active[g] if level.kind == "rim" else np.ones_like(active[g])
                 margin = slack * max(level.distance, 1.0)
-                when, who = ball_crossings(B, centres, radii, near[number], watched, level.distance, margin)
+                when, candidate = ball_crossings(B, centres, radii, near[number], watched, level.distance, margin)
                 if len(when):
-                    found.append((number, when, who))
+                    found.append((number, when, candidate))
         return found
 
     def _excess(
@@ -190,27 +190,27 @@ def first_crossings(above: Callable[[Array, Array, Indices], Array], C: Array, s
     count = len(C)
     best = np.full(count, NEVER)
     known = np.full(count, NEVER)
-    who, start, width = np.arange(count), np.zeros(count), 1.0
-    at_start = above(C[:, 0], start, who)
-    at_end = above(C[:, -1], start + 1.0, who)
-    while len(who):
+    candidate, start, width = np.arange(count), np.zeros(count), 1.0
+    at_start = above(C[:, 0], start, candidate)
+    at_end = above(C[:, -1], start + 1.0, candidate)
+    while len(candidate):
         begun = at_start > 0
-        np.minimum.at(best, who[begun], start[begun])
-        np.minimum.at(known, who[begun], start[begun])
+        np.minimum.at(best, candidate[begun], start[begun])
+        np.minimum.at(known, candidate[begun], start[begun])
         changes = ~begun & (at_end > 0)
-        np.minimum.at(known, who[changes], start[changes] + width)
+        np.minimum.at(known, candidate[changes], start[changes] + width)
         if width < CLOSED:
-            np.minimum.at(best, who[changes], start[changes])
+            np.minimum.at(best, candidate[changes], start[changes])
             break
-        left, right, stray = _halves(C)
+        left, right, excursion = _halves(C)
         middle = right[:, 0]
-        value = above(middle, start + 0.5 * width, who)
-        reach = stray + 0.5 * width * speed[who]
-        keep = ~begun & (start < known[who]) & (value + reach > 0)
+        value = above(middle, start + 0.5 * width, candidate)
+        reach = excursion + 0.5 * width * speed[candidate]
+        keep = ~begun & (start < known[candidate]) & (value + reach > 0)
         if width < FINE:
             keep &= (value > 0) | (at_end > 0)
         half = 0.5 * width
-        who = np.concatenate([who[keep], who[keep]])
+        candidate = np.concatenate([candidate[keep], candidate[keep]])
         C = np.concatenate([left[keep], right[keep]])
         at_start, at_end = (
             np.concatenate([at_start[keep], value[keep]]), np.concatenate([value[keep], at_end[keep]])

@@ -240,23 +240,23 @@ class LinkState:
         for number, watch, active, view in self.watched():
             directed, slack = self.graphs[watch.graph].directed, slack_of(watch, size)
             if view is not None and watch.kind == "link":
-                when, who = view_crossings(B, far, self.near[number], *view, watch.leave, slack)
+                when, which = view_crossings(B, far, self.near[number], *view, watch.leave, slack)
                 if len(when):
-                    found.append((number, when, who))
+                    found.append((number, when, which))
                 continue
-            when, who = crossings(B, far, self.near[number], active, watch.enter, watch.leave, directed, slack, P)
+            when, which = crossings(B, far, self.near[number], active, watch.enter, watch.leave, directed, slack, P)
             if len(when):
-                found.append((number, when, who))
+                found.append((number, when, which))
         if self.encounters.levels:
             near = self.near[self._first_level :]
             late = Segment(segment.t0 + self._base, segment.t1 + self._base, segment.coefficients)
-            for level, when, who in self.encounters.next_crossings(late, B, near, self.active()):
-                found.append((self._first_level + level, when, who))
+            for level, when, which in self.encounters.next_crossings(late, B, near, self.active()):
+                found.append((self._first_level + level, when, which))
         if not found:
             return 2.0, []
         first = min(float(when.min()) for _, when, _ in found)
         return first, [
-            Crossing(number, who[when <= first + TIE]) for number, when, who in found if (when <= first + TIE).any()
+            Crossing(number, which[when <= first + TIE]) for number, when, which in found if (when <= first + TIE).any()
         ]
 
     def apply(self, crossing: Crossing) -> None:

@@ -156,5 +156,5 @@ def view_crossings(
                 found = with_room(found, count)
                 found[count, 0], found[count, 1], found[count, 2] = x, i, j
                 count += 1
-    when, who = places_and_pairs(found, count)
-    return when, who
+    when, which = places_and_pairs(found, count)
+    return when, which

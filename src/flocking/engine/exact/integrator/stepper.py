@@ -97,8 +97,8 @@ class Stepper:
         """SciPy's solver, put where the memory is; all it keeps between steps is in there."""
         before = self.memory
         if self._solver is None or before.step == 0.0:
-            room = bound - before.t
-            first = min(before.step, room) if before.step > 0 else None
+            remaining = bound - before.t
+            first = min(before.step, remaining) if before.step > 0 else None
             self._solver = solver_type()(
                 self._slope, before.t, before.y, bound,
                 max_step=longest, rtol=RELATIVE, atol=self.tolerance, first_step=first,
