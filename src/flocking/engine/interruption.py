@@ -1,4 +1,4 @@
-"""Interrupts that come at a bad moment.
+"""Defers Ctrl-C to the end of a step, and recognises errors that an interrupt caused in a library.
 
 Ctrl-C waits for the end of a step, as inside compiled code it could not be told from a crash; and an error that a
 library made of an interrupt is told from one of what the library was given.

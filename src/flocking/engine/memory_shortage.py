@@ -1,4 +1,4 @@
-"""Too little memory, however it shows: as an error of another kind it would be taken for what it is not."""
+"""Recognises errors of any kind that mean too little memory."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lattices by their direction: a hue for each, dark where there is no lattice, so that grains show."""
+"""Pictures of lattice orientation: a hue for each direction, dark where there is no lattice, so that grains show."""
 
 from __future__ import annotations
 

@@ -26,9 +26,9 @@ def lab(tmp_path):
         [Path(sys.executable).with_name("flocking"), "lab", "--no-browser", "--port", str(port)], cwd=tmp_path,
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
     )  # fmt: skip
-    said = started.stdout.readline()
-    assert said.startswith("The lab is open at http://127.0.0.1:"), said
-    yield started, port, said.split()[-1]
+    message = started.stdout.readline()
+    assert message.startswith("The lab is open at http://127.0.0.1:"), message
+    yield started, port, message.split()[-1]
     started.send_signal(signal.SIGINT)
     assert started.wait(30) == 0
     assert "Traceback" not in started.stdout.read()

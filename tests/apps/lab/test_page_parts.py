@@ -126,10 +126,10 @@ def test_of_a_wild_slider_only_the_last_value_counts(clock):
 
 
 def test_a_fault_in_an_action_does_not_stop_the_clock(clock):
-    said = []
-    clock.complaint = said.append
+    message = []
+    clock.complaint = message.append
     clock.do(lambda: 1 / 0)
-    assert "ZeroDivisionError" in said[0]
+    assert "ZeroDivisionError" in message[0]
     clock.play()
     wait(lambda: clock.frame.time > 0.1)
 
@@ -138,14 +138,14 @@ def test_the_clock_stops_at_a_failure_and_says_so():
     psi = fk.Potential("-k/r**2", k=1.0)
     law = fk.Law(fk.Fixed.complete(2), [fk.Gradient(psi)])
     clock = Clock([Experiment(fk.Scenario(law, fk.State([[0.0, 0.0], [1.0, 0.0]]), t_end=10.0))])
-    said = []
-    clock.complaint = said.append
+    message = []
+    clock.complaint = message.append
     clock.begin()
     try:
         clock.play()
         wait(lambda: clock.frame.failure)
         assert not clock.playing
-        assert "singular" in said[0]
+        assert "singular" in message[0]
     finally:
         clock.close()
 
@@ -171,9 +171,9 @@ def test_lamps_agree_with_the_audit_of_the_same_run():
     run = history.run(experiment.session.closest_pairs, experiment.session.accuracy)
     lit = {x.claim.key: x.word for x in lamps(run, claims_of(scenario.name))}
     report = fk.audit(fk.simulate(scenario.with_(frames=np.linspace(0.0, 20.0, 150).tolist()), progress=False))
-    said = {r.claim.key: str(r.verdict) for r in report.results}
+    message = {r.claim.key: str(r.verdict) for r in report.results}
     for key in ("energy", "energy-falls", "connected", "links-kept", "linked-apart", "momentum", "all-apart"):
-        assert lit[key] == said[key] == "holds"
+        assert lit[key] == message[key] == "holds"
     assert lit["coincide"] == "not yet"  # the flock still draws together
 
 

@@ -30,16 +30,16 @@ def answer(page, path, headers):
     connection.endheaders()
     found = connection.getresponse()
     status, words = found.status, found.read()
-    said = dict(found.getheaders())
+    headers = dict(found.getheaders())
     connection.close()
-    return status, words, said
+    return status, words, headers
 
 
 def test_the_lab_s_own_page_is_answered(page):
-    status, words, said = answer(page, here("/secret/", page), [("Host", here(OWN, page))])
+    status, words, headers = answer(page, here("/secret/", page), [("Host", here(OWN, page))])
     assert status == 200
     assert b"<html" in words
-    assert said["Referrer-Policy"] == "no-referrer"
+    assert headers["Referrer-Policy"] == "no-referrer"
     assert re.fullmatch(r"http://127\.0\.0\.1:\d+/[\w-]{32}/", page.address)
     assert answer(page, here("/secret", page), handshake(here(OWN, page), f"http://{here(OWN, page)}"))[0] == 101
 

@@ -148,14 +148,14 @@ class Page:
         for client in self.server.get_clients().values():
             client.add_notification("Not possible", message[:400], color="red", auto_close_seconds=10.0)
 
-    def send(self, event: Event, key: object = None, tell: Callable[[str], None] | None = None) -> None:
+    def send(self, event: Event, key: object = None, show_message: Callable[[str], None] | None = None) -> None:
         """Do an event to every experiment between two steps, and say in place what is wrong with it.
 
         Parameters
         ----------
         key
             Of events waiting under one key only the last is done.
-        tell
+        show_message
             Told what is wrong, or an empty text; a notification when absent.
         """
 
@@ -165,10 +165,10 @@ class Page:
                     each.apply(event)
             except FlockingError as error:
                 self.trouble = str(error)
-                (tell or self.complain)(str(error))
+                (show_message or self.complain)(str(error))
                 return
-            if tell is not None:
-                tell("")
+            if show_message is not None:
+                show_message("")
             if event["kind"] == "kill":
                 self.scene.look.highlight = ()  # those who stay have other numbers
             if (

@@ -1,4 +1,4 @@
-"""What a reproduction of papers found."""
+"""The results of a reproduction of papers."""
 
 from __future__ import annotations
 

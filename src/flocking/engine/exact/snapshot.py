@@ -1,4 +1,4 @@
-"""What a session of the exact engine hands over so that another one can go on for it."""
+"""The state of a session of the exact engine, from which another session goes on."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the declared law says of some agents of a running group: the judge of an engine's own forces and powers.
+"""Forces, energies and powers of some agents by the declared law, against which an engine's own are compared.
 
 The formulas are those that `flocking.engine.kernels.codegen` prints for NumPy, evaluated in double precision from the
 scenario's own parameters: neither the kernels of an engine nor the numbers it handed to them have a part in it.

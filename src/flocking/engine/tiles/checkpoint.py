@@ -1,4 +1,4 @@
-"""What a tiled session remembers, as plain numbers and named arrays, and back."""
+"""A snapshot of a tiled session as plain numbers and named arrays, and back."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the memory of a tiled session must look like, by the scenario and the crowd it belongs to."""
+"""The form that the checkpoint of a tiled session must have, by its scenario and particle arrays."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A look at some tiles of a crowd: what moved its agents, and what its books say, must come from the declared law."""
+"""Compares forces and energy sums of some tiles with those of the declared law."""
 
 from __future__ import annotations
 

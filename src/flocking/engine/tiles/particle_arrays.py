@@ -1,4 +1,4 @@
-"""The agents in memory: sorted arrays, neighbour lists, and when the lists must be built anew.
+"""Particle arrays: positions and velocities sorted by cell, their neighbour lists, and when those are rebuilt.
 
 Agents lie in the order of the cells of the last rebuild; `ids` says who lies where. Lists hold every pair
 that was within cutoff + skin then. While no agent has moved further than half the skin since (seen from a

@@ -1,4 +1,4 @@
-"""What a crowd keeps of itself, to go on later with the same bits."""
+"""The part of the particle arrays from which another session goes on with the same bits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is kept of a large run: shades and numbers, small enough to come with the library."""
+"""The stored summary of a large run: shades and numbers, small enough to come with the library."""
 
 from __future__ import annotations
 

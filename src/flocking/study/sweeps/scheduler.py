@@ -1,4 +1,4 @@
-"""Getting every run done: batches go out as workers come free, and what a dead worker took along goes out again."""
+"""Schedules the runs of a sweep: batches go out as workers become free, and those of a dead worker go out again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who does the work: this process, local processes kept by joblib's loky, or the workers of a Dask cluster."""
+"""Worker pools: this process, local processes of joblib's loky, or the workers of a Dask cluster."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who is let in: pages of this lab, opened at its own address. Nothing here knows the server."""
+"""Which requests the lab accepts: those of its own pages, with its token, at its own address. It knows no server."""
 
 from __future__ import annotations
 

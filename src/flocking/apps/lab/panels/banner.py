@@ -1,4 +1,4 @@
-"""What stands above all tabs: play and pause, time, what the colours mean, and why a run stopped."""
+"""The banner above all tabs: play and pause, time, meaning of the colours, and why a run stopped."""
 
 from __future__ import annotations
 

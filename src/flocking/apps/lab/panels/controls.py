@@ -68,13 +68,13 @@ class Controls:
             if section.removal is not None:
                 self._remover(section, _teller(fault))
 
-    def _remover(self, section: Section, tell: Callable[[str], None]) -> None:
+    def _remover(self, section: Section, show_message: Callable[[str], None]) -> None:
         button = self._gui.add_button(f"Remove {section.title.split(': ')[0].lower()}", color="gray")
-        button.on_click(lambda _: self._send(dict(section.removal or {}), None, tell))
+        button.on_click(lambda _: self._send(dict(section.removal or {}), None, show_message))
 
-    def _control(self, setting: Setting, tell: Callable[[str], None]) -> Any:
+    def _control(self, setting: Setting, show_message: Callable[[str], None]) -> Any:
         if setting.kind == "formula":
-            return self._formula(setting, tell)
+            return self._formula(setting, show_message)
         kind = "scale" if setting.kind == "factor" else "set"
         handle = self._widget(setting)
 
@@ -83,7 +83,7 @@ class Controls:
             if event.client is not None:  # set by a person, not by `show`
                 value = handle.value
                 change = {"kind": kind, "path": list(setting.path), "value": value}
-                self._send(change, (kind, setting.path), tell)
+                self._send(change, (kind, setting.path), show_message)
 
         return handle
 
@@ -98,7 +98,7 @@ class Controls:
         step = 10.0 ** math.floor(math.log10((setting.high - setting.low) / 200))
         return gui.add_slider(label, setting.low, setting.high, step, float(setting.value))
 
-    def _formula(self, setting: Setting, tell: Callable[[str], None]) -> Any:
+    def _formula(self, setting: Setting, show_message: Callable[[str], None]) -> Any:
         """A field whose faults show while typing; the law changes only when the button is pressed."""
         field = self._gui.add_text(setting.label, setting.value, multiline=len(setting.value) > 40)
         button = self._gui.add_button("Use formula", hint="New names get the value 1 and a slider of their own.")
@@ -107,24 +107,24 @@ class Controls:
         def _(_: Any) -> None:
             try:
                 Formula(field.value, "formula")
-                tell("")
+                show_message("")
             except FlockingError as error:
-                tell(str(error))
+                show_message(str(error))
 
         @button.on_click
         def _(_: Any) -> None:
             change = {"kind": "set", "path": list(setting.path), "value": field.value}
-            self._send(change, ("set", setting.path), tell)
+            self._send(change, ("set", setting.path), show_message)
 
         return field
 
 
 def _teller(fault: Any) -> Callable[[str], None]:
-    def tell(message: str) -> None:
+    def show_message(message: str) -> None:
         fault.content = f"**{_plain(message)}**" if message else ""
         fault.visible = bool(message)
 
-    return tell
+    return show_message
 
 
 def _plain(text: str) -> str:

@@ -1,4 +1,4 @@
-"""Acting on the group: kicks, removals, cut links, new agents and obstacles, and other terms."""
+"""The panel of interventions: kicks, removals, cut links, new agents and obstacles, and other terms."""
 
 from __future__ import annotations
 
@@ -61,11 +61,11 @@ class Interventions:
             try:
                 event = getattr(self, f"_{name}")()
             except FlockingError as error:
-                self._tell(str(error))
+                self._show_message(str(error))
                 return
             if name == "kill":
                 self.which.value = ""  # those who stay have other numbers
-            self._send(event, None, self._tell)
+            self._send(event, None, self._show_message)
 
         return send
 
@@ -79,7 +79,7 @@ class Interventions:
         self.which.value = ", ".join(map(str, chosen))
         return chosen
 
-    def _tell(self, message: str) -> None:
+    def _show_message(self, message: str) -> None:
         self.fault.content, self.fault.visible = message, bool(message)
 
     def _draw(self) -> np.random.Generator:

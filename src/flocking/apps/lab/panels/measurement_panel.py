@@ -60,7 +60,7 @@ class MeasurementPanel:
     def add_lamps(self) -> None:
         """Make room for the lamps in the container that is open."""
         self._about = self._gui.add_markdown("Claims are judged on what happened since the last intervention.")
-        self._said = self._gui.add_markdown("")
+        self._message = self._gui.add_markdown("")
         self._clear = self._gui.add_button("Clear highlight", visible=False)
         self._rack = self._gui.add_folder("Claims")
 
@@ -216,7 +216,7 @@ class MeasurementPanel:
 
     def _highlight(self, agents: tuple[int, ...], text: str) -> None:
         self._scene.look.highlight = agents
-        self._said.content = text
+        self._message.content = text
         self._clear.visible = bool(text)
         if agents:
             self._scene.aim(self._clock.frame)  # they may have gone far

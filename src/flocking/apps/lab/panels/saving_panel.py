@@ -1,4 +1,4 @@
-"""Keeping what was found: scenarios, event logs, pictures, films, and looking at stored runs."""
+"""The panel for saving scenarios, event logs, pictures and films, and for looking at stored runs."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class SavingPanel:
         self.scenario = gui.add_button("Save scenario", icon="device-floppy")
         self.picture = gui.add_button("Save picture", icon="camera")
         self.record = gui.add_button("Record a film", icon="video")
-        self.said = gui.add_markdown("")
+        self.message = gui.add_markdown("")
         with gui.add_folder("Stored run"):
             self.folder = gui.add_dropdown("folder", (NO_RUN,), hint="Runs that 'flocking run --out' stored here.")
             self.elsewhere = gui.add_text("or below it", "", hint="A path below the folder the lab was started with.")
@@ -75,7 +75,7 @@ class SavingPanel:
             self._page.may()
             action()
         except (FlockingError, OSError) as error:
-            self.said.content = f"Not possible: {error}"
+            self.message.content = f"Not possible: {error}"
             return
         for path in self.saved[before:]:
             self._page.offer()
@@ -94,9 +94,9 @@ class SavingPanel:
                 return Path(f"{found}{suffix}")
             number += 1
 
-    def _tell(self, *paths: Path, note: str = "") -> None:
+    def _show_saved(self, *paths: Path, note: str = "") -> None:
         self.saved += paths
-        self.said.content = f"Saved {', '.join(p.name for p in paths)}. {note}".strip()
+        self.message.content = f"Saved {', '.join(p.name for p in paths)}. {note}".strip()
 
     def save_scenario(self) -> None:
         """Write the scenario as TOML; where something was done since the start, also what, as a log that replays."""
@@ -126,12 +126,12 @@ class SavingPanel:
         note = f"`flocking run {paths[-1].name}{engine}` goes the same way" if experiment.untouched else (
             f"`flocking lab {paths[0].name}` replays what was done; the TOML file starts from now"
         )  # fmt: skip
-        self._tell(*paths, note=f"{note}. {faults[0] if faults else ''}")
+        self._show_saved(*paths, note=f"{note}. {faults[0] if faults else ''}")
 
     def save_picture(self) -> None:
         """Draw the present moment as a picture."""
         frame = self._page.clock.frame
-        self._tell(picture(frame.states[0], frame.scenarios[0], self._page.scene.look, self._path(".png")))
+        self._show_saved(picture(frame.states[0], frame.scenarios[0], self._page.scene.look, self._path(".png")))
 
     def toggle_film(self) -> None:
         """Begin to record, or end and write the film."""
@@ -141,8 +141,8 @@ class SavingPanel:
             return
         film, self._film = self._film, None
         self.record.label = "Record a film"
-        self.said.content = "Writing the film..."
-        self._tell(film.write(self._path(""), self._page.scene.look))
+        self.message.content = "Writing the film..."
+        self._show_saved(film.write(self._path(""), self._page.scene.look))
 
     def open_run(self, folder: str) -> None:
         """Open a stored run and show its frames.
@@ -171,14 +171,14 @@ class SavingPanel:
         frame = min(max(frame, 0), len(run.t) - 1)
         self._page.scene.show_stored([_drawable(run, frame)], run.scenario)
         numbers = measured(run.state(frame), _energy_at(run, frame))
-        said = ", ".join(f"{name} {value:.4g}" for name, value in numbers.items() if np.isfinite(value))
-        self.said.content = f"Stored run {run.scenario.name}: t = {run.t[frame]:.4g}, {run.status}. {said}."
+        message = ", ".join(f"{name} {value:.4g}" for name, value in numbers.items() if np.isfinite(value))
+        self.message.content = f"Stored run {run.scenario.name}: t = {run.t[frame]:.4g}, {run.status}. {message}."
 
     def close_run(self) -> None:
         """Go back to the live run."""
         self.stored = None
         self.frame.visible = self.back.visible = False
-        self.said.content = ""
+        self.message.content = ""
         self._page.scene.show_live()
 
 

@@ -1,4 +1,4 @@
-"""How long the last steps of a run were, and who made them short where they have shrunk to nothing."""
+"""Lengths of the last steps of a run, and the agents that limit them where they have shrunk to nothing."""
 
 from __future__ import annotations
 

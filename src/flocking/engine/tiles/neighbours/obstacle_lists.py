@@ -1,4 +1,4 @@
-"""Which obstacles the agents of a tile may meet: lists per tile, certified for as long as nobody moved too far.
+"""Neighbour lists of obstacles: which the agents of a tile may meet while nobody has moved too far.
 
 The distance to an obstacle changes no faster than agent and obstacle move. An obstacle that is farther from
 the middle of a tile than its range, the tile's radius and a margin cannot be met until somebody has moved

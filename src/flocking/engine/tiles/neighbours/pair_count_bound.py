@@ -1,4 +1,4 @@
-"""How many pairs of agents certainly lie within reach of each other, told without looking at pairs."""
+"""A lower bound on the number of pairs within reach of each other, from the numbers of agents in cells."""
 
 from __future__ import annotations
 

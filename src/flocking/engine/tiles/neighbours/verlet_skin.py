@@ -1,4 +1,4 @@
-"""How wide the skin of the neighbour lists is best: what it costs in list rows against what it saves in rebuilds.
+"""The Verlet skin of the neighbour lists: its cost in list rows against what it saves in rebuilds.
 
 The length that lists would have with each skin is counted on a sample of tiles, not guessed from a density: in a
 lattice a wider skin costs nothing until it meets the next shell.
