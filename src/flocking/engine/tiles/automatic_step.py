@@ -15,7 +15,7 @@ FEW = 400
 """Agents looked at where a step that was given is only to be told from one beyond all stability."""
 
 
-def choose(crowd: Crowd, scenario: Scenario, scheme: str) -> float:
+def choose(particles: Crowd, scenario: Scenario, scheme: str) -> float:
     """The largest step that resolves the start, from agents spread evenly over the sorted order of the crowd.
 
     Parameters
@@ -23,10 +23,10 @@ def choose(crowd: Crowd, scenario: Scenario, scheme: str) -> float:
     scheme
         Name of the scheme that will take the steps.
     """
-    return largest_step(scenario, [_sampled(crowd, number) for number in range(len(crowd.lists))], scheme)
+    return largest_step(scenario, [_sampled(particles, number) for number in range(len(particles.lists))], scheme)
 
 
-def resolves(crowd: Crowd, scenario: Scenario, scheme: str) -> float:
+def resolves(particles: Crowd, scenario: Scenario, scheme: str) -> float:
     """The largest step that resolves the forces of the start, whatever the length of the run and the speeds.
 
     Parameters
@@ -34,19 +34,19 @@ def resolves(crowd: Crowd, scenario: Scenario, scheme: str) -> float:
     scheme
         Name of the scheme that takes the steps.
     """
-    sampled = [_sampled(crowd, number, FEW) for number in range(len(crowd.lists))]
+    sampled = [_sampled(particles, number, FEW) for number in range(len(particles.lists))]
     return resolving_step(scenario, sampled, scheme, across=False)
 
 
-def _sampled(crowd: Crowd, number: int, agents: int = SAMPLE) -> SampledPairs | None:
-    lists, m = crowd.lists[number], crowd.m
+def _sampled(particles: Crowd, number: int, agents: int = SAMPLE) -> SampledPairs | None:
+    lists, m = particles.lists[number], particles.m
     if lists is None:
         return None
-    i, j = tile_pairs(lists, range(0, crowd.tiles, max(1, crowd.n // agents)), crowd.n)
+    i, j = tile_pairs(lists, range(0, particles.tiles, max(1, particles.n // agents)), particles.n)
 
     def length(rows: slice) -> Any:
-        return np.sqrt(((crowd.X[rows, j] - crowd.X[rows, i]).astype(np.float64) ** 2).sum(axis=0))
+        return np.sqrt(((particles.X[rows, j] - particles.X[rows, i]).astype(np.float64) ** 2).sum(axis=0))
 
     distance, speed = length(slice(m)), length(slice(m, 2 * m))
-    inside = distance < (crowd.cutoffs[number] or np.inf)
+    inside = distance < (particles.cutoffs[number] or np.inf)
     return SampledPairs(i[inside], distance[inside], speed[inside])

@@ -99,14 +99,14 @@ def _instability(n: int, m: int) -> Form:
     )  # fmt: skip
 
 
-def check_crowd(fields: dict[str, Any], crowd: Crowd) -> None:
+def check_crowd(fields: dict[str, Any], particles: Crowd) -> None:
     """Refuse what cannot be the memory of a crowd.
 
     Parameters
     ----------
     fields
         What was read.
-    crowd
+    particles
         A crowd of the same scenario and options.
 
     Raises
@@ -114,29 +114,29 @@ def check_crowd(fields: dict[str, Any], crowd: Crowd) -> None:
     MalformedError
         When it is none; the message names what is wrong.
     """
-    n, agent = crowd.n, Integer(0, crowd.n - 1)
-    kind, large = crowd.dtype, squarable(crowd.dtype)
+    n, agent = particles.n, Integer(0, particles.n - 1)
+    kind, large = particles.dtype, squarable(particles.dtype)
     lists = Part(
         TileLists,
         {
-            "rows": Table("u4", (None, WIDTH)), "first": Table("i8", (crowd.tiles,), least=0),
-            "count": Table("i4", (crowd.tiles,), least=0),
+            "rows": Table("u4", (None, WIDTH)), "first": Table("i8", (particles.tiles,), least=0),
+            "count": Table("i4", (particles.tiles,), least=0),
         },
     )  # fmt: skip
     # No tile has more rows than there are agents, and room grows by an eighth of what is needed.
     most_room = TILES_IN_CHUNK * n * 9 // 8 + 8
     Names(
         {
-            "X": Table(kind, (2 * crowd.m, crowd.size), -large, large, ordered=False),
-            "ids": Table("i4", (crowd.size,), least=0, most=n - 1),
-            "each": Row([Table(kind, each.shape, least=0.0, finite=False) for each in crowd.each]),
-            "A": Table(kind, crowd.A.shape), "C": Table(kind, crowd.C.shape, -large, large),
+            "X": Table(kind, (2 * particles.m, particles.size), -large, large, ordered=False),
+            "ids": Table("i4", (particles.size,), least=0, most=n - 1),
+            "each": Row([Table(kind, each.shape, least=0.0, finite=False) for each in particles.each]),
+            "A": Table(kind, particles.A.shape), "C": Table(kind, particles.C.shape, -large, large),
             # Before the first rebuild there is none.
-            "reference": Table(kind, crowd.reference.shape, finite=False),
+            "reference": Table(kind, particles.reference.shape, finite=False),
             "elapsed": Real(), "bound": POSITIVE, "skin": Real(least=0.0), "rebuilds": Integer(),
-            "lists": Row([Maybe(lists)] * len(crowd.graphs)), "top_speed": POSITIVE, "_rounding": POSITIVE,
+            "lists": Row([Maybe(lists)] * len(particles.graphs)), "top_speed": POSITIVE, "_rounding": POSITIVE,
             "_first_links": Maybe(Table("?", (n, n), ordered=False)), "lost": Maybe(Row([agent, agent])),
-            "rooms": Row([Table("i8", b.room.shape, least=0, most=most_room) for b in crowd.builders]),
+            "rooms": Row([Table("i8", b.room.shape, least=0, most=most_room) for b in particles.builders]),
         }
     ).check(fields, "crowd")  # fmt: skip
     ids = fields["ids"]
@@ -149,7 +149,7 @@ def check_crowd(fields: dict[str, Any], crowd: Crowd) -> None:
         raise MalformedError("crowd: lists must be there, or be about to be built")
     for k, found in enumerate(fields["lists"]):
         if found is not None:
-            _check_lists(found, n, crowd.size, f"crowd: lists[{k}]")
+            _check_lists(found, n, particles.size, f"crowd: lists[{k}]")
 
 
 def _check_lists(lists: TileLists, n: int, size: int, name: str) -> None:

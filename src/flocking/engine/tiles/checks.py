@@ -33,9 +33,9 @@ FARTHEST = 1e15
 
 
 def after_step(
-    crowd: Crowd, h: float, records: Records, step: float, time: float, singular_reach: float | None
+    particles: Crowd, h: float, records: Records, step: float, time: float, singular_reach: float | None
 ) -> None:
-    """What every step is checked for. The state before the step is still in ``crowd.Y``.
+    """What every step is checked for. The state before the step is still in ``particles.Y``.
 
     Parameters
     ----------
@@ -57,63 +57,63 @@ def after_step(
     StepTooLarge
         When a pair moved too far for its distance.
     """
-    _check_finite(crowd, time)
-    links_kept(crowd, step, time)
-    records.closest = _closest_pair(crowd, records.closest, time)
-    _check_pair_motion(crowd, h, step, time, singular_reach)
+    _check_finite(particles, time)
+    links_kept(particles, step, time)
+    records.closest = _closest_pair(particles, records.closest, time)
+    _check_pair_motion(particles, h, step, time, singular_reach)
 
 
-def _check_finite(crowd: Crowd, time: float) -> None:
-    if np.isfinite(crowd.top_speed):
+def _check_finite(particles: Crowd, time: float) -> None:
+    if np.isfinite(particles.top_speed):
         return
-    bad = np.flatnonzero(~np.isfinite(crowd.X[:, : crowd.n]).all(axis=0))
+    bad = np.flatnonzero(~np.isfinite(particles.X[:, : particles.n]).all(axis=0))
     if not len(bad):
-        bad = np.array([int(np.argmax(np.abs(crowd.X[crowd.m :, : crowd.n]).max(axis=0)))])
+        bad = np.array([int(np.argmax(np.abs(particles.X[particles.m :, : particles.n]).max(axis=0)))])
     raise NotFinite(
         "Velocities or positions became infinite or NaN. Lower the step, or look at the potential there.",
-        time=time, agents=tuple(sorted(int(i) for i in crowd.ids[bad[:10]])),
+        time=time, agents=tuple(sorted(int(i) for i in particles.ids[bad[:10]])),
     )  # fmt: skip
 
 
-def _closest_pair(crowd: Crowd, before: Closest, time: float) -> Closest:
+def _closest_pair(particles: Crowd, before: Closest, time: float) -> Closest:
     """The closest listed pair until now, given that of all earlier steps."""
-    near = _nearest(crowd)
+    near = _nearest(particles)
     if not near < min(before.distance, FARTHEST):
         return before
-    pair = _closest_in(crowd, int(np.argmin(crowd.tops[:, 1])))
+    pair = _closest_in(particles, int(np.argmin(particles.tops[:, 1])))
     return before if pair is None else Closest(near, time, pair)
 
 
-def _nearest(crowd: Crowd) -> float:
-    return float(np.sqrt(crowd.extremes[1]))
+def _nearest(particles: Crowd) -> float:
+    return float(np.sqrt(particles.extremes[1]))
 
 
-def _check_pair_motion(crowd: Crowd, h: float, step: float, time: float, singular_reach: float | None) -> None:
+def _check_pair_motion(particles: Crowd, h: float, step: float, time: float, singular_reach: float | None) -> None:
     """Whether a pair met where a formula has no value, or moved too far for its distance."""
-    near = _nearest(crowd)
+    near = _nearest(particles)
     if near == 0.0:
-        _check_contact(crowd, time)
+        _check_contact(particles, time)
     if singular_reach is None:
         return
-    top = 2.0 * crowd.top_speed * h
+    top = 2.0 * particles.top_speed * h
     if top > STRIDE * near:
-        _check_strides(crowd, h, step, time)
+        _check_strides(particles, h, step, time)
     if top > STRIDE * singular_reach:
-        q = crowd.Y[: crowd.m, : crowd.n].T.astype(np.float64)
-        moved = crowd.X[: crowd.m, : crowd.n].T - q
-        check_passing(q, moved, singular_reach, step, time=time, ids=crowd.ids)
+        q = particles.Y[: particles.m, : particles.n].T.astype(np.float64)
+        moved = particles.X[: particles.m, : particles.n].T - q
+        check_passing(q, moved, singular_reach, step, time=time, ids=particles.ids)
 
 
-def _check_contact(crowd: Crowd, time: float) -> None:
+def _check_contact(particles: Crowd, time: float) -> None:
     """Whether a pair that coincided before the step is linked where a formula has no value for it."""
-    for number in singular_graphs(crowd.spec.layout, crowd.m, crowd.P):
-        lists = crowd.lists[number]
+    for number in singular_graphs(particles.spec.layout, particles.m, particles.P):
+        lists = particles.lists[number]
         if lists is None:
             continue
-        i, j = tile_pairs(lists, np.flatnonzero(crowd.tops[:, 1] == 0.0), crowd.n)
-        same = np.flatnonzero((crowd.Y[: crowd.m, i] == crowd.Y[: crowd.m, j]).all(axis=0))
+        i, j = tile_pairs(lists, np.flatnonzero(particles.tops[:, 1] == 0.0), particles.n)
+        same = np.flatnonzero((particles.Y[: particles.m, i] == particles.Y[: particles.m, j]).all(axis=0))
         if len(same):
-            pair = sorted((int(crowd.ids[i[same[0]]]), int(crowd.ids[j[same[0]]])))
+            pair = sorted((int(particles.ids[i[same[0]]]), int(particles.ids[j[same[0]]])))
             raise NotFinite(
                 "Two linked agents are at the same point, where their pair force or energy is infinite. "
                 "Start them apart, or take a potential that is finite at r = 0.",
@@ -143,7 +143,7 @@ def stiff_start(step: float, resolves: float, scheme: str, time: float) -> None:
         raise step_too_large(step, resolves, why, time=time)
 
 
-def links_kept(crowd: Crowd, step: float, time: float) -> None:
+def links_kept(particles: Crowd, step: float, time: float) -> None:
     """Whether a link broke although its potential is infinite there.
 
     Raises
@@ -151,51 +151,53 @@ def links_kept(crowd: Crowd, step: float, time: float) -> None:
     LinkLost
         When one did.
     """
-    if crowd.lost is not None:
+    if particles.lost is not None:
         raise LinkLost(
             "A link whose potential is infinite at the break radius reached it: the step "
             f"{step:.3g} is too large. A step of {step / 4:.2g} may do.",
-            time=time, agents=tuple(sorted(crowd.lost)),
+            time=time, agents=tuple(sorted(particles.lost)),
         )  # fmt: skip
 
 
-def _listed(crowd: Crowd, tiles: Any) -> tuple[Any, Any]:
+def _listed(particles: Crowd, tiles: Any) -> tuple[Any, Any]:
     """Places of all listed pairs of some tiles, over all graphs."""
-    found = [tile_pairs(lists, tiles, crowd.n) for lists in crowd.lists if lists is not None]
+    found = [tile_pairs(lists, tiles, particles.n) for lists in particles.lists if lists is not None]
     return np.concatenate([i for i, _ in found]), np.concatenate([j for _, j in found])
 
 
-def _closest_in(crowd: Crowd, tile: int) -> tuple[int, int] | None:
-    i, j = _listed(crowd, [tile])
+def _closest_in(particles: Crowd, tile: int) -> tuple[int, int] | None:
+    i, j = _listed(particles, [tile])
     if not len(i):
         return None
-    square = ((crowd.Y[: crowd.m, j] - crowd.Y[: crowd.m, i]) ** 2).sum(axis=0)
+    square = ((particles.Y[: particles.m, j] - particles.Y[: particles.m, i]) ** 2).sum(axis=0)
     k = int(np.argmin(square))
-    a, b = int(crowd.ids[i[k]]), int(crowd.ids[j[k]])
+    a, b = int(particles.ids[i[k]]), int(particles.ids[j[k]])
     return (min(a, b), max(a, b))
 
 
-def _check_strides(crowd: Crowd, h: float, step: float, time: float) -> None:
+def _check_strides(particles: Crowd, h: float, step: float, time: float) -> None:
     """Whether some pair really moved too far for its distance; positions before the step are in ``Y``."""
-    m = crowd.m
-    reach = (2.0 * crowd.top_speed * h / STRIDE) ** 2
-    tiles = np.flatnonzero(crowd.tops[:, 1] < reach)
+    m = particles.m
+    reach = (2.0 * particles.top_speed * h / STRIDE) ** 2
+    tiles = np.flatnonzero(particles.tops[:, 1] < reach)
     if len(tiles) > MOST_TILES:
-        tiles = tiles[np.argsort(crowd.tops[tiles, 1], kind="stable")[:MOST_TILES]]
-    i, j = _listed(crowd, tiles)
+        tiles = tiles[np.argsort(particles.tops[tiles, 1], kind="stable")[:MOST_TILES]]
+    i, j = _listed(particles, tiles)
     if not len(i):
         return
-    distance = np.sqrt(((crowd.Y[:m, j] - crowd.Y[:m, i]) ** 2).sum(axis=0))
-    moved = np.sqrt(((crowd.X[:m, j] - crowd.X[:m, i] - crowd.Y[:m, j] + crowd.Y[:m, i]) ** 2).sum(axis=0))
-    linked = distance < max(crowd.cutoffs) if crowd.moving else np.ones(len(i), dtype=bool)
+    distance = np.sqrt(((particles.Y[:m, j] - particles.Y[:m, i]) ** 2).sum(axis=0))
+    moved = np.sqrt(
+        ((particles.X[:m, j] - particles.X[:m, i] - particles.Y[:m, j] + particles.Y[:m, i]) ** 2).sum(axis=0)
+    )
+    linked = distance < max(particles.cutoffs) if particles.moving else np.ones(len(i), dtype=bool)
     share = np.where(linked, moved / np.maximum(distance, NO_LESS), 0.0)
     k = int(np.argmax(share))
     if linked[k]:
-        pair = (int(crowd.ids[i[k]]), int(crowd.ids[j[k]]))
+        pair = (int(particles.ids[i[k]]), int(particles.ids[j[k]]))
         check_stride(step, float(distance[k]), float(moved[k]), time=time, agents=(min(pair), max(pair)))
 
 
-def resolution(crowd: Crowd, q: Any, time: float) -> None:
+def resolution(particles: Crowd, q: Any, time: float) -> None:
     """Whether numbers can still tell the positions of most agents, shape (N, m), apart.
 
     Raises
@@ -203,15 +205,15 @@ def resolution(crowd: Crowd, q: Any, time: float) -> None:
     OutOfPrecision
         When they cannot.
     """
-    if not crowd.moving:
+    if not particles.moving:
         return
     out = float(np.median(np.abs(q).max(axis=1)))
-    spacing = float(np.finfo(crowd.dtype).eps) * out
-    if spacing > COARSEST * max(crowd.cutoffs):
-        wider = "use precision='float64', or s" if crowd.dtype == np.float32 else "S"
+    spacing = float(np.finfo(particles.dtype).eps) * out
+    if spacing > COARSEST * max(particles.cutoffs):
+        wider = "use precision='float64', or s" if particles.dtype == np.float32 else "S"
         raise OutOfPrecision(
-            f"Most agents are so far out ({out:.3g}) that {crowd.spec.precision} tells positions apart only by "
-            f"{spacing:.2g}, of a radius of {max(crowd.cutoffs):.3g}: {wider}tart near the origin.",
+            f"Most agents are so far out ({out:.3g}) that {particles.spec.precision} tells positions apart only by "
+            f"{spacing:.2g}, of a radius of {max(particles.cutoffs):.3g}: {wider}tart near the origin.",
             time=time,
         )
 

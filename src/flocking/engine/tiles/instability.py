@@ -83,8 +83,8 @@ class Instability:
             setattr(same, name, None if value is None else value.copy())
         return same
 
-    def look(self, crowd: Crowd, steps: int, h: float, wanted: float, time: float, *, alternating: bool) -> None:
-        """Look at a step just made; the state before it is still in ``crowd.Y``.
+    def look(self, particles: Crowd, steps: int, h: float, wanted: float, time: float, *, alternating: bool) -> None:
+        """Look at a step just made; the state before it is still in ``particles.Y``.
 
         Parameters
         ----------
@@ -100,8 +100,8 @@ class Instability:
         StepTooLarge
             When the step is unstable.
         """
-        factor = crowd.top_speed / self.speed if self.speed > 0 else 0.0
-        self.speed = crowd.top_speed
+        factor = particles.top_speed / self.speed if self.speed > 0 else 0.0
+        self.speed = particles.top_speed
         self.streak, self.grown = (self.streak + 1, self.grown * factor) if factor >= GROWING else (0, 1.0)
         if self.streak >= LONGEST and self.grown >= LARGEST:
             raise step_too_large(
@@ -113,8 +113,8 @@ class Instability:
         if at == 0:
             self._forget()
         if at < WINDOW:
-            self._compare(crowd)
-            if self._alternates(crowd, h, whole=at == WINDOW - 1):
+            self._compare(particles)
+            if self._alternates(particles, h, whole=at == WINDOW - 1):
                 raise step_too_large(
                     wanted, 0.2 * h, "velocities change to and fro from step to step and do not calm down", time=time
                 )
@@ -124,11 +124,11 @@ class Instability:
         self.products = self.sizes = self.early = self.late = 0.0
         self.compared = self.turns = 0
 
-    def _compare(self, crowd: Crowd) -> None:
-        if self.rebuilds != crowd.rebuilds or self.places is None:
-            self.rebuilds, self.places = crowd.rebuilds, crowd.place[:: max(1, crowd.n // SAMPLE)]
-        m = crowd.m
-        change = crowd.agents[self.places, m:].astype(np.float64) - crowd.successor[self.places, m:]
+    def _compare(self, particles: Crowd) -> None:
+        if self.rebuilds != particles.rebuilds or self.places is None:
+            self.rebuilds, self.places = particles.rebuilds, particles.place[:: max(1, particles.n // SAMPLE)]
+        m = particles.m
+        change = particles.agents[self.places, m:].astype(np.float64) - particles.successor[self.places, m:]
         if self.change is not None:
             square, before = float((change**2).sum()), float((self.change**2).sum())
             product, size = float((change * self.change).sum()), float(np.sqrt(square * before))
@@ -141,10 +141,10 @@ class Instability:
             self.turns = self.turns + 1 if product < -0.5 * size and square >= 0.6 * before else 0
         self.change = change
 
-    def _alternates(self, crowd: Crowd, h: float, *, whole: bool) -> bool:
+    def _alternates(self, particles: Crowd, h: float, *, whole: bool) -> bool:
         """Whether changes of velocity alternate: the last ones, or, over the ``whole`` window, all of them together."""
         steadily = whole and self.compared >= FEWEST and self.products < ALTERNATING * self.sizes
         if self.turns < TURNS and not (steadily and self.late >= 0.5 * self.early):
             return False
-        largest = float(np.abs(crowd.agents[self.places, : crowd.m]).max())
-        return bool(crowd.top_speed * h > STILL * float(np.finfo(crowd.dtype).eps) * largest)
+        largest = float(np.abs(particles.agents[self.places, : particles.m]).max())
+        return bool(particles.top_speed * h > STILL * float(np.finfo(particles.dtype).eps) * largest)

@@ -64,12 +64,12 @@ class LawCheck:
         self.eps = float(np.finfo(dtype).eps)
         self.declared = Declared(scenario, self.eps)
 
-    def before_step(self, crowd: Crowd, moment: Moment, gaps: LawGaps) -> None:
+    def before_step(self, particles: Crowd, moment: Moment, gaps: LawGaps) -> None:
         """Judge the accelerations of the state before a step; the ledger and the links stay as they are.
 
         Parameters
         ----------
-        crowd
+        particles
             The agents, whose neighbour lists are good.
         gaps
             Takes what is found.
@@ -81,16 +81,16 @@ class LawCheck:
         """
         if self.half_steps:
             return
-        crowd.move(moment.time, keep=0.0, kick=1.0, drift=0.0, soft=0.0, hold=True)
-        places = self._places(crowd, moment)
-        q, p = (np.asarray(x.T) for x in (crowd.X[: crowd.m], crowd.X[crowd.m :]))
-        mass = self._mass(crowd, places)
-        force = mass[:, None] * crowd.Y[crowd.m :, places].T.astype(np.float64)
-        found = self._compared(crowd, (q, p), places, force, np.zeros(len(places)), moment, gaps, remembered=True)
+        particles.move(moment.time, keep=0.0, kick=1.0, drift=0.0, soft=0.0, hold=True)
+        places = self._places(particles, moment)
+        q, p = (np.asarray(x.T) for x in (particles.X[: particles.m], particles.X[particles.m :]))
+        mass = self._mass(particles, places)
+        force = mass[:, None] * particles.Y[particles.m :, places].T.astype(np.float64)
+        found = self._compared(particles, (q, p), places, force, np.zeros(len(places)), moment, gaps, remembered=True)
         self._require(found, moment, gaps)
 
-    def after_step(self, crowd: Crowd, kick: float, h: float, moment: Moment, gaps: LawGaps) -> None:
-        """Judge the motion of a step of half-step velocities. The state before it is still in ``crowd.Y``.
+    def after_step(self, particles: Crowd, kick: float, h: float, moment: Moment, gaps: LawGaps) -> None:
+        """Judge the motion of a step of half-step velocities. The state before it is still in ``particles.Y``.
 
         Parameters
         ----------
@@ -106,9 +106,9 @@ class LawCheck:
         """
         if not self.half_steps:
             return
-        m, places = crowd.m, self._places(crowd, moment)
-        before, after = (x[:, places].T.astype(np.float64) for x in (crowd.Y, crowd.X))
-        mass = self._mass(crowd, places)
+        m, places = particles.m, self._places(particles, moment)
+        before, after = (x[:, places].T.astype(np.float64) for x in (particles.Y, particles.X))
+        mass = self._mass(particles, places)
         force = mass[:, None] * (after[:, m:] - before[:, m:]) / kick
         speed = np.maximum(np.abs(after[:, m:]).sum(axis=1), np.abs(before[:, m:]).sum(axis=1))
         rounding = 4.0 * self.eps * mass * speed / kick
@@ -116,52 +116,52 @@ class LawCheck:
         way = np.sqrt(((after[:, :m] - before[:, :m] - h * after[:, m:]) ** 2).sum(axis=1))
         way = np.maximum(way - 4.0 * self.eps * (np.abs(after[:, :m]).sum(axis=1) + h * speed), 0.0)
         force += (mass * way / (h * kick))[:, None]
-        q, p = (np.asarray(x.T) for x in (crowd.Y[:m], crowd.Y[m:]))
-        found = self._compared(crowd, (q, p), places, force, rounding, moment, gaps, remembered=False)
+        q, p = (np.asarray(x.T) for x in (particles.Y[:m], particles.Y[m:]))
+        found = self._compared(particles, (q, p), places, force, rounding, moment, gaps, remembered=False)
         self._require(found, moment, gaps)
 
-    def _places(self, crowd: Crowd, moment: Moment) -> Any:
+    def _places(self, particles: Crowd, moment: Moment) -> Any:
         """Places of the judged agents: tiles spread evenly, other ones at every look, and the one of the closest pair.
 
         Whole tiles, since books are per tile.
         """
-        count = min(TILES, crowd.tiles)
-        first = int(moment.steps * 0.6180339887498949 * crowd.tiles / count) % crowd.tiles
-        tiles = (first + np.arange(count) * crowd.tiles // count) % crowd.tiles
-        tiles = np.unique(np.append(tiles, np.argmin(crowd.tops[:, 1])))
+        count = min(TILES, particles.tiles)
+        first = int(moment.steps * 0.6180339887498949 * particles.tiles / count) % particles.tiles
+        tiles = (first + np.arange(count) * particles.tiles // count) % particles.tiles
+        tiles = np.unique(np.append(tiles, np.argmin(particles.tops[:, 1])))
         places = (tiles[:, None] * WIDTH + np.arange(WIDTH)).ravel()
-        return places[places < crowd.n]
+        return places[places < particles.n]
 
-    def _mass(self, crowd: Crowd, places: Any) -> Any:
+    def _mass(self, particles: Crowd, places: Any) -> Any:
         masses = self.scenario.agents.masses
-        return np.broadcast_to(masses, crowd.n)[crowd.ids[places]].astype(np.float64)
+        return np.broadcast_to(masses, particles.n)[particles.ids[places]].astype(np.float64)
 
     def _compared(
-        self, crowd: Crowd, state: Any, places: Any, force: Any, rounding: Any, moment: Moment, gaps: LawGaps, *,
+        self, particles: Crowd, state: Any, places: Any, force: Any, rounding: Any, moment: Moment, gaps: LawGaps, *,
         remembered: bool,
     ) -> tuple[int | None, str | None]:  # fmt: skip
         """The agent whose force is not that of the law, and the name of a power that is not; None for none."""
         scenario = self.scenario
         q, p = state
         energy = scenario.energy
-        means = np.full((2, crowd.m), np.nan)
+        means = np.full((2, particles.m), np.nan)
         if scenario.law.beyond_neighbours or energy.frame == "centre of mass":
-            mass = self._mass(crowd, np.arange(crowd.n))
-            means = np.array([mass @ x[: crowd.n].astype(np.float64) / mass.sum() for x in (q, p)])
-        frame = np.zeros(crowd.m)
+            mass = self._mass(particles, np.arange(particles.n))
+            means = np.array([mass @ x[: particles.n].astype(np.float64) / mass.sum() for x in (q, p)])
+        frame = np.zeros(particles.m)
         if energy.frame == "centre of mass":
             frame = means[1]
         elif energy.leader is not None:
             frame = energy.leader.at(moment.time)[1]
-        group = Group(q, p, crowd.ids, moment.time, moment.gains_since, frame, *means)
-        pairs = [self._pairs(crowd, number, q, places, remembered) for number in range(len(crowd.lists))]
+        group = Group(q, p, particles.ids, moment.time, moment.gains_since, frame, *means)
+        pairs = [self._pairs(particles, number, q, places, remembered) for number in range(len(particles.lists))]
         declared = self.declared.state(group, places, pairs)
         gaps.checks += 1
         wrong = gaps.compare_forces(declared, force, rounding)
         tiles, which = np.unique(places // WIDTH, return_inverse=True)
-        sums = crowd.sums[tiles][:, [SUMS.index(name) for name in POWERS]]
+        sums = particles.sums[tiles][:, [SUMS.index(name) for name in POWERS]]
         power = gaps.compare_powers(declared, which, sums)
-        return None if wrong is None else int(crowd.ids[places[wrong]]), power
+        return None if wrong is None else int(particles.ids[places[wrong]]), power
 
     def _require(self, found: tuple[int | None, str | None], moment: Moment, gaps: LawGaps) -> None:
         agent, power = found
@@ -175,9 +175,9 @@ class LawCheck:
             time=moment.time, agents=() if agent is None else (agent,),
         )  # fmt: skip
 
-    def _pairs(self, crowd: Crowd, number: int, q: Any, places: Any, remembered: bool) -> tuple[Any, Any, Any]:
+    def _pairs(self, particles: Crowd, number: int, q: Any, places: Any, remembered: bool) -> tuple[Any, Any, Any]:
         """Linked pairs of the judged agents under a graph: number of the judged one, place of the other, certainty."""
-        lists, kind = crowd.lists[number], crowd.spec.graphs[number]
+        lists, kind = particles.lists[number], particles.spec.graphs[number]
         assert lists is not None
         tile, lane = places // WIDTH, places % WIDTH
         rows = int(lists.count[tile].max(initial=0))
@@ -196,10 +196,10 @@ class LawCheck:
             return k, j, np.ones(len(k), dtype=bool)
         d = q[j].astype(np.float64) - q[places[k]].astype(np.float64)
         r = np.sqrt((d**2).sum(axis=1))
-        graph = crowd.graphs[number]
-        who = crowd.ids[places[k]]
+        graph = particles.graphs[number]
+        who = particles.ids[places[k]]
         leave, enter = (
-            np.broadcast_to(np.asarray(x, dtype=np.float64), crowd.n)[who]
+            np.broadcast_to(np.asarray(x, dtype=np.float64), particles.n)[who]
             for x in (graph.break_radius, graph.appear_radius)
         )
         slack = EDGE * self.eps * leave

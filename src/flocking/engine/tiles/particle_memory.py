@@ -31,24 +31,24 @@ class CrowdMemory:
     fields: dict[str, Any]
 
     @classmethod
-    def of(cls, crowd: Crowd, *, copied: bool) -> CrowdMemory:
-        """What fixes how ``crowd`` goes on; not ``copied``, it changes as the crowd goes on."""
-        kept = {name: getattr(crowd, name) for name in KEPT}
-        kept["rooms"] = [b.room for b in crowd.builders]
+    def of(cls, particles: Crowd, *, copied: bool) -> CrowdMemory:
+        """What fixes how ``particles`` goes on; not ``copied``, it changes as the crowd goes on."""
+        kept = {name: getattr(particles, name) for name in KEPT}
+        kept["rooms"] = [b.room for b in particles.builders]
         return cls(copy.deepcopy(kept) if copied else kept)
 
-    def put_back(self, crowd: Crowd) -> None:
-        """Make ``crowd`` go on from here.
+    def put_back(self, particles: Crowd) -> None:
+        """Make ``particles`` go on from here.
 
         Raises
         ------
         MalformedError
             When this is no memory of such a crowd.
         """
-        check_crowd(self.fields, crowd)
+        check_crowd(self.fields, particles)
         for name in KEPT:
-            setattr(crowd, name, copy.deepcopy(self.fields[name]))
-        if crowd.obstacles is not None:
-            crowd.obstacles.used = np.inf
-        for builder, room in zip(crowd.builders, self.fields["rooms"], strict=True):
+            setattr(particles, name, copy.deepcopy(self.fields[name]))
+        if particles.obstacles is not None:
+            particles.obstacles.used = np.inf
+        for builder, room in zip(particles.builders, self.fields["rooms"], strict=True):
             builder.room, builder.spare = room.copy(), None
