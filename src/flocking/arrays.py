@@ -48,7 +48,7 @@ PairIndices = NDArray[np.intp]
 Records = NDArray[np.void]
 """Rows with named fields, shape (K,); the fields are those of the constant that is stated where it is used."""
 
-Reals = NDArray[np.float32] | NDArray[np.float64]
+Reals = NDArray[np.floating]
 """Numbers in the precision that an engine computes in."""
 
 AnyArray = NDArray[np.generic]

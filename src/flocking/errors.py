@@ -26,7 +26,7 @@ class InvalidInput(FlockingError, ValueError):
         The usual way out.
     """
 
-    def __init__(self, owner: str, parameter: str, rule: str, value: Any, fix: str = "") -> None:
+    def __init__(self, owner: str, parameter: str, rule: str, value: object, fix: str = "") -> None:
         self.owner = owner
         self.parameter = parameter
         self.rule = rule

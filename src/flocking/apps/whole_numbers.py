@@ -5,12 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from inspect import signature
-from typing import Any
 
 from flocking.errors import InvalidInput
 
 
-def check_whole_numbers(command: Callable[..., Any], words: Sequence[str]) -> None:
+def check_whole_numbers(command: Callable[..., object], words: Sequence[str]) -> None:
     """Check that options of a command that count something were given as whole numbers.
 
     Parameters

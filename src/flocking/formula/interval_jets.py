@@ -119,7 +119,7 @@ class Jet:
         bent = _times(curvature, _whole_power(first, 2))
         return Jet(value, _times(slope, first), _add(bent, _times(slope, second)))
 
-    def __add__(self, other: Any) -> Jet:
+    def __add__(self, other: object) -> Jet:
         return Jet(*(_add(a, b) for a, b in zip(self.parts, self._jet(other).parts, strict=True)))
 
     def __neg__(self) -> Jet:
@@ -131,7 +131,7 @@ class Jet:
     def __sub__(self, other: Any) -> Jet:
         return self.__add__(-other)
 
-    def __rsub__(self, other: Any) -> Jet:
+    def __rsub__(self, other: object) -> Jet:
         return (-self).__add__(other)
 
     def __mul__(self, other: Any) -> Jet:
@@ -144,7 +144,7 @@ class Jet:
     def __truediv__(self, other: Any) -> Jet:
         return self.__mul__(other.__pow__(-1) if isinstance(other, Jet) else 1.0 / float(other))
 
-    def __rtruediv__(self, other: Any) -> Jet:
+    def __rtruediv__(self, other: object) -> Jet:
         return self.__pow__(-1).__mul__(other)
 
     def __pow__(self, exponent: Any) -> Jet:
@@ -247,7 +247,7 @@ def on_jets(function: FunctionType) -> Callable[..., Any]:
     """A function made of arithmetic and of module ``math``, made to work on jets."""
     moved = FunctionType(function.__code__, {"math": Functions})
 
-    def quiet(*arguments: Any) -> Any:
+    def quiet(*arguments: Any) -> object:
         with np.errstate(all="ignore"):
             return moved(*arguments)
 

@@ -10,7 +10,6 @@ import time
 from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 from flocking.formula.grammar import Formula
 
@@ -84,7 +83,7 @@ def library_states_all(parts: Iterable[object]) -> bool:
 _PLAIN = frozenset({int, float, bool, str, complex, type(None), Formula})
 
 
-def canonical(stated: Any) -> str:
+def canonical(stated: object) -> str:
     """One text for formulas: equal texts are equal formulas, symbol by symbol and digit by digit.
 
     Parameters

@@ -89,7 +89,7 @@ def array(owner: str, parameter: str, value: Any, *, ndim: int) -> Array:
     return result
 
 
-def scalar_or_each(owner: str, parameter: str, value: Any, *, least: float | None = None) -> float | Array:
+def scalar_or_each(owner: str, parameter: str, value: object, *, least: float | None = None) -> float | Array:
     """A finite number, or a read-only array with one value per agent.
 
     Raises
@@ -116,7 +116,7 @@ def axes_of(value: Any) -> int:
         return -1
 
 
-def one_of(owner: str, parameter: str, value: Any, words: Collection[Any], rule: str = "") -> None:
+def one_of(owner: str, parameter: str, value: object, words: Collection[object], rule: str = "") -> None:
     """Check that ``value`` is one of some words or whole numbers.
 
     Raises
@@ -128,7 +128,7 @@ def one_of(owner: str, parameter: str, value: Any, words: Collection[Any], rule:
         raise InvalidInput(owner, parameter, rule or f"must be one of {', '.join(map(str, words))}", value)
 
 
-def truth(owner: str, parameter: str, value: Any) -> bool:
+def truth(owner: str, parameter: str, value: object) -> bool:
     """True or False.
 
     Raises
@@ -157,7 +157,7 @@ def listed(owner: str, parameter: str, value: Any, rule: str) -> list[Any]:
         raise InvalidInput(owner, parameter, rule, value) from None
 
 
-def parameters(owner: str, given: Mapping[str, Any]) -> dict[str, float]:
+def parameters(owner: str, given: Mapping[str, object]) -> dict[str, float]:
     """Named parameters of a formula, each a finite number.
 
     Raises

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flocking.errors import InvalidInput
 from flocking.model.checks import array, integer, number
@@ -261,7 +262,7 @@ class Scenario:
                     )  # fmt: skip
 
     @property
-    def frame_times(self) -> np.ndarray[Any, np.dtype[np.float64]]:
+    def frame_times(self) -> NDArray[np.float64]:
         """Times of the stored frames."""
         if isinstance(self.frames, int):
             if self.frames == 1:

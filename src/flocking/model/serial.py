@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.arrays import AnyArray
 from flocking.errors import InvalidInput
 
 HOMES: dict[str, str] = {
@@ -56,7 +57,7 @@ class ForeignPart(InvalidInput):
     """A part from outside this library: it can be simulated, but a file cannot name it."""
 
 
-def to_data(part: Any) -> Any:
+def to_data(part: Any) -> object:
     """A part as plain data: dictionaries, lists, numbers, text, ready for JSON.
 
     Parameters
@@ -121,13 +122,13 @@ _TAKEN_APART: dict[str, Callable[[Any], dict[str, Any]]] = {
 class _Writer:
     """Describes parts, each shared one once."""
 
-    def __init__(self, part: Any) -> None:
+    def __init__(self, part: object) -> None:
         self._seen: dict[int, int] = {}
-        self._described: dict[int, dict[str, Any]] = {}
-        self._keep: list[Any] = []
+        self._described: dict[int, dict[str, object]] = {}
+        self._keep: list[object] = []
         self.data = self._write(part)
 
-    def _write(self, value: Any) -> Any:
+    def _write(self, value: Any) -> object:
         if value is None or isinstance(value, bool | str):
             return value
         if isinstance(value, np.bool_ | np.integer | np.floating):
@@ -144,7 +145,7 @@ class _Writer:
             return {"values": {str(k): self._write(x) for k, x in value.items()}}
         return self._part(value)
 
-    def _part(self, part: Any) -> dict[str, Any]:
+    def _part(self, part: object) -> dict[str, object]:
         kind = type(part)
         home = HOMES.get(kind.__name__)
         if home is None or kind.__module__ != f"flocking.model.{home}":
@@ -156,14 +157,14 @@ class _Writer:
             number = self._seen.setdefault(id(part), len(self._seen))
             self._described[id(part)]["id"] = number
             return {"same": number}
-        data: dict[str, Any] = {"part": kind.__name__}
+        data: dict[str, object] = {"part": kind.__name__}
         self._described[id(part)] = data
         self._keep.append(part)
         data |= {name: self._write(value) for name, value in _arguments(part).items()}
         return data
 
 
-def _array_data(values: np.ndarray[Any, Any]) -> Any:
+def _array_data(values: AnyArray) -> object:
     if values.dtype.kind not in "bfiu":
         raise InvalidInput("to_data", "array", "must hold numbers", values.dtype)
     if values.dtype.kind == "f" and values.size <= LONGEST_LIST and 0 not in values.shape:
@@ -177,9 +178,9 @@ class _Reader:
     """Builds parts from data."""
 
     def __init__(self) -> None:
-        self._shared: dict[int, Any] = {}
+        self._shared: dict[int, object] = {}
 
-    def read(self, data: Any, where: str, depth: int = 0) -> Any:
+    def read(self, data: Any, where: str, depth: int = 0) -> object:
         if depth > DEEPEST:
             raise InvalidInput(where, "data", f"must not be nested deeper than {DEEPEST}", "...")
         if data is None or isinstance(data, bool | str | int | float):
@@ -200,7 +201,7 @@ class _Reader:
             return {k: self.read(x, f"{where}.{k}", depth + 1) for k, x in data["values"].items()}
         raise InvalidInput(where, "value", "must be a number, text, a list or a part", sorted(map(str, data)))
 
-    def _again(self, number: Any, where: str) -> Any:
+    def _again(self, number: Any, where: str) -> object:
         if not isinstance(number, int) or number not in self._shared:
             raise InvalidInput(where, "same", "must be the id of a part described before", number)
         return self._shared[number]
@@ -231,7 +232,7 @@ class _Reader:
         return built
 
 
-def _check_fields(kind: type, given: Mapping[str, Any], where: str) -> None:
+def _check_fields(kind: type, given: Mapping[str, object], where: str) -> None:
     known = {f.name: f for f in fields(kind) if f.init}
     if odd := sorted(set(given) - set(known)):
         raise InvalidInput(where, odd[0], f"is no field of {kind.__name__}", given[odd[0]], f"It has {list(known)}.")
@@ -246,7 +247,7 @@ def _check_fields(kind: type, given: Mapping[str, Any], where: str) -> None:
             raise InvalidInput(where, name, f"must be of type {f.type}", value)
 
 
-def _array(text: Any, where: str) -> np.ndarray[Any, Any]:
+def _array(text: Any, where: str) -> AnyArray:
     try:
         file = io.BytesIO(base64.b64decode(text, validate=True))
         values = np.load(file, allow_pickle=False)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from flocking.papers.description import Paper
@@ -28,7 +29,7 @@ def paper(key: str) -> Paper:
     return found
 
 
-def _package(key: str) -> Any:
+def _package(key: str) -> ModuleType:
     return import_module(f"flocking.papers.{key.replace('-', '_')}")
 
 
@@ -37,7 +38,7 @@ def paper_of(scenario: str) -> str:
     return max((key for key in KEYS if scenario == key or scenario.startswith(f"{key}-")), key=len, default="")
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> ModuleType:
     if name.replace("_", "-") in KEYS:
         return _package(name)
     raise AttributeError(f"module 'flocking.papers' has no attribute {name!r}")

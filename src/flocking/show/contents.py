@@ -12,6 +12,7 @@ from flocking.errors import InvalidInput
 from flocking.model.checks import Array
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -116,7 +117,7 @@ def contents(figure: Figure, stretched: float = 1.0) -> tuple[PanelContents, ...
     return tuple(_panel(axes, stretched) for axes in figure.axes if axes.name != "3d")
 
 
-def _panel(axes: Any, stretched: float) -> PanelContents:
+def _panel(axes: Axes, stretched: float) -> PanelContents:
     unit = np.array([stretched, 1.0])
     low, high = (float(x) * stretched for x in axes.get_xlim())
     bottom, top = (float(x) for x in axes.get_ylim())
@@ -143,7 +144,7 @@ def _notes(axes: Any, stretched: float) -> Iterator[tuple[str, tuple[float, floa
         yield note.get_text(), None if place is None else (float(place[0]) * stretched, float(place[1]))
 
 
-def _marks(artist: Any, axes: Any, unit: Array) -> Iterator[Mark]:
+def _marks(artist: Any, axes: Axes, unit: Array) -> Iterator[Mark]:
     from matplotlib.collections import LineCollection, PathCollection
     from matplotlib.lines import Line2D
     from matplotlib.patches import Polygon
@@ -179,7 +180,7 @@ def _marks(artist: Any, axes: Any, unit: Array) -> Iterator[Mark]:
         yield Mark("area", name, label, np.asarray(artist.get_xy()) * unit, none, _hex(artist.get_facecolor()), "-")
 
 
-def _hex(color: Any) -> str:
+def _hex(color: object) -> str:
     from matplotlib.colors import to_hex
 
     return str(to_hex(color))

@@ -195,7 +195,7 @@ def minimum(psi: Potential, lower: float, upper: float) -> float | None:
     return float(found.x)
 
 
-def _mark_outside(axes: Any, psi: Potential, inside: float, end: float, outside: float) -> None:
+def _mark_outside(axes: Axes, psi: Potential, inside: float, end: float, outside: float) -> None:
     axes.plot([inside, end], [outside, outside], color=BLUE, gid="outside")
     before = float(psi(inside * (1 - 1e-12)))
     if not np.isfinite(before):

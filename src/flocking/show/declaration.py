@@ -73,7 +73,7 @@ def snapshot(time: float | None = None, **options: Any) -> Draw:
     return lambda run: plane.net(run, time=time, **options).figure
 
 
-def snapshots(times: Sequence[float], columns: int = 2, **options: Any) -> Draw:
+def snapshots(times: Sequence[float], columns: int = 2, **options: object) -> Draw:
     """The net at several times on one sheet of so many ``columns``, read row by row."""
     chosen = tuple(float(t) for t in times)
     return lambda run: sheet([panel(plane.net, run, time=t, **options) for t in chosen], columns=columns)
@@ -84,12 +84,12 @@ def velocities(axis: int | Sequence[int] = (0, 1), **options: Any) -> Draw:
     return _per_axis(series.velocities, axis, options)
 
 
-def positions(axis: int | Sequence[int] = (0, 1), **options: Any) -> Draw:
+def positions(axis: int | Sequence[int] = (0, 1), **options: object) -> Draw:
     """Position components over time, one panel per axis."""
     return _per_axis(series.positions, axis, options)
 
 
-def velocity_errors(axis: int | Sequence[int] = (0, 1), **options: Any) -> Draw:
+def velocity_errors(axis: int | Sequence[int] = (0, 1), **options: object) -> Draw:
     """Velocity errors over time, one panel per axis."""
     return _per_axis(series.velocity_errors, axis, options)
 
@@ -114,7 +114,7 @@ def paths_and_final(**options: Any) -> Draw:
     return lambda run: plane.net(run, frame=-1, trails=True, **options).figure
 
 
-def _per_axis(function: Callable[..., Any], axis: int | Sequence[int], options: dict[str, Any]) -> Draw:
+def _per_axis(function: Callable[..., object], axis: int | Sequence[int], options: Mapping[str, object]) -> Draw:
     numbers = (axis,) if isinstance(axis, int) else tuple(axis)
 
     def draw(run: Run) -> Picture:
@@ -126,7 +126,7 @@ def _per_axis(function: Callable[..., Any], axis: int | Sequence[int], options: 
     return draw
 
 
-def drawn_figure(known: Mapping[Any, Figure], number: int | str, run: Run, *beside: Run) -> Picture:
+def drawn_figure(known: Mapping[object, Figure], number: int | str, run: Run, *beside: Run) -> Picture:
     """Draw one of a paper's figures from a run, or from runs of all scenarios it shows.
 
     Parameters

@@ -116,7 +116,7 @@ def density(
 
 
 @in_style
-def scale(figure: Any, shades: Any, axes: Any, low: float, high: float, label: str = "density") -> Any:
+def scale(figure: Any, shades: Any, axes: object, low: float, high: float, label: str = "density") -> Any:
     """Draw the scale of colours beside axes, with few plain numbers.
 
     Parameters
@@ -142,7 +142,7 @@ def scale(figure: Any, shades: Any, axes: Any, low: float, high: float, label: s
 
 
 def _mapped(
-    what: Any, time: float | None, frame: int | None, limits: Any, cell: float | None, blur: float | None
+    what: object, time: float | None, frame: int | None, limits: Any, cell: float | None, blur: float | None
 ) -> tuple[DensityMap, State, str]:
     """The map, the state it was made of (an empty one for a map made before), and what its title says."""
     if isinstance(what, DensityMap):

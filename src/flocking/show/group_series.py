@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flocking.arrays import Links
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
@@ -216,7 +217,7 @@ def _nearest(q: Array) -> Array:
     return np.concatenate([np.linalg.norm(x[:, first] - x[:, second], axis=2).min(axis=1) for x in parts])
 
 
-def _fiedler(links: Any) -> float:
+def _fiedler(links: Links) -> float:
     weights = (links.astype(np.float64) + links.T) / 2
     laplacian = np.diag(weights.sum(axis=1)) - weights
     return float(max(np.linalg.eigvalsh(laplacian)[1], 0.0))

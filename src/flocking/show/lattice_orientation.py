@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flocking.model.checks import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 LIGHTNESS, CHROMA = 0.72, 0.118
 """Of a perfect lattice, in Oklab: as much chroma as the screen has for every hue."""
@@ -48,7 +51,7 @@ def lattice_colors(order: NDArray[np.complex128]) -> Array:
     return np.asarray(np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055))
 
 
-def wheel(axes: Any, color: str) -> Any:
+def wheel(axes: Axes, color: str) -> object:
     """Draw into a corner of axes which hue is which direction: a row of a lattice along each.
 
     Parameters

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.arrays import Links
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import components
@@ -57,14 +58,14 @@ def net_colors(axes: Any, q: Array, p: Array, links: Any, choice: str, size: flo
         bar.set_ticks([-np.pi, 0.0, np.pi], labels=[r"$-\pi$", "$0$", r"$\pi$"])
 
 
-def _wheel() -> Any:
+def _wheel() -> object:
     """A closed circle of hues, none of which is pale enough to vanish on a light ground."""
     from matplotlib.colors import LinearSegmentedColormap
 
     return LinearSegmentedColormap.from_list("heading", [BLUE, GREEN, ORANGE, VERMILION, PURPLE, BLUE])
 
 
-def flock_colors(links: Any) -> list[str]:
+def flock_colors(links: Links) -> list[str]:
     """One colour per agent: flocks by size, largest first; agents alone are grey.
 
     Raises

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from flocking.arrays import Links
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, number
@@ -150,7 +151,7 @@ def net(
     return axes
 
 
-def pairs_of(links: Any) -> NDArray[np.intp]:
+def pairs_of(links: Links) -> NDArray[np.intp]:
     """Linked pairs (i, j) with i < j, each once whichever way it is linked, shape (K, 2)."""
     i, j = links.nonzero()
     n = links.shape[0]
@@ -232,7 +233,7 @@ def _evenly(count: int, most: int) -> NDArray[np.intp]:
     return np.asarray(np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.intp)))
 
 
-def _draw_links(axes: Any, q: Array, links: Any, budget: int, notes: list[str]) -> None:
+def _draw_links(axes: Axes, q: Array, links: Links, budget: int, notes: list[str]) -> None:
     pairs = pairs_of(links)
     if len(pairs) == 0:
         return
@@ -243,7 +244,7 @@ def _draw_links(axes: Any, q: Array, links: Any, budget: int, notes: list[str]) 
     _line_collection(axes, q[shown], colors=theme().faint, linewidths=width, zorder=1, gid="links")
 
 
-def _draw_trails(axes: Any, paths: Array, notes: list[str]) -> None:
+def _draw_trails(axes: Axes, paths: Array, notes: list[str]) -> None:
     n = paths.shape[1]
     step = _span([paths.reshape(-1, paths.shape[2])]) / TRAIL_STEPS
     agents = _evenly(n, TRAIL_BUDGET)
@@ -316,7 +317,7 @@ def _even(low: Array, high: Array) -> tuple[Array, Array]:
     return middle - size / 2, middle + size / 2
 
 
-def _few_ticks() -> Any:
+def _few_ticks() -> object:
     from matplotlib.ticker import MaxNLocator
 
     return MaxNLocator(4)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,7 @@ from flocking.show.style import COLUMN, PAGE, save, themed
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_SINGLE: dict[str, Callable[..., Any]] = {
+_SINGLE: dict[str, Callable[..., object]] = {
     "net": plane.net,
     "density": density.density,
     "energy": group_series.energy,
@@ -26,7 +26,7 @@ _SINGLE: dict[str, Callable[..., Any]] = {
     "links": group_series.links,
 }
 
-_PER_AXIS: dict[str, Callable[..., Any]] = {
+_PER_AXIS: dict[str, Callable[..., object]] = {
     "velocities": series.velocities,
     "positions": series.positions,
     "errors": series.velocity_errors,
@@ -87,7 +87,7 @@ def plot(
     return made
 
 
-def _check_options(kind: str, options: dict[str, Any]) -> None:
+def _check_options(kind: str, options: Mapping[str, object]) -> None:
     from inspect import signature
 
     function = _SINGLE.get(kind) or _PER_AXIS.get(kind)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 LEADER_LINES = {"solid": "-", "dashed": (0, (5, 2)), "none": None}
-AGENT_LINES: dict[str, Any] = {"solid": "-", "dotted": (0, (1.0, 1.2))}
+AGENT_LINES: dict[str, object] = {"solid": "-", "dotted": (0, (1.0, 1.2))}
 ABOUT = ("leader", "mean")
 
 
@@ -55,7 +55,7 @@ def velocities(
 @in_style
 def positions(
     run: Run, axis: int = 0, *, axes: Axes | None = None, leader: str = "dashed", agents: str = "solid"
-) -> Any:
+) -> object:
     """Position component of every agent over time (Zhou, Figs. 6, 7, 13, 14).
 
     Parameters
@@ -149,7 +149,7 @@ def centre_errors(run: Run, *, quantity: str = "velocity", axes: Axes | None = N
 
 def agent_lines(
     axes: Any, t: Array, values: Array, label: str, line: str = "solid", palette: Sequence[str] = PALETTE
-) -> Any:
+) -> object:
     """Draw a line per agent, ``values`` (F, N) called ``label``, as one collection with the gid ``agents``.
 
     Parameters
@@ -193,7 +193,9 @@ def only_leader(run: Run) -> Leader | None:
     return next(iter(run.scenario.law.leaders), None)
 
 
-def _components(run: Run, values: Array, which: int, axis: int, label: str, axes: Any, line: str, agents: str) -> Any:
+def _components(
+    run: Run, values: Array, which: int, axis: int, label: str, axes: Any, line: str, agents: str
+) -> object:
     if agents not in AGENT_LINES:
         raise InvalidInput("show", "agents", f"must be one of {', '.join(AGENT_LINES)}", agents)
     if line not in LEADER_LINES:
@@ -213,7 +215,7 @@ def _components(run: Run, values: Array, which: int, axis: int, label: str, axes
     return axes
 
 
-def _cover(axes: Any, values: Array) -> None:
+def _cover(axes: Axes, values: Array) -> None:
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
     # Rounding must not be blown up into a picture.

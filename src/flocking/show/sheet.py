@@ -32,7 +32,7 @@ class Panel:
     space: bool = False
 
 
-def panel(function: Callable[..., Any], run: Run, *args: Any, **options: Any) -> Panel:
+def panel(function: Callable[..., object], run: Run, *args: object, **options: object) -> Panel:
     """Panel that calls a drawing function of this floor on a run.
 
     Parameters

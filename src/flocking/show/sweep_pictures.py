@@ -12,6 +12,8 @@ from flocking.show.style import PALETTE, axes_or_new, in_style, theme
 from flocking.study.sweeps.plan import label
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from flocking.study.sweeps.table import SweepTable
 
 MOST_TICKS = 8
@@ -23,7 +25,7 @@ def _need_grid(table: SweepTable, *names: str) -> None:
             raise InvalidInput("sweep picture", "axis", f"must be one of {', '.join(table.plan.grid)}", name)
 
 
-def _tell_missing(axes: Any, methods: Any) -> None:
+def _tell_missing(axes: Axes, methods: Any) -> None:
     """Write above the axes why some means have no interval; `methods` names the method of each, any shape."""
     reasons = sorted({str(m).removeprefix("none: ") for m in methods.ravel() if str(m).startswith("none: ")})
     if reasons:

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
+from typing import Any, TypedDict
 
 KINDS = ("equation", "definition", "assumption", "lemma", "proposition", "theorem", "corollary", "remark", "example",
          "figure", "table", "problem", "protocol", "consequence")  # fmt: skip
@@ -22,6 +22,29 @@ class Fault(StrEnum):
     MISPRINT = "misprint"
     FALSE = "false statement"
     OWN = "not printed"
+
+
+class DemonstrationData(TypedDict):
+    """A counter-example as plain data; infinities are text."""
+
+    printed: float | str
+    true: float | str
+    example: str
+
+
+class RowData(TypedDict):
+    """A row of an equation table as plain data, its verdict computed."""
+
+    paper: str
+    number: str
+    kind: str
+    title: str
+    home: str
+    test: str
+    verdict: str
+    reason: str
+    note: str
+    demonstration: DemonstrationData | None
 
 
 @dataclass(frozen=True)
@@ -52,7 +75,7 @@ class Demonstration:
             return self.printed != self.true
         return abs(self.printed - self.true) > self.tolerance
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> DemonstrationData:
         """Plain data for JSON; infinities as text."""
         return {"printed": _plain(self.printed), "true": _plain(self.true), "example": self.example}
 
@@ -139,7 +162,7 @@ class Row:
         shown = self.demonstration()
         return (self.fault, shown) if shown.refutes else (Fault.READING, None)
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> RowData:
         """Plain data for JSON, with the verdict computed."""
         verdict, shown = self.verdict()
         return {

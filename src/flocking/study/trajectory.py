@@ -157,7 +157,7 @@ def _run_of(scenario: Scenario, t: Array, q: Array, p: Array) -> Run:
     declared = scenario.with_(
         start=State(q[0], p[0], float(t[0])), t_end=float(t[-1]), frames=tuple(float(s) for s in t)
     )
-    about: dict[str, Any] = {
+    about: dict[str, object] = {
         "engine": "samples",
         "ledger_error": float(errors[1] + errors[2]),
         "switch_error": float(switching[1] + switching[2]),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -55,7 +56,7 @@ def _number(value: Any) -> float | int | None:
     return number if math.isfinite(number) else None
 
 
-def _engine(about: dict[str, Any]) -> str:
+def _engine(about: Mapping[str, object]) -> str:
     """The engine and how it stepped, in words."""
     words = [str(about.get("engine", ""))]
     if "step" in about:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from flocking.apps.lab.access.confinement import Folder
 from flocking.apps.lab.access.guarded_server import Guarded
@@ -179,7 +178,7 @@ class Page:
 
         self.clock.post(act, key)
 
-    def _dragged(self, path: tuple[Any, ...], point: list[float]) -> None:
+    def _dragged(self, path: tuple[object, ...], point: list[float]) -> None:
         self.send({"kind": "move", "path": list(path), "to": point}, ("move", path))
 
     def _picked(self, agent: int) -> None:

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from html import escape
-from typing import Any
 
 from flocking.apps.reproduction.report_tables import head_row, table
 from flocking.papers.description import Paper
-from flocking.study.equation_table import Fault
+from flocking.study.equation_table import Fault, RowData
 
 HEADINGS = {
     Fault.FALSE: "False statements, each with a computed counter-example",
@@ -20,7 +19,7 @@ HEADINGS = {
 """Headings of the tables of errata; only the first speaks against the mathematics of a paper."""
 
 
-def errata_tables(rows: Sequence[dict[str, Any]]) -> str:
+def errata_tables(rows: Sequence[RowData]) -> str:
     """One table for each kind of fault that a paper has, with the number of its rows.
 
     Parameters
@@ -36,14 +35,14 @@ def errata_tables(rows: Sequence[dict[str, Any]]) -> str:
     return "".join(parts)
 
 
-def _faults(fault: Fault, rows: Sequence[dict[str, Any]]) -> str:
+def _faults(fault: Fault, rows: Sequence[RowData]) -> str:
     shown = any(row["demonstration"] for row in rows)
     items = [_fault(fault, row, shown) for row in rows]
     columns = ("where", "what", "printed", "true", "example") if shown else ("where", "what")
     return table(head_row(*columns), items)
 
 
-def _fault(fault: Fault, row: dict[str, Any], shown: bool) -> str:
+def _fault(fault: Fault, row: RowData, shown: bool) -> str:
     colour = "wrong" if fault is Fault.FALSE else "other"
     text = (
         f'<tr><td class="verdict {colour}">{escape(row["number"])}</td><td>{escape(row["title"])}'
@@ -58,7 +57,7 @@ def _fault(fault: Fault, row: dict[str, Any], shown: bool) -> str:
     return text + "</tr>"
 
 
-def _number(value: Any) -> str:
+def _number(value: float | str) -> str:
     return f"{value:.6g}" if isinstance(value, int | float) else escape(str(value))
 
 
@@ -81,7 +80,7 @@ def equation_table(article: Paper) -> str:
     )
 
 
-def _equation(row: dict[str, Any]) -> str:
+def _equation(row: RowData) -> str:
     note = f'<br><span class="dim">{escape(row["note"])}</span>' if row["note"] else ""
     return (
         f"<tr><td>{escape(row['number'])}</td><td>{escape(row['title'])}{note}</td><td>{escape(row['verdict'])}</td>"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from html import escape
-from typing import Any
 
 from flocking.model.potentials.potential import Potential
 
@@ -48,7 +47,7 @@ def formulas(potential: Potential) -> str:
     return _picture(r"\psi(r)", psi) + _picture(r"\psi'(r)", sympy.diff(psi, r))
 
 
-def _picture(name: str, expression: Any) -> str:
+def _picture(name: str, expression: object) -> str:
     import sympy
 
     folded = sympy.piecewise_fold(expression)
@@ -74,7 +73,7 @@ def _picture(name: str, expression: Any) -> str:
     return f'<svg role="img" aria-label="{spoken}" fill="currentColor" {size}>{"".join(parts)}</svg>\n'
 
 
-def _condition(when: Any, rows: int) -> Drawn:
+def _condition(when: object, rows: int) -> Drawn:
     import sympy
 
     if rows == 1:

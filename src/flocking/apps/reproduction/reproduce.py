@@ -23,7 +23,7 @@ from flocking.papers.description import Paper
 from flocking.study.claims.claim import Basis, Claim, Result, Verdict
 from flocking.study.claims.judgement import FEWEST_SEEDS, Judgement
 from flocking.study.claims.settled_run import settled_runs
-from flocking.study.equation_table import Fault
+from flocking.study.equation_table import Fault, RowData
 
 MOST_SEEDS = 10_000
 """Largest number of seeds: more is a slip of the hand."""
@@ -273,7 +273,7 @@ def _make_folders(out: Path, keys: Sequence[str]) -> None:
         raise InvalidInput("reproduce", "out", rule, str(out), "Choose another one.") from None
 
 
-def errata_rows(article: Paper) -> list[dict[str, Any]]:
+def errata_rows(article: Paper) -> list[RowData]:
     """Statements of a paper that are not read as printed, with their counter-examples, computed now.
 
     Parameters
@@ -284,7 +284,7 @@ def errata_rows(article: Paper) -> list[dict[str, Any]]:
     return [row.as_dict() for row in article.equations() if row.fault is not Fault.NONE]
 
 
-def _errata(key: str) -> list[dict[str, Any]]:
+def _errata(key: str) -> list[RowData]:
     return errata_rows(paper(key))
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from flocking.engine.runs.run import Run
 from flocking.papers import paper_of
 from flocking.study.claims.claim import Verdict
 from flocking.study.claims.judgement import Judgement
+from flocking.study.equation_table import RowData
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Reproduction:
     """
 
     judgements: dict[str, list[Judgement]]
-    errata: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
+    errata: dict[str, list[RowData]] = field(default_factory=dict)
     figures: list[Path] = field(default_factory=list)
     seconds: float = 0.0
     runs: dict[str, Run] = field(default_factory=dict)
@@ -54,7 +54,7 @@ class Reproduction:
         """Number of claims that are left open by a run whose motion has not settled."""
         return sum(j.verdict == Verdict.NOT_YET for found in self.judgements.values() for j in found)
 
-    def as_list(self) -> list[dict[str, Any]]:
+    def as_list(self) -> list[dict[str, object]]:
         """Rows of ``claims.json``."""
         return claim_rows(self.judgements)
 
@@ -75,6 +75,6 @@ def rate_of(judgement: Judgement) -> str:
     return f"{100 * share:.0f} % ({100 * low:.0f} to {100 * high:.0f})"
 
 
-def claim_rows(judgements: dict[str, list[Judgement]]) -> list[dict[str, Any]]:
+def claim_rows(judgements: dict[str, list[Judgement]]) -> list[dict[str, object]]:
     """Plain data of all judgements, by scenario name."""
     return [j.as_dict(paper_of(name), name) for name, found in judgements.items() for j in found]

@@ -5,11 +5,13 @@ from __future__ import annotations
 import io
 import json
 import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, BinaryIO, cast
 
 import numpy as np
 
+from flocking.arrays import AnyArray
 from flocking.engine.archives.data_checks import MalformedError
 
 Arrays = dict[str, np.ndarray[Any, Any]]
@@ -28,7 +30,7 @@ UNREADABLE = (
 """What comes of data that are no archive, or of another one."""
 
 
-def write_archive(file: BinaryIO, numbers: dict[str, Any], arrays: Arrays) -> None:
+def write_archive(file: BinaryIO, numbers: Mapping[str, object], arrays: Arrays) -> None:
     """Write numbers and arrays as an ``.npz`` file.
 
     Parameters
@@ -64,7 +66,7 @@ def read_archive(data: bytes | Path) -> tuple[dict[str, Any], Arrays]:
     return numbers, arrays
 
 
-def _array(file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> np.ndarray[Any, Any]:
+def _array(file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> AnyArray:
     if entry.compress_type != zipfile.ZIP_STORED:
         raise MalformedError(f"{entry.filename} must not be compressed")
     with file.open(entry) as part:

@@ -30,7 +30,7 @@ class Form(ABC):
     """What a value must be."""
 
     @abstractmethod
-    def check(self, value: Any, name: str) -> None:
+    def check(self, value: object, name: str) -> None:
         """Refuse a value that has another form.
 
         Parameters
@@ -47,7 +47,7 @@ class Form(ABC):
         """
 
 
-def _refuse(name: str, rule: str, found: Any) -> MalformedError:
+def _refuse(name: str, rule: str, found: object) -> MalformedError:
     text = repr(found)
     return MalformedError(f"{name} must {rule}, not {text if len(text) <= 60 else text[:57] + '...'}")
 
@@ -114,7 +114,7 @@ class Real(Form):
     most: float = math.inf
     finite: bool = True
 
-    def check(self, value: Any, name: str) -> None:
+    def check(self, value: object, name: str) -> None:
         """Refuse another value, see `Form.check`."""
         if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
             raise _refuse(name, "be a number", value)
@@ -141,7 +141,7 @@ class Integer(Form):
     least: int = 0
     most: int = 2**62
 
-    def check(self, value: Any, name: str) -> None:
+    def check(self, value: object, name: str) -> None:
         """Refuse another value, see `Form.check`."""
         if isinstance(value, bool) or not isinstance(value, int | np.integer):
             raise _refuse(name, "be a whole number", value)
@@ -153,7 +153,7 @@ class Integer(Form):
 class Flag(Form):
     """True or False."""
 
-    def check(self, value: Any, name: str) -> None:
+    def check(self, value: object, name: str) -> None:
         """Refuse another value, see `Form.check`."""
         if not isinstance(value, bool | np.bool_):
             raise _refuse(name, "be True or False", value)
@@ -171,7 +171,7 @@ class Text(Form):
 
     choices: tuple[str, ...] = ()
 
-    def check(self, value: Any, name: str) -> None:
+    def check(self, value: object, name: str) -> None:
         """Refuse another value, see `Form.check`."""
         if not isinstance(value, str) or (self.choices and value not in self.choices):
             raise _refuse(name, f"be one of {', '.join(self.choices)}" if self.choices else "be text", value)
@@ -189,7 +189,7 @@ class Maybe(Form):
 
     form: Form
 
-    def check(self, value: Any, name: str) -> None:
+    def check(self, value: object, name: str) -> None:
         """Refuse another value, see `Form.check`."""
         if value is not None:
             self.form.check(value, name)
@@ -207,7 +207,7 @@ class Row(Form):
 
     forms: Sequence[Form]
 
-    def check(self, value: Any, name: str) -> None:
+    def check(self, value: object, name: str) -> None:
         """Refuse another value, see `Form.check`."""
         if not isinstance(value, list | tuple) or len(value) != len(self.forms):
             raise _refuse(name, f"be a list of {len(self.forms)}", value)
@@ -227,7 +227,7 @@ class Many(Form):
 
     form: Form
 
-    def check(self, value: Any, name: str) -> None:
+    def check(self, value: object, name: str) -> None:
         """Refuse another value, see `Form.check`."""
         if not isinstance(value, list | tuple):
             raise _refuse(name, "be a list", value)
@@ -253,7 +253,7 @@ class Names(Form):
     optional: Mapping[str, Form] = field(default_factory=dict)
     others: bool = False
 
-    def check(self, value: Any, name: str) -> None:
+    def check(self, value: object, name: str) -> None:
         """Refuse another value, see `Form.check`."""
         if not isinstance(value, dict):
             raise _refuse(name, "hold values by name", value)
@@ -283,7 +283,7 @@ class Part(Form):
     kind: type[Any]
     forms: Mapping[str, Form]
 
-    def check(self, value: Any, name: str) -> None:
+    def check(self, value: object, name: str) -> None:
         """Refuse another value, see `Form.check`."""
         if type(value) is not self.kind:
             raise _refuse(name, f"be of the kind {self.kind.__name__}", value)
@@ -308,7 +308,7 @@ class And(Form):
     rule: str
     holds: Callable[[Any], bool]
 
-    def check(self, value: Any, name: str) -> None:
+    def check(self, value: object, name: str) -> None:
         """Refuse another value, see `Form.check`."""
         self.form.check(value, name)
         if not self.holds(value):

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import fields
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from flocking.errors import InvalidInput
 
 Options = TypeVar("Options")
 
 
-def from_keywords(kind: type[Options], given: dict[str, Any], engine: str) -> Options:
+def from_keywords(kind: type[Options], given: Mapping[str, object], engine: str) -> Options:
     """Options of one kind.
 
     Parameters
@@ -35,7 +35,7 @@ def from_keywords(kind: type[Options], given: dict[str, Any], engine: str) -> Op
     return kind(**given)
 
 
-def unknown_option(name: str, value: Any, known: Iterable[str], engine: str) -> InvalidInput:
+def unknown_option(name: str, value: object, known: Iterable[str], engine: str) -> InvalidInput:
     """Why an option is refused: it is unknown, and there is one of about that name, or none.
 
     Parameters

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import fields
 from pathlib import Path
@@ -60,13 +61,13 @@ def start(
     return session
 
 
-def opened(scenario: Scenario, engine: str, plant: Law | None, **options: Any) -> ExactSession | TilesSession:
+def opened(scenario: Scenario, engine: str, plant: Law | None, **options: object) -> ExactSession | TilesSession:
     """A session of an engine that this process runs alone, which is going to be saved while it goes on."""
     return cast("ExactSession | TilesSession", _opened(scenario, engine, plant, options))
 
 
 def _opened(
-    scenario: Scenario, engine: str, plant: Law | None, options: dict[str, Any]
+    scenario: Scenario, engine: str, plant: Law | None, options: Mapping[str, object]
 ) -> ExactSession | TilesSession | LammpsSession:
     if not isinstance(scenario, Scenario):
         raise InvalidInput("start", "scenario", "must be a Scenario", scenario)
@@ -92,7 +93,7 @@ def _opened(
     return ExactSession(scenario, plant=plant)
 
 
-def _no_option(name: str, value: Any) -> InvalidInput:
+def _no_option(name: str, value: object) -> InvalidInput:
     """Why the exact engine, which has no options, refuses one."""
     from flocking.engine.lammps.options import LammpsOptions
     from flocking.engine.tiles.options import TilesOptions

@@ -20,7 +20,7 @@ from flocking.engine.runs.run import Closest, Largest, Run
 from flocking.model.law import Law, Scenario
 
 
-def pack_exact(snapshot: Snapshot) -> tuple[dict[str, Any], Arrays]:
+def pack_exact(snapshot: Snapshot) -> tuple[dict[str, object], Arrays]:
     """Numbers and arrays of a snapshot, but for its scenario and its records."""
     links, near = snapshot.links
     numbers = {

@@ -86,7 +86,7 @@ def zones_of(
 
 
 def zones(
-    function: FunctionType, parameters: Sequence[Any], borders: Sequence[float], acting: Sequence[int] = (0, 1)
+    function: FunctionType, parameters: Sequence[object], borders: Sequence[float], acting: Sequence[int] = (0, 1)
 ) -> Array:
     """Intervals of the distance around narrow features, with their widths: rows (from, to, width).
 

@@ -191,7 +191,7 @@ class Doubts:
     def _row(
         self, key: Key, begin: float, end: float, time: float, kind: str, what: str, about: Approach | Fresh,
         links: LinkState,
-    ) -> tuple[Any, ...]:  # fmt: skip
+    ) -> tuple[object, ...]:  # fmt: skip
         number, i, j = key
         return (begin, end, time, i, j, kind, links.watches[number].graph, what, about.margin, about.error)
 
@@ -221,7 +221,7 @@ class Doubts:
         self.fresh[key] = fresh
         return settled
 
-    def open_rows(self, t: float, links: LinkState) -> list[tuple[Any, ...]]:
+    def open_rows(self, t: float, links: LinkState) -> list[tuple[object, ...]]:
         """Doubts that have not come to their end at time ``t``, as rows of `DOUBT_FIELDS`."""
         rows = [
             self._row(key, near.begin, t, near.time, "near miss", links.would(*key), near, links)

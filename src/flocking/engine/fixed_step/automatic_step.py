@@ -140,7 +140,7 @@ def _gain(term: Any) -> float:
     return gain * float(getattr(weights, "high", 0.0) or np.max(getattr(weights, "values", 1.0)))
 
 
-def _largest(value: Any) -> float:
+def _largest(value: object) -> float:
     """Largest value a gain ever takes."""
     values = value.values if isinstance(value, Schedule) else [value]
     return max(float(np.max(np.asarray(v))) for v in values)

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from flocking.arrays import Array
 from flocking.engine.kernels.codegen import array_kernels
 from flocking.engine.kernels.layout import Layout
 
 
-def singular_graphs(layout: Layout, dimension: int, P: Any) -> tuple[int, ...]:
+def singular_graphs(layout: Layout, dimension: int, P: Array) -> tuple[int, ...]:
     """Numbers of the graphs over which some pair formula is infinite where two agents coincide.
 
     Parameters

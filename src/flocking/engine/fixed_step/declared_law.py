@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.arrays import Numbers
 from flocking.engine.kernels.codegen import array_kernels
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.reference.control import obstacles_met
@@ -219,7 +220,7 @@ def _pair_values(d: Array, v: Array, own: Array) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _weights(weights: PairWeights, i: Any, j: Any) -> Array:
+def _weights(weights: PairWeights, i: Numbers, j: Numbers) -> Array:
     if isinstance(weights, HashedWeights):
         return weights.low + (weights.high - weights.low) * pair_uniform(weights.seed, i, j)
     return np.asarray(getattr(weights, "values")[i, j])  # noqa: B009  of a matrix, which weights have

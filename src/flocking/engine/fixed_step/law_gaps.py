@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.arrays import Array
 from flocking.engine.fixed_step.declared_law import POWERS, Statement
 from flocking.model.checks import NO_LESS
 
@@ -47,7 +48,7 @@ class LawGaps:
         """The gap as a run's provenance says it."""
         return {"law_checks": self.checks, "law_gap": self.gap, "law_gap_allowed": self.allowed}
 
-    def compare_forces(self, declared: Statement, force: Any, rounding: Any) -> int | None:
+    def compare_forces(self, declared: Statement, force: Array, rounding: Any) -> int | None:
         """Hold forces against the law; which of the judged agents contradicts it most, if one does.
 
         Parameters

@@ -45,12 +45,12 @@ def held(formulas: Mapping[str, sympy.Expr], distance: str) -> tuple[dict[str, s
     """
     import sympy
 
-    def has_border(node: Any) -> bool:
+    def has_border(node: object) -> bool:
         return isinstance(node, sympy.Piecewise) and any(
             str(s) == distance for _, condition in node.args for s in condition.free_symbols
         )
 
-    def changed(node: Any) -> Any:
+    def changed(node: Any) -> object:
         symbols = [s for s in node.free_symbols if str(s) == distance]
         inside = {s: sympy.Symbol("reach", **s.assumptions0) for s in symbols}
         asked = {s: sympy.Symbol("side", **s.assumptions0) for s in symbols}

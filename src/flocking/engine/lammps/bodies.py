@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flocking.arrays import Array
 from flocking.engine.kernels.layout import DAMPING, MASS, Layout
 from flocking.engine.lammps.pairs import numbers
 from flocking.engine.lammps.printing import variable
@@ -63,7 +64,7 @@ class _Names:
         return variable(expression, names)
 
 
-def body_deck(formulas: LawFormulas, layout: Layout, P: Any, agents: Any) -> BodyDeck:
+def body_deck(formulas: LawFormulas, layout: Layout, P: Array, agents: Any) -> BodyDeck:
     """Translate all body terms, and the damping of the agents themselves.
 
     Parameters
@@ -103,12 +104,12 @@ def _vector(prefix: str, m: int) -> str:
     return " ".join(f"v_{prefix}{AXES[k]}" for k in range(m)) + (" 0.0" if m == 2 else "")
 
 
-def _encounters(deck: BodyDeck, formulas: LawFormulas, layout: Layout, P: Any, names: _Names) -> None:
+def _encounters(deck: BodyDeck, formulas: LawFormulas, layout: Layout, P: Array, names: _Names) -> None:
     """Beta- and gamma-agents: variables per obstacle, applied to a dynamic group of the agents near some of them."""
     import sympy
 
     m, rows = formulas.dimension, layout.obstacle_rows()
-    met: list[tuple[str, float, Any]] = []
+    met: list[tuple[str, float, object]] = []
     if layout.encounters():
         deck.lines += [
             "# Of each obstacle: signed distance of the agent, speed at which the boundary recedes, normal towards the",

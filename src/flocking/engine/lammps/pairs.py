@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flocking.arrays import Array
 from flocking.engine.lammps.printing import lepton
 from flocking.errors import UnsupportedLaw
 
@@ -74,7 +75,7 @@ def numbers(layout_values: Any, expression: sympy.Expr) -> sympy.Expr:
     return expression.xreplace(known)
 
 
-def pair_part(formulas: PairFormulas, P: Any, radius: float) -> PairPart:
+def pair_part(formulas: PairFormulas, P: Array, radius: float) -> PairPart:
     """Translate the pair terms over one graph.
 
     Parameters
@@ -114,7 +115,7 @@ def pair_part(formulas: PairFormulas, P: Any, radius: float) -> PairPart:
     return PairPart(radius, energy, _table(rest, radius) if rest != 0 else None, float(drag), rim)
 
 
-def _table(rest: sympy.Expr, radius: float) -> np.ndarray[Any, Any]:
+def _table(rest: sympy.Expr, radius: float) -> Array:
     import sympy
 
     from flocking.formula.printing import code
@@ -129,16 +130,16 @@ def _table(rest: sympy.Expr, radius: float) -> np.ndarray[Any, Any]:
     return np.array([distances, forces])
 
 
-def _evaluated(source: str, distances: Any) -> Any:
+def _evaluated(source: str, distances: Array) -> Array:
     from flocking.formula.compiled import generated_module
 
     module = generated_module(
         "lammps table", source, (), lambda: source, lambda text: f"import numpy\n\n\ndef force(r):\n    return {text}\n"
     )
-    return module.force(distances)
+    return np.asarray(module.force(distances))
 
 
-def table_text(name: str, table: np.ndarray[Any, Any]) -> str:
+def table_text(name: str, table: Array) -> str:
     """A table as the text of a file for ``pair_style table``."""
     distances, forces = table
     energies = np.concatenate([np.cumsum((0.5 * (forces[1:] + forces[:-1]) * np.diff(distances))[::-1])[::-1], [0.0]])

@@ -59,7 +59,7 @@ class _Writer(ABC):
         text = "*".join(above) or "1"
         return f"({text}/({'*'.join(below)}))" if below else f"({text})"
 
-    def _power(self, base: Any, exponent: Any) -> str:
+    def _power(self, base: object, exponent: Any) -> str:
         import sympy
 
         if exponent.is_number and exponent.is_negative:
@@ -99,7 +99,7 @@ class _Writer(ABC):
         """Text that chooses between two values."""
 
     @abstractmethod
-    def _condition(self, e: Any) -> str:
+    def _condition(self, e: object) -> str:
         """Text of a condition."""
 
     @abstractmethod
@@ -183,7 +183,7 @@ def variable(expression: Any, names: Mapping[str, str]) -> str:
     return VariableWriter(names).write(expression)
 
 
-def lepton(expression: Any) -> str:
+def lepton(expression: object) -> str:
     """An expression in r for ``pair_style lepton``, without blanks.
 
     Raises

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from flocking.arrays import Array
 from flocking.errors import FlockingError, SimulationError
 
 T = TypeVar("T")
@@ -72,7 +73,7 @@ class Ranks:
         time.sleep(MESSAGE_SECONDS)
         self.comm.Abort(1)
 
-    def gathered(self, rows: Any) -> Any | None:
+    def gathered(self, rows: Array) -> Array | None:
         """Rows of all ranks one after the other, on the first rank; None elsewhere.
 
         Parameters
@@ -109,14 +110,14 @@ class OtherRankError(FlockingError):
     reported_elsewhere = True
 
 
-def _reported(failure: BaseException) -> tuple[type[BaseException], tuple[Any, ...], dict[str, Any]]:
+def _reported(failure: BaseException) -> tuple[type[BaseException], tuple[object, ...], dict[str, object]]:
     """What other ranks are told of an error. The run that it may hold is not theirs."""
     if isinstance(failure, SimulationError):
         return type(failure), failure.args, {**vars(failure), "run": None}
     return OtherRankError, (f"{type(failure).__name__}: {failure}",), {}
 
 
-def _rebuilt(kind: type[BaseException], args: tuple[Any, ...], facts: dict[str, Any]) -> BaseException:
+def _rebuilt(kind: type[BaseException], args: tuple[object, ...], facts: dict[str, object]) -> BaseException:
     found = kind.__new__(kind, *args)
     found.args = args
     vars(found).update(facts)

@@ -143,7 +143,7 @@ def _evaluated(law: Law, state: State, agents: Agents | None, energy: Energy | N
         dissipation += 0.5 * float(np.sum(values["dissipation"] * np.ones(len(i))))
         supply += 0.5 * float(np.sum(values["supply"] * np.ones(len(i))))
     mean_q, mean_p = (A[0] @ x / A[0].sum() for x in (state.q, state.p))
-    given: dict[str, Any] = {"t": state.t, **{f"A{k}": row for k, row in enumerate(A)}}
+    given: dict[str, object] = {"t": state.t, **{f"A{k}": row for k, row in enumerate(A)}}
     for k in range(m):
         given |= {f"q{k}": state.q[:, k], f"p{k}": state.p[:, k], f"mean_q{k}": mean_q[k], f"mean_p{k}": mean_p[k]}
     body = {k: v * np.ones(n) for k, v in module.body(P, given).items()}
@@ -170,7 +170,7 @@ def _evaluated(law: Law, state: State, agents: Agents | None, energy: Energy | N
 
 
 def obstacles_met(
-    law: Law, layout: Layout, module: Any, q: Array, P: Array, given: Mapping[str, Any]
+    law: Law, layout: Layout, module: object, q: Array, P: Array, given: Mapping[str, Any]
 ) -> list[tuple[Any, dict[str, Array]]]:
     """For every group of obstacles: the agents within range, once for each obstacle, and what it does to them.
 

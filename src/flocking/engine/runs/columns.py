@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from flocking.arrays import AnyArray, Array, Records
 from flocking.engine.runs.run import OBSERVED_FIELDS, SWITCH_FIELDS, TRACE_FIELDS
 
 CHUNK_BYTES = 2**20
@@ -42,7 +45,7 @@ FRAME_ERROR = "frame_error"
 ERRORS = ("position", "velocity")
 """Columns of the errors of frames."""
 
-ARRAYS: dict[str, tuple[tuple[str, ...], str, dict[str, Any]]] = {
+ARRAYS: dict[str, tuple[tuple[str, ...], str, dict[str, object]]] = {
     "time": (("time",), "f8", {"units": "unit of time", "long_name": "time of the frame"}),
     "position": (("time", "agent", "axis"), "f8", {"units": "unit of length", "long_name": "positions q"}),
     "velocity": (
@@ -104,7 +107,7 @@ class Dimensions:
         )
         return tuple(name for name in ARRAYS if name not in left_out)
 
-    def _labels(self, name: str) -> Any:
+    def _labels(self, name: str) -> object:
         if name == "axis":
             return list(AXES[: self.m]) if self.m <= len(AXES) else [f"x{k + 1}" for k in range(self.m)]
         columns = {"quantity": QUANTITIES, "measure": MEASURES, "error": ERRORS}
@@ -134,7 +137,7 @@ class Dimensions:
             array[:] = np.array(self._labels(name), dtype=object if kind == "str" else kind)
 
 
-def frame_checksums(parts: dict[str, Any]) -> np.ndarray[Any, Any]:
+def frame_checksums(parts: dict[str, Any]) -> NDArray[np.uint32]:
     """CRC-32 of each part of each frame, shape (F, 3), or (F, 2) without links.
 
     Parameters
@@ -151,7 +154,7 @@ def frame_checksums(parts: dict[str, Any]) -> np.ndarray[Any, Any]:
     return found
 
 
-def switch_columns(switches: np.ndarray[Any, Any]) -> dict[str, Any]:
+def switch_columns(switches: Records) -> dict[str, AnyArray]:
     """Switches, fields `SWITCH_FIELDS`, as the columns stored.
 
     Parameters
@@ -169,7 +172,7 @@ def switch_columns(switches: np.ndarray[Any, Any]) -> dict[str, Any]:
     return columns
 
 
-def switch_table(columns: dict[str, Any]) -> np.ndarray[Any, Any]:
+def switch_table(columns: Mapping[str, AnyArray]) -> Records:
     """Columns as stored, back as fields `SWITCH_FIELDS`.
 
     Parameters
@@ -187,7 +190,7 @@ def switch_table(columns: dict[str, Any]) -> np.ndarray[Any, Any]:
     return table
 
 
-def observed_rows(observed: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+def observed_rows(observed: Records) -> Array:
     """Observations, fields `OBSERVED_FIELDS`, as rows of numbers.
 
     Parameters
@@ -198,7 +201,7 @@ def observed_rows(observed: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
     return np.stack([observed[name].astype(np.float64) for name in MEASURES], axis=-1)
 
 
-def observed_table(rows: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+def observed_table(rows: Array) -> Records:
     """Rows of numbers, back as fields `OBSERVED_FIELDS`.
 
     Parameters
@@ -212,7 +215,7 @@ def observed_table(rows: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
     return table
 
 
-def ledger_rows(trace: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+def ledger_rows(trace: Records) -> Array:
     """Ledger, fields `TRACE_FIELDS`, as rows of numbers.
 
     Parameters
@@ -223,7 +226,7 @@ def ledger_rows(trace: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
     return np.stack([trace[name] for name in QUANTITIES], axis=-1)
 
 
-def ledger_table(rows: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+def ledger_table(rows: Array) -> Records:
     """Rows of numbers, back as fields `TRACE_FIELDS`.
 
     Parameters

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.arrays import AnyArray, Mask
 from flocking.engine.runs.run import Run
 from flocking.engine.runs.run_errors import accuracy_data
 from flocking.errors import InvalidInput
@@ -103,12 +104,12 @@ def _differences(one: Run, two: Run, tolerance: float) -> Iterator[Difference | 
             yield Difference(name.replace("_", " "), x, y)
 
 
-def _errors(run: Run) -> tuple[Any, bytes]:
+def _errors(run: Run) -> tuple[object, bytes]:
     found = run.accuracy
     return (None, b"") if found is None else (accuracy_data(found), found.frames.tobytes())
 
 
-def _apart(x: Any, y: Any, tolerance: float) -> np.ndarray[Any, Any]:
+def _apart(x: AnyArray, y: AnyArray, tolerance: float) -> Mask:
     """Where two arrays differ: bit for bit without tolerance, so that 0.0 and -0.0 count and equal NaN do not."""
     if x.dtype.kind != "f":
         return np.asarray(x != y)
@@ -116,7 +117,9 @@ def _apart(x: Any, y: Any, tolerance: float) -> np.ndarray[Any, Any]:
         x, y = x.astype(np.float64), y.astype(np.float64)
     kind = f"i{x.dtype.itemsize}"
     bits = np.ascontiguousarray(x).view(kind) != np.ascontiguousarray(y).view(kind)
-    return np.asarray(bits if tolerance == 0 else bits & ~(np.abs(x - y) <= tolerance))
+    if tolerance == 0:
+        return np.asarray(bits)
+    return np.asarray(bits & ~(np.abs(x.astype(np.float64) - y.astype(np.float64)) <= tolerance))
 
 
 def _frame_difference(run: Run, x: Any, y: Any, name: str, count: int, tolerance: float) -> Difference | None:

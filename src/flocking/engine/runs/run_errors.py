@@ -14,7 +14,7 @@ def json_number(value: float) -> float | str:
     return float(value) if np.isfinite(value) else str(float(value))
 
 
-def accuracy_data(found: Accuracy) -> dict[str, Any]:
+def accuracy_data(found: Accuracy) -> dict[str, object]:
     """All of it but the errors of the frames, which have an array of their own.
 
     Parameters

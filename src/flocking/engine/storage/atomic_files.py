@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
-from typing import Any, BinaryIO, cast
+from typing import Any, BinaryIO, Protocol, cast
 
 from flocking.engine.memory_shortage import starved
 from flocking.errors import FlockingError, StorageError
@@ -104,7 +104,13 @@ def sweep(folder: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def atomic_store(folder: Path) -> Any:
+class WritingStore(Protocol):
+    """A Zarr store that notes the folders of the files it writes."""
+
+    touched: set[Path]
+
+
+def atomic_store(folder: Path) -> WritingStore:
     """A Zarr store in ``folder`` whose files are written by `put`; ``touched`` collects the folders of new ones."""
     from zarr.storage import LocalStore
 
@@ -123,7 +129,7 @@ def atomic_store(folder: Path) -> Any:
             # The metadata of an array need not last: the record of the run holds them again.
             await asyncio.to_thread(put, path, value.to_bytes(), lasting=path.name != "zarr.json")
 
-    store = AtomicStore(folder)
+    store: WritingStore = AtomicStore(folder)
     store.touched = set()
     return store
 

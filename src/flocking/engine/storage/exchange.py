@@ -8,9 +8,9 @@ import json
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flocking.engine.runs.run import Run
 from flocking.engine.storage.atomic_files import NOTHING_WRITTEN, put, storage_errors
@@ -184,7 +184,7 @@ def _write_gsd(run: Run, path: Path) -> None:
         partial.unlink(missing_ok=True)
 
 
-def _in_space(values: Array) -> np.ndarray[Any, Any]:
+def _in_space(values: Array) -> NDArray[np.float32]:
     """Vectors with zeros added up to three axes, in single precision."""
     found = np.zeros((len(values), 3), dtype=np.float32)
     found[:, : values.shape[1]] = values

@@ -87,7 +87,7 @@ def check_metadata(root: dict[str, Any], record: dict[str, Any]) -> None:
         raise MalformedError("positions and velocities must have one precision")
 
 
-def _check_array(name: str, data: Any, record: dict[str, Any]) -> None:
+def _check_array(name: str, data: Any, record: dict[str, object]) -> None:
     dimensions, kind, _ = ARRAYS[name]
     kinds: tuple[str, ...] = (TYPES[kind],)
     if name in ("position", "velocity"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import zlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -67,7 +68,7 @@ def written_by(folder: Path) -> str:
     return str(read_provenance(folder).get("engine") or read_record(folder).get("session", {}).get("engine", ""))
 
 
-def write_record(folder: Path, record: dict[str, Any], provenance: dict[str, Any]) -> None:
+def write_record(folder: Path, record: dict[str, Any], provenance: Mapping[str, object]) -> None:
     """Replace the record of a run, and with it the shapes a reader sees, in one step.
 
     Parameters
@@ -92,6 +93,6 @@ def write_record(folder: Path, record: dict[str, Any], provenance: dict[str, Any
     settle({folder})
 
 
-def _seal(root: dict[str, Any]) -> int:
+def _seal(root: Mapping[str, object]) -> int:
     """Checksum of all that the file says."""
     return zlib.crc32(json.dumps(root, sort_keys=True).encode())

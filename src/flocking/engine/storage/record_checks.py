@@ -15,7 +15,7 @@ from flocking.model.terms.avoidance import ObstacleTerm
 
 
 def check_records(
-    folder: Path, scenario: Scenario, record: dict[str, Any], parts: dict[str, Any], tables: dict[str, Any]
+    folder: Path, scenario: Scenario, record: dict[str, object], parts: dict[str, Any], tables: dict[str, Any]
 ) -> None:
     """Refuse frames and tables that are not of a run of this scenario.
 

@@ -57,7 +57,7 @@ def _pick(path: Path, count: int, frame: int) -> int:
     return frame % count
 
 
-def _read_gsd(path: Path, frame: int) -> tuple[Any, Any]:
+def _read_gsd(path: Path, frame: int) -> tuple[object, object]:
     try:
         import gsd.hoomd
     except ImportError:
@@ -74,7 +74,7 @@ def _read_gsd(path: Path, frame: int) -> tuple[Any, Any]:
     return found.particles.position[:, :m], found.particles.velocity[:, :m]
 
 
-def _read_npz(path: Path, frame: int) -> tuple[Any, Any]:
+def _read_npz(path: Path, frame: int) -> tuple[object, object]:
     try:
         with np.load(path, allow_pickle=False) as file:
             if not isinstance(file, np.lib.npyio.NpzFile) or "q" not in file.files:
@@ -89,7 +89,7 @@ def _read_npz(path: Path, frame: int) -> tuple[Any, Any]:
     return q, p
 
 
-def _read_csv(path: Path, frame: int) -> tuple[Any, Any]:
+def _read_csv(path: Path, frame: int) -> tuple[object, object]:
     if path.stat().st_size > LARGEST_CSV:
         raise StorageError(f"{path}: too large for CSV; use NPZ.")
     try:

@@ -34,7 +34,7 @@ POSITIVE = Real(least=0.0, finite=False)
 ROWS_AT_ONCE = 2**18
 
 
-def check_session(kept: Any, books: type[Any], memory: type[Any], scenario: Scenario) -> None:
+def check_session(kept: Any, books: type[object], memory: type[object], scenario: Scenario) -> None:
     """Refuse what cannot be the memory of a session of a scenario; its crowd is checked by `check_crowd`.
 
     Parameters

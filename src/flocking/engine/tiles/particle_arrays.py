@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.arrays import Array, Links, Reals
 from flocking.engine.tiles.kernels.parameters import kernel_numbers
 from flocking.engine.tiles.kernels.spec import PRECISIONS, KernelSpec
 from flocking.engine.tiles.kernels.step_kernel import tile_kernels
@@ -19,14 +20,7 @@ from flocking.engine.tiles.kernels.tile_sums import sums_of
 from flocking.engine.tiles.measures import cutoffs_of, extremes_of, fastest, sensed_offsets, strayed_squares
 from flocking.engine.tiles.neighbours.cell_list import Sorter
 from flocking.engine.tiles.neighbours.listed_pairs import nearest_pair_beyond
-from flocking.engine.tiles.neighbours.neighbour_lists import (
-    LINKED,
-    NUMBER,
-    WIDTH,
-    ListBuilder,
-    TileLists,
-    fixed_lists,
-)
+from flocking.engine.tiles.neighbours.neighbour_lists import LINKED, NUMBER, WIDTH, ListBuilder, TileLists, fixed_lists
 from flocking.engine.tiles.neighbours.obstacle_lists import NearbyObstacles
 from flocking.engine.tiles.neighbours.pair_count_bound import Room
 from flocking.engine.tiles.neighbours.verlet_skin import FIRST_SKIN, best_skin
@@ -130,7 +124,7 @@ class Crowd:
     def _set_obstacles(self, scenario: Scenario) -> None:
         met = self.spec.layout.encounters()
         self.obstacles = NearbyObstacles(scenario.law, [term.range for term, _ in met]) if met else None
-        self.O: Any = self.spec.layout.obstacle_rows()
+        self.O: object = self.spec.layout.obstacle_rows()
 
     def set_radii(self, scenario: Scenario) -> None:
         """Take the radii of the graphs of a law of the same structure; `bound` must then be reset by a rebuild."""
@@ -295,7 +289,7 @@ class Crowd:
                 assert edges is not None
                 self.lists[number] = fixed_lists(self.ids, place, *edges, self.workers)
 
-    def _take_links(self, links: Any) -> None:
+    def _take_links(self, links: Links) -> None:
         """Set the memory of the law's graph from a link matrix given with the start."""
         self._first_links = None
         lists = self.lists[0]
@@ -332,7 +326,7 @@ class Crowd:
             self.spec.ledger and self.spec.layout.energy.frame == "centre of mass"
         ):
             self._fill_means()
-        lists: list[Any] = []
+        lists: list[object] = []
         for number, found in enumerate(self.lists):
             assert found is not None
             lists += [found.rows.reshape(-1), found.first, found.count, self.each[number], self.limits[number]]
@@ -404,7 +398,7 @@ class Crowd:
         if self.moving:
             self.rebuild(0.0)
 
-    def in_order(self, array: Any) -> Any:
+    def in_order(self, array: Reals) -> Array:
         """Rows of ``array``, shape (k, size), as columns in the order of identities, float64; shape (n, k)."""
         out = np.empty((self.n, len(array)))
         out[self.ids[: self.n]] = array[:, : self.n].T

@@ -70,7 +70,7 @@ class Planted:
         """Take the values of scheduled gains from time ``t`` on."""
         self._numbers = kernel_numbers(self._scenario, self.spec, t)
 
-    def move(self, workers: Workers, arrays: PassArrays, begin: tuple[Any, ...], lists: list[Any]) -> None:
+    def move(self, workers: Workers, arrays: PassArrays, begin: tuple[object, ...], lists: list[object]) -> None:
         """Write the successor of the state under the plant; links and the ledger stay as they are.
 
         Parameters

@@ -32,11 +32,11 @@ class Workers:
         parts = min(self.threads, max(1, count // SMALLEST_SHARE))
         self._split(kernel, count, parts, arguments)
 
-    def each_large(self, kernel: Callable[..., Any], count: int, *arguments: Any) -> None:
+    def each_large(self, kernel: Callable[..., object], count: int, *arguments: object) -> None:
         """Run ``kernel`` over ``range(count)`` where every element is much work."""
         self._split(kernel, count, min(self.threads, count), arguments)
 
-    def _split(self, kernel: Callable[..., Any], count: int, parts: int, arguments: tuple[Any, ...]) -> None:
+    def _split(self, kernel: Callable[..., object], count: int, parts: int, arguments: tuple[object, ...]) -> None:
         if parts <= 1 or self._pool is None:
             kernel(0, count, *arguments)
             return

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from flocking.formula.native.kinds import Argument, Number
     from flocking.formula.native.scopes import Primitive
 
-_C_KINDS: dict[str, Any] = {
+_C_KINDS: dict[str, object] = {
     "f8": ctypes.c_double, "f4": ctypes.c_float, "i8": ctypes.c_int64, "i4": ctypes.c_int32, "u8": ctypes.c_uint64,
     "u4": ctypes.c_uint32, "b1": ctypes.c_bool,
 }  # fmt: skip
@@ -81,7 +81,7 @@ class NativeFunction:
         Kinds of the arguments, see `flocking.formula.native.kinds.arguments_of`; those of each call when absent.
     """
 
-    def __init__(self, py_func: Callable[..., Any], signature: str | None = None) -> None:
+    def __init__(self, py_func: Callable[..., object], signature: str | None = None) -> None:
         self.py_func = py_func
         self.signature = signature
         self._compiled: dict[tuple[Argument, ...], Compiled] = {}
@@ -188,10 +188,12 @@ class Bound:
                 return compiled.run(given)
         return self._anew(values, known)
 
-    def _anew(self, values: tuple[Any, ...], known: tuple[list[Any], list[list[Any]], Compiled] | None) -> Any:
+    def _anew(
+        self, values: tuple[object, ...], known: tuple[list[object], list[list[object]], Compiled] | None
+    ) -> object:
         last, parts, compiled = known if known is not None and len(known[0]) == len(values) else (None, None, None)
         kinds: list[Argument] = []
-        fresh: list[list[Any]] = []
+        fresh: list[list[object]] = []
         for k, value in enumerate(values):
             if last is not None and parts is not None and compiled is not None and value is last[k]:
                 kinds.append(compiled.arguments[k])
@@ -219,7 +221,7 @@ class Bound:
         return stated
 
 
-def kind_of_value(value: Any) -> Argument:
+def kind_of_value(value: object) -> Argument:
     """Kind of an argument.
 
     Raises
@@ -244,22 +246,22 @@ def kind_of_value(value: Any) -> Argument:
     raise TypeError(f"Native functions take numbers and arrays, not {type(value).__name__}")
 
 
-def _passed(value: Any, kind: Argument) -> list[Any]:
+def _passed(value: object, kind: Argument) -> list[object]:
     if isinstance(value, np.ndarray):
         return [value.__array_interface__["data"][0], *value.shape]
     return [_PYTHON[kind.name[0]](value)]  # type: ignore[union-attr]
 
 
-def _fitted(part: list[Any], given: Argument, stated: Argument) -> list[Any]:
+def _fitted(part: list[object], given: Argument, stated: Argument) -> list[object]:
     return part if given == stated else [_PYTHON[stated.name[0]](part[0])]  # type: ignore[union-attr]
 
 
-def native(function: Callable[..., Any]) -> NativeFunction:
+def native(function: Callable[..., object]) -> NativeFunction:
     """Make a function of a small part of Python a native one, see `flocking.formula.native.translation`."""
     return NativeFunction(function)
 
 
-def native_of(signature: str) -> Callable[[Callable[..., Any]], NativeFunction]:
+def native_of(signature: str) -> Callable[[Callable[..., object]], NativeFunction]:
     """Make a function a native one whose arguments have stated kinds, so that it has an `NativeFunction.address`.
 
     Parameters

@@ -159,7 +159,7 @@ class Fixed(Graph):
         object.__setattr__(self, "edges", tuple(sorted(pairs)))
 
     @classmethod
-    def from_networkx(cls, graph: networkx.Graph[Any]) -> Fixed:
+    def from_networkx(cls, graph: networkx.Graph[object]) -> Fixed:
         """The links of a networkx graph; its nodes are numbered in their sorted or given order."""
         try:
             nodes = sorted(graph.nodes)

@@ -9,6 +9,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flocking.errors import InvalidInput
 from flocking.formula.compiled import generated_module
@@ -189,12 +190,12 @@ class Obstacle(ABC):
         """Nearest boundary points of positions ``q`` (Olfati-Saber (53)), shape (N, m)."""
         return self.at(q, t=t)["projection"]
 
-    def contains(self, q: Array, t: float = 0.0) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    def contains(self, q: Array, t: float = 0.0) -> NDArray[np.bool_]:
         """Which positions ``q`` of shape (N, m) are inside or on the boundary, shape (N,)."""
         return np.asarray(self.distance(q, t) <= 0)
 
 
-def _placed(owner: str, parameter: str, place: Any) -> Leader:
+def _placed(owner: str, parameter: str, place: object) -> Leader:
     return place if isinstance(place, Leader) else Sink(array(owner, parameter, place, ndim=1))
 
 
@@ -370,7 +371,7 @@ def _by_feature(values: Sequence[sympy.Expr]) -> sympy.Expr:
     return sympy.Piecewise(*((v, sympy.Eq(feature, k)) for k, v in enumerate(numbered)), (last, True))
 
 
-def _vector(letter: str, dimension: int) -> list[Any]:
+def _vector(letter: str, dimension: int) -> list[object]:
     import sympy
 
     return [sympy.Symbol(f"{letter}{k}", real=True) for k in range(dimension)]

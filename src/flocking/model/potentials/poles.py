@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -93,6 +93,6 @@ def _source(stated: tuple[sympy.Symbol, sympy.Expr], names: tuple[str, ...]) -> 
     import sympy
 
     r, psi = stated
-    below: set[Any] = {p.base for p in psi.atoms(sympy.Pow) if p.exp.is_number and p.exp.is_negative}
+    below: set[object] = {p.base for p in psi.atoms(sympy.Pow) if p.exp.is_number and p.exp.is_negative}
     below |= {f.args[0] for f in psi.atoms(sympy.log)} | {sympy.cos(f.args[0]) for f in psi.atoms(sympy.tan)}
     return zeros_source(r, below, names)

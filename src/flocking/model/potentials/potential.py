@@ -75,7 +75,7 @@ class Potential:
     def __hash__(self) -> int:
         return hash((self.formula, tuple(self.parameters.items())))
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[object, ...]:
         return (_rebuild, (self.formula.text, dict(self.parameters)))
 
     def __repr__(self) -> str:

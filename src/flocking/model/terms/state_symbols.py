@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -44,7 +44,7 @@ class States:
         self.constants: dict[sympy.Symbol, tuple[float, ...]] = {}
         """Values each parameter may have."""
 
-    def parameter(self, owner: str, values: Mapping[str, Any]) -> Callable[[str], sympy.Symbol]:
+    def parameter(self, owner: str, values: Mapping[str, object]) -> Callable[[str], sympy.Symbol]:
         """Symbols of the parameters of a part, by name.
 
         Parameters
@@ -207,7 +207,7 @@ class BodyStates(States):
         )  # fmt: skip
 
 
-def _values(value: Any) -> tuple[float, ...]:
+def _values(value: object) -> tuple[float, ...]:
     """Numbers a parameter may have."""
     if isinstance(value, PairWeights):
         return (0.25, 0.5, 1.0, 2.0)

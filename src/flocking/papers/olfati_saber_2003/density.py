@@ -130,7 +130,7 @@ def density_table(
 
 
 @in_style
-def density_chart(table: Sequence[Outcome], axes: Any = None) -> Any:
+def density_chart(table: Sequence[Outcome], axes: Any = None) -> object:
     """Draw densities by variant, a dot per seed, beside the paper's.
 
     Parameters

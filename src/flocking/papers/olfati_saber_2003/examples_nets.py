@@ -5,8 +5,6 @@ Every function takes the factor by which its decisive number is off; 1 is the pa
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from flocking.engine.reference.control import evaluate
@@ -320,7 +318,7 @@ def upper_bounds(scale: float) -> list[tuple[int, int]]:
     return [(found, shapes.upper_bound(n + 1)) for n, found in enumerate(counts(scale))]
 
 
-def neighbourhoods(scale: float) -> dict[str, Any]:
+def neighbourhoods(scale: float) -> dict[str, object]:
     """Fig. 1: who of six is seen (a) within r and (b) within r and 60 degrees of the first agent's heading."""
     shell = Proximity(system.RADIUS * scale, closed=True).initial(scattered())[0]
     view = FieldOfView(system.RADIUS * scale, np.pi / 3).start_links(scattered(), directions())

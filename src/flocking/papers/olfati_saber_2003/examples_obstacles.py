@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flocking.engine.driver.simulate import simulate
 from flocking.engine.reference.control import control
@@ -39,7 +40,7 @@ def first_obstacle(scale: float = 1.0) -> Ball:
     return Ball(CENTRE, SIZE * scale)  # type: ignore[arg-type]
 
 
-def avoidance(**changes: Any) -> Avoid:
+def avoidance(**changes: object) -> Avoid:
     """(54) for the first obstacle with the paper's numbers, some changed."""
     given: dict[str, Any] = {
         "range": system.BETA_RANGE, "repulsion_gain": system.BETA_GAIN, "damping_gain": system.BETA_DAMPING,
@@ -49,7 +50,7 @@ def avoidance(**changes: Any) -> Avoid:
     return Avoid((first_obstacle(),), Velocity(system.DESIRED_VELOCITY), **given)
 
 
-def avoided(**changes: Any) -> Array:
+def avoided(**changes: object) -> Array:
     """Control of the agents near the first obstacle under (54) alone."""
     return control(Law(system.smooth_net(), (avoidance(**changes),)), nearby())
 
@@ -92,7 +93,7 @@ def fading(scale: float) -> tuple[State, Array, Array]:
     return nearby(), rest, beta_push(scale)[1]
 
 
-def two_obstacles(scale: float) -> tuple[Array, np.ndarray[Any, np.dtype[np.bool_]]]:
+def two_obstacles(scale: float) -> tuple[Array, NDArray[np.bool_]]:
     """Four agents about the gap between the last two obstacles, and who has a beta-agent on which of them when r0 is
     7.55 times ``scale``.
     """

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
@@ -95,10 +94,10 @@ def example_3(*, distinct: bool) -> Callable[[float], tuple[Array, Array, Array,
     return build
 
 
-def centre_under(law: int) -> Callable[[float], tuple[Any, Run]]:
+def centre_under(law: int) -> Callable[[float], tuple[object, Run]]:
     """Builder: a run of ten seconds and the closed form of its centre of mass, started off by ``scale``."""
 
-    def build(scale: float) -> tuple[Any, Run]:
+    def build(scale: float) -> tuple[object, Run]:
         name = {8: "uniform", 12: "velocity-only", 15: "position"}[law]
         scenario = system.scenario(seed=2, name=f"{system.KEY}-{name}").with_(t_end=10.0, frames=51, name="")
         run = simulate(scenario, progress=False)

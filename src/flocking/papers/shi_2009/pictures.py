@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,11 +15,14 @@ from flocking.show.declaration import Figure
 from flocking.show.sheet import panel, sheet
 from flocking.show.style import PAGE
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 
 def _desired(run: Run) -> Any:
     leader = run.scenario.law.leaders[0]
 
-    def component(run: Run, axis: int, *, axes: Any = None) -> Any:
+    def component(run: Run, axis: int, *, axes: Axes | None = None) -> object:
         def velocity(t: Array) -> Array:
             return np.asarray(leader.along(t)[1][:, axis])
 

@@ -140,7 +140,7 @@ def _map(q: Array, order: NDArray[np.complex128], side: float, cell: float) -> N
     return coded(hexatic_map(q, order, low=low, cell=cell, shape=(cells, cells), reach=GAP))
 
 
-def _close(q: Array, order: NDArray[np.complex128], neighbours: NDArray[np.int64]) -> dict[str, Any]:
+def _close(q: Array, order: NDArray[np.complex128], neighbours: NDArray[np.int64]) -> dict[str, object]:
     # A rim beyond the window, so that links at its border are drawn.
     share = (q - q.mean(axis=0)) / (1.2 * CLOSE) + 0.5
     inside = ((share >= 0) & (share < 1)).all(axis=1)
@@ -161,7 +161,7 @@ def _shades(kept: StoredSummary, name: str, side: float, title: str, inner: floa
     """A panel of a map, with a square about the next smaller window."""
     from flocking.show.lattice_orientation import lattice_colors, wheel
 
-    def drawn(axes: Any) -> Any:
+    def drawn(axes: Any) -> object:
         half, small = side / 2 / RADIUS, inner / 2 / RADIUS
         colors = lattice_colors(uncoded(kept.arrays[name]))
         axes.set_facecolor("black")

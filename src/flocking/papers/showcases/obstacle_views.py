@@ -183,7 +183,7 @@ class ObstacleViews:
             title=title,
         )  # fmt: skip
 
-    def _close(self, close: CloseView, q: Array, p: Array) -> dict[str, Any]:
+    def _close(self, close: CloseView, q: Array, p: Array) -> dict[str, object]:
         share = (q - close.low) / (np.array(close.high) - close.low)
         inside = ((share >= 0) & (share < 1)).all(axis=1)
         speed = np.linalg.norm(p[inside], axis=1) / FASTEST

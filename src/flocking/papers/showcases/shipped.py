@@ -157,7 +157,7 @@ class Showcase:
         kept = self.keep(run)
         about = {name: run.provenance[name] for name in PROVENANCE if name in run.provenance}
         closest = run.closest
-        facts: dict[str, Any] = {
+        facts: dict[str, object] = {
             "name": self.name, "agents": run.n, "status": run.status, "provenance": about,
             "audit": {r.claim.key: [str(r.verdict), r.note] for r in report.results},
         }  # fmt: skip

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
@@ -39,7 +38,7 @@ class Report:
         decided = (Verdict.HOLDS, Verdict.FAILS, Verdict.NOT_RESOLVED)
         return all(r.as_expected for r in self.results if r.verdict in decided)
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, object]:
         """Plain data for JSON."""
         return {
             "scenario": self.run.scenario.name,

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Any
 
 import numpy as np
 
@@ -277,7 +276,7 @@ class Result:
         binding = self.claim.basis in (Basis.ASKED, Basis.PROOF)
         return not binding or self.verdict == self.claim.expected
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, object]:
         """Plain data for JSON; numbers that are not finite become None."""
         return {
             "claim": self.claim.key,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from flocking.study.claims.audit import Report
 from flocking.study.claims.claim import Basis, Claim, Result, Verdict, finite
@@ -114,7 +113,7 @@ class Judgement:
         """
         return self.claim.basis is Basis.OBSERVATION or self.verdict == self.claim.expected
 
-    def as_dict(self, paper: str, scenario: str) -> dict[str, Any]:
+    def as_dict(self, paper: str, scenario: str) -> dict[str, object]:
         """Plain data for ``claims.json``.
 
         Parameters

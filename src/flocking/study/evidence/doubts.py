@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.arrays import Mask
 from flocking.engine.runs.run import Accuracy
 from flocking.model.graphs.connectivity import Links, is_connected
 from flocking.study.evidence.basis import NotResolvable
@@ -55,7 +56,7 @@ class DoubtEvidence(LinkEvidence):
         return np.asarray(doubts[(doubts["graph"] == 0) & ((doubts["what"] == "appear") | (doubts["what"] == "break"))])
 
     @cached_property
-    def link_certain(self) -> np.ndarray[Any, Any]:
+    def link_certain(self) -> Mask:
         """Which of `link_switches` are certain, shape (K,); raises as `link_doubts` does."""
         rows, doubts = self.link_switches, self.link_doubts
         if not len(rows):

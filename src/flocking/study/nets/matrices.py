@@ -5,8 +5,6 @@ Entry (i, j) of a matrix belongs to the link by which agent i senses agent j.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -140,7 +138,7 @@ def algebraic_connectivity(weights: ArrayLike) -> float:
     return float(np.linalg.eigvalsh(laplacian(matrix))[1])
 
 
-def agreement_limit(weights: ArrayLike, theta: ArrayLike) -> Any:
+def agreement_limit(weights: ArrayLike, theta: ArrayLike) -> Array:
     """Where the agreement protocol (12)-(13) takes ``theta`` on a strongly connected net: xi^T theta.
 
     On a balanced net that is the mean.

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import NDArray
 
 from flocking.model.checks import Array
 from flocking.model.terms.avoidance import ObstacleTerm
 
 
-def beta_links(term: ObstacleTerm, q: Array, t: float = 0.0) -> np.ndarray[Any, np.dtype[np.bool_]]:
+def beta_links(term: ObstacleTerm, q: Array, t: float = 0.0) -> NDArray[np.bool_]:
     """Who has a beta-agent on which obstacle (Olfati-Saber, section 11): the edges of K_(n_beta, n_beta).
 
     Each edge belongs to one beta-agent, so that there are n_beta of them. An obstacle is active where its column has

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -72,7 +72,7 @@ def is_rigid(q: Array, links: Links, tolerance: float = 1e-8) -> bool:
     return degrees_of_freedom(q, links, tolerance) == 0
 
 
-def as_networkx(links: Links) -> networkx.Graph[Any]:
+def as_networkx(links: Links) -> networkx.Graph[object]:
     """The undirected net as a networkx graph; all agents are nodes."""
     import networkx
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -86,10 +85,10 @@ class PotentialReport:
             lines += ["", f"{definition.source}: {_WORDS[definition.holds]}", *_table(definition.rows)]
         return "\n".join(lines)
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, object]:
         """The report as plain values for JSON."""
 
-        def plain(rows: tuple[PropertyRow, ...]) -> list[dict[str, Any]]:
+        def plain(rows: tuple[PropertyRow, ...]) -> list[dict[str, object]]:
             return [{"name": row.name, "holds": row.holds, "explanation": row.explanation} for row in rows]
 
         return {

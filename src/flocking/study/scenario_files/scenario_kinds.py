@@ -25,7 +25,7 @@ class Context:
     """
 
     most_agents: int
-    named: dict[str, dict[str, Any]] = field(default_factory=lambda: {"graph": {}, "leader": {}})
+    named: dict[str, dict[str, object]] = field(default_factory=lambda: {"graph": {}, "leader": {}})
     law_graph: Graph | None = None
 
     def check_agents(self, n: int, at: str) -> None:
@@ -95,7 +95,7 @@ class Kind:
         """The part with the given fields."""
         return self.build(given, context) if self.build else self.part(**given)
 
-    def taken(self, part: Any) -> dict[str, Any]:
+    def taken(self, part: object) -> dict[str, Any]:
         """Fields of ``part``."""
         return self.take(part) if self.take else {name: getattr(part, name) for name in self.fields}
 
@@ -146,6 +146,6 @@ class Group:
     names: str | None = None
     short: Short | None = None
 
-    def kind_of(self, part: Any) -> Kind | None:
+    def kind_of(self, part: object) -> Kind | None:
         """The kind that writes ``part``, None where files have no word for it."""
         return next((k for k in self.kinds if type(part) is (k.written or k.part)), None)

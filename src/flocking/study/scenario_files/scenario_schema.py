@@ -79,21 +79,21 @@ def shown(value: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def _refusal(refused: RefusedError, value: Any) -> PydanticCustomError:
+def _refusal(refused: RefusedError, value: object) -> PydanticCustomError:
     for step in refused.at:
         value = _inside(value, step)
     facts = {"rule": refused.rule, "fix": refused.fix, "at": refused.at, "value": value}
     return PydanticCustomError("refused", "{rule}", facts)
 
 
-def _inside(value: Any, step: str | int) -> Any:
+def _inside(value: Any, step: str | int) -> object:
     if isinstance(value, dict):
         return value.get(step)
     return value[step] if isinstance(value, list) and isinstance(step, int) and step < len(value) else None
 
 
-def _value_type(value: Value) -> Any:
-    def check(given: Any) -> Any:
+def _value_type(value: Value) -> object:
+    def check(given: Any) -> object:
         try:
             return value.check(given)
         except RefusedError as refused:
@@ -102,17 +102,17 @@ def _value_type(value: Value) -> Any:
     return Annotated[Any, PlainValidator(check), WithJsonSchema(dict(value.schema))]
 
 
-def _kind_type(kind: Kind, group: Group) -> Any:
-    fields: dict[str, Any] = {name: _field_type(f) for name, f in kind.fields.items()}
+def _kind_type(kind: Kind, group: Group) -> object:
+    fields: dict[str, object] = {name: _field_type(f) for name, f in kind.fields.items()}
     if group.key is not None:
-        literal: Any = Literal[kind.word]
+        literal: object = Literal[kind.word]
         fields[group.key] = (
             Annotated[literal, "kind"] if kind.word != group.default else _optional(Annotated[literal, "kind"])
         )
     table = TypedDict(kind.word, fields)  # type: ignore[misc]
     table.__pydantic_config__ = ConfigDict(extra="forbid")  # type: ignore[attr-defined]
 
-    def build(given: dict[str, Any], info: ValidationInfo) -> Any:
+    def build(given: dict[str, object], info: ValidationInfo) -> object:
         fields_only = {name: value for name, value in given.items() if name in kind.fields}
         context = info.context if isinstance(info.context, Context) else Context(most_agents=0)
         try:
@@ -135,11 +135,11 @@ def _kind_type(kind: Kind, group: Group) -> Any:
     return Annotated[table, AfterValidator(build)]
 
 
-def _optional(inner: Any) -> Any:
+def _optional(inner: Any) -> object:
     return NotRequired[inner]
 
 
-def _field_type(field: Field) -> Any:
+def _field_type(field: Field) -> object:
     if isinstance(field.holds, Value):
         inner = _value_type(field.holds)
     else:
@@ -148,7 +148,7 @@ def _field_type(field: Field) -> Any:
 
 
 @cache
-def group_type(name: str) -> Any:
+def group_type(name: str) -> object:
     """The pydantic type of a part of a group: a table, a name where parts may have names, a list where allowed."""
     group = GROUPS[name]
     if group.key is None:
@@ -168,8 +168,8 @@ def group_type(name: str) -> Any:
     return Annotated[union, Discriminator(lambda value: tag_of(name, value))]
 
 
-def _short_type(short: Short) -> Any:
-    def check(given: Any) -> Any:
+def _short_type(short: Short) -> object:
+    def check(given: Any) -> object:
         try:
             return short.make(short.value.check(given))
         except RefusedError as refused:
@@ -182,7 +182,7 @@ def _short_type(short: Short) -> Any:
 
 
 def _named(group: str) -> Any:
-    def find(name: str, info: ValidationInfo) -> Any:
+    def find(name: str, info: ValidationInfo) -> object:
         known = info.context.named[group] if isinstance(info.context, Context) else {}
         if name not in known:
             fix = nearest(name, known) if known else f"There is no section [{group}s.{name}]."
@@ -195,7 +195,7 @@ def _named(group: str) -> Any:
     return find
 
 
-def tag_of(name: str, value: Any) -> str | None:
+def tag_of(name: str, value: object) -> str | None:
     """Which choice of a group's union a value belongs to."""
     group = GROUPS[name]
     if isinstance(value, dict):
@@ -206,7 +206,7 @@ def tag_of(name: str, value: Any) -> str | None:
     return _SHORT if group.short is not None else None
 
 
-def faults(error: ValidationError, data: Any, prefix: tuple[str | int, ...], group: str | None) -> list[Problem]:
+def faults(error: ValidationError, data: object, prefix: tuple[str | int, ...], group: str | None) -> list[Problem]:
     """The faults pydantic found in ``data``, below ``prefix`` and in a ``group``, in plain words with their places."""
     found = []
     for entry in error.errors(include_url=False):
@@ -278,7 +278,7 @@ def _problem(entry: dict[str, Any], path: tuple[str | int, ...], kind: Kind | No
             return Problem(place_of(path), str(entry["msg"]).lower(), shown(entry["input"]))
 
 
-def read_tables(data: Mapping[str, Any], context: Context) -> tuple[dict[str, Any], list[Problem]]:
+def read_tables(data: Mapping[str, object], context: Context) -> tuple[dict[str, Any], list[Problem]]:
     """Parts of a scenario file, those without fault, and all faults."""
     problems: list[Problem] = []
     parts: dict[str, Any] = {}
@@ -309,7 +309,7 @@ def read_tables(data: Mapping[str, Any], context: Context) -> tuple[dict[str, An
     return parts, problems
 
 
-def _read_list(value: Any, name: str, group: str, context: Context, problems: list[Problem]) -> list[Any] | None:
+def _read_list(value: object, name: str, group: str, context: Context, problems: list[Problem]) -> list[object] | None:
     if not isinstance(value, list) or not 1 <= len(value) <= MOST_TERMS:
         problems.append(Problem(name, f"must be a list of 1 to {MOST_TERMS} tables", shown(value)))
         return None
@@ -318,7 +318,7 @@ def _read_list(value: Any, name: str, group: str, context: Context, problems: li
 
 def _read(
     wanted: Any, data: Any, prefix: tuple[str | int, ...], group: str | None, context: Context, problems: list[Problem]
-) -> Any:
+) -> object:
     try:
         return TypeAdapter(wanted).validate_python(data, context=context)
     except ValidationError as error:
@@ -326,9 +326,9 @@ def _read(
         return None
 
 
-def json_schema() -> dict[str, Any]:
+def json_schema() -> dict[str, object]:
     """JSON schema of scenario files, for editors."""
-    fields: dict[str, Any] = {name: _field_type(field) for name, field in SCENARIO.items()}
+    fields: dict[str, object] = {name: _field_type(field) for name, field in SCENARIO.items()}
     for section, group in SECTIONS.items():
         fields[section] = _optional(dict[str, group_type(group)])  # type: ignore[misc]
     table = TypedDict("Scenario", fields)  # type: ignore[misc]

@@ -70,7 +70,7 @@ def _number(value: Any) -> float:
 
 
 def _whole(low: int, high: int) -> Callable[[Any], int]:
-    def check(value: Any) -> int:
+    def check(value: object) -> int:
         if isinstance(value, bool) or not isinstance(value, int):
             raise RefusedError("must be a whole number")
         if not low <= value <= high:
@@ -80,13 +80,13 @@ def _whole(low: int, high: int) -> Callable[[Any], int]:
     return check
 
 
-def _truth(value: Any) -> bool:
+def _truth(value: object) -> bool:
     if not isinstance(value, bool):
         raise RefusedError("must be true or false")
     return value
 
 
-def _text(value: Any) -> str:
+def _text(value: object) -> str:
     if not isinstance(value, str):
         raise RefusedError("must be text in quotes")
     return value
@@ -98,7 +98,7 @@ def _name(value: Any) -> str:
     return str(value)
 
 
-def _list(value: Any, what: str) -> list[Any]:
+def _list(value: object, what: str) -> list[object]:
     if not isinstance(value, list):
         raise RefusedError(f"must be a list of {what}")
     if len(value) > LONGEST_LIST:
@@ -106,7 +106,7 @@ def _list(value: Any, what: str) -> list[Any]:
     return value
 
 
-def _each(value: Any, what: str, check: Callable[[Any], Any]) -> list[Any]:
+def _each(value: Any, what: str, check: Callable[[object], object]) -> list[Any]:
     result = []
     for k, entry in enumerate(_list(value, what)):
         try:
@@ -155,7 +155,7 @@ def _pairs(value: Any) -> tuple[tuple[int, int], ...]:
     return tuple(_each(value, "pairs of agents", _pair))
 
 
-def _frames(value: Any) -> int | list[float]:
+def _frames(value: object) -> int | list[float]:
     return _numbers(value) if isinstance(value, list) else _whole(1, LONGEST_LIST)(value)
 
 
@@ -165,7 +165,7 @@ def _headings(value: Any) -> list[Any]:
     return _numbers(value)
 
 
-def _named_numbers(value: Any) -> dict[str, float]:
+def _named_numbers(value: object) -> dict[str, float]:
     if not isinstance(value, dict):
         raise RefusedError("must be a table of names and numbers, such as {R = 4.0}")
     result = {}
@@ -179,7 +179,7 @@ def _named_numbers(value: Any) -> dict[str, float]:
     return result
 
 
-def _formula(value: Any) -> str:
+def _formula(value: object) -> str:
     from flocking.errors import FormulaError
     from flocking.formula.grammar import Formula
 
@@ -229,7 +229,7 @@ FORMULAS = Value(
 )
 
 
-def plain(value: Any) -> Any:
+def plain(value: Any) -> object:
     """A value as TOML can hold it: arrays and tuples become lists, NumPy numbers Python ones."""
     if isinstance(value, np.ndarray):
         return value.tolist()

@@ -26,7 +26,7 @@ def toml_text(data: Mapping[str, Any]) -> str:
     return "\n\n".join(block for block in blocks if block) + "\n"
 
 
-def _is_section(entry: Any) -> bool:
+def _is_section(entry: object) -> bool:
     tables = isinstance(entry, list) and bool(entry) and all(isinstance(part, Mapping) for part in entry)
     return tables or isinstance(entry, Mapping)
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NotRequired, Required
+from typing import NotRequired, Required
 
 from flocking.study.sweeps.scenario_families import Family
 
 
-def sweep_schema(families: Mapping[str, Family]) -> dict[str, Any]:
+def sweep_schema(families: Mapping[str, Family]) -> dict[str, object]:
     """JSON schema of sweep files, for editors that complete and check TOML.
 
     What it takes, `flocking.study.sweeps.sweep_file.parse_sweep` takes but for what sections ask of each other
@@ -26,7 +26,7 @@ def sweep_schema(families: Mapping[str, Family]) -> dict[str, Any]:
     from flocking.study.sweeps.measures import MEASURES
     from flocking.study.sweeps.sweep_schema import REQUIRED, SECTIONS, section_types
 
-    fields: dict[str, Any] = {
+    fields: dict[str, object] = {
         name: Required[kind] if name in REQUIRED else NotRequired[kind] for name, kind in section_types().items()
     }
     table = TypedDict("Sweep", fields)  # type: ignore[misc]
@@ -46,7 +46,7 @@ def sweep_schema(families: Mapping[str, Family]) -> dict[str, Any]:
     return {**schema, **head}
 
 
-def _options_of(name: str, family: Family) -> dict[str, Any]:
+def _options_of(name: str, family: Family) -> dict[str, object]:
     """What a file that names a family may fix, vary and draw."""
     options = {option: dict(value.schema) for option, value in family.options.items()}
     spaced = {"$ref": "#/$defs/Spaced"}

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.arrays import Array
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model import observables
@@ -20,7 +21,7 @@ Measured = float | bool
 Measuring = Callable[[Evidence], Measured]
 
 
-def _settling(t: Any, sizes: Any) -> float:
+def _settling(t: Array, sizes: Array) -> float:
     """First time from which sizes stay within `SETTLED` of their largest; nan when they do not in the end."""
     outside = np.flatnonzero(sizes > SETTLED * sizes.max(initial=0.0))
     if len(outside) == 0:
@@ -104,7 +105,7 @@ class OfRun:
         Takes the run.
     """
 
-    def __init__(self, function: Callable[[Run], Any]) -> None:
+    def __init__(self, function: Callable[[Run], object]) -> None:
         self.function = function
 
     def __call__(self, evidence: Evidence) -> Any:
@@ -113,7 +114,7 @@ class OfRun:
 
 
 def find_measures(
-    wanted: Sequence[str | Callable[[Run], Any]] | Mapping[str, Callable[[Run], Any]] | str,
+    wanted: Sequence[str | Callable[[Run], object]] | Mapping[str, Callable[[Run], object]] | str,
     more: Mapping[str, tuple[str, Measuring]] | None = None,
 ) -> dict[str, Measuring]:
     """Measures by name.
@@ -134,7 +135,7 @@ def find_measures(
     from flocking.study.sweeps.plan import RESERVED
 
     known = {**MEASURES, **(more or {})}
-    entries: list[tuple[str | None, Any]]
+    entries: list[tuple[str | None, object]]
     if isinstance(wanted, Mapping):
         entries = list(wanted.items())
     else:
@@ -160,7 +161,7 @@ def find_measures(
     return found
 
 
-def plain_measure(name: str, value: Any) -> Measured | int:
+def plain_measure(name: str, value: object) -> Measured | int:
     """A measured value as a number or a truth value.
 
     Raises

@@ -133,7 +133,7 @@ class Plan:
         return (*self.grid, *self.drawn)
 
     @cached_property
-    def drawn(self) -> dict[str, tuple[Any, ...]]:
+    def drawn(self) -> dict[str, tuple[object, ...]]:
         """Drawn values, one column per parameter."""
         return self.sample.points() if self.sample else {}
 
@@ -156,7 +156,7 @@ class Plan:
             seed = self.seeds[replicate]
         return Task(index, self.parameters(point), seed)
 
-    def as_data(self) -> dict[str, Any]:
+    def as_data(self) -> dict[str, object]:
         """Plain data that fixes every run."""
         return {
             # The order of the names decides which run a number means, and mappings compare without it.
@@ -206,7 +206,7 @@ def make_plan(
     )
 
 
-def _bounded(values: Iterable[Any], most: int, place: str) -> list[Any]:
+def _bounded(values: Iterable[object], most: int, place: str) -> list[object]:
     """The values, but no more than a sweep may have runs: an endless iterator ends here."""
     found = []
     for value in values:
@@ -216,7 +216,7 @@ def _bounded(values: Iterable[Any], most: int, place: str) -> list[Any]:
     return found
 
 
-def recorded(value: Any) -> Any:
+def recorded(value: Any) -> object:
     """A value as the record of a sweep holds it: itself where JSON can tell it, its text where not."""
     if isinstance(value, Sequence) and not isinstance(value, str):
         return [recorded(entry) for entry in value]

@@ -103,7 +103,7 @@ class Sample:
             warnings.simplefilter("ignore", UserWarning)
             return np.asarray(qmc.Sobol(size, rng=rng).random(self.count))
 
-    def as_data(self) -> dict[str, Any]:
+    def as_data(self) -> dict[str, object]:
         """Plain data for the record of a sweep."""
         ranges = {name: list(ends) for name, ends in self.ranges.items()}
         return {

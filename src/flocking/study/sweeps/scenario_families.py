@@ -34,7 +34,7 @@ class Family:
 def number_between(low: float, high: float) -> Value:
     """A number within bounds."""
 
-    def check(value: Any) -> float:
+    def check(value: object) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise RefusedError("must be a number")
         if not low <= value <= high:
@@ -47,7 +47,7 @@ def number_between(low: float, high: float) -> Value:
 def whole_between(low: int, high: int) -> Value:
     """A whole number within bounds."""
 
-    def check(value: Any) -> int:
+    def check(value: object) -> int:
         if isinstance(value, bool) or not isinstance(value, int):
             raise RefusedError("must be a whole number")
         if not low <= value <= high:
@@ -70,7 +70,7 @@ class FamilyScenario:
     """
 
     family: Family
-    fixed: Mapping[str, Any]
+    fixed: Mapping[str, object]
 
     def __call__(self, *, seed: int, **options: Any) -> Scenario:
         """The scenario with the options that vary."""
@@ -96,7 +96,7 @@ def path_steps(path: str) -> tuple[str | int, ...]:
     return tuple(name or int(number) for name, number in steps)
 
 
-def with_value(data: Any, steps: tuple[str | int, ...], value: Any) -> Any:
+def with_value(data: Any, steps: tuple[str | int, ...], value: Any) -> object:
     """A copy of nested tables and lists in which the value that ``steps`` lead to is another.
 
     Raises

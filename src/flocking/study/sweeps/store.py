@@ -25,7 +25,7 @@ _FIELDS = {"index", "status", "values", "verdicts", "message", "tries", "seconds
 
 
 @contextmanager
-def open_store(folder: Path, record: Mapping[str, Any]) -> Iterator[Store]:
+def open_store(folder: Path, record: Mapping[str, object]) -> Iterator[Store]:
     """The store of a sweep with such a ``record``, made new or gone on with, for one writer.
 
     Raises
@@ -136,7 +136,7 @@ def _chunks(folder: Path) -> list[Path]:
         return sorted(path for path in rows.iterdir() if _CHUNK.fullmatch(path.name))
 
 
-def _is_row(row: Any, size: int) -> bool:
+def _is_row(row: object, size: int) -> bool:
     if not isinstance(row, dict) or set(row) != _FIELDS:
         return False
     index, values, verdicts = row["index"], row["values"], row["verdicts"]
@@ -150,12 +150,12 @@ def _is_row(row: Any, size: int) -> bool:
     )  # fmt: skip
 
 
-def _sealed(data: dict[str, Any]) -> bytes:
+def _sealed(data: Mapping[str, object]) -> bytes:
     body = json.dumps(data)
     return json.dumps({"body": body, "seal": zlib.crc32(body.encode())}).encode()
 
 
-def _opened(path: Path, *, check_format: bool = False) -> dict[str, Any]:
+def _opened(path: Path, *, check_format: bool = False) -> dict[str, object]:
     try:
         if path.is_symlink() or not path.is_file() or path.stat().st_size > LARGEST_FILE:
             raise _damaged(path)
@@ -186,7 +186,7 @@ def _damaged(path: Path) -> StorageError:
     )
 
 
-def _compare(folder: Path, stored: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
+def _compare(folder: Path, stored: Mapping[str, object], asked: Mapping[str, object]) -> None:
     """Refuse to mix two sweeps, naming everything in which they differ."""
     different = []
     for name in sorted({*stored, *asked} - {"provenance", "title"}):
@@ -199,7 +199,7 @@ def _compare(folder: Path, stored: Mapping[str, Any], asked: Mapping[str, Any]) 
         )
 
 
-def _differences(place: str, stored: Any, asked: Any) -> list[str]:
+def _differences(place: str, stored: object, asked: object) -> list[str]:
     if isinstance(stored, dict) and isinstance(asked, dict):
         found = []
         for name in dict.fromkeys([*stored, *asked]):
@@ -208,6 +208,6 @@ def _differences(place: str, stored: Any, asked: Any) -> list[str]:
     return [] if stored == asked else [f"{place}: stored {_shown(stored)}, asked for {_shown(asked)}"]
 
 
-def _shown(value: Any) -> str:
+def _shown(value: object) -> str:
     text = "nothing" if value is None else json.dumps(value)
     return text if len(text) <= 100 else text[:97] + "..."

@@ -25,7 +25,7 @@ Auditing = bool | Sequence[Claim] | Callable[[Run], Any]
 def sweep(
     make: Callable[..., Scenario],
     *,
-    grid: Mapping[str, Iterable[Any]] | None = None,
+    grid: Mapping[str, Iterable[object]] | None = None,
     sample: Sample | None = None,
     seeds: int | Iterable[int] = 1,
     measures: Sequence[str | Callable[[Run], Any]] | Mapping[str, Any] | str = ("flocks", "velocity_spread"),
@@ -35,10 +35,10 @@ def sweep(
     cluster: str | None = None,
     seed: int = 0,
     engine: str = "auto",
-    options: Mapping[str, Any] | None = None,
+    options: Mapping[str, object] | None = None,
     most_runs: int = MOST_RUNS,
     progress: bool = True,
-    record: Mapping[str, Any] | None = None,
+    record: Mapping[str, object] | None = None,
     more_measures: Mapping[str, Any] | None = None,
 ) -> SweepTable:
     """Run a family of scenarios over parameters and seeds, and measure every run.
@@ -118,7 +118,7 @@ def sweep(
 def _run(
     plan: Plan,
     work: Work,
-    about: dict[str, Any],
+    about: dict[str, object],
     folder: Path | None,
     workers: int | None,
     cluster: str | None,
@@ -211,19 +211,19 @@ def auditing(audit: Auditing) -> Callable[[Run], Any] | None:
     raise InvalidInput("sweep", "audit", "must be true or false, claims, or a function of a run", audit)
 
 
-def _audit_data(audit: Auditing) -> Any:
+def _audit_data(audit: Auditing) -> object:
     if isinstance(audit, bool):
         return audit
     return code_of(audit) if callable(audit) else [claim.key for claim in audit]
 
 
-def _known(more: Mapping[str, Any] | None) -> set[str]:
+def _known(more: Mapping[str, object] | None) -> set[str]:
     from flocking.study.sweeps.measures import MEASURES
 
     return {*MEASURES, *(more or {})}
 
 
-def _check_call(make: Callable[..., Any], plan: Plan) -> None:
+def _check_call(make: Callable[..., object], plan: Plan) -> None:
     """Refuse at once parameters that ``make`` does not take, not run by run."""
     try:
         signature = inspect.signature(make)

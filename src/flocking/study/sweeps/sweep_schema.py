@@ -77,7 +77,7 @@ class Sampling(BaseModel):
     ranges: Annotated[dict[str, Drawn], Field(min_length=1, max_length=MOST_NAMES)]
 
 
-_ALTERNATIVES: dict[str, dict[type, Any]] = {
+_ALTERNATIVES: dict[str, dict[type, object]] = {
     "format": {int: Literal[1]},
     "name": {str: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,79}$")]},
     "scenario": {str: str, dict: dict[str, Any]},
@@ -94,7 +94,7 @@ _ALTERNATIVES: dict[str, dict[type, Any]] = {
 }
 """What each section may be, by the type TOML gives it."""
 
-_AXIS: dict[type, Any] = {list: Annotated[list[Any], Field(min_length=1, max_length=MOST_VALUES)], dict: Spaced}
+_AXIS: dict[type, object] = {list: Annotated[list[Any], Field(min_length=1, max_length=MOST_VALUES)], dict: Spaced}
 SECTIONS = ("format", "name", "scenario", "options", "grid", "sample", "seeds", "seed", "measures", "audit", "engine")
 REQUIRED = ("scenario",)
 
@@ -103,17 +103,17 @@ _WORDS: dict[type, str] = {
 }  # fmt: skip
 
 
-def section_types() -> dict[str, Any]:
+def section_types() -> dict[str, object]:
     """Every section with the type of what it may be, whatever TOML calls it."""
     from functools import reduce
     from operator import or_
 
     found = {name: reduce(or_, choices.values()) for name, choices in _ALTERNATIVES.items()}
-    axes: Any = dict[str, reduce(or_, _AXIS.values())]  # type: ignore[misc]
+    axes: object = dict[str, reduce(or_, _AXIS.values())]  # type: ignore[misc]
     return {**found, "grid": Annotated[axes, Field(max_length=MOST_NAMES)]}
 
 
-def read_sections(data: Mapping[str, Any]) -> tuple[dict[str, Any], list[Problem]]:
+def read_sections(data: Mapping[str, object]) -> tuple[dict[str, Any], list[Problem]]:
     """Sections of a sweep file, those without fault, and all faults."""
     problems: list[Problem] = []
     found: dict[str, Any] = {}
@@ -130,7 +130,7 @@ def read_sections(data: Mapping[str, Any]) -> tuple[dict[str, Any], list[Problem
     elif len(grid) > MOST_NAMES:
         problems.append(Problem("grid", f"must have at most {MOST_NAMES} parameters", str(len(grid))))
     else:
-        axes: dict[str, Any] = {}
+        axes: dict[str, object] = {}
         for name, values in grid.items():
             _read(_AXIS, values, ("grid", name), axes, name, problems)
         found["grid"] = axes

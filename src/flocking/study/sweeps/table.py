@@ -59,7 +59,7 @@ class SweepTable:
         return len(self.rows) == self.plan.size
 
     @property
-    def failures(self) -> list[dict[str, Any]]:
+    def failures(self) -> list[dict[str, object]]:
         """Parameters, seed and message of every run that failed."""
         found = []
         for index in sorted(self.rows):
@@ -120,7 +120,7 @@ class SweepTable:
 
         lengths = self.plan.lengths
         names, shape = tuple(lengths), tuple(lengths.values())
-        variables: dict[str, Any] = {}
+        variables: dict[str, object] = {}
         for measure in self.measures:
             variables[measure] = (names, self.values(measure).reshape(shape))
         size = self.plan.size
@@ -138,8 +138,8 @@ class SweepTable:
             variables[CLAIM + key] = (names, verdicts.reshape(shape))
         return xarray.Dataset(variables, self._coordinates(with_runs=True), {"provenance": json.dumps(self.record)})
 
-    def _coordinates(self, *, with_runs: bool) -> dict[str, Any]:
-        found: dict[str, Any] = {}
+    def _coordinates(self, *, with_runs: bool) -> dict[str, object]:
+        found: dict[str, object] = {}
         for name, values in self.plan.grid.items():
             simple = all(isinstance(v, bool | int | float) for v in values) or all(isinstance(v, str) for v in values)
             found[name] = list(values) if simple else [label(v) for v in values]
@@ -175,7 +175,7 @@ class SweepTable:
         check_level(level)
         lengths = {name: length for name, length in self.plan.lengths.items() if name != self.plan.run_dimension}
         names, shape = tuple(lengths), tuple(lengths.values())
-        variables: dict[str, Any] = {}
+        variables: dict[str, object] = {}
         for measure in self.measures:
             share = self.is_share(measure)
             each = [values[~np.isnan(values)] for values in self.values(measure)]
@@ -183,7 +183,7 @@ class SweepTable:
                 share_interval(int(kept.sum()), len(kept), level) if share else mean_interval(kept, level)
                 for kept in each
             ]
-            columns: dict[str, list[Any]] = {
+            columns: dict[str, list[object]] = {
                 "": [float(kept.mean()) if len(kept) else np.nan for kept in each],
                 "_low": [interval.low for interval in found],
                 "_high": [interval.high for interval in found],
@@ -231,7 +231,7 @@ class SweepTable:
         return _put(Path(path), sink.getvalue().to_pybytes())
 
 
-def _alike(column: Sequence[Any]) -> Sequence[Any]:
+def _alike(column: Sequence[Any]) -> Sequence[object]:
     """A column whose entries have one type: whole numbers beside fractions become fractions."""
     kinds = {type(entry) for entry in column if entry is not None}
     return (
@@ -239,7 +239,7 @@ def _alike(column: Sequence[Any]) -> Sequence[Any]:
     )
 
 
-def write_csv(path: Path, rows: Sequence[Mapping[str, Any]], head: Sequence[str] | None = None) -> Path:
+def write_csv(path: Path, rows: Sequence[Mapping[str, object]], head: Sequence[str] | None = None) -> Path:
     """Write a table to the file ``path``, one line for each of ``rows``, under the names in ``head`` or their own.
 
     Raises

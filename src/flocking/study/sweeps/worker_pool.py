@@ -51,7 +51,7 @@ class WorkerPool:
         """Number of workers now."""
         return 1
 
-    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+    def submit(self, function: Callable[..., object], *arguments: Any) -> Future[Any]:
         """Have a function called by a worker."""
         raise InvalidInput("sweep", "workers", "must be workers of some kind", self)
 
@@ -68,7 +68,7 @@ class Alone(WorkerPool):
 
     elsewhere = False
 
-    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+    def submit(self, function: Callable[..., object], *arguments: Any) -> Future[Any]:
         """Call the function now."""
         future: Future[Any] = Future()
         try:
@@ -100,7 +100,7 @@ class LocalProcesses(WorkerPool):
         """Number of workers."""
         return self._workers
 
-    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+    def submit(self, function: Callable[..., object], *arguments: Any) -> Future[Any]:
         """Have a function called by a process; processes that died are replaced first."""
         from joblib.externals.loky import get_reusable_executor
 
@@ -172,7 +172,7 @@ class Cluster(WorkerPool):
         """Number of threads of all workers now."""
         return max(1, int(sum(self._client.nthreads().values())))
 
-    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+    def submit(self, function: Callable[..., object], *arguments: Any) -> Future[Any]:
         """Have a function called by a worker of the cluster."""
         return self._executor.submit(function, *arguments)
 

@@ -92,7 +92,7 @@ def guarding(access: AccessCheck) -> Iterator[None]:
             place.serve, console.quiet = before, quiet
 
 
-def _judged(access: AccessCheck, answer: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+def _judged(access: AccessCheck, answer: Callable[[object, object], object]) -> Callable[[object, object], object]:
     def judge(connection: Any, request: Any) -> Any:
         found = access.judge(request.path, request.headers.raw_items())
         if isinstance(found, Refusal):
@@ -108,14 +108,14 @@ def _judged(access: AccessCheck, answer: Callable[[Any, Any], Any]) -> Callable[
     return judge
 
 
-def _served(access: AccessCheck, handler: Callable[[Any], Any]) -> Callable[[Any], Any]:
+def _served(access: AccessCheck, handler: Callable[[Any], Any]) -> Callable[[object], object]:
     async def serve(connection: Any) -> None:
         if access.tabs >= MOST_TABS:
             await connection.close(1013, "too many tabs")
             return
         receive, limit = connection.recv, RateLimit(MESSAGES_A_SECOND, MOST_MESSAGES)
 
-        async def received(*given: Any, **options: Any) -> Any:
+        async def received(*given: object, **options: object) -> object:
             message = await receive(*given, **options)
             wait = limit.wait()
             if wait > 0:

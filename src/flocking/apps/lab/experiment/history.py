@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from flocking.apps.lab.experiment.clock import Frame
+from flocking.arrays import Numbers
 from flocking.engine.runs.run import SWITCH_FIELDS, TRACE_FIELDS, Accuracy, Closest, Run
 from flocking.model.state import State
 
@@ -112,7 +113,7 @@ class History:
         )  # fmt: skip
 
 
-def _between(rows: Any, after: float, until: float) -> list[Any]:
+def _between(rows: Numbers, after: float, until: float) -> list[Any]:
     """Rows later than ``after`` and not later than ``until``; rows may be added and dropped meanwhile."""
     found = []
     for row in reversed(list(rows)):

@@ -21,13 +21,13 @@ NEW_NAME_VALUE = 1.0
 """Value of a name that a newly typed formula uses for the first time."""
 
 
-def children(part: Any) -> dict[Step, Any]:
+def children(part: object) -> dict[Step, object]:
     """What a part consists of, by the step of a path that leads there."""
     if isinstance(part, Potential):
-        found: dict[Step, Any] = {FORMULA: part.formula.text}
+        found: dict[Step, object] = {FORMULA: part.formula.text}
         return found | dict(part.parameters)
     if isinstance(part, Path):
-        texts: dict[Step, Any] = {f"{FORMULA}_{k}": f.text for k, f in enumerate(part.formulas)}
+        texts: dict[Step, object] = {f"{FORMULA}_{k}": f.text for k, f in enumerate(part.formulas)}
         return texts | dict(part.values) | {"start": part.start, "start_time": part.start_time}
     if isinstance(part, tuple | list) or (isinstance(part, np.ndarray) and part.ndim == 1):
         return dict(enumerate(part))
@@ -83,7 +83,7 @@ def substituted(part: Any, old: Any, new: Any) -> Any:
     return _substituted(part, old, new, {})
 
 
-def _substituted(part: Any, old: Any, new: Any, done: dict[int, Any]) -> Any:
+def _substituted(part: object, old: object, new: object, done: dict[int, object]) -> object:
     if part is old:
         return new
     if id(part) in done:
@@ -99,7 +99,7 @@ def _substituted(part: Any, old: Any, new: Any, done: dict[int, Any]) -> Any:
     return found
 
 
-def changed(scenario: Scenario, path: Sequence[Step], value: Any) -> Scenario:
+def changed(scenario: Scenario, path: Sequence[Step], value: object) -> Scenario:
     """The scenario with the value at ``path`` replaced, in every place where the part that owns it stands.
 
     Raises

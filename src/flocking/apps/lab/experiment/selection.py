@@ -56,7 +56,7 @@ def state_of(state: State, chosen: NDArray[np.intp]) -> State:
     return State(state.q[chosen], state.p[chosen], state.t, links)
 
 
-def _of(part: Any, chosen: NDArray[np.intp], n: int, done: dict[int, Any]) -> Any:
+def _of(part: Any, chosen: NDArray[np.intp], n: int, done: dict[int, object]) -> Any:
     """A part with one value for each of the ``n`` agents made into one for the chosen ones."""
     if id(part) not in done:
         done[id(part)] = _made(part, chosen, n, done)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from flocking.apps.lab.experiment.parts import FORMULA, Step, children
+from flocking.arrays import AnyArray
 from flocking.model.graphs.distance_graphs import Fixed
 from flocking.model.graphs.views import MEASURES
 from flocking.model.graphs.weights import PairWeights
@@ -84,7 +85,7 @@ class Section:
 
     title: str
     settings: tuple[Setting, ...]
-    removal: dict[str, Any] | None = None
+    removal: dict[str, object] | None = None
 
 
 def sections(scenario: Scenario) -> list[Section]:
@@ -110,11 +111,11 @@ def sections(scenario: Scenario) -> list[Section]:
     return [s for s in found if s.settings or s.removal]
 
 
-def _role(part: Any) -> str:
+def _role(part: object) -> str:
     return "Leader" if isinstance(part, Leader) else "Obstacle" if isinstance(part, Obstacle) else "Graph"
 
 
-def _inner(part: Any, path: tuple[Step, ...]) -> Iterator[tuple[tuple[Step, ...], Any]]:
+def _inner(part: Any, path: tuple[Step, ...]) -> Iterator[tuple[tuple[Step, ...], object]]:
     """Leaders, obstacles and graphs inside a term, each with its path."""
     from flocking.model.graphs.distance_graphs import Graph
 
@@ -132,7 +133,7 @@ def _section(
     return Section(title, tuple(_settings(part, path)), removal)
 
 
-def _settings(part: Any, path: tuple[Step, ...]) -> Iterator[Setting]:
+def _settings(part: object, path: tuple[Step, ...]) -> Iterator[Setting]:
     if isinstance(part, Fixed):
         return
     for step, value in children(part).items():
@@ -160,7 +161,7 @@ def _settings(part: Any, path: tuple[Step, ...]) -> Iterator[Setting]:
             yield from _settings(value, here)
 
 
-def _components(value: np.ndarray[Any, Any], here: tuple[Step, ...]) -> Iterator[Setting]:
+def _components(value: AnyArray, here: tuple[Step, ...]) -> Iterator[Setting]:
     """Components of a velocity or a direction; places are dragged in the scene instead."""
     if here[-1] in ("value", "normal"):
         reach = WIDE * float(np.abs(value).max()) or ROOM

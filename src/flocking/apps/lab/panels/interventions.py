@@ -56,8 +56,8 @@ class Interventions:
         for name in ("kick", "kill", "cut", "agent", "obstacle", "clear", "add_term"):
             getattr(self, name).on_click(self._sender(name))
 
-    def _sender(self, name: str) -> Any:
-        def send(_: Any) -> None:
+    def _sender(self, name: str) -> object:
+        def send(_: object) -> None:
             try:
                 event = getattr(self, f"_{name}")()
             except FlockingError as error:
@@ -93,13 +93,13 @@ class Interventions:
         count = min(n, max(least, round(self.share.value * n)))
         return [int(i) for i in np.sort(self._draw().permutation(n)[:count])]
 
-    def _kick(self) -> dict[str, Any]:
+    def _kick(self) -> dict[str, object]:
         return {"kind": "kick", "agents": self._some(), "speed": float(self.speed.value), "seed": self._seed}
 
-    def _kill(self) -> dict[str, Any]:
+    def _kill(self) -> dict[str, object]:
         return {"kind": "kill", "agents": self._some()}
 
-    def _cut(self) -> dict[str, Any]:
+    def _cut(self) -> dict[str, object]:
         links = self._clock.frame.states[0].links
         pairs = np.zeros((0, 2), dtype=int) if links is None else np.argwhere(np.triu(links | links.T))
         if self.which.value.strip():
@@ -109,7 +109,7 @@ class Interventions:
             chosen = self._draw().permutation(len(pairs))[:count]
         return {"kind": "cut", "pairs": [[int(i), int(j)] for i, j in pairs[np.sort(chosen)]]}
 
-    def _agent(self) -> dict[str, Any]:
+    def _agent(self) -> dict[str, object]:
         """A newcomer at the rim of the group, with its mean velocity."""
         state = self._clock.frame.states[0]
         centre = state.q.mean(axis=0)
@@ -118,7 +118,7 @@ class Interventions:
         far = float(((state.q - centre) @ direction).max()) + 0.5 * spacing(state.q)
         return {"kind": "add", "q": (centre + far * direction).tolist(), "p": state.p.mean(axis=0).tolist()}
 
-    def _obstacle(self) -> dict[str, Any]:
+    def _obstacle(self) -> dict[str, object]:
         """Where the group will be soon, or beside it."""
         state = self._clock.frame.states[0]
         centre, velocity = state.q.mean(axis=0), state.p.mean(axis=0)
@@ -130,7 +130,7 @@ class Interventions:
     def _clear(self) -> dict[str, Any]:
         return {"kind": "clear obstacles"}
 
-    def _add_term(self) -> dict[str, Any]:
+    def _add_term(self) -> dict[str, object]:
         frame = self._clock.frame
         return {"kind": "term", "term": to_data(TERMS[self.term.value](frame.scenarios[0].law, frame.states[0]))}
 

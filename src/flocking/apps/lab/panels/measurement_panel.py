@@ -233,7 +233,7 @@ def _numbers(frame: Frame, k: int) -> dict[str, float]:
     return measured(frame.states[k], rows[-1][1] if rows else float("nan")) | found
 
 
-def _inks(ink: str, count: int) -> tuple[dict[str, Any], ...]:
+def _inks(ink: str, count: int) -> tuple[dict[str, object], ...]:
     lines = [{"stroke": color, "width": 2, "points": {"show": False}} for color in (ink, SECOND_INK)[:count]]
     return ({}, *lines)
 

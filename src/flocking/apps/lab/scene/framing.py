@@ -8,13 +8,14 @@ import numpy as np
 
 from flocking.apps.lab.scene import glyphs
 from flocking.apps.lab.scene.solids import Solid
+from flocking.arrays import Array
 from flocking.model.state import State
 
 FAR_OFF = 3.0
 """Leaders and obstacles further away than this, in sizes of the group, do not widen the view."""
 
 
-def box_around(state: State, things: list[Solid], least: float) -> tuple[Any, Any]:
+def box_around(state: State, things: list[Solid], least: float) -> tuple[Array, Array]:
     """Corners of a box around the agents and what is near them, at least ``least`` wide.
 
     Parameters

@@ -328,7 +328,7 @@ class Scene:
             group.trails.points = np.stack([path[:-1], path[1:]], axis=2).reshape(-1, 2, 3)
         return ""
 
-    def _made(self, k: int, state: State, things: list[Solid], shape: tuple[Any, ...]) -> _Group:
+    def _made(self, k: int, state: State, things: list[Solid], shape: tuple[object, ...]) -> _Group:
         scene, root = self.server.scene, f"/world/{k}"
         scene.add_frame(root, show_axes=False, position=self._beside(k))
         q = glyphs.in_space(state.q)

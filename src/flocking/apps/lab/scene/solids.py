@@ -47,7 +47,7 @@ class Solid:
     kind: str
     path: tuple[Any, ...]
     position: Array
-    vertices: NDArray[np.floating[Any]]
+    vertices: NDArray[np.floating]
     faces: NDArray[np.uint32]
     dimension: int
     shape: tuple[Any, ...]
@@ -77,7 +77,7 @@ def solids(scenario: Scenario, t: float) -> list[Solid]:
     return found
 
 
-def _obstacle(obstacle: Obstacle, path: tuple[Any, ...], t: float) -> Solid:
+def _obstacle(obstacle: Obstacle, path: tuple[object, ...], t: float) -> Solid:
     field = MOVERS.get(type(obstacle).__name__)
     mover = obstacle.mover
     place = mover.at(t)[0] if mover is not None else np.zeros(obstacle.dimension)

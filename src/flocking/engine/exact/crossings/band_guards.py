@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from flocking.arrays import Mask
 from flocking.engine.exact.crossings.guards import (
     NEVER,
     first_above,
@@ -40,7 +39,7 @@ def pair_error(nodes: Array, floor: float, i: int, j: int) -> float:
 
 @numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def within_error(
-    B: Array, far: Array, near: Any, active: Any, enter: Array, leave: Array, directed: bool,
+    B: Array, far: Array, near: Mask, active: Mask, enter: Array, leave: Array, directed: bool,
     nodes: Array, most: float, floor: float,
 ) -> Array:  # fmt: skip
     """Pairs that come within the error of the distance at which they would switch.

@@ -8,12 +8,11 @@ closes in on the first one. Nothing between two samples can be missed.
 from __future__ import annotations
 
 from math import comb
-from typing import Any
 
 import numpy as np
 
+from flocking.arrays import Array, Indices, Links, Mask, Numbers
 from flocking.formula.machine_code import numba
-from flocking.model.checks import Array
 
 NEVER = 2.0
 """Returned where nothing happens on [0, 1]."""
@@ -233,7 +232,7 @@ def with_room(rows: Array, count: int) -> Array:
 
 
 @numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
-def places_and_pairs(found: Array, count: int) -> tuple[Array, Any]:
+def places_and_pairs(found: Array, count: int) -> tuple[Array, Numbers]:
     """Places, shape (count,), and pairs, shape (count, 2), of some rows.
 
     Parameters
@@ -251,8 +250,8 @@ def places_and_pairs(found: Array, count: int) -> tuple[Array, Any]:
 
 @numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def crossings(
-    B: Array, far: Array, near: Any, active: Any, enter: Array, leave: Array, directed: bool, slack: float, P: Array
-) -> tuple[Array, Any]:
+    B: Array, far: Array, near: Mask, active: Mask, enter: Array, leave: Array, directed: bool, slack: float, P: Array
+) -> tuple[Array, Numbers]:
     """First crossing of every pair that crosses its distance on the segment.
 
     Parameters
@@ -318,7 +317,7 @@ def crossings(
 
 
 @numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
-def closest(B: Array, far: Array, linked: Any, best_linked: float, best_free: float) -> Array:
+def closest(B: Array, far: Array, linked: Links, best_linked: float, best_free: float) -> Array:
     """Closest approach on the segment of a linked and of an unlinked pair, where closer than the best so far.
 
     Parameters
@@ -353,7 +352,7 @@ def closest(B: Array, far: Array, linked: Any, best_linked: float, best_free: fl
 
 
 @numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
-def deepest_dip(B: Array, far: Array, senders: Any, sensed: Any) -> float:
+def deepest_dip(B: Array, far: Array, senders: Indices, sensed: Indices) -> float:
     """Where on the segment a linked pair comes much closer than at both its ends, deepest first; or `NEVER`.
 
     A step that jumps over a close encounter shows as such a dip: its ends know nothing of the force between.

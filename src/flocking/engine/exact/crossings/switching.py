@@ -235,7 +235,7 @@ class LinkState:
         B = segment.positions(n, m)
         P = segment.velocities(n, m) if order == 2 else B[:, :0]
         far = reach(B)
-        found: list[tuple[int, Array, NDArray[np.integer[Any]]]] = []
+        found: list[tuple[int, Array, NDArray[np.integer]]] = []
         size = float(np.abs(B).max(initial=0.0))
         for number, watch, active, view in self.watched():
             directed, slack = self.graphs[watch.graph].directed, slack_of(watch, size)
