@@ -6,6 +6,8 @@ number of space dimensions, T the number of frames.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -51,5 +53,5 @@ Records = NDArray[np.void]
 Reals = NDArray[np.floating]
 """Numbers in the precision that an engine computes in."""
 
-AnyArray = NDArray[np.generic]
-"""An array of any type of number or record."""
+AnyArray = NDArray[Any]
+"""An array whose type of number or record is known at run time alone, as that of a file."""

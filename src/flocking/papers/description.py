@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
@@ -12,7 +12,7 @@ from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
 from flocking.papers.equation_files import read_statements
-from flocking.show.declaration import Figure, drawn_figure
+from flocking.show.declaration import Figures, drawn_figure
 from flocking.study.claims.claim import Claim
 from flocking.study.equation_table import Erratum, Row, errata_of
 
@@ -59,7 +59,7 @@ class Paper:
     scenario: Callable[..., Scenario]
     scenarios: Callable[[], dict[str, Callable[[int], Scenario]]]
     claims: ClaimsOf
-    figures: Callable[[], Mapping[Any, Figure]]
+    figures: Callable[[], Figures]
     studies: tuple[str, ...] = ()
 
     @property

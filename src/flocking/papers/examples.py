@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from flocking.model.checks import Array, integer
 from flocking.model.law import Law, Scenario
 from flocking.model.potentials.potential import Potential
 from flocking.model.state import Agents, State
+from flocking.show.declaration import Figures
 from flocking.study.claims.audit import audit
 from flocking.study.claims.claim import Claim
 from flocking.study.claims.judgement import Judgement, judge
@@ -23,7 +24,6 @@ from flocking.study.potentials.potential_check import check_potential
 
 if TYPE_CHECKING:
     from flocking.show.contents import PanelContents
-    from flocking.show.declaration import Figure
 
 STEP = 1e-5
 """Duration of the motions from which rates are read."""
@@ -122,7 +122,7 @@ class Pictured:
 
 
 def pictured(
-    figures: Callable[[], Mapping[Any, Figure]],
+    figures: Callable[[], Figures],
     number: int | str,
     make: Callable[[], Scenario] | None = None,
     *beside: Callable[[], Scenario],
@@ -144,7 +144,7 @@ def pictured(
     def build(scale: float) -> Pictured:
         from flocking.show.contents import contents
 
-        run: Any = None if make is None else shown(make)
+        run = None if make is None else shown(make)
         known = figures()
         declared = {str(name): (f.number, f.caption, f.scenarios("")) for name, f in known.items()}
         return Pictured(run, contents(known[number].draw(run, *map(shown, beside)), scale), declared)

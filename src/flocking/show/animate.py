@@ -167,11 +167,11 @@ def _film(
     from matplotlib.animation import FFMpegWriter, PillowWriter
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    made: Any = figure(size, size)
+    made = figure(size, size)
     if path.suffix == ".mp4":
         matplotlib.rcParams["animation.ffmpeg_path"] = ffmpeg()  # put back with the style
         # The table of contents goes first, so that a browser can begin before the end has come.
-        writer: Any = FFMpegWriter(fps=fps, extra_args=["-movflags", "+faststart"])
+        writer: FFMpegWriter | PillowWriter = FFMpegWriter(fps=fps, extra_args=["-movflags", "+faststart"])
     else:
         writer = PillowWriter(fps=fps)
     made.set_dpi(dpi)
@@ -182,7 +182,7 @@ def _film(
         target.write(canvas.buffer_rgba())
 
     # Saving a figure draws it twice, once to measure what lies around it; the places of a film are known.
-    made.savefig = save
+    setattr(made, "savefig", save)  # noqa: B010  the type checker refuses to replace a method
     space = run.q.shape[2] == 3
     limits = None if "limits" in options else _limits(run, follow)
 

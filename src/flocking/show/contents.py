@@ -12,6 +12,7 @@ from flocking.errors import InvalidInput
 from flocking.model.checks import Array
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -136,15 +137,15 @@ def _panel(axes: Axes, stretched: float) -> PanelContents:
     )
 
 
-def _notes(axes: Any, stretched: float) -> Iterator[tuple[str, tuple[float, float] | None]]:
+def _notes(axes: Axes, stretched: float) -> Iterator[tuple[str, tuple[float, float] | None]]:
     for note in axes.texts:
         if not note.get_text():
             continue
-        place = note.xy if getattr(note, "xycoords", None) == "data" else None
+        place = getattr(note, "xy", None) if getattr(note, "xycoords", None) == "data" else None
         yield note.get_text(), None if place is None else (float(place[0]) * stretched, float(place[1]))
 
 
-def _marks(artist: Any, axes: Axes, unit: Array) -> Iterator[Mark]:
+def _marks(artist: Artist, axes: Axes, unit: Array) -> Iterator[Mark]:
     from matplotlib.collections import LineCollection, PathCollection
     from matplotlib.lines import Line2D
     from matplotlib.patches import Polygon

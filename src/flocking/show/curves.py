@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -33,7 +33,7 @@ def curve(
     label: str = "",
     color: str = BLUE,
     line: str = "-",
-) -> Any:
+) -> Axes:
     """Draw any function of one variable.
 
     Parameters
@@ -97,7 +97,7 @@ def potential(
     upper: float | None = None,
     slope: bool = True,
     axes: Axes | None = None,
-) -> Any:
+) -> Axes:
     """Draw a potential as the papers do, with its slope on a second axis.
 
     Parameters
@@ -209,7 +209,7 @@ def _mark_outside(axes: Axes, psi: Potential, inside: float, end: float, outside
         axes.plot([inside], [outside], "o", color=BLUE, ms=4, zorder=5)
 
 
-def _slopes_in_view(psi: Potential, axes: Any, low: float, high: float) -> tuple[float, float]:
+def _slopes_in_view(psi: Potential, axes: Axes, low: float, high: float) -> tuple[float, float]:
     """Limits for the slope that cover it wherever the potential itself is seen."""
     r = np.linspace(low, high, SAMPLES)[1:-1]
     values, slopes = psi(r), psi.slope(r)

@@ -11,7 +11,7 @@ from flocking.errors import InvalidInput
 from flocking.model.potentials.potential import Potential
 from flocking.show import curves, plane, series
 from flocking.show.sheet import panel, sheet
-from flocking.show.style import COLUMN, PAGE
+from flocking.show.style import COLUMN, PAGE, figure_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Picture
@@ -68,9 +68,13 @@ class Figure:
         return (self.scenario or otherwise, *self.beside)
 
 
+Figures = Mapping[Any, Figure]
+"""Figures by number, which is a whole number or a text."""
+
+
 def snapshot(time: float | None = None, **options: Any) -> Draw:
     """The net at one time, the last when absent; options are those of `flocking.show.plane.net`."""
-    return lambda run: plane.net(run, time=time, **options).figure
+    return lambda run: figure_of(plane.net(run, time=time, **options))
 
 
 def snapshots(times: Sequence[float], columns: int = 2, **options: object) -> Draw:
@@ -96,22 +100,22 @@ def velocity_errors(axis: int | Sequence[int] = (0, 1), **options: object) -> Dr
 
 def potential(psi: Potential, **options: Any) -> Draw:
     """The potential ``psi`` and its slope; options are those of `flocking.show.curves.potential`."""
-    return lambda run: curves.potential(psi, **options).figure
+    return lambda run: figure_of(curves.potential(psi, **options))
 
 
 def initial(**options: Any) -> Draw:
     """The net at the first frame."""
-    return lambda run: plane.net(run, frame=0, **options).figure
+    return lambda run: figure_of(plane.net(run, frame=0, **options))
 
 
 def final(**options: Any) -> Draw:
     """The net at the last frame."""
-    return lambda run: plane.net(run, frame=-1, **options).figure
+    return lambda run: figure_of(plane.net(run, frame=-1, **options))
 
 
 def paths_and_final(**options: Any) -> Draw:
     """The net at the last frame with the dotted paths that led there."""
-    return lambda run: plane.net(run, frame=-1, trails=True, **options).figure
+    return lambda run: figure_of(plane.net(run, frame=-1, trails=True, **options))
 
 
 def _per_axis(function: Callable[..., object], axis: int | Sequence[int], options: Mapping[str, object]) -> Draw:
@@ -126,7 +130,7 @@ def _per_axis(function: Callable[..., object], axis: int | Sequence[int], option
     return draw
 
 
-def drawn_figure(known: Mapping[object, Figure], number: int | str, run: Run, *beside: Run) -> Picture:
+def drawn_figure(known: Figures, number: int | str, run: Run, *beside: Run) -> Picture:
     """Draw one of a paper's figures from a run, or from runs of all scenarios it shows.
 
     Parameters

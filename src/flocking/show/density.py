@@ -18,6 +18,9 @@ from flocking.study.density_maps import DensityMap, density_map
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colorbar import Colorbar
+    from matplotlib.figure import Figure, SubFigure
 
 COLORS = "inferno"
 GROUND = "#000004"
@@ -48,7 +51,7 @@ def density(
     obstacles: Sequence[Outlined] | None = None,
     title: str | bool = True,
     bar: bool = True,
-) -> Any:
+) -> Axes:
     """Draw how densely agents stand in the plane.
 
     Parameters
@@ -116,7 +119,14 @@ def density(
 
 
 @in_style
-def scale(figure: Any, shades: Any, axes: object, low: float, high: float, label: str = "density") -> Any:
+def scale(
+    figure: Figure | SubFigure,
+    shades: ScalarMappable,
+    axes: Axes | list[Axes],
+    low: float,
+    high: float,
+    label: str = "density",
+) -> Colorbar:
     """Draw the scale of colours beside axes, with few plain numbers.
 
     Parameters

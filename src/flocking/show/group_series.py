@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from flocking.show.style import BLUE, COLUMN, GREEN, ORANGE, SKY, VERMILION, axe
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.ticker import Locator
 
 MOST_FOR_SPECTRUM = 600
 """Largest group whose algebraic connectivity is computed for a picture."""
@@ -30,7 +31,7 @@ AT_ONCE = 1_000_000
 
 
 @in_style
-def spread(run: Run, *, axes: Axes | None = None) -> Any:
+def spread(run: Run, *, axes: Axes | None = None) -> Axes:
     """Spread of the velocities over time on a logarithmic scale: the largest and the mean-square deviation.
 
     Parameters
@@ -56,7 +57,7 @@ def spread(run: Run, *, axes: Axes | None = None) -> Any:
 
 
 @in_style
-def connectivity(run: Run, *, axes: Axes | None = None) -> Any:
+def connectivity(run: Run, *, axes: Axes | None = None) -> Axes:
     """Algebraic connectivity and number of flocks over the frames, the latter on its own axis.
 
     Parameters
@@ -83,7 +84,7 @@ def connectivity(run: Run, *, axes: Axes | None = None) -> Any:
 
 
 @in_style
-def closest(run: Run, *, axes: Axes | None = None) -> Any:
+def closest(run: Run, *, axes: Axes | None = None) -> Axes:
     """Distance of the closest pair over the frames, with the run's certified minima marked.
 
     Parameters
@@ -117,7 +118,7 @@ def closest(run: Run, *, axes: Axes | None = None) -> Any:
 
 
 @in_style
-def links(run: Run, *, axes: Axes | None = None) -> Any:
+def links(run: Run, *, axes: Axes | None = None) -> Axes:
     """Number of links over the frames, with a rug of the links made and lost between them.
 
     Parameters
@@ -143,7 +144,7 @@ def links(run: Run, *, axes: Axes | None = None) -> Any:
 
 
 @in_style
-def energy(run: Run, *, axes: Axes | None = None) -> Any:
+def energy(run: Run, *, axes: Axes | None = None) -> Axes:
     """The energy ledger over time, with what it leaves unexplained on an axis of its own below.
 
     Parameters
@@ -173,7 +174,7 @@ def energy(run: Run, *, axes: Axes | None = None) -> Any:
     residual = run.residual if len(trace) else trace["energy"]
     below.plot(trace["time"], residual, color=theme().ink, lw=0.8, gid="residual")
     below.ticklabel_format(axis="y", style="sci", scilimits=(-2, 2))
-    below.yaxis.get_offset_text().set_size(6)
+    below.yaxis.get_offset_text().set_fontsize(6)
     below.set_ylabel("residual")
     times = trace["time"] if len(trace) else run.t
     time_axis(below, times)
@@ -182,17 +183,17 @@ def energy(run: Run, *, axes: Axes | None = None) -> Any:
     return axes
 
 
-def _axes_below(axes: Any) -> Any:
+def _axes_below(axes: Axes) -> Axes:
     """New axes under given ones, within the place that those had."""
     place = axes.get_subplotspec()
     if place is None:
         return axes.inset_axes((0.0, -0.42, 1.0, 0.3))
-    upper, lower = place.subgridspec(2, 1, height_ratios=(3, 1))
-    axes.set_subplotspec(upper)
-    return axes.figure.add_subplot(lower)
+    halves = place.subgridspec(2, 1, height_ratios=(3, 1))
+    axes.set_subplotspec(halves[0])
+    return axes.figure.add_subplot(halves[1])
 
 
-def _whole() -> Any:
+def _whole() -> Locator:
     from matplotlib.ticker import MaxNLocator
 
     return MaxNLocator(6, integer=True)

@@ -51,7 +51,7 @@ def lattice_colors(order: NDArray[np.complex128]) -> Array:
     return np.asarray(np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055))
 
 
-def wheel(axes: Axes, color: str) -> object:
+def wheel(axes: Axes, color: str) -> Axes:
     """Draw into a corner of axes which hue is which direction: a row of a lattice along each.
 
     Parameters

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,10 +12,14 @@ from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import components
 from flocking.show.style import BLUE, GREEN, GREY, ORANGE, PALETTE, PURPLE, VERMILION, theme
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.colors import Colormap
+
 CHOICES = ("plain", "flock", "speed", "heading")
 
 
-def net_colors(axes: Any, q: Array, p: Array, links: Any, choice: str, size: float) -> None:
+def net_colors(axes: Axes, q: Array, p: Array, links: Links | None, choice: str, size: float) -> None:
     """Draw the agents' dots in the colours of ``choice``, with a colour bar where they are numbers.
 
     Parameters
@@ -43,29 +47,30 @@ def net_colors(axes: Any, q: Array, p: Array, links: Any, choice: str, size: flo
         look["depthshade"] = False
     else:
         look["zorder"] = 2
+    places = dict(zip(("xs", "ys", "zs") if axes.name == "3d" else ("x", "y"), q.T, strict=True))
     if choice == "plain":
-        axes.scatter(*q.T, color=theme().agent, **look)
+        axes.scatter(**places, color=theme().agent, **look)
     elif choice == "flock":
-        axes.scatter(*q.T, c=flock_colors(links), **look)
+        axes.scatter(**places, c=flock_colors(links), **look)
     elif choice == "speed":
         speed = np.sqrt((p**2).sum(axis=1))
-        dots = axes.scatter(*q.T, c=speed, cmap="viridis", vmin=0.0, vmax=float(speed.max()) or 1.0, **look)
+        dots = axes.scatter(**places, c=speed, cmap="viridis", vmin=0.0, vmax=float(speed.max()) or 1.0, **look)
         axes.figure.colorbar(dots, ax=axes, label="speed", shrink=0.8, pad=0.02)
     else:
         heading = np.arctan2(p[:, 1], p[:, 0])
-        dots = axes.scatter(*q.T, c=heading, cmap=_wheel(), vmin=-np.pi, vmax=np.pi, **look)
+        dots = axes.scatter(**places, c=heading, cmap=_wheel(), vmin=-np.pi, vmax=np.pi, **look)
         bar = axes.figure.colorbar(dots, ax=axes, label="heading", shrink=0.8, pad=0.02)
         bar.set_ticks([-np.pi, 0.0, np.pi], labels=[r"$-\pi$", "$0$", r"$\pi$"])
 
 
-def _wheel() -> object:
+def _wheel() -> Colormap:
     """A closed circle of hues, none of which is pale enough to vanish on a light ground."""
     from matplotlib.colors import LinearSegmentedColormap
 
     return LinearSegmentedColormap.from_list("heading", [BLUE, GREEN, ORANGE, VERMILION, PURPLE, BLUE])
 
 
-def flock_colors(links: Links) -> list[str]:
+def flock_colors(links: Links | None) -> list[str]:
     """One colour per agent: flocks by size, largest first; agents alone are grey.
 
     Raises

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @in_style
-def phase(run: Run, pair: tuple[int, int] | None = None, *, axes: Axes | None = None) -> Any:
+def phase(run: Run, pair: tuple[int, int] | None = None, *, axes: Axes | None = None) -> Axes:
     """Draw (r, dr/dt) of a pair, with the shape of the law's potential behind it.
 
     Parameters
@@ -70,7 +70,7 @@ def _checked_pair(run: Run, pair: tuple[int, int] | None) -> tuple[int, int]:
     return i, j
 
 
-def _well(axes: Any, potential: Potential, low: float, high: float, run: Run) -> None:
+def _well(axes: Axes, potential: Potential, low: float, high: float, run: Run) -> None:
     radius = float(np.max(run.scenario.law.graph.break_radius))
     r = np.linspace(low, high, 600)
     inside = r < radius

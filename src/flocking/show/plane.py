@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,8 @@ from flocking.show.style import COLUMN, PURPLE, axes_or_new, in_style, theme
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.ticker import Locator
+    from mpl_toolkits.mplot3d import Axes3D
 
 LINK_BUDGET, ARROW_BUDGET, TRAIL_BUDGET = 20_000, 2_500, 400
 """Most links, arrows and trails drawn; of more, an even selection is drawn and the axes say so."""
@@ -60,7 +62,7 @@ def net(
     limits: tuple[Sequence[float], Sequence[float]] | None = None,
     seconds_per_arrow: float | None = None,
     budget: int = LINK_BUDGET,
-) -> Any:
+) -> Axes:
     """Draw a net at one time.
 
     Parameters
@@ -218,15 +220,15 @@ def _dot_size(n: int) -> float:
     return float(np.clip(26.0 * (10.0 / max(n, 10)) ** 0.6, 1.0, 26.0))
 
 
-def _line_collection(axes: Any, segments: Any, **look: Any) -> None:
+def _line_collection(axes: Axes, segments: Sequence[Array] | Array, **look: Any) -> None:
     if axes.name == "3d":
         from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
-        axes.add_collection3d(Line3DCollection(segments, **look))
+        cast("Axes3D", axes).add_collection3d(Line3DCollection(segments, **look))
     else:
         from matplotlib.collections import LineCollection
 
-        axes.add_collection(LineCollection(segments, **look), autolim=False)
+        axes.add_collection(LineCollection(list(segments), **look), autolim=False)
 
 
 def _evenly(count: int, most: int) -> NDArray[np.intp]:
@@ -255,7 +257,7 @@ def _draw_trails(axes: Axes, paths: Array, notes: list[str]) -> None:
                      linestyles=[(0, (1.0, 1.6))], alpha=0.75, zorder=0.8, gid="trails")  # fmt: skip
 
 
-def _draw_arrows(axes: Any, q: Array, p: Array, seconds: float, notes: list[str]) -> Array:
+def _draw_arrows(axes: Axes, q: Array, p: Array, seconds: float, notes: list[str]) -> Array:
     agents = _evenly(len(q), ARROW_BUDGET)
     if len(agents) < len(q):
         notes.append(f"{len(agents):,} of {len(q):,} velocities drawn")
@@ -270,8 +272,15 @@ def _draw_arrows(axes: Any, q: Array, p: Array, seconds: float, notes: list[str]
     return base + way
 
 
-def _draw_leader(axes: Any, x: Array, v: Array, seconds: float) -> None:
-    look = {"marker": "h", "s": 70, "color": PURPLE, "edgecolors": theme().ink, "linewidths": 0.6, "gid": "leader"}
+def _draw_leader(axes: Axes, x: Array, v: Array, seconds: float) -> None:
+    look: dict[str, Any] = {
+        "marker": "h",
+        "s": 70,
+        "color": PURPLE,
+        "edgecolors": theme().ink,
+        "linewidths": 0.6,
+        "gid": "leader",
+    }
     if axes.name == "3d":
         axes.scatter(*x[:, None], **look)
         if seconds > 0:
@@ -283,7 +292,7 @@ def _draw_leader(axes: Any, x: Array, v: Array, seconds: float) -> None:
                     width=0.008, zorder=4.5, gid="leader velocity")  # fmt: skip
 
 
-def _frame_axes(axes: Any, points: Sequence[Array], limits: tuple[Sequence[float], Sequence[float]] | None) -> None:
+def _frame_axes(axes: Axes, points: Sequence[Array], limits: tuple[Sequence[float], Sequence[float]] | None) -> None:
     if limits is not None:
         low, high = (np.asarray(corner, dtype=np.float64) for corner in limits)
     else:
@@ -300,7 +309,7 @@ def _frame_axes(axes: Any, points: Sequence[Array], limits: tuple[Sequence[float
             side.set_pane_color((0, 0, 0, 0))
             side.set_major_locator(_few_ticks())
         axes.tick_params(pad=-2)
-        axes.set_box_aspect((1, 1, 1))
+        cast("Axes3D", axes).set_box_aspect((1, 1, 1))
         return
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
@@ -317,7 +326,7 @@ def _even(low: Array, high: Array) -> tuple[Array, Array]:
     return middle - size / 2, middle + size / 2
 
 
-def _few_ticks() -> object:
+def _few_ticks() -> Locator:
     from matplotlib.ticker import MaxNLocator
 
     return MaxNLocator(4)

@@ -10,12 +10,13 @@ from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.show import density, group_series, phase, plane, series
 from flocking.show.sheet import panel, sheet
-from flocking.show.style import COLUMN, PAGE, save, themed
+from flocking.show.style import COLUMN, PAGE, figure_of, save, themed
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_SINGLE: dict[str, Callable[..., object]] = {
+_SINGLE: dict[str, Callable[..., Axes]] = {
     "net": plane.net,
     "density": density.density,
     "energy": group_series.energy,
@@ -26,7 +27,7 @@ _SINGLE: dict[str, Callable[..., object]] = {
     "links": group_series.links,
 }
 
-_PER_AXIS: dict[str, Callable[..., object]] = {
+_PER_AXIS: dict[str, Callable[..., Axes]] = {
     "velocities": series.velocities,
     "positions": series.positions,
     "errors": series.velocity_errors,
@@ -97,18 +98,13 @@ def _check_options(kind: str, options: Mapping[str, object]) -> None:
         raise InvalidInput("plot", name, f"must be an option of kind {kind!r} ({allowed})", options[name])
 
 
-def _figure_of(axes: Any) -> Figure:
-    made: Figure = axes.figure
-    return made
-
-
 def _draw(run: Run, kind: str, options: dict[str, Any]) -> Figure:
     if kind in _SINGLE:
-        return _figure_of(_SINGLE[kind](run, **options))
+        return figure_of(_SINGLE[kind](run, **options))
     if kind in _PER_AXIS:
         function = _PER_AXIS[kind]
         if "axis" in options:
-            return _figure_of(function(run, **options))
+            return figure_of(function(run, **options))
         count = run.q.shape[2]
         return sheet(
             [panel(function, run, axis, **options) for axis in range(count)], columns=count,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,7 +26,7 @@ ABOUT = ("leader", "mean")
 @in_style
 def velocities(
     run: Run, axis: int = 0, *, axes: Axes | None = None, leader: str = "dashed", agents: str = "solid"
-) -> Any:
+) -> Axes:
     """Velocity component of every agent over time (Zhou, Figs. 4, 5, 11, 12).
 
     Parameters
@@ -55,7 +55,7 @@ def velocities(
 @in_style
 def positions(
     run: Run, axis: int = 0, *, axes: Axes | None = None, leader: str = "dashed", agents: str = "solid"
-) -> object:
+) -> Axes:
     """Position component of every agent over time (Zhou, Figs. 6, 7, 13, 14).
 
     Parameters
@@ -82,7 +82,7 @@ def positions(
 
 
 @in_style
-def velocity_errors(run: Run, axis: int = 0, *, about: str | None = None, axes: Axes | None = None) -> Any:
+def velocity_errors(run: Run, axis: int = 0, *, about: str | None = None, axes: Axes | None = None) -> Axes:
     """Velocity of every agent minus a reference over time (Shi, Figs. 4 to 12).
 
     Parameters
@@ -113,7 +113,7 @@ def velocity_errors(run: Run, axis: int = 0, *, about: str | None = None, axes: 
 
 
 @in_style
-def centre_errors(run: Run, *, quantity: str = "velocity", axes: Axes | None = None) -> Any:
+def centre_errors(run: Run, *, quantity: str = "velocity", axes: Axes | None = None) -> Axes:
     """Centre of mass minus leader over time, one line per axis (Shi, panels c and d of Figs. 4 to 12).
 
     Parameters
@@ -148,8 +148,8 @@ def centre_errors(run: Run, *, quantity: str = "velocity", axes: Axes | None = N
 
 
 def agent_lines(
-    axes: Any, t: Array, values: Array, label: str, line: str = "solid", palette: Sequence[str] = PALETTE
-) -> object:
+    axes: Axes, t: Array, values: Array, label: str, line: str = "solid", palette: Sequence[str] = PALETTE
+) -> Axes:
     """Draw a line per agent, ``values`` (F, N) called ``label``, as one collection with the gid ``agents``.
 
     Parameters
@@ -180,7 +180,7 @@ def agent_lines(
     return time_axis(axes, t)
 
 
-def time_axis(axes: Any, t: Array) -> Any:
+def time_axis(axes: Axes, t: Array) -> Axes:
     """Label the horizontal axis as time and let it span the run."""
     low, high = float(t[0]), float(t[-1])
     axes.set_xlim(low, high if high > low else low + 1.0)
@@ -194,8 +194,8 @@ def only_leader(run: Run) -> Leader | None:
 
 
 def _components(
-    run: Run, values: Array, which: int, axis: int, label: str, axes: Any, line: str, agents: str
-) -> object:
+    run: Run, values: Array, which: int, axis: int, label: str, axes: Axes | None, line: str, agents: str
+) -> Axes:
     if agents not in AGENT_LINES:
         raise InvalidInput("show", "agents", f"must be one of {', '.join(AGENT_LINES)}", agents)
     if line not in LEADER_LINES:

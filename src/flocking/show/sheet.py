@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, cast
 
 from flocking.errors import InvalidInput
 from flocking.model.checks import integer
 from flocking.show.style import PAGE, figure, in_style
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from mpl_toolkits.mplot3d import Axes3D
 
     from flocking.engine.runs.run import Run
 
@@ -28,7 +30,7 @@ class Panel:
         Whether it needs axes in three dimensions.
     """
 
-    draw: Callable[[Any], Any]
+    draw: Callable[[Axes], object]
     space: bool = False
 
 
@@ -52,7 +54,7 @@ def panel(function: Callable[..., object], run: Run, *args: object, **options: o
 
 @in_style
 def sheet(
-    panels: Sequence[Panel | Callable[[Any], Any]],
+    panels: Sequence[Panel | Callable[[Axes], object]],
     columns: int = 2,
     *,
     width: float = PAGE,
@@ -88,12 +90,12 @@ def sheet(
     grid = made.add_gridspec(rows, columns)
     for k, one in enumerate(panels):
         one = one if isinstance(one, Panel) else Panel(one)
-        axes: Any = made.add_subplot(grid[k // columns, k % columns], projection="3d" if one.space else None)
+        axes: Axes = made.add_subplot(grid[k // columns, k % columns], projection="3d" if one.space else None)
         one.draw(axes)
         if letters and len(panels) > 1:
             mark = f"({chr(ord('a') + k)})" if k < 26 else f"({k + 1})"
             if one.space:
-                axes.text2D(0.0, 1.02, mark, fontweight="bold", transform=axes.transAxes)
+                cast("Axes3D", axes).text2D(0.0, 1.02, mark, fontweight="bold", transform=axes.transAxes)
             else:
                 axes.set_title(mark, loc="left", fontweight="bold")
     return made

@@ -10,7 +10,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
 from flocking.engine.storage.atomic_files import write_through
 from flocking.errors import InvalidInput
@@ -93,7 +93,7 @@ def themed(name: str) -> Iterator[Theme]:
         _current.reset(token)
 
 
-def settings() -> dict[str, Any]:
+def settings() -> dict[str, object]:
     """The style sheet as matplotlib settings, in the colours of the current theme."""
     from cycler import cycler
 
@@ -166,12 +166,20 @@ def figure(width: float = COLUMN, height: float | None = None) -> Figure:
 
 @in_style
 def axes_or_new(
-    axes: Axes | None, *, width: float = COLUMN, height: float | None = None, projection: Any = None
-) -> Any:
+    axes: Axes | None, *, width: float = COLUMN, height: float | None = None, projection: str | None = None
+) -> Axes:
     """``axes``, or those of a new figure of that ``width``, ``height`` and ``projection`` when there are none."""
     if axes is not None:
         return axes
     return figure(width, height).add_subplot(projection=projection)
+
+
+def figure_of(axes: Axes) -> Figure:
+    """The figure that axes are drawn in, the whole one where they are part of a smaller one."""
+    from matplotlib.figure import Figure
+
+    made = axes.figure
+    return made if isinstance(made, Figure) else made.figure
 
 
 def check_writable(owner: str, path: Path) -> None:

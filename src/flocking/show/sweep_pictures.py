@@ -44,8 +44,8 @@ def share_map(
     x_label: str = "",
     y_label: str = "",
     title: str = "",
-    axes: Any = None,
-) -> Any:
+    axes: Axes | None = None,
+) -> Axes:
     """A mean over two parameters as coloured cells, each with its value and interval written in.
 
     Parameters
@@ -100,8 +100,8 @@ def bands(
     y_label: str = "",
     title: str = "",
     runs: bool = False,
-    axes: Any = None,
-) -> Any:
+    axes: Axes | None = None,
+) -> Axes:
     """Mean against one parameter with its interval, one curve for each value of another.
 
     Parameters
@@ -167,8 +167,8 @@ def against(
     x_label: str = "",
     y_label: str = "",
     title: str = "",
-    axes: Any = None,
-) -> Any:
+    axes: Axes | None = None,
+) -> Axes:
     """One measure against another, a dot per run on logarithmic axes, with the line where they are equal.
 
     Parameters

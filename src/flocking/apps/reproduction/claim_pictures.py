@@ -69,10 +69,10 @@ def draw_picture(name: str, run: Run) -> Figure:
     """
     from flocking.show import series
     from flocking.show.plot import plot
+    from flocking.show.style import figure_of
 
     if name == "leader":
-        shown: Figure = series.centre_errors(run).figure
-        return shown
+        return figure_of(series.centre_errors(run))
     if name == "velocities":
         return plot(run, "velocities", axis=0)
     if name == "net":

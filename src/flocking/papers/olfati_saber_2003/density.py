@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,6 +12,9 @@ from flocking.engine.driver.simulate import simulate
 from flocking.model.observables import density, flocks
 from flocking.papers.olfati_saber_2003 import passage, system
 from flocking.show.style import BLUE, COLUMN, VERMILION, axes_or_new, in_style, theme
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Box = tuple[tuple[float, float], tuple[float, float]]
 
@@ -130,7 +133,7 @@ def density_table(
 
 
 @in_style
-def density_chart(table: Sequence[Outcome], axes: Any = None) -> object:
+def density_chart(table: Sequence[Outcome], axes: Axes | None = None) -> Axes:
     """Draw densities by variant, a dot per seed, beside the paper's.
 
     Parameters

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flocking.arrays import Mask
 from flocking.engine.runs.run import Run
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
@@ -21,6 +22,7 @@ from flocking.show.sheet import sheet
 from flocking.show.style import BLUE, GREEN, ORANGE, PAGE, PURPLE, VERMILION, theme
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Picture
 
 BUMP_RADIUS = 12.0
@@ -32,12 +34,12 @@ def neighbourhoods(_: Run) -> Picture:
     """Fig. 1: (a) the shell of an agent and (b) its field of view, with its neighbours."""
     q, headings = examples_nets.scattered(), examples_nets.directions()
 
-    def shell(axes: Any) -> None:
-        _neighbours(axes, q, examples_nets.neighbourhoods(1.0)["shell"])
+    def shell(axes: Axes) -> None:
+        _neighbours(axes, q, np.asarray(examples_nets.neighbourhoods(1.0)["shell"]))
         angle = np.linspace(0, 2 * np.pi, 200)
         axes.plot(*(system.RADIUS * np.array([np.cos(angle), np.sin(angle)])), color=VERMILION, lw=0.9)
 
-    def view(axes: Any) -> None:
+    def view(axes: Axes) -> None:
         seen = FieldOfView(system.RADIUS, HALF_ANGLE).start_links(q, headings)[0]
         _neighbours(axes, q, seen)
         angle = headings[0] + np.linspace(-HALF_ANGLE, HALF_ANGLE, 120)
@@ -48,24 +50,24 @@ def neighbourhoods(_: Run) -> Picture:
     return sheet([shell, view], columns=2, width=PAGE, ratio=0.9)
 
 
-def _neighbours(axes: Any, q: Array, seen: Any) -> None:
+def _neighbours(axes: Axes, q: Array, seen: Mask) -> None:
     links = np.zeros((len(q), len(q)), dtype=bool)
     links[0] = seen
     net(State(q, links=links), axes=axes, arrows=False, title=False, limits=((-10.5, -10.5), (12.5, 10.5)))
-    axes.scatter(*q[seen].T, s=36, color=GREEN, zorder=4)
-    axes.scatter(*q[:1].T, s=44, color=VERMILION, zorder=4)
+    axes.scatter(q[seen, 0], q[seen, 1], s=36, color=GREEN, zorder=4)
+    axes.scatter(q[0, 0], q[0, 1], s=44, color=VERMILION, zorder=4)
 
 
 def bumps(_: Run) -> Picture:
     """Fig. 2: (a) bumps rho(z/r) for k0 = 5/6 and r = 12, and (b) their slopes."""
     looks = {"cosine": (BLUE, "-"), "quintic": (VERMILION, "--"), "infinite": (GREEN, ":")}
 
-    def values(axes: Any) -> None:
+    def values(axes: Axes) -> None:
         for name, (color, line) in looks.items():
             curve(_of_distance(BUMPS[name]), 0.0, 15.0, axes=axes, color=color, line=line, label=r"$\rho$")
         axes.set_ylim(-0.05, 1.1)
 
-    def slopes(axes: Any) -> None:
+    def slopes(axes: Axes) -> None:
         low = 0.0
         for name, (color, line) in looks.items():
             curve(_of_distance(BUMPS[name].slope), 0.0, 15.0, axes=axes, color=color, line=line, label=r"$\rho'$")
@@ -84,8 +86,8 @@ def _of_distance(bump: Callable[[Array, float], Array]) -> Callable[[Array], Arr
 def realizations(_: Run) -> Picture:
     """Fig. 3: six realizations of a structural net of four agents."""
 
-    def one(q: Array, links: Links) -> Any:
-        def draw(axes: Any) -> None:
+    def one(q: Array, links: Links) -> Callable[[Axes], None]:
+        def draw(axes: Axes) -> None:
             middle, half = (q.max(axis=0) + q.min(axis=0)) / 2, 0.5 * float(np.ptp(q, axis=0).max()) + 3.0
             net(
                 State(q, links=links),
@@ -106,12 +108,12 @@ def potentials(_: Run) -> Picture:
     """Fig. 4: (a) psi_alpha and (b) phi_alpha for a = 1, b = 5."""
     psi = structural_potential(POTENTIAL_RANGE, system.ATTRACTION, system.REPULSION)
 
-    def value(axes: Any) -> None:
+    def value(axes: Axes) -> None:
         curve(
             lambda z: psi(z + POTENTIAL_RANGE), -POTENTIAL_RANGE, POTENTIAL_RANGE, axes=axes, label=r"$\psi_\alpha(z)$"
         )
 
-    def action(axes: Any) -> None:
+    def action(axes: Axes) -> None:
         curve(
             lambda z: psi.slope(z + POTENTIAL_RANGE),
             -POTENTIAL_RANGE,
@@ -133,7 +135,7 @@ def pair_potentials(_: Run) -> Picture:
     d = examples_energy.WIDE
     psi = structural_potential(d, system.ATTRACTION, system.REPULSION)
 
-    def one(smooth: bool) -> Any:
+    def one(smooth: bool) -> Callable[[Axes], None]:
         graph = examples_energy.pair_net(smooth)
         end = float(np.max(graph.break_radius)) - d
 
@@ -141,7 +143,7 @@ def pair_potentials(_: Run) -> Picture:
             weights = [adjacency(graph, np.array([[0.0, 0.0], [d + x, 0.0]]))[0, 1] for x in eta]
             return np.asarray(np.array(weights) * psi(d + eta))
 
-        def draw(axes: Any) -> None:
+        def draw(axes: Axes) -> None:
             curve(
                 value,
                 -4.0,
@@ -165,7 +167,7 @@ def beta_agent(_: Run) -> Picture:
     obstacle = examples_obstacles.first_obstacle()
     looks = {"alpha": (BLUE, "1"), "beta": (VERMILION, "2"), "gamma": (PURPLE, "3")}
 
-    def draw(axes: Any) -> None:
+    def draw(axes: Axes) -> None:
         net(
             State(places["alpha"][None]),
             axes=axes,
@@ -180,8 +182,10 @@ def beta_agent(_: Run) -> Picture:
         for end in ("beta", "gamma"):
             axes.plot(*np.stack([places["alpha"], places[end]]).T, color=theme().ink, lw=0.7, ls=":")
         for name, (color, number) in looks.items():
-            axes.scatter(*places[name][:, None], s=40, color=color, zorder=5)
-            axes.annotate(number, places[name], xytext=(5, 6), textcoords="offset points", fontweight="bold")
+            axes.scatter(places[name][0], places[name][1], s=40, color=color, zorder=5)
+            axes.annotate(
+                number, (places[name][0], places[name][1]), xytext=(5, 6), textcoords="offset points", fontweight="bold"
+            )
         direction = np.asarray(system.DESIRED_VELOCITY) / np.linalg.norm(system.DESIRED_VELOCITY)
         start, end_point = places["gamma"] + direction, places["gamma"] + 6 * direction
         axes.annotate("", end_point, start, arrowprops={"arrowstyle": "->", "color": theme().ink})

@@ -8,10 +8,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flocking.arrays import Links
 from flocking.engine.driver.simulate import simulate
 from flocking.engine.reference.control import Evaluation, control, evaluate
 from flocking.engine.runs.run import Run
@@ -112,7 +113,7 @@ def closed_loop(scale: float) -> tuple[Scenario, Run]:
     return scenario, simulate(scenario, plant=scaled_law(scenario, scale), progress=False)
 
 
-def links(scale: float) -> np.ndarray[Any, Any]:
+def links(scale: float) -> Links:
     """Neighbours of agents on a line at 0, 4, 8.03 and 12.2 under a radius off by ``scale``."""
     return Proximity(system.SENSING_RADIUS * scale, closed=True).initial(np.array([[0.0], [4.0], [8.03], [12.2]]))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,12 +17,13 @@ from flocking.show.style import PAGE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Picture
 
 
-def _desired(run: Run) -> Any:
+def _desired(run: Run) -> Picture:
     leader = run.scenario.law.leaders[0]
 
-    def component(run: Run, axis: int, *, axes: Axes | None = None) -> object:
+    def component(run: Run, axis: int, *, axes: Axes | None = None) -> Axes:
         def velocity(t: Array) -> Array:
             return np.asarray(leader.along(t)[1][:, axis])
 
@@ -31,7 +32,7 @@ def _desired(run: Run) -> Any:
     return sheet([panel(component, run, 0), panel(component, run, 1)], columns=2, width=PAGE, ratio=0.75)
 
 
-def _panels(run: Run) -> Any:
+def _panels(run: Run) -> Picture:
     return sheet(
         [
             panel(series.velocity_errors, run, 0),
@@ -45,7 +46,7 @@ def _panels(run: Run) -> Any:
     )
 
 
-def _about_centre(*runs: Run) -> Any:
+def _about_centre(*runs: Run) -> Picture:
     panels = [panel(series.velocity_errors, run, axis, about="mean") for run in runs for axis in (0, 1)]
     return sheet(panels, columns=2, width=PAGE, ratio=0.75)
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flocking.arrays import AnyArray
 from flocking.engine.runs.run import Run
 from flocking.model.checks import Array
 from flocking.papers.olfati_saber_2003.system import DISTANCE, RADIUS
@@ -14,6 +16,7 @@ from flocking.papers.showcases.stored_summary import StoredSummary
 from flocking.study.hexatic_order import hexatic, hexatic_map, largest_share
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 NAME = "flock-from-noise"
@@ -39,7 +42,7 @@ def keep(run: Run) -> StoredSummary:
         The run; it may have ended early.
     """
     facts: dict[str, Any] = {"times": [float(t) for t in run.t]}
-    arrays: dict[str, Any] = {}
+    arrays: dict[str, AnyArray] = {}
     rows: dict[str, list[float]] = {k: [] for k in ("order", "hexatic", "six", "flocks", "largest", "nearest_mean")}
     for frame, t in enumerate(run.t):
         q, p = run.q[frame], run.p[frame]
@@ -72,14 +75,14 @@ def draw(kept: StoredSummary) -> Figure:
 
     end = kept.facts["times"][-1]
     patches = sorted(float(name.removeprefix("patch_")) for name in kept.arrays if name.startswith("patch_"))
-    panels: list[Any] = [
+    panels: list[Callable[[Axes], Axes]] = [
         _shades(kept, f"patch_{t:g}", PATCH, f"$t = {t:g}$", inner=CLOSE if t == end else 0.0) for t in patches
     ]
     panels += [_shades(kept, "whole", WHOLE, f"all, $t = {end:g}$", inner=PATCH), lambda axes: draw_close(kept, axes)]
     return sheet(panels, columns=2, width=7.2, ratio=1.0)
 
 
-def draw_close(kept: StoredSummary, axes: Any) -> Any:
+def draw_close(kept: StoredSummary, axes: Axes) -> Axes:
     """Single agents in the smallest window: hue by direction; rings where there are not six neighbours.
 
     Parameters
@@ -98,10 +101,11 @@ def draw_close(kept: StoredSummary, axes: Any) -> Any:
     axes.set_facecolor("black")
     axes.add_collection(LineCollection(list(place[pairs] / RADIUS), colors="0.45", linewidths=0.4, gid="links"))
     size = 22.0
-    axes.scatter(*(place.T / RADIUS), c=lattice_colors(order / np.maximum(np.abs(order), 1e-9)), s=size, lw=0, zorder=2)
+    x, y = place.T / RADIUS
+    axes.scatter(x, y, c=lattice_colors(order / np.maximum(np.abs(order), 1e-9)), s=size, lw=0, zorder=2)
     for wrong, color in ((count < 6, "white"), (count > 6, "#FFD400")):
         axes.scatter(
-            *(place[wrong].T / RADIUS), facecolors="none", edgecolors=color, s=size * 1.5, lw=0.9, zorder=3
+            x[wrong], y[wrong], facecolors="none", edgecolors=color, s=size * 1.5, lw=0.9, zorder=3
         )  # fmt: skip
     half = CLOSE / 2 / RADIUS
     axes.set(xlim=(-half, half), ylim=(-half, half), aspect="equal", xlabel="$x/r$", ylabel="$y/r$")
@@ -140,7 +144,7 @@ def _map(q: Array, order: NDArray[np.complex128], side: float, cell: float) -> N
     return coded(hexatic_map(q, order, low=low, cell=cell, shape=(cells, cells), reach=GAP))
 
 
-def _close(q: Array, order: NDArray[np.complex128], neighbours: NDArray[np.int64]) -> dict[str, object]:
+def _close(q: Array, order: NDArray[np.complex128], neighbours: NDArray[np.int64]) -> dict[str, AnyArray]:
     # A rim beyond the window, so that links at its border are drawn.
     share = (q - q.mean(axis=0)) / (1.2 * CLOSE) + 0.5
     inside = ((share >= 0) & (share < 1)).all(axis=1)
@@ -157,11 +161,11 @@ def _nearest(q: Array) -> Array:
     return np.asarray(cKDTree(q).query(q, k=2)[0])[:, 1]
 
 
-def _shades(kept: StoredSummary, name: str, side: float, title: str, inner: float = 0.0) -> Any:
+def _shades(kept: StoredSummary, name: str, side: float, title: str, inner: float = 0.0) -> Callable[[Axes], Axes]:
     """A panel of a map, with a square about the next smaller window."""
     from flocking.show.lattice_orientation import lattice_colors, wheel
 
-    def drawn(axes: Any) -> object:
+    def drawn(axes: Axes) -> Axes:
         half, small = side / 2 / RADIUS, inner / 2 / RADIUS
         colors = lattice_colors(uncoded(kept.arrays[name]))
         axes.set_facecolor("black")

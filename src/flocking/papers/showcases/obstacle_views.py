@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flocking.arrays import AnyArray
 from flocking.engine.runs.run import Run
 from flocking.model.checks import Array
 from flocking.model.law import Scenario
@@ -20,6 +21,7 @@ from flocking.study.density_maps import DensityMap, density_map
 from flocking.study.hexatic_order import largest_share
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 LATTICE = 2.0 / (np.sqrt(3.0) * DISTANCE**2)
@@ -98,7 +100,7 @@ class ObstacleViews:
             "views": drawn,
             "densest": [float(one.values.max() / LATTICE) for one in made.values()],
         }
-        arrays: dict[str, Any] = {f"density_{t:g}": packed(one.values / LATTICE) for t, one in made.items()}
+        arrays: dict[str, AnyArray] = {f"density_{t:g}": packed(one.values / LATTICE) for t, one in made.items()}
         every = max(1, run.n // SAMPLE)
         arrays |= {f"sample_{t:g}": run.q[_frame(run, t), ::every] for t in drawn}
         if self.close is not None and np.abs(run.t - self.close.time).min() < 1e-6:
@@ -165,7 +167,7 @@ class ObstacleViews:
     def _corner(self, t: float) -> Array:
         return np.array(self.centres[t]) - np.array(self.size) / 2
 
-    def _sheet(self, panels: list[Any], columns: int, *, letters: bool = True) -> Figure:
+    def _sheet(self, panels: list[Callable[[Axes], Axes]], columns: int, *, letters: bool = True) -> Figure:
         from flocking.show.density import SPAN, scale
         from flocking.show.sheet import sheet
 
@@ -174,7 +176,7 @@ class ObstacleViews:
         scale(made, axes[0].images[0], axes, *SPAN, label=SCALE_LABEL)
         return made
 
-    def _panel(self, kept: StoredSummary, t: float, title: str) -> Any:
+    def _panel(self, kept: StoredSummary, t: float, title: str) -> Callable[[Axes], Axes]:
         from flocking.show.density import density
 
         balls = balls_of(showcase_scenario(self.name, agents=1))
@@ -183,7 +185,7 @@ class ObstacleViews:
             title=title,
         )  # fmt: skip
 
-    def _close(self, close: CloseView, q: Array, p: Array) -> dict[str, object]:
+    def _close(self, close: CloseView, q: Array, p: Array) -> dict[str, AnyArray]:
         share = (q - close.low) / (np.array(close.high) - close.low)
         inside = ((share >= 0) & (share < 1)).all(axis=1)
         speed = np.linalg.norm(p[inside], axis=1) / FASTEST
@@ -192,15 +194,15 @@ class ObstacleViews:
             "close_speed": np.rint(255 * np.minimum(speed, 1.0)).astype(np.uint8),
         }
 
-    def _draw_close(self, close: CloseView, kept: StoredSummary, axes: Any) -> Any:
+    def _draw_close(self, close: CloseView, kept: StoredSummary, axes: Axes) -> Axes:
         from flocking.show.density import GROUND, STONE, STONE_EDGE
 
         low, high = np.array(close.low) / RADIUS, np.array(close.high) / RADIUS
         place = low + (high - low) * kept.arrays["close_place"] / 65535.0
         axes.set_facecolor(GROUND)
         dots = axes.scatter(
-            *place.T, c=kept.arrays["close_speed"] * FASTEST / 255.0, s=3.0, lw=0, cmap="viridis", vmin=0.0,
-            vmax=FASTEST, gid="agents",
+            place[:, 0], place[:, 1], c=kept.arrays["close_speed"] * FASTEST / 255.0, s=3.0, lw=0, cmap="viridis",
+            vmin=0.0, vmax=FASTEST, gid="agents",
         )  # fmt: skip
         for ball in balls_of(showcase_scenario(self.name, agents=1)):
             axes.fill(*(ball.outline(181).T / RADIUS), facecolor=STONE, edgecolor=STONE_EDGE, lw=0.5)

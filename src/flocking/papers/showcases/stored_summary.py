@@ -13,6 +13,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from flocking.arrays import AnyArray
 from flocking.engine.storage.atomic_files import write_file
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
@@ -35,7 +36,7 @@ class StoredSummary:
     """
 
     facts: dict[str, Any]
-    arrays: Mapping[str, NDArray[Any]]
+    arrays: Mapping[str, AnyArray]
 
     @property
     def drawable(self) -> bool:
@@ -51,9 +52,9 @@ class StoredSummary:
             When it cannot be written.
         """
         text = json.dumps(self.facts, indent=1, allow_nan=False, sort_keys=True)
-        parts: dict[str, Any] = {FACTS: np.frombuffer(text.encode(), np.uint8), **self.arrays}
+        parts: dict[str, AnyArray] = {FACTS: np.frombuffer(text.encode(), np.uint8), **self.arrays}
         file = io.BytesIO()
-        np.savez_compressed(file, **parts)
+        np.savez_compressed(file, allow_pickle=False, **parts)
         return write_file(Path(path), file.getvalue(), "write what is kept of the run")
 
     @classmethod

@@ -114,6 +114,7 @@ def _tanner(table: SweepTable) -> Figure:
 
 def _olfati_saber(table: SweepTable) -> Figure:
     from flocking.papers.scenario_families import OBSTACLE_AREA
+    from flocking.show.style import figure_of
     from flocking.show.sweep_pictures import bands
 
     axes = bands(
@@ -127,8 +128,9 @@ def _olfati_saber(table: SweepTable) -> Figure:
     axes.minorticks_off()
     axes.axhline(0.97, color="0.5", lw=0.8, ls="--")
     axes.text(gains[0], 0.97, "printed: 0.97", va="bottom", fontsize=6)
-    axes.get_legend().set_title("start region")
-    return axes.figure  # type: ignore[no-any-return]
+    if (legend := axes.get_legend()) is not None:
+        legend.set_title("start region")
+    return figure_of(axes)
 
 
 def _shi(table: SweepTable) -> Figure:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flocking.arrays import Links
 from flocking.engine.reference.control import evaluate
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import is_connected
@@ -20,6 +21,7 @@ from flocking.papers import examples
 from flocking.papers.tanner_2003_fixed import system, theorems
 from flocking.study.claims.judgement import Judgement
 from flocking.study.claims.potential_minimum import smallest_value
+from flocking.study.evidence import Evidence
 from flocking.study.potentials.equilibrium import Equilibrium
 from flocking.study.potentials.state_energy import agent_energies, total_energy
 
@@ -97,7 +99,7 @@ def laplacian_of(scale: float) -> Array:
     return np.asarray(laplacian(chain_links(scale)))
 
 
-def chain_links(scale: float) -> Any:
+def chain_links(scale: float) -> Links:
     """Links of a chain with spacings from 0.991 to 1.009 under the scaled radius 1."""
     q = np.stack([np.cumsum([0.0, 0.991, 0.996, 1.003, 1.009]), np.zeros(5)], axis=1)
     return Proximity(scale).initial(q)
@@ -179,7 +181,7 @@ def distance_limit_of(scale: float) -> float:
     return theorems.longest_path(system.potential(), 9, 2.0 * scale)
 
 
-def _moving_pair(speed: float) -> Any:
+def _moving_pair(speed: float) -> Evidence:
     from flocking.engine.driver.simulate import simulate
     from flocking.model.law import Scenario
     from flocking.study.evidence import Evidence
