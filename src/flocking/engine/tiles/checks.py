@@ -146,6 +146,13 @@ def stiff_start(step: float, resolves: float, scheme: str, time: float) -> None:
 def links_kept(particles: Crowd, step: float, time: float) -> None:
     """Whether a link broke although its potential is infinite there.
 
+    Parameters
+    ----------
+    particles
+        The agents, after the step.
+    step
+        The longest step.
+
     Raises
     ------
     LinkLost

@@ -71,6 +71,8 @@ class LawCheck:
         ----------
         particles
             The agents, whose neighbour lists are good.
+        moment
+            When the look is taken.
         gaps
             Takes what is found.
 
@@ -96,6 +98,8 @@ class LawCheck:
         ----------
         kick, h
             Times for which forces acted on velocities, and velocities on places.
+        moment
+            When the look is taken.
         gaps
             Takes what is found.
 
