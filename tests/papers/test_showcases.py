@@ -111,10 +111,10 @@ def test_orders_of_lattices_are_kept_in_steps():
 
 
 def test_what_is_kept_survives_the_disk(tmp_path):
-    kept = StoredSummary({"a": [1, 2.5], "b": {"c": "d"}}, {"x": np.arange(6, dtype=np.uint8).reshape(2, 3)})
-    back = StoredSummary.read(kept.write(tmp_path / "deep" / "kept.npz"))
-    assert back.facts == kept.facts
-    assert np.array_equal(back.arrays["x"], kept.arrays["x"])
+    summary = StoredSummary({"a": [1, 2.5], "b": {"c": "d"}}, {"x": np.arange(6, dtype=np.uint8).reshape(2, 3)})
+    back = StoredSummary.read(summary.write(tmp_path / "deep" / "kept.npz"))
+    assert back.facts == summary.facts
+    assert np.array_equal(back.arrays["x"], summary.arrays["x"])
     (tmp_path / "broken.npz").write_bytes((tmp_path / "deep" / "kept.npz").read_bytes()[:100])
     for name in ("none.npz", "broken.npz"):
         with pytest.raises(InvalidInput, match="must hold a kept run"):
@@ -144,28 +144,28 @@ def test_what_is_kept_of_a_run_past_obstacles():
     balls = np.array([[*b.centre.at(0.0)[0], b.radius] for b in balls_of(scenario)])
     outside = q.copy()
     outside[surface_distances(q, balls) < 1.0] = [80.0, -40.0]
-    kept = views().keep(made_run(scenario, [(0.0, outside), (1.0, q)]))
-    assert kept.facts["inside"] == [0, int((surface_distances(q, balls) < 0).sum())]
-    assert kept.facts["inside"][1] > 50
-    assert kept.facts["clearance"][0] >= 1.0 > 0 > kept.facts["clearance"][1]
-    assert kept.facts["late"] == 0
+    summary = views().keep(made_run(scenario, [(0.0, outside), (1.0, q)]))
+    assert summary.facts["inside"] == [0, int((surface_distances(q, balls) < 0).sum())]
+    assert summary.facts["inside"][1] > 50
+    assert summary.facts["clearance"][0] >= 1.0 > 0 > summary.facts["clearance"][1]
+    assert summary.facts["late"] == 0
     run = made_run(scenario, [(1.0, q)])
     run.p[-1, :7] *= 0.5
     assert views().keep(run).facts["late"] == 7
-    assert kept.facts["views"] == [1.0]
-    made = views().stored(kept, 1.0)
+    assert summary.facts["views"] == [1.0]
+    made = views().stored(summary, 1.0)
     assert made.values.shape == (32, 40)
     assert made.values.mean() * LATTICE == pytest.approx(4000 / (200 * 160), rel=0.15)
     shown = ((q >= [100, 0]) & (q < [200, 100])).all(axis=1).sum()
-    assert len(kept.arrays["close_place"]) == shown
-    assert kept.arrays["close_speed"].tolist() == [round(255 * np.sqrt(2) / 12)] * shown
+    assert len(summary.arrays["close_place"]) == shown
+    assert summary.arrays["close_speed"].tolist() == [round(255 * np.sqrt(2) / 12)] * shown
     moved = views().keep(made_run(scenario, [(1.0, q + [0.0, 3.0])]))
-    assert views().difference(kept, kept, 1.0) == 0
-    assert 0 < views().difference(kept, moved, 1.0) < 0.5
-    assert views().parting(kept, moved, 1.0) == pytest.approx(3.0)
-    picture = views().beside({"one": kept, "other": moved})
+    assert views().difference(summary, summary, 1.0) == 0
+    assert 0 < views().difference(summary, moved, 1.0) < 0.5
+    assert views().parting(summary, moved, 1.0) == pytest.approx(3.0)
+    picture = views().beside({"one": summary, "other": moved})
     assert [a.get_title() for a in picture.axes[:2]] == ["one, $t = 1$", "other, $t = 1$"]
-    drawn = views().draw(kept)
+    drawn = views().draw(summary)
     (dots,) = [c for c in drawn.axes[1].collections if c.get_gid() == "agents"]
     assert len(dots.get_offsets()) == shown
     assert (np.abs(dots.get_offsets() - np.array([150.0, 50.0]) / system.RADIUS) <= 50.0 / system.RADIUS).all()
@@ -175,17 +175,17 @@ def test_what_is_kept_of_a_lattice():
     lattice = fk.start.hexagonal(3000, spacing=7.0, noise=0.2, seed=0).q
     noise = np.random.default_rng(0).random((3000, 2)) * 350
     scenario = showcase_scenario("flock-from-noise", agents=3000)
-    kept = flock_from_noise.keep(made_run(scenario, [(0.0, noise), (5.0, noise), (100.0, lattice)]))
-    facts = kept.facts
+    summary = flock_from_noise.keep(made_run(scenario, [(0.0, noise), (5.0, noise), (100.0, lattice)]))
+    facts = summary.facts
     assert facts["hexatic"][0] < 0.6 < 0.9 < facts["hexatic"][2]
     assert facts["flocks"][2] == 1
     assert facts["largest"][2] == 1.0
     assert facts["six"][2] > 0.85
     assert facts["order"] == pytest.approx([1.0] * 3)
-    assert set(kept.arrays) >= {"patch_5", "patch_100", "whole", "close_place", "close_order", "close_count"}
-    inner = flock_from_noise.uncoded(kept.arrays["patch_100"])[100:150, 100:150]
+    assert set(summary.arrays) >= {"patch_5", "patch_100", "whole", "close_place", "close_order", "close_count"}
+    inner = flock_from_noise.uncoded(summary.arrays["patch_100"])[100:150, 100:150]
     assert (np.abs(np.angle(inner)) < 0.5).mean() > 0.95
-    picture = flock_from_noise.draw(kept)
+    picture = flock_from_noise.draw(summary)
     assert [a.get_title() for a in picture.axes if a.images][:2] == ["$t = 5$", "$t = 100$"]
 
 
@@ -250,8 +250,8 @@ def test_a_smaller_run_is_made_and_kept(tmp_path):
     for other in (one.scenario(agents=401, until=10.0), one.scenario(agents=400, until=11.0)):
         with pytest.raises(InvalidInput, match="must hold no other run"):
             one.run(tmp_path / "run", other, progress=False)
-    kept = one.stored_summary_of(run, fk.audit(run))
-    assert kept.facts["views"] == [10.0]
-    assert kept.facts["audit"]["ledger"][0] == "holds"
-    sooner = one.stored_summary_of(dataclasses.replace(run, t=run.t[:2], q=run.q[:2], p=run.p[:2]), fk.audit(run))
+    summary = one.summary_of(run, fk.audit(run))
+    assert summary.facts["views"] == [10.0]
+    assert summary.facts["audit"]["ledger"][0] == "holds"
+    sooner = one.summary_of(dataclasses.replace(run, t=run.t[:2], q=run.q[:2], p=run.p[:2]), fk.audit(run))
     assert not sooner.drawable

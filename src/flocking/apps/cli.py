@@ -334,8 +334,8 @@ def check(
             print()
             cells = [(row.name, _WORDS[row.holds], row.explanation) for row in rows]
             print_table(("property", "verdict", "measured"), cells, title=title)
-    wanted = [d.holds for d in report.definitions if definition is not None]
-    return DIFFERENT if False in wanted else FINE
+    outcomes = [d.holds for d in report.definitions if definition is not None]
+    return DIFFERENT if False in outcomes else FINE
 
 
 def _named_values(texts: Sequence[str]) -> dict[str, float]:

@@ -117,12 +117,12 @@ class Law:
         """Symmetries that all terms and graphs keep."""
         from flocking.model.terms.pair_terms import SYMMETRIES
 
-        kept = SYMMETRIES
+        common = SYMMETRIES
         for term in self.terms:
-            kept &= term.symmetries
+            common &= term.symmetries
         if any(g.directed for g in self.graphs):
-            kept -= {"momentum"}
-        return kept
+            common -= {"momentum"}
+        return common
 
     def singular_at_zero(self) -> bool:
         """Whether some potential of the law diverges where two neighbours coincide."""

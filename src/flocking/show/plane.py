@@ -261,15 +261,15 @@ def _draw_arrows(axes: Axes, q: Array, p: Array, seconds: float, notes: list[str
     agents = _evenly(len(q), ARROW_BUDGET)
     if len(agents) < len(q):
         notes.append(f"{len(agents):,} of {len(q):,} velocities drawn")
-    base, way = q[agents], seconds * p[agents]
+    base, shift = q[agents], seconds * p[agents]
     if axes.name == "3d":
-        axes.quiver(*base.T, *way.T, color=theme().ink, linewidth=0.7, arrow_length_ratio=0.28, gid="velocities")
+        axes.quiver(*base.T, *shift.T, color=theme().ink, linewidth=0.7, arrow_length_ratio=0.28, gid="velocities")
     else:
         width = float(np.clip(0.0045 * (30.0 / len(agents)) ** 0.4, 0.001, 0.0045))
-        axes.quiver(*base.T, *way.T, color=theme().ink, angles="xy", scale_units="xy", scale=1.0,
+        axes.quiver(*base.T, *shift.T, color=theme().ink, angles="xy", scale_units="xy", scale=1.0,
                     width=width, headwidth=4, headlength=5, headaxislength=4.5,
                     minlength=0.5, zorder=3, gid="velocities")  # fmt: skip
-    return base + way
+    return base + shift
 
 
 def _draw_leader(axes: Axes, x: Array, v: Array, seconds: float) -> None:

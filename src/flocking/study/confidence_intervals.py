@@ -122,18 +122,18 @@ def mean_interval(values: Array, level: float = 0.95) -> Interval:
         When the level is not between 0 and 1.
     """
     check_level(level)
-    kept = np.asarray(values, dtype=np.float64)
-    kept = kept[~np.isnan(kept)]
+    present = np.asarray(values, dtype=np.float64)
+    present = present[~np.isnan(present)]
     least = least_values(level)
     if least is None:
         return _none(f"not known to cover at levels above {max(LEAST_VALUES)}")
-    if len(kept) < least:
-        return _none(f"{len(kept)} value{'' if len(kept) == 1 else 's'}, {least} needed")
-    if not np.isfinite(kept).all():
+    if len(present) < least:
+        return _none(f"{len(present)} value{'' if len(present) == 1 else 's'}, {least} needed")
+    if not np.isfinite(present).all():
         return _none("a value is infinite")
-    if kept.min() == kept.max():
+    if present.min() == present.max():
         return _none("all values are equal")
-    return _wider(kept, level)
+    return _wider(present, level)
 
 
 def _wider(values: Array, level: float) -> Interval:

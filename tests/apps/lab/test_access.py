@@ -174,7 +174,7 @@ def test_outside_a_folder_nothing_is_looked_at(folder, monkeypatch):
 
 def test_a_link_within_a_stored_run_does_not_lead_out(folder):
     with pytest.raises(fk.InvalidInput):
-        folder.whole("below")
+        folder.path_of("below")
     (folder.path / "below" / "chunk").unlink()
     (folder.path / "below" / "chunk").symlink_to(folder.path / "mine.toml")
-    assert folder.whole("below") == folder.path / "below"
+    assert folder.path_of("below") == folder.path / "below"

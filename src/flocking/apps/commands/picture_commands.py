@@ -140,8 +140,8 @@ def _run_of(owner: str, source: str | None, seed: int | None, most_agents: int |
     if folder.is_dir():
         if seed is not None:
             raise InvalidInput(owner, "seed", "can be given for a scenario alone", seed, "This run has been computed.")
-        whole = folder.resolve()
-        return read_run(folder), whole.with_name(whole.name)
+        resolved = folder.resolve()
+        return read_run(folder), resolved.with_name(resolved.name)
     scenario = find_scenario(source, seed, most_agents)
     try:
         run = simulate(scenario, progress=sys.stderr.isatty())

@@ -134,5 +134,5 @@ def _kept(result: Run, out: Path | None) -> str:
         return "no --out, nothing is kept."
     from flocking.engine.storage.record import read_provenance
 
-    whole = read_provenance(out).get("steps") == result.provenance.get("steps")
-    return f"{out} holds it{'' if whole else ' up to its last commit'}; 'flocking resume {out}' goes on."
+    complete = read_provenance(out).get("steps") == result.provenance.get("steps")
+    return f"{out} holds it{'' if complete else ' up to its last commit'}; 'flocking resume {out}' goes on."

@@ -64,25 +64,25 @@ def showcase(
         print(f"flocking: {run.status}; the same command goes on.", file=sys.stderr)
         return INTERRUPTED
     report = audit(run)
-    kept = chosen.stored_summary_of(run, report)
-    written = [kept.write(folder / f"{name}.npz"), folder / "audit.json"]
+    summary = chosen.summary_of(run, report)
+    written = [summary.write(folder / f"{name}.npz"), folder / "audit.json"]
     write_file(written[1], json.dumps(report.as_dict(), indent=2, default=str).encode(), "write the audit")
-    if kept.drawable:
-        written += save(chosen.draw(kept), folder / name, ("png",))
-    _print(chosen.title, report, kept, written, as_json)
+    if summary.drawable:
+        written += save(chosen.draw(summary), folder / name, ("png",))
+    _print(chosen.title, report, summary, written, as_json)
     return FINE if report["ledger"].verdict == Verdict.HOLDS else DIFFERENT
 
 
-def _print(title: str, report: Report, kept: StoredSummary, written: list[Path], as_json: bool) -> None:
+def _print(title: str, report: Report, summary: StoredSummary, written: list[Path], as_json: bool) -> None:
     from flocking.apps.tables import print_facts, print_table, short
 
     if as_json:
-        print(json.dumps({**kept.facts, "files": [str(path) for path in written]}, indent=2, allow_nan=False))
+        print(json.dumps({**summary.facts, "files": [str(path) for path in written]}, indent=2, allow_nan=False))
         return
     rows = [(r.claim.key, str(r.verdict), short(r.margin), r.note) for r in report.results]
     print_table(("claim", "verdict", "margin", "measured"), rows, title=title)
     print()
-    facts = kept.facts
+    facts = summary.facts
     seen: list[tuple[str, Any]] = [
         ("agents", f"{facts['agents']:,}"),
         ("steps", f"{facts['provenance']['steps']:,} of {facts['provenance']['step']:g}"),

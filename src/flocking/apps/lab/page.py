@@ -199,7 +199,7 @@ class Page:
             self.transport.scenario.value = self._name
             self.complain(str(error))
 
-    def _opened(self, name: str, seed: int | None, wanted: Callable[[], bool]) -> Experiment:
+    def _opened(self, name: str, seed: int | None, goes_on: Callable[[], bool]) -> Experiment:
         """What a name given by the page stands for: nothing outside the folder but what the lab was started with."""
         if self._given is not None and name == self._given_name:
             return Experiment(self._given)
@@ -208,7 +208,7 @@ class Page:
         else:
             file = Path(name) if is_built_in(name) else self.folder.inside(name)
         if name.endswith(".json"):
-            return replay(EventLog.read(file), wanted)
+            return replay(EventLog.read(file), goes_on)
         return Experiment(scenario_of(name, file, seed))
 
     def offer(self) -> None:

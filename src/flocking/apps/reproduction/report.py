@@ -202,16 +202,16 @@ def _paper(key: str, article: Paper, found: Reproduction, out: Path) -> str:
     parts.append(_formulas(found, article))
     drawn = {p.stem.removeprefix("figure-"): p for p in found.figures if p.parent.name == key and p.suffix == ".svg"}
     captions = {str(k): f.caption + seeds_of(f, found.runs) for k, f in article.figures().items()}
-    told: set[str] = set()
+    shown: set[str] = set()
     for name in article.scenarios():
         judgements = found.judgements[name]
         seed = f" Seed {found.runs[name].scenario.seed}." if name in found.runs else ""
         figures = {n: (drawn[n], captions[n]) for n in figures_of(article, name) if n in drawn}
-        told |= cited(judgements, figures)
+        shown |= cited(judgements, figures)
         beside = claims_beside_pictures(name, judgements, out / key / CLAIMS, figures, seed)
         parts.append(f'<h3>{escape(name)}</h3>\n<div class="groups">\n{beside}</div>\n')
     filmed = next(iter(article.scenarios())) in found.runs
-    rest = {n: path for n, path in drawn.items() if n not in told}
+    rest = {n: path for n, path in drawn.items() if n not in shown}
     parts.append(_figures(captions, rest, film_in(out / key) if filmed else None))
     parts.append(errata_tables(found.errata.get(key, [])))
     parts.append(equation_table(article))

@@ -72,9 +72,9 @@ def equation_table(article: Paper) -> str:
     rows = [row.as_dict() for row in article.equations()]
     counts = Counter(row["verdict"] for row in rows)
     body = "".join(map(_equation, rows))
-    told = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
+    verdicts = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
     return (
-        f"<details><summary>Equation table: {len(rows)} rows ({escape(told)})</summary>"
+        f"<details><summary>Equation table: {len(rows)} rows ({escape(verdicts)})</summary>"
         f"<div class='scroll'><table><thead>{head_row('number', 'statement', 'verdict', 'home')}</thead>"
         f"<tbody>{body}</tbody></table></div></details>\n"
     )

@@ -173,7 +173,7 @@ def _seed_tasks(papers: dict[str, Paper], seeds: range) -> list[Task]:
 
 def _runs_to_draw(papers: dict[str, Paper], found: _Found) -> list[Task]:
     """For scenarios whose first run misses a hypothesis: the first seed that meets all, so that it is drawn."""
-    wanted = []
+    planned = []
     for key, article in papers.items():
         for name in article.scenarios():
             by_seed = {k: v for k, v in found.verdicts[name].items() if isinstance(k, int)}
@@ -181,8 +181,8 @@ def _runs_to_draw(papers: dict[str, Paper], found: _Found) -> list[Task]:
                 s for s, rows in sorted(by_seed.items()) if all(r[1] != Verdict.HYPOTHESIS_NOT_MET for r in rows)
             ]
             if meeting and meeting[0] != min(by_seed):
-                wanted.append(Task(name, key, meeting[0], keep=True, judged=False))
-    return wanted
+                planned.append(Task(name, key, meeting[0], keep=True, judged=False))
+    return planned
 
 
 def _counterexample_tasks(papers: dict[str, Paper]) -> list[Task]:
@@ -298,10 +298,10 @@ def _drawings(
     """What is to be drawn: a paper, what of it (see `draw`), the runs, the folder."""
     for key, article in papers.items():
         first = next(iter(article.scenarios()))
-        wanted: list[tuple[str | None, tuple[str, ...]]] = [(None, (first,))]
-        wanted += [(number, figure.scenarios(first)) for number, figure in article.figures().items()]
-        wanted += [(CLAIMS, (name,)) for name in article.scenarios()]
-        for what, names in wanted:
+        planned: list[tuple[str | None, tuple[str, ...]]] = [(None, (first,))]
+        planned += [(number, figure.scenarios(first)) for number, figure in article.figures().items()]
+        planned += [(CLAIMS, (name,)) for name in article.scenarios()]
+        for what, names in planned:
             if all(name in runs for name in names):
                 yield key, what, tuple(runs[name] for name in names), out / key
 
@@ -353,13 +353,13 @@ class _Steps:
 
 
 class _bar:  # noqa: N801
-    def __init__(self, wanted: bool, total: int) -> None:
-        self._wanted = wanted and sys.stderr.isatty()
+    def __init__(self, planned: bool, total: int) -> None:
+        self._shown = planned and sys.stderr.isatty()
         self._total = total
         self._bar: Any = None
 
     def __enter__(self) -> _Steps:
-        if not self._wanted:
+        if not self._shown:
             return _Steps(None, None)
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn

@@ -150,15 +150,17 @@ def _last_commit(
     records = read_run(folder, scenario=scenario if scenario is not None else read_scenario_of(folder)[0])
     if records.finished:
         return records, None
-    kept = writer.record["checkpoint"]
-    if kept is None and writer.record["commits"] == 0:
+    checkpoint = writer.record["checkpoint"]
+    if checkpoint is None and writer.record["commits"] == 0:
         return records, stored_options(writer.record["session"]["options"])
-    if kept is None:
+    if checkpoint is None:
         raise StorageError(f"{folder}: this run cannot go on, it has no checkpoint: {records.status}")
     with storage_errors(folder, "read the checkpoint"):
-        data = (folder / kept["file"]).read_bytes()
-    if zlib.crc32(data) != kept["checksum"]:
-        raise StorageError(f"{folder / kept['file']}: the checkpoint does not match its checksum; it was damaged.")
+        data = (folder / checkpoint["file"]).read_bytes()
+    if zlib.crc32(data) != checkpoint["checksum"]:
+        raise StorageError(
+            f"{folder / checkpoint['file']}: the checkpoint does not match its checksum; it was damaged."
+        )
     return records, data
 
 

@@ -69,13 +69,13 @@ def _resume(folder: Path, scenario: Scenario | None, plant: Law | None, progress
         records = read_last(folder, scenario, 0) if many else read_run(folder, scenario=scenario)
         if records.finished:
             return records
-        kept, counts = writer.record["checkpoint"], writer.counts
+        checkpoint, counts = writer.record["checkpoint"], writer.counts
         fewer = {} if threads is None or engine != "tiles" else {"threads": threads}
-        if kept is not None:
-            path = folder / kept["file"]
+        if checkpoint is not None:
+            path = folder / checkpoint["file"]
             with storage_errors(folder, "read the checkpoint"):
                 found = checksum(path)
-            if found != kept["checksum"]:
+            if found != checkpoint["checksum"]:
                 raise StorageError(f"{path}: the checkpoint does not match its checksum; the file was damaged.")
             session = unpack(path, records, plant, path, stored=counts, threads=threads)
         elif writer.record["commits"] == 0:

@@ -130,13 +130,13 @@ def _piece(formula: Callable[[Jet], Jet], low: float, high: float, outer: float)
 
 def _merged(found: list[tuple[float, float, float]]) -> Array:
     """Zones that overlap become one with the smaller width, unless one is far wider."""
-    kept: list[tuple[float, float, float]] = []
+    joined: list[tuple[float, float, float]] = []
     for begin, end, width in sorted(found):
-        if kept and begin <= kept[-1][1] and 0.25 <= width / kept[-1][2] <= 4.0:
-            kept[-1] = (kept[-1][0], max(end, kept[-1][1]), min(width, kept[-1][2]))
+        if joined and begin <= joined[-1][1] and 0.25 <= width / joined[-1][2] <= 4.0:
+            joined[-1] = (joined[-1][0], max(end, joined[-1][1]), min(width, joined[-1][2]))
         else:
-            kept.append((begin, end, width))
-    return np.array(kept).reshape(-1, 3)
+            joined.append((begin, end, width))
+    return np.array(joined).reshape(-1, 3)
 
 
 def _extrema(formula: Callable[[Jet], Jet], low: float, high: float) -> list[tuple[float, float]]:

@@ -351,7 +351,7 @@ class ExactSession:
         error.follow(segment, again=True)
         kinetic, work, supplied = self._added(y)
         before = self._dynamics.energy(own, y)[0] + kinetic
-        kept = dict(vars(self))
+        saved = dict(vars(self))
         try:
             self.plant, self.scenario, self._origin = plant, scenario, origin
             self._tail = np.array(y[self._dynamics.order * self.n * self.m :])
@@ -359,13 +359,13 @@ class ExactSession:
             self._prepare(self.n, self.m)
             self._begin(begin, links)
         except Exception:
-            vars(self).update(kept)
+            vars(self).update(saved)
             error.follow(self._segment, again=True)
             raise
         if segment.t1 > segment.t0:
-            error.leave(segment, kept["_links"], kept["_origin"])
-            self.recorder.sample(segment, self._dynamics.split, kept["_origin"])
-        error.abandon(own, kept["_links"])
+            error.leave(segment, saved["_links"], saved["_origin"])
+            self.recorder.sample(segment, self._dynamics.split, saved["_origin"])
+        error.abandon(own, saved["_links"])
         self._error.take_over(error, exact=state is not None)
         self.jumped += self.energy + self._added(self._segment.coefficients[-1])[0] - before
         self._record_trace()

@@ -83,13 +83,13 @@ def restored(data: Any, arrays: Arrays) -> Any:
 def pack_tiles(session: TilesSession) -> tuple[dict[str, Any], Arrays]:
     """Numbers and arrays of a session, but for its scenario and the records on disk; arrays are not copied."""
     arrays: Arrays = {}
-    kept = session.snapshot(copied=False)
-    whole = {
-        "step": kept.step, "time": kept.time, "plan": kept.plan, "steps": kept.steps, "crowd": kept.crowd,
-        "scheme": kept.scheme, "records": kept.records.memory(), "farthest": kept.farthest,
-        "law_gaps": kept.law_gaps, "instability": kept.instability,
+    snapshot = session.snapshot(copied=False)
+    data = {
+        "step": snapshot.step, "time": snapshot.time, "plan": snapshot.plan, "steps": snapshot.steps,
+        "crowd": snapshot.crowd, "scheme": snapshot.scheme, "records": snapshot.records.memory(),
+        "farthest": snapshot.farthest, "law_gaps": snapshot.law_gaps, "instability": snapshot.instability,
     }  # fmt: skip
-    return {"options": asdict(kept.options), "session": flattened(whole, arrays)}, arrays
+    return {"options": asdict(snapshot.options), "session": flattened(data, arrays)}, arrays
 
 
 def restore_tiles(
@@ -112,13 +112,13 @@ def restore_tiles(
         The law the agents really obey.
     """
     options = TilesOptions(**numbers["options"])
-    kept = restored(numbers["session"], arrays)
-    check_session(kept, Books, CrowdMemory, scenario)
+    parts = restored(numbers["session"], arrays)
+    check_session(parts, Books, CrowdMemory, scenario)
     records = Records(scenario, options.precision, keep_frames=options.keep_frames, observe=options.observe)
-    records.recall(kept["records"], stored)
+    records.recall(parts["records"], stored)
     snapshot = TilesSnapshot(
-        scenario, options, kept["step"], kept["time"], kept["plan"], kept["crowd"], kept["scheme"], records,
-        kept["steps"], kept["farthest"], kept["law_gaps"], kept["instability"],
+        scenario, options, parts["step"], parts["time"], parts["plan"], parts["crowd"], parts["scheme"], records,
+        parts["steps"], parts["farthest"], parts["law_gaps"], parts["instability"],
         plant,
     )  # fmt: skip
     return TilesSession.resume(snapshot, threads=threads)

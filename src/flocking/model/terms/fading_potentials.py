@@ -174,10 +174,10 @@ def fall_of(potential: Potential, graph: Smooth) -> Fall | None:
         order = np.argsort(together)
         values = np.empty(len(together))
         values[order] = integral(begin + (end - begin) * (together[order] + 2) / 4)
-        kept = newton_coefficients(values[len(between) :])
+        fitted = newton_coefficients(values[len(between) :])
         # Nothing is left at the radius, so that no energy comes or goes with a link.
-        kept[0] -= newton_value(kept, np.array([2.0]))[0]
+        fitted[0] -= newton_value(fitted, np.array([2.0]))[0]
         allowed = POOREST if count == COUNTS[-1] else ACCURACY
-        if np.abs(newton_value(kept, between) - exact).max() <= allowed * size:
-            return Fall(begin, float(end), tuple(kept.tolist()))
+        if np.abs(newton_value(fitted, between) - exact).max() <= allowed * size:
+            return Fall(begin, float(end), tuple(fitted.tolist()))
     return None

@@ -63,31 +63,34 @@ def keep(run: Run) -> StoredSummary:
     return StoredSummary(facts | rows, arrays)
 
 
-def draw(kept: StoredSummary) -> Figure:
+def draw(summary: StoredSummary) -> Figure:
     """A window as it ages; at the end all of the flock, and single agents in the middle of the window.
 
     Parameters
     ----------
-    kept
+    summary
         What was kept of the run.
     """
     from flocking.show.sheet import sheet
 
-    end = kept.facts["times"][-1]
-    patches = sorted(float(name.removeprefix("patch_")) for name in kept.arrays if name.startswith("patch_"))
+    end = summary.facts["times"][-1]
+    patches = sorted(float(name.removeprefix("patch_")) for name in summary.arrays if name.startswith("patch_"))
     panels: list[Callable[[Axes], Axes]] = [
-        _shades(kept, f"patch_{t:g}", PATCH, f"$t = {t:g}$", inner=CLOSE if t == end else 0.0) for t in patches
+        _shades(summary, f"patch_{t:g}", PATCH, f"$t = {t:g}$", inner=CLOSE if t == end else 0.0) for t in patches
     ]
-    panels += [_shades(kept, "whole", WHOLE, f"all, $t = {end:g}$", inner=PATCH), lambda axes: draw_close(kept, axes)]
+    panels += [
+        _shades(summary, "whole", WHOLE, f"all, $t = {end:g}$", inner=PATCH),
+        lambda axes: draw_close(summary, axes),
+    ]
     return sheet(panels, columns=2, width=7.2, ratio=1.0)
 
 
-def draw_close(kept: StoredSummary, axes: Axes) -> Axes:
+def draw_close(summary: StoredSummary, axes: Axes) -> Axes:
     """Single agents in the smallest window: hue by direction; rings where there are not six neighbours.
 
     Parameters
     ----------
-    kept
+    summary
         What was kept of the run.
     """
     from matplotlib.collections import LineCollection
@@ -95,8 +98,8 @@ def draw_close(kept: StoredSummary, axes: Axes) -> Axes:
     from flocking.show.lattice_orientation import lattice_colors
     from flocking.study.hexatic_order import neighbour_pairs
 
-    place = CLOSE * 1.2 * (kept.arrays["close_place"] / 65535.0 - 0.5)
-    order, count = uncoded(kept.arrays["close_order"]), kept.arrays["close_count"]
+    place = CLOSE * 1.2 * (summary.arrays["close_place"] / 65535.0 - 0.5)
+    order, count = uncoded(summary.arrays["close_order"]), summary.arrays["close_count"]
     pairs = neighbour_pairs(place, RADIUS)
     axes.set_facecolor("black")
     axes.add_collection(LineCollection(list(place[pairs] / RADIUS), colors="0.45", linewidths=0.4, gid="links"))
@@ -109,7 +112,7 @@ def draw_close(kept: StoredSummary, axes: Axes) -> Axes:
         )  # fmt: skip
     half = CLOSE / 2 / RADIUS
     axes.set(xlim=(-half, half), ylim=(-half, half), aspect="equal", xlabel="$x/r$", ylabel="$y/r$")
-    axes.set_title(f"single agents, $t = {kept.facts['times'][-1]:g}$")
+    axes.set_title(f"single agents, $t = {summary.facts['times'][-1]:g}$")
     return axes
 
 
@@ -161,13 +164,13 @@ def _nearest(q: Array) -> Array:
     return np.asarray(cKDTree(q).query(q, k=2)[0])[:, 1]
 
 
-def _shades(kept: StoredSummary, name: str, side: float, title: str, inner: float = 0.0) -> Callable[[Axes], Axes]:
+def _shades(summary: StoredSummary, name: str, side: float, title: str, inner: float = 0.0) -> Callable[[Axes], Axes]:
     """A panel of a map, with a square about the next smaller window."""
     from flocking.show.lattice_orientation import lattice_colors, wheel
 
     def drawn(axes: Axes) -> Axes:
         half, small = side / 2 / RADIUS, inner / 2 / RADIUS
-        colors = lattice_colors(uncoded(kept.arrays[name]))
+        colors = lattice_colors(uncoded(summary.arrays[name]))
         axes.set_facecolor("black")
         axes.imshow(
             colors, origin="lower", extent=(-half, half, -half, half), gid="lattice", interpolation="antialiased"

@@ -113,33 +113,33 @@ class ObstacleViews:
         low = self._corner(t)
         return density_map(q, low=low, high=low + np.array(self.size), cell=self.cell, blur=DISTANCE)
 
-    def stored(self, kept: StoredSummary, t: float) -> DensityMap:
+    def stored(self, summary: StoredSummary, t: float) -> DensityMap:
         """The same from what was kept, in terms of the lattice's density."""
-        values, low = unpacked(kept.arrays[f"density_{t:g}"]), self._corner(t)
+        values, low = unpacked(summary.arrays[f"density_{t:g}"]), self._corner(t)
         return DensityMap(values, low, low + self.cell * np.array(values.shape[::-1]))
 
-    def draw(self, kept: StoredSummary) -> Figure:
+    def draw(self, summary: StoredSummary) -> Figure:
         """Densities at the times kept, and single agents among obstacles at one of them."""
-        panels = [self._panel(kept, t, f"$t = {t:g}$") for t in kept.facts["views"]]
-        if self.close is not None and "close_place" in kept.arrays:
+        panels = [self._panel(summary, t, f"$t = {t:g}$") for t in summary.facts["views"]]
+        if self.close is not None and "close_place" in summary.arrays:
             close = self.close
-            panels.append(lambda axes: self._draw_close(close, kept, axes))
+            panels.append(lambda axes: self._draw_close(close, summary, axes))
         return self._sheet(panels, 2)
 
-    def strip(self, kept: StoredSummary, times: Sequence[float]) -> Figure:
+    def strip(self, summary: StoredSummary, times: Sequence[float]) -> Figure:
         """Densities at some of the times kept, side by side."""
-        return self._sheet([self._panel(kept, t, f"$t = {t:g}$") for t in times], len(times), letters=False)
+        return self._sheet([self._panel(summary, t, f"$t = {t:g}$") for t in times], len(times), letters=False)
 
-    def beside(self, kept: Mapping[str, StoredSummary]) -> Figure:
+    def beside(self, summary: Mapping[str, StoredSummary]) -> Figure:
         """The same moments of runs of several engines, a row for each.
 
         Parameters
         ----------
-        kept
+        summary
             What was kept of the runs, by the name of the engine.
         """
-        times = [t for t in self.centres if all(t in one.facts["views"] for one in kept.values())]
-        panels = [self._panel(one, t, f"{engine}, $t = {t:g}$") for engine, one in kept.items() for t in times]
+        times = [t for t in self.centres if all(t in one.facts["views"] for one in summary.values())]
+        panels = [self._panel(one, t, f"{engine}, $t = {t:g}$") for engine, one in summary.items() for t in times]
         return self._sheet(panels, len(times), letters=False)
 
     def difference(self, one: StoredSummary, other: StoredSummary, t: float) -> float:
@@ -150,7 +150,7 @@ class ObstacleViews:
         one, other
             What was kept of the two runs.
         """
-        a, b = (self.stored(kept, t).values for kept in (one, other))
+        a, b = (self.stored(summary, t).values for summary in (one, other))
         return float(np.abs(a - b).sum() / (a.sum() + b.sum()))
 
     def parting(self, one: StoredSummary, other: StoredSummary, t: float) -> float:
@@ -176,12 +176,12 @@ class ObstacleViews:
         scale(made, axes[0].images[0], axes, *SPAN, label=SCALE_LABEL)
         return made
 
-    def _panel(self, kept: StoredSummary, t: float, title: str) -> Callable[[Axes], Axes]:
+    def _panel(self, summary: StoredSummary, t: float, title: str) -> Callable[[Axes], Axes]:
         from flocking.show.density import density
 
         balls = balls_of(showcase_scenario(self.name, agents=1))
         return lambda axes: density(
-            self.stored(kept, t), axes=axes, unit=RADIUS, unit_name="r", reference=1.0, obstacles=balls, bar=False,
+            self.stored(summary, t), axes=axes, unit=RADIUS, unit_name="r", reference=1.0, obstacles=balls, bar=False,
             title=title,
         )  # fmt: skip
 
@@ -194,14 +194,14 @@ class ObstacleViews:
             "close_speed": np.rint(255 * np.minimum(speed, 1.0)).astype(np.uint8),
         }
 
-    def _draw_close(self, close: CloseView, kept: StoredSummary, axes: Axes) -> Axes:
+    def _draw_close(self, close: CloseView, summary: StoredSummary, axes: Axes) -> Axes:
         from flocking.show.density import GROUND, STONE, STONE_EDGE
 
         low, high = np.array(close.low) / RADIUS, np.array(close.high) / RADIUS
-        place = low + (high - low) * kept.arrays["close_place"] / 65535.0
+        place = low + (high - low) * summary.arrays["close_place"] / 65535.0
         axes.set_facecolor(GROUND)
         dots = axes.scatter(
-            place[:, 0], place[:, 1], c=kept.arrays["close_speed"] * FASTEST / 255.0, s=3.0, lw=0, cmap="viridis",
+            place[:, 0], place[:, 1], c=summary.arrays["close_speed"] * FASTEST / 255.0, s=3.0, lw=0, cmap="viridis",
             vmin=0.0, vmax=FASTEST, gid="agents",
         )  # fmt: skip
         for ball in balls_of(showcase_scenario(self.name, agents=1)):

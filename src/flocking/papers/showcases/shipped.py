@@ -146,7 +146,7 @@ class Showcase:
         options: dict[str, Any] = {"ledger": LEDGER_EVERY} if engine == "lammps" else {"threads": threads}
         return simulate(scenario, engine=engine, save=folder, progress=progress, step=self.step, **options)
 
-    def stored_summary_of(self, run: Run, report: Report) -> StoredSummary:
+    def summary_of(self, run: Run, report: Report) -> StoredSummary:
         """What is kept of a run, with its audit and where it comes from.
 
         Parameters
@@ -154,7 +154,7 @@ class Showcase:
         report
             Its audit.
         """
-        kept = self.keep(run)
+        summary = self.keep(run)
         about = {name: run.provenance[name] for name in PROVENANCE if name in run.provenance}
         closest = run.closest
         facts: dict[str, object] = {
@@ -165,7 +165,7 @@ class Showcase:
             facts["closest"] = {"distance": closest.distance, "time": closest.time}
         if len(run.trace):
             facts["ledger_share"] = float(np.abs(run.residual).max() / max(run.turnover, 1e-300))
-        return StoredSummary({**kept.facts, **facts}, kept.arrays)
+        return StoredSummary({**summary.facts, **facts}, summary.arrays)
 
     def stored(self, engine: str = "tiles") -> StoredSummary:
         """What came with the library of a run at full size.

@@ -192,17 +192,21 @@ def make_plan(
             raise InvalidInput("sweep", f"grid[{name!r}]", "must be a list of values", values, f"Write [{values!r}].")
         axes[name] = tuple(_bounded(values, most_runs, f"grid[{name!r}]"))
     if isinstance(seeds, int | np.integer) and not isinstance(seeds, bool):
-        kept: int | tuple[int, ...] = integer("sweep", "seeds", seeds, least=1)
+        checked_seeds: int | tuple[int, ...] = integer("sweep", "seeds", seeds, least=1)
     elif isinstance(seeds, Iterable) and not isinstance(seeds, str | bytes):
-        kept = tuple(integer("sweep", "seeds", seed, least=0) for seed in _bounded(seeds, most_runs, "seeds"))
-        if not kept:
-            raise InvalidInput("sweep", "seeds", "must hold at least one seed", list(kept))
-        if len(set(kept)) < len(kept):
-            raise InvalidInput("sweep", "seeds", "must not hold a seed twice", list(kept)[:8])
+        checked_seeds = tuple(integer("sweep", "seeds", seed, least=0) for seed in _bounded(seeds, most_runs, "seeds"))
+        if not checked_seeds:
+            raise InvalidInput("sweep", "seeds", "must hold at least one seed", list(checked_seeds))
+        if len(set(checked_seeds)) < len(checked_seeds):
+            raise InvalidInput("sweep", "seeds", "must not hold a seed twice", list(checked_seeds)[:8])
     else:
         raise InvalidInput("sweep", "seeds", "must be a number of runs or a list of seeds", seeds)
     return Plan(
-        axes, sample, kept, integer("sweep", "seed", root, least=0), integer("sweep", "most_runs", most_runs, least=1)
+        axes,
+        sample,
+        checked_seeds,
+        integer("sweep", "seed", root, least=0),
+        integer("sweep", "most_runs", most_runs, least=1),
     )
 
 

@@ -277,15 +277,15 @@ class _Reader:
         """What gives the scenarios."""
         options = self._found.get("options", {})
         if self._family is not None:
-            kept = {
+            chosen_options = {
                 name: self._checked(f"options.{name}", name, value)
                 for name, value in options.items()
                 if self._is_option(f"options.{name}", name)
             }
-            for name in kept:
+            for name in chosen_options:
                 if name in grid or (sample is not None and name in sample.ranges):
                     self.say(f"options.{name}", "must not be fixed and vary at once")
-            return FamilyScenario(self._family, kept)
+            return FamilyScenario(self._family, chosen_options)
         if isinstance(self._scenario, dict):
             if options:
                 self.say("options", "is for families of scenarios; write the values into [scenario]")

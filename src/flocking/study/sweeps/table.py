@@ -180,15 +180,17 @@ class SweepTable:
             share = self.is_share(measure)
             each = [values[~np.isnan(values)] for values in self.values(measure)]
             found = [
-                share_interval(int(kept.sum()), len(kept), level) if share else mean_interval(kept, level)
-                for kept in each
+                share_interval(int(column_values.sum()), len(column_values), level)
+                if share
+                else mean_interval(column_values, level)
+                for column_values in each
             ]
             columns: dict[str, list[object]] = {
-                "": [float(kept.mean()) if len(kept) else np.nan for kept in each],
+                "": [float(column_values.mean()) if len(column_values) else np.nan for column_values in each],
                 "_low": [interval.low for interval in found],
                 "_high": [interval.high for interval in found],
                 "_interval": [interval.method for interval in found],
-                "_count": [len(kept) for kept in each],
+                "_count": [len(column_values) for column_values in each],
             }
             for ending, column in columns.items():
                 about = {} if ending else {"level": level}

@@ -36,7 +36,7 @@ class Folder:
             raise self._refusal(name)
         return found
 
-    def whole(self, name: str) -> Path:
+    def path_of(self, name: str) -> Path:
         """The folder with a name given by a page, with all that is in it.
 
         Raises

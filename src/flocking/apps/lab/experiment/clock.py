@@ -286,9 +286,9 @@ class Clock:
                 self.playing = False
                 self.complaint(str(error))
         took = max(time.perf_counter() - begin, 1e-6)
-        gone = self._behind - since
-        if gone > 0:
-            pace = gone / took
+        elapsed = self._behind - since
+        if elapsed > 0:
+            pace = elapsed / took
             # Careful after a slow slice, patient after quick ones.
             self._pace = pace if not self._pace else min(pace, 2 * self._pace)
             self.reached = 0.9 * self.reached + 0.1 * min(pace, self.speed)

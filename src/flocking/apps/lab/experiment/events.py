@@ -133,9 +133,9 @@ def _cut(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outc
         raise InvalidInput("lab", "pairs", f"must join agents of 0..{state.n - 1}", pairs)
     graph = scenario.law.graph
     if isinstance(graph, Fixed):
-        gone = {frozenset(pair) for pair in pairs}
-        kept = tuple(edge for edge in graph.edges if frozenset(edge) not in gone)
-        fewer = Fixed(graph.n, kept, directed=graph.directed)
+        removed = {frozenset(pair) for pair in pairs}
+        edges = tuple(edge for edge in graph.edges if frozenset(edge) not in removed)
+        fewer = Fixed(graph.n, edges, directed=graph.directed)
         return Outcome(substituted(scenario, graph, fewer), substituted(base, base.law.graph, fewer))
     if state.links is None:
         raise InvalidInput("lab", "pairs", "can be cut only where links are kept", f"{state.n} agents")
@@ -185,8 +185,8 @@ def _remove(event: Event, scenario: Scenario, base: Scenario, _: State) -> Outco
 
 
 def _without_obstacle(scenario: Scenario, path: tuple[Any, ...]) -> Scenario:
-    *way, _, number = path
-    term = value_at(scenario, way)
+    *parents, _, number = path
+    term = value_at(scenario, parents)
     left = tuple(x for k, x in enumerate(term.obstacles) if k != number)
     if left:
         found: Scenario = substituted(scenario, term, with_children(term, {"obstacles": left}))

@@ -129,7 +129,7 @@ class Experiment:
         """
         if self.failure:
             raise InvalidInput("lab", "event", "needs a run that goes on", event.get("kind"), "Go back or restart.")
-        present, state, told = self.scenario, self.state, self.session.time_is_exact
+        present, state, exact_time = self.scenario, self.state, self.session.time_is_exact
         found = outcome(event, present, self.base, state)
         if found.anew or found.scenario.energy is not present.energy or found.scenario.agents is not present.agents:
             # Agents, masses and the energy's frame are fixed for a session.
@@ -143,7 +143,7 @@ class Experiment:
         self.base = found.base
         self.changed_at = self.time
         self.version += 1
-        self.complete = self.complete and told and len(self.log.entries) < MOST_EVENTS
+        self.complete = self.complete and exact_time and len(self.log.entries) < MOST_EVENTS
         if self.complete:
             self.log.entries.append((self.time, event))
 
@@ -206,14 +206,14 @@ def opened(scenario: Scenario, engine: str) -> tuple[Any, str]:
     return start_session(scenario.with_(frames=1), "exact"), "exact"
 
 
-def replay(log: EventLog, wanted: Callable[[], bool] = lambda: True) -> Experiment:
+def replay(log: EventLog, goes_on: Callable[[], bool] = lambda: True) -> Experiment:
     """Do everything in a log again, each at its time: the same trajectory, bit for bit.
 
     Parameters
     ----------
     log
         What was done.
-    wanted
+    goes_on
         Asked now and then whether to go on.
 
     Raises
@@ -227,7 +227,7 @@ def replay(log: EventLog, wanted: Callable[[], bool] = lambda: True) -> Experime
 
     def go_on(to: float) -> None:
         while not found.reached(to):
-            if not wanted():
+            if not goes_on():
                 raise InvalidInput("lab", "replay", "was given up for something else", f"t = {found.time:.6g}")
             found.advance(to, REPLAY_SECONDS)
 

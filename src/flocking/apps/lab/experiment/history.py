@@ -63,8 +63,8 @@ class History:
 
     def _thin(self, state: State) -> None:
         links = state.n**2 if state.links is not None else 0
-        room = int(min(MOST_FRAMES, max(8, MOST_BYTES // (16 * state.q.size + links + 1))))
-        if len(self.frames) > room:
+        most = int(min(MOST_FRAMES, max(8, MOST_BYTES // (16 * state.q.size + links + 1))))
+        if len(self.frames) > most:
             self.frames = [*self.frames[:-1:2], self.frames[-1]]
         if len(self._trace) > MOST_ROWS:
             self._trace = [*self._trace[:-1:2], self._trace[-1]]

@@ -107,8 +107,8 @@ def changed(scenario: Scenario, path: Sequence[Step], value: object) -> Scenario
     InvalidInput
         When the path leads nowhere or the owner of the value refuses it.
     """
-    *way, last = path
-    owner = value_at(scenario, way)
+    *parents, last = path
+    owner = value_at(scenario, parents)
     value_at(owner, [last])
     found = substituted(scenario, owner, with_children(owner, {last: value}))
     assert isinstance(found, Scenario)

@@ -201,18 +201,18 @@ class MeasurementPanel:
         if number >= len(shown):
             return
         lamp = shown[number]
-        who = lamp.witness.agents if lamp.witness else ()
+        agents = lamp.witness.agents if lamp.witness else ()
         about = f" At t = {lamp.witness.time:.4g}" if lamp.witness else ""
         about += (
-            f", agents {', '.join(map(str, who[:12]))}{'...' if len(who) > 12 else ''}."
-            if who
+            f", agents {', '.join(map(str, agents[:12]))}{'...' if len(agents) > 12 else ''}."
+            if agents
             else "."
             if about
             else ""
         )
         hypothesis = " Its hypothesis is not met:" if lamp.word == "hypothesis not met" else ""
         text = f"**{lamp.claim.key}** ({lamp.claim.source}). {lamp.claim.statement}{hypothesis} {lamp.note}.{about}"
-        self._highlight(who, text)
+        self._highlight(agents, text)
 
     def _highlight(self, agents: tuple[int, ...], text: str) -> None:
         self._scene.look.highlight = agents

@@ -135,10 +135,10 @@ def lamps(run: Run, claims: Sequence[Claim]) -> list[Lamp]:
     for claim in claims:
         try:
             result = claim.examine(evidence)
-            who = witness_of(result, evidence)
+            witness = witness_of(result, evidence)
         except Exception as error:  # claims of papers look at their own laws, and a law may be changed at will
-            result, who = Result(claim, Verdict.NOT_APPLICABLE, note=f"{type(error).__name__}: {error}"), None
-        found.append(Lamp(claim, _word(claim, result.verdict, run), result.note, who))
+            result, witness = Result(claim, Verdict.NOT_APPLICABLE, note=f"{type(error).__name__}: {error}"), None
+        found.append(Lamp(claim, _word(claim, result.verdict, run), result.note, witness))
     return found
 
 

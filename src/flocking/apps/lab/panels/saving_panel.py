@@ -154,7 +154,7 @@ class SavingPanel:
         """
         from flocking.engine.storage.stored_runs import read_run
 
-        run = read_run(self._page.folder.whole(folder))
+        run = read_run(self._page.folder.path_of(folder))
         self._page.clock.pause()
         self.stored = run
         self.frame.max = max(len(run.t) - 1, 1)
