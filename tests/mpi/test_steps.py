@@ -68,10 +68,10 @@ def test_a_step_too_large_for_a_collision_says_which_would_do():
             break
         except StepTooLarge as error:
             # Closer up another, smaller step is needed: what is said holds for what was met until then.
-            step, tries, said = error.would_do, tries + 1, error
+            step, tries, declared = error.would_do, tries + 1, error
     assert 1 <= tries <= 4
-    assert "a pair at distance" in str(said)
-    assert said.agents == (0, 1)
+    assert "a pair at distance" in str(declared)
+    assert declared.agents == (0, 1)
     assert run.closest_linked.distance < 0.4
 
 

@@ -241,9 +241,9 @@ def _check_fields(kind: type, given: Mapping[str, object], where: str) -> None:
             if f.default is MISSING and f.default_factory is MISSING:
                 raise InvalidInput(where, name, "must be given", None)
             continue
-        wanted = _PLAIN.get(str(f.type))
+        expected = _PLAIN.get(str(f.type))
         value = given[name]
-        if wanted and (not isinstance(value, wanted) or (isinstance(value, bool) and wanted is not bool)):
+        if expected and (not isinstance(value, expected) or (isinstance(value, bool) and expected is not bool)):
             raise InvalidInput(where, name, f"must be of type {f.type}", value)
 
 

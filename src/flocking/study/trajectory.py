@@ -70,11 +70,11 @@ def _read_table(path: Path) -> tuple[Array, Array, Array]:
         raise InvalidInput("trajectory", "path", f"must be a text table ({error})", str(path)) from None
     columns = set(rows[0]) if rows else set()
     axes = [a for a in "xyz" if a in columns]
-    wanted = ["t", "id", *axes, *(f"v{a}" for a in axes)]
-    if not axes or not set(wanted) <= columns:
+    needed = ["t", "id", *axes, *(f"v{a}" for a in axes)]
+    if not axes or not set(needed) <= columns:
         raise InvalidInput("trajectory", "columns", "must be t, id, x, y, ... and vx, vy, ...", sorted(columns))
     try:
-        values = np.array([[float(row[c]) for c in wanted if c != "id"] for row in rows])
+        values = np.array([[float(row[c]) for c in needed if c != "id"] for row in rows])
     except (TypeError, ValueError) as error:
         raise InvalidInput("trajectory", "rows", f"must be numbers ({error})", str(path)) from None
     names = sorted({row["id"] for row in rows}, key=lambda s: (len(s), s))
@@ -195,8 +195,8 @@ def _jumps(scenario: Scenario, links: list[Any]) -> Array:
         return np.zeros(len(links))
     gained, lost = (_stored_at(law, float(r)) - scenario.energy.unlinked for r in (first, last))
     new = np.array([0, *(int((b & ~a).sum()) for a, b in itertools.pairwise(links))])
-    gone = np.array([0, *(int((a & ~b).sum()) for a, b in itertools.pairwise(links))])
-    steps = 0.5 * (np.where(new > 0, new * gained, 0.0) - np.where(gone > 0, gone * lost, 0.0))
+    broken_links = np.array([0, *(int((a & ~b).sum()) for a, b in itertools.pairwise(links))])
+    steps = 0.5 * (np.where(new > 0, new * gained, 0.0) - np.where(broken_links > 0, broken_links * lost, 0.0))
     return np.asarray(np.cumsum(steps))
 
 

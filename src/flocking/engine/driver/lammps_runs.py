@@ -134,7 +134,7 @@ def resume_on_ranks(folder: str | Path, *, scenario: Scenario | None, progress: 
         else:
             restart, options = unpacked(data, folder, records.scenario)
             session = LammpsSession(records.scenario, options, restart=restart)
-            session.records.recall(records, session.whole_state())
+            session.records.recall(records, session.gathered_state())
     except BaseException:
         if writer is not None:
             writer.close()

@@ -34,7 +34,7 @@ class Progress:
 
     Parameters
     ----------
-    wanted
+    enabled
         Whether to show anything.
     scenario
         What is simulated.
@@ -42,9 +42,9 @@ class Progress:
         Without a terminal, as under ``mpiexec`` or in the log of a batch job, write a line now and then.
     """
 
-    def __init__(self, wanted: bool, scenario: Scenario, *, lines: bool = False) -> None:
+    def __init__(self, enabled: bool, scenario: Scenario, *, lines: bool = False) -> None:
         self._lines = lines and not sys.stderr.isatty()
-        self._wanted = wanted
+        self._enabled = enabled
         self._scenario = scenario
         self._begin = time.monotonic()
         self._said = self._begin
@@ -72,7 +72,7 @@ class Progress:
         now = time.monotonic()
         if self._first is None:
             self._first = (now, t)
-        if not self._wanted or now - self._begin < QUIET_SECONDS:
+        if not self._enabled or now - self._begin < QUIET_SECONDS:
             return
         rate = f"{agent_steps / (now - self._begin):.3g} agent-steps/s" + (f", {note}" if note else "")
         if self._lines:

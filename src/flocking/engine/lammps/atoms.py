@@ -158,10 +158,10 @@ class Atoms:
         sides = np.array(high[: self.deck.dimension]) - np.array(low[: self.deck.dimension])
         grown = float((sides / np.maximum(self._sides, self.deck.reach)).max())
         self._sides = sides
-        wanted = self._wanted_cells(sides)
-        if wanted != self._cells:
-            self._cells = wanted
-            size, search = wanted
+        needed = self._needed_cells(sides)
+        if needed != self._cells:
+            self._cells = needed
+            size, search = needed
             # Sorting agents in memory has cells of its own.
             self.command(
                 f"neighbor {self.deck.skin!r} {search}", f"neigh_modify binsize {size!r}",
@@ -171,7 +171,7 @@ class Atoms:
                 self._set_up_anew()
         return grown
 
-    def _wanted_cells(self, sides: Any) -> tuple[float, str]:
+    def _needed_cells(self, sides: Any) -> tuple[float, str]:
         """Size of the cells, 0 for LAMMPS's own choice, and how they are searched; seldom another than now."""
         size, search = self._cells
         usual = 0.5 * (self.deck.reach + self.deck.skin)

@@ -117,7 +117,7 @@ def _encounters(deck: BodyDeck, formulas: LawFormulas, layout: Layout, P: Array,
         ]
     for number, (term, group) in enumerate(layout.encounters()):
         stages = formulas.encounters[number].geometry
-        wanted = _needed(formulas.encounters[number])
+        needed_names = _needed(formulas.encounters[number])
         for column, which in enumerate(group.numbers):
             prefix = f"o{number}_{which}_"
             table = {
@@ -127,7 +127,7 @@ def _encounters(deck: BodyDeck, formulas: LawFormulas, layout: Layout, P: Array,
             deck.lines.append(f"# obstacle {which}: {_description(group.obstacles[column])}")
             for stage in stages:
                 for name, e in stage.items():
-                    if name in wanted:
+                    if name in needed_names:
                         deck.lines.append(f'variable {prefix}{name} atom "{names.text(e.xreplace(table), P, own)}"')
                 own |= {name: f"v_{prefix}{name}" for name in stage}
             near = f"v_{prefix}distance < {term.range!r}"
@@ -167,12 +167,12 @@ def _near(name: str, some: list[tuple[str, float, Any]]) -> list[str]:
 
 def _needed(encounter: Any) -> set[str]:
     """Names of the stages that the force uses, directly or through others."""
-    wanted = {s.name for f in encounter.force for s in f.free_symbols} | {"distance"}
+    needed_names = {s.name for f in encounter.force for s in f.free_symbols} | {"distance"}
     for stage in reversed(encounter.geometry):
         for name, e in stage.items():
-            if name in wanted:
-                wanted |= {s.name for s in e.free_symbols}
-    return wanted
+            if name in needed_names:
+                needed_names |= {s.name for s in e.free_symbols}
+    return needed_names
 
 
 def _description(obstacle: Any) -> str:

@@ -101,11 +101,11 @@ class LawCheck:
             r = np.sqrt(((state.q[j] - state.q[i]) ** 2).sum(axis=1))
             pairs.append((number[i], j, np.abs(r - radius) > EDGE * radius))
             tables += 2.0 * error * np.bincount(number[i], minlength=len(judged))
-        said = self._declared.state(group, judged, pairs)
+        declared = self._declared.state(group, judged, pairs)
         self.gaps.checks += 1
         # The half step back rounds; the table lies between its rows.
-        rounding = tables + 1e-9 * said.size + 1e-12 * masses[judged] * np.abs(p[judged]).sum(axis=1)
-        wrong = self.gaps.compare_forces(said, forces[judged], rounding)
+        rounding = tables + 1e-9 * declared.size + 1e-12 * masses[judged] * np.abs(p[judged]).sum(axis=1)
+        wrong = self.gaps.compare_forces(declared, forces[judged], rounding)
         if fatal and wrong is not None:
             raise LawNotObeyed(
                 f"LAMMPS's force on an agent is not what the declared law says: it is off by {100 * self.gaps.gap:.3g} "

@@ -87,9 +87,9 @@ class Ranks:
         if not self.first:
             self.comm.Gatherv(rows, None)
             return None
-        whole = np.empty((sum(counts) // rows.shape[1], rows.shape[1]))
-        self.comm.Gatherv(rows, [whole, counts, MPI.DOUBLE])
-        return whole
+        all_rows = np.empty((sum(counts) // rows.shape[1], rows.shape[1]))
+        self.comm.Gatherv(rows, [all_rows, counts, MPI.DOUBLE])
+        return all_rows
 
     @contextmanager
     def bound(self) -> Iterator[None]:

@@ -17,7 +17,7 @@ from flocking.engine.lammps.options import LammpsOptions
 from flocking.engine.lammps.ranks import Ranks
 from flocking.engine.lammps.records import Records
 from flocking.engine.lammps.restart import Restart
-from flocking.engine.lammps.steps import check_books, check_strides, chosen_step, step_too_large, steps_between
+from flocking.engine.lammps.steps import check_ledger_rows, check_strides, chosen_step, step_too_large, steps_between
 from flocking.engine.reference.plants import check_plant
 from flocking.engine.runs.provenance import provenance
 from flocking.engine.runs.run import Run
@@ -127,7 +127,7 @@ class LammpsSession:
             self._end_alone(error, str(failure))
             raise failure from None
 
-    def whole_state(self) -> State | None:
+    def gathered_state(self) -> State | None:
         """The state on the first rank, None elsewhere.
 
         Raises
@@ -151,7 +151,7 @@ class LammpsSession:
     @property
     def state(self) -> State:
         """State at the session's time, on every rank."""
-        found = self.ranks.comm.bcast(self.whole_state())
+        found = self.ranks.comm.bcast(self.gathered_state())
         return State(found.q, found.p, found.t)
 
     def forces(self) -> Any:
@@ -198,8 +198,8 @@ class LammpsSession:
         h = (end - start) / count
         rows = self.rows or count
         row_end = min(count, (index // rows + 1) * rows)
-        wanted = int(np.ceil((to - self.time) / h - 1e-9))
-        todo = max(1, min(row_end - index, wanted, self._bout))
+        steps_left = int(np.ceil((to - self.time) / h - 1e-9))
+        todo = max(1, min(row_end - index, steps_left, self._bout))
         if h != self._step:
             self._step = h
             self._command(f"timestep {h!r}")
@@ -219,7 +219,7 @@ class LammpsSession:
         due = self.records.due(self.time)
         if not due and not (self.rows and self._at_row):
             return
-        state = self.whole_state()
+        state = self.gathered_state()
         if due:
             self.records.count += 1
         judged = self.rows and (due or self._judged == 0 or self.steps >= 2 * self._judged)
@@ -246,7 +246,7 @@ class LammpsSession:
         if due:
             records.frame(state, observation(self.scenario, state, pairs[0]) if self.options.observe else None)
             if self.rows:
-                check_books(records.ledger, self.step, self.rows, self._sound)
+                check_ledger_rows(records.ledger, self.step, self.rows, self._sound)
         self._sound = state
 
     def restart(self) -> Restart | None:

@@ -81,7 +81,7 @@ def check_strides(state: State, pairs: tuple[Any, Any], step: float) -> None:
     check_stride(step, float(distance[k]), step * float(speed[k]), time=state.t, agents=pair)
 
 
-def check_books(ledger: Ledger, step: float, rows: int, sound: State) -> None:
+def check_ledger_rows(ledger: Ledger, step: float, rows: int, sound: State) -> None:
     """Whether the ledger closes well enough; where rows are rare its own rule of integration may miss much.
 
     Parameters

@@ -43,9 +43,9 @@ def displacement(velocity: sympy.Expr, t: sympy.Symbol, begin: sympy.Expr) -> sy
         return None
     total: sympy.Expr = sympy.Integer(0)
     for addend in sympy.Add.make_args(velocity):
-        whole = _of_product(addend, t, begin)
-        finer = sympy.Add.make_args(_distributed(addend, t)) if whole is None else ()
-        parts = [whole] if whole is not None else [_of_product(x, t, begin) for x in finer]
+        integral = _of_product(addend, t, begin)
+        finer = sympy.Add.make_args(_distributed(addend, t)) if integral is None else ()
+        parts = [integral] if integral is not None else [_of_product(x, t, begin) for x in finer]
         for part in parts:
             if part is None:
                 return None
@@ -57,18 +57,18 @@ def _distributed(product: sympy.Expr, t: sympy.Symbol) -> sympy.Expr:
     """A product of sums as a sum of products; functions, linear factors and what is constant stay whole."""
     import sympy
 
-    whole: dict[sympy.Expr, sympy.Dummy] = {}
+    factors_kept: dict[sympy.Expr, sympy.Dummy] = {}
 
     def masked(e: sympy.Expr) -> sympy.Expr:
         if e.is_Atom:
             return e
         slope = _slope(e, t) if e.is_Add else None
         if not e.has(t) or isinstance(e, sympy.Function) or (slope is not None and slope.is_nonzero):
-            return whole.setdefault(e, sympy.Dummy(real=True))
+            return factors_kept.setdefault(e, sympy.Dummy(real=True))
         return e.func(*(masked(a) for a in e.args))
 
     expanded = sympy.expand(masked(product))
-    back = {dummy: e for e, dummy in whole.items()}
+    back = {dummy: e for e, dummy in factors_kept.items()}
     return sympy.Add(*(a.xreplace(back) for a in sympy.Add.make_args(expanded)))
 
 
@@ -167,8 +167,8 @@ def _of_wave(
             factor[0] * inverse[0] - factor[1] * inverse[1],
             factor[0] * inverse[1] + factor[1] * inverse[0],
         )
-    whole = sympy.exp(growth) * (real * sympy.cos(angle) - imaginary * sympy.sin(angle))
-    return whole - whole.subs(t, begin)
+    antiderivative = sympy.exp(growth) * (real * sympy.cos(angle) - imaginary * sympy.sin(angle))
+    return antiderivative - antiderivative.subs(t, begin)
 
 
 def _of_sine(angle: sympy.Expr, frequency: sympy.Expr, t: sympy.Symbol, begin: sympy.Expr) -> sympy.Expr:

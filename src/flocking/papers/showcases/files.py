@@ -53,12 +53,12 @@ def showcase_scenario(name: str, seed: int | None = None, agents: int | None = N
     """
     from flocking.study.scenario_files.scenario_file import parse_scenario
 
-    whole = parse_scenario(showcase_text(name), source=f"{name}.toml", seed=seed)
-    if agents is None or agents == whole.start.n:
-        return whole
-    if not 1 <= agents < whole.start.n:
-        raise InvalidInput("showcases", "agents", f"must be from 1 to {whole.start.n}", agents)
-    return whole.with_(start=_smaller(whole.start, agents))
+    full = parse_scenario(showcase_text(name), source=f"{name}.toml", seed=seed)
+    if agents is None or agents == full.start.n:
+        return full
+    if not 1 <= agents < full.start.n:
+        raise InvalidInput("showcases", "agents", f"must be from 1 to {full.start.n}", agents)
+    return full.with_(start=_smaller(full.start, agents))
 
 
 def _smaller(start: State, agents: int) -> State:

@@ -159,15 +159,15 @@ def _unsettled(missing: list[Array], first: Array) -> str:
     means, every = np.array([part.mean() for part in missing]), np.concatenate([*missing, first])
     if not np.isfinite(every).all():
         return ""
-    now, whole = float(means[0]), float(np.ptp(every))
+    now, total_change = float(means[0]), float(np.ptp(every))
     change, spread = abs(float(means[1]) - now), float(np.ptp(means))
-    if change <= max(ROUNDING * now, min(CHANGE * now, OF_ALL * whole)):
+    if change <= max(ROUNDING * now, min(CHANGE * now, OF_ALL * total_change)):
         return ""
-    if spread <= STEADY * min(now, whole) and now > means.min():
+    if spread <= STEADY * min(now, total_change) and now > means.min():
         return ""
     return (
         f"what is missing still changes in a tenth of the run, by {change / now:.1e} of itself and "
-        f"{change / whole:.1e} of its change since the start"
+        f"{change / total_change:.1e} of its change since the start"
     )
 
 

@@ -52,8 +52,8 @@ class LinkEvidence(RunEvidence):
             unsure[0] = (before >= enters) & (before < leaves)
         for k in range(1, len(self.t)):
             now, rate = self._distances(k)
-            way = FASTER * (self.t[k] - self.t[k - 1]) * np.maximum(rate_before, rate)
-            nearest, farthest = (before + now - way) / 2, (before + now + way) / 2
+            travel = FASTER * (self.t[k] - self.t[k - 1]) * np.maximum(rate_before, rate)
+            nearest, farthest = (before + now - travel) / 2, (before + now + travel) / 2
             crossed = np.where(links[k - 1], farthest >= leaves, nearest < enters) | unsure[k - 1]
             unsure[k] = crossed & (now >= enters) & (now < leaves)
             np.fill_diagonal(unsure[k], False)

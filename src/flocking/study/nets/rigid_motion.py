@@ -23,10 +23,10 @@ def largest_distance_rate(state: State) -> float:
     state
         Positions and velocities.
     """
-    way, relative = _pairs(state)
-    distance, speed = np.linalg.norm(way, axis=1), np.linalg.norm(relative, axis=1)
+    offset, relative = _pairs(state)
+    distance, speed = np.linalg.norm(offset, axis=1), np.linalg.norm(relative, axis=1)
     apart = distance > 0
-    rates = np.where(apart, np.abs((way * relative).sum(axis=1)) / np.where(apart, distance, 1.0), speed)
+    rates = np.where(apart, np.abs((offset * relative).sum(axis=1)) / np.where(apart, distance, 1.0), speed)
     return float(rates.max(initial=0.0))
 
 
@@ -53,8 +53,8 @@ def converse_conditions(graph: Graph, state: State, tolerance: float = 1e-9) -> 
     """
     links = np.asarray(graph.initial(state.q) if state.links is None else state.links)
     undirected = bool((links == links.T).all()) and is_connected(links)
-    way, relative = _pairs(state)
-    distance, speed = np.linalg.norm(way, axis=1), np.linalg.norm(relative, axis=1)
+    offset, relative = _pairs(state)
+    distance, speed = np.linalg.norm(offset, axis=1), np.linalg.norm(relative, axis=1)
     different = speed > tolerance * speed.max(initial=0.0)
-    orthogonal = np.abs((way * relative).sum(axis=1)) <= tolerance * distance * speed
+    orthogonal = np.abs((offset * relative).sum(axis=1)) <= tolerance * distance * speed
     return undirected, bool((distance > 0).all()), not bool((different & orthogonal).any())

@@ -115,32 +115,32 @@ class _Judge:
     shape: Shape
     radius: float | None
 
-    def end(self, whole: bool) -> float:
-        return np.inf if whole or self.radius is None else self.radius
+    def end(self, past_radius: bool) -> float:
+        return np.inf if past_radius or self.radius is None else self.radius
 
-    def defined(self, whole: bool) -> PropertyRow:
-        end = self.end(whole)
+    def defined(self, past_radius: bool) -> PropertyRow:
+        end = self.end(past_radius)
         missing = [x for x in self.shape.undefined if x < end]
         text = f"no real value at r = {missing[0]:.3g} and {len(missing) - 1} more of 97 samples" if missing else ""
         return PropertyRow("defined", not missing, text or "real at every sampled distance")
 
-    def minima(self, whole: bool) -> list[Minimum]:
-        end = self.end(whole)
+    def minima(self, past_radius: bool) -> list[Minimum]:
+        end = self.end(past_radius)
         return [m for m in self.shape.minima if m.at < end and not same(m.at, end)]
 
-    def lowest(self, whole: bool) -> tuple[float, float]:
+    def lowest(self, past_radius: bool) -> tuple[float, float]:
         """Where and how low the potential gets, attained or not."""
-        end = self.end(whole)
+        end = self.end(past_radius)
         lows = [(x, v) for x, v in self.shape.lows if not np.isnan(v) and (x < end or x == end == np.inf)]
         edge = None if np.isinf(end) else self.shape.break_at(end)
         if edge is not None and not np.isnan(edge.left[0].value):
             lows = [low for low in lows if not same(low[0], end)] + [(end, edge.left[0].value)]
         return min(lows, key=lambda low: low[1], default=(np.nan, np.nan))
 
-    def unique(self, whole: bool) -> PropertyRow:
+    def unique(self, past_radius: bool) -> PropertyRow:
         name = "unique minimum"
-        minima = self.minima(whole)
-        where, low = self.lowest(whole)
+        minima = self.minima(past_radius)
+        where, low = self.lowest(past_radius)
         if len(self.shape.minima) >= MOST_MINIMA:
             return PropertyRow(name, False, f"has {len(self.shape.minima)} local minima and more")
         if not minima:
@@ -162,17 +162,17 @@ class _Judge:
             text += f"; higher local minima: {', '.join(spots)}" + (" ..." if len(others) > 3 else "")
         return PropertyRow(name, True, text)
 
-    def nonnegative(self, whole: bool) -> PropertyRow:
-        where, low = self.lowest(whole)
-        undefined = not self.defined(whole).holds or np.isnan(low)
+    def nonnegative(self, past_radius: bool) -> PropertyRow:
+        where, low = self.lowest(past_radius)
+        undefined = not self.defined(past_radius).holds or np.isnan(low)
         holds = bool(low >= -1e-12) and not undefined
         text = f"gets as low as {low:.9g} at r = {where:.9g}" + (", and is not defined everywhere" if undefined else "")
         return PropertyRow("nonnegative", holds, text)
 
-    def at_zero(self, whole: bool) -> PropertyRow:
+    def at_zero(self, past_radius: bool) -> PropertyRow:
         return PropertyRow("infinite at 0", self.shape.zero.rises, f"tends to {self.shape.zero} as r -> 0")
 
-    def at_radius(self, whole: bool) -> PropertyRow:
+    def at_radius(self, past_radius: bool) -> PropertyRow:
         name = "infinite at R"
         if self.radius is None:
             return PropertyRow(name, None, "no radius was given and the potential is infinite at none")
@@ -188,7 +188,7 @@ class _Judge:
         sides = [f"{what} {a} | {b}" for what, a, b in zip(("value", "slope"), edge.left, edge.right, strict=False)]
         return PropertyRow(name, edge.order >= 1, f"left | right of R = {edge.at:.9g}: {', '.join(sides)}")
 
-    def increasing(self, whole: bool) -> PropertyRow:
+    def increasing(self, past_radius: bool) -> PropertyRow:
         name = "increasing near R"
         if self.radius is None:
             return PropertyRow(name, None, "no radius was given and the potential is infinite at none")
@@ -203,21 +203,21 @@ class _Judge:
         since = f"; its last minimum before R is at r = {start:.9g}" if np.isfinite(start) else ""
         return PropertyRow(name, True, f"slope {slopes[5]:.6g} at r = R - R/1e6, R = {R:.9g}{since}")
 
-    def unbounded(self, whole: bool) -> PropertyRow:
+    def unbounded(self, past_radius: bool) -> PropertyRow:
         found = self.shape.infinity
         return PropertyRow("radially unbounded", found.rises, f"tends to {found} as r -> infinity")
 
-    def differentiable(self, whole: bool) -> PropertyRow:
-        end = self.end(whole)
+    def differentiable(self, past_radius: bool) -> PropertyRow:
+        end = self.end(past_radius)
         broken = [b for b in self.shape.breaks if b.order < 1 and b.at < end and not same(b.at, end)]
         text = "; ".join(str(b) for b in broken[:3]) + (f"; {len(broken) - 3} more" if len(broken) > 3 else "")
         kept = [b for b in self.shape.breaks if b.order == 1 and b.at < end]
         calm = "; ".join(str(b) for b in kept[:3]) or f"no break of the slope below {end:.9g}"
-        defined = self.defined(whole)
+        defined = self.defined(past_radius)
         return PropertyRow("differentiable", not broken and bool(defined.holds), text or
                            (calm if defined.holds else defined.explanation))  # fmt: skip
 
-    def still(self, whole: bool) -> PropertyRow:
+    def still(self, past_radius: bool) -> PropertyRow:
         name = "zero slope beyond R"
         if self.radius is None:
             return PropertyRow(name, None, "no radius was given and the potential is infinite at none")
@@ -309,8 +309,8 @@ def check_potential(
         judge.at_radius(False), judge.edge(), judge.increasing(False), judge.unbounded(True), judge.smoothness(),
     )  # fmt: skip
     definitions = tuple(
-        DefinitionRow(key, source, tuple(item(judge, whole) for item in items))
-        for key, (source, whole, items) in _DEFINITIONS.items()
+        DefinitionRow(key, source, tuple(item(judge, past_radius) for item in items))
+        for key, (source, past_radius, items) in _DEFINITIONS.items()
         if definition in (None, key)
     )
     return PotentialReport(potential, judge.radius, rows, definitions)

@@ -317,10 +317,15 @@ def _read_list(value: object, name: str, group: str, context: Context, problems:
 
 
 def _read(
-    wanted: Any, data: Any, prefix: tuple[str | int, ...], group: str | None, context: Context, problems: list[Problem]
+    expected: Any,
+    data: Any,
+    prefix: tuple[str | int, ...],
+    group: str | None,
+    context: Context,
+    problems: list[Problem],
 ) -> object:
     try:
-        return TypeAdapter(wanted).validate_python(data, context=context)
+        return TypeAdapter(expected).validate_python(data, context=context)
     except ValidationError as error:
         problems += faults(error, data, prefix, group)
         return None

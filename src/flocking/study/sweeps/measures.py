@@ -114,14 +114,14 @@ class OfRun:
 
 
 def find_measures(
-    wanted: Sequence[str | Callable[[Run], object]] | Mapping[str, Callable[[Run], object]] | str,
+    requested: Sequence[str | Callable[[Run], object]] | Mapping[str, Callable[[Run], object]] | str,
     more: Mapping[str, tuple[str, Measuring]] | None = None,
 ) -> dict[str, Measuring]:
     """Measures by name.
 
     Parameters
     ----------
-    wanted
+    requested
         Names of `MEASURES` and functions of a run, each under its own name; or a mapping of names to functions.
     more
         Further measures that may be named.
@@ -136,10 +136,10 @@ def find_measures(
 
     known = {**MEASURES, **(more or {})}
     entries: list[tuple[str | None, object]]
-    if isinstance(wanted, Mapping):
-        entries = list(wanted.items())
+    if isinstance(requested, Mapping):
+        entries = list(requested.items())
     else:
-        entries = [(None, entry) for entry in ([wanted] if isinstance(wanted, str) else wanted)]
+        entries = [(None, entry) for entry in ([requested] if isinstance(requested, str) else requested)]
     found: dict[str, Measuring] = {}
     for given, entry in entries:
         if isinstance(entry, str):

@@ -11,20 +11,20 @@ class Progress:
 
     Parameters
     ----------
-    wanted
+    enabled
         Whether to show it.
     total, done
         Number of runs, and how many were done before.
     """
 
-    def __init__(self, wanted: bool, total: int, done: int) -> None:
-        self._wanted, self._total, self._done = wanted, total, done
+    def __init__(self, enabled: bool, total: int, done: int) -> None:
+        self._enabled, self._total, self._done = enabled, total, done
         self._failed = 0
         self._bar: Any = None
         self._task: Any = None
 
     def __enter__(self) -> Progress:
-        if not self._wanted:
+        if not self._enabled:
             return self
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn

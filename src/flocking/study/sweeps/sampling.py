@@ -43,7 +43,7 @@ class Sample:
     ranges: Mapping[str, tuple[float, float]]
     log: Sequence[str] = ()
     seed: int = 0
-    _whole: tuple[bool, ...] = field(init=False, repr=False, compare=False, default=())
+    _integers: tuple[bool, ...] = field(init=False, repr=False, compare=False, default=())
 
     def __post_init__(self) -> None:
         one_of("Sample", "method", self.method, METHODS)
@@ -52,7 +52,7 @@ class Sample:
         if not isinstance(self.ranges, Mapping) or not self.ranges:
             raise InvalidInput("Sample", "ranges", "must name at least one parameter", self.ranges)
         listed("Sample", "log", self.log, "must be names of parameters")
-        whole = []
+        integers = []
         for name, ends in self.ranges.items():
             where = f"ranges[{name!r}]"
             if not isinstance(ends, Sequence) or isinstance(ends, str) or len(ends) != 2:
@@ -62,25 +62,25 @@ class Sample:
                 raise InvalidInput("Sample", where, "must have its lower end first", list(ends))
             if name in self.log and low <= 0:
                 raise InvalidInput("Sample", where, "must be above 0 to be drawn by its logarithm", list(ends))
-            whole.append(all(isinstance(end, int | np.integer) and not isinstance(end, bool) for end in ends))
+            integers.append(all(isinstance(end, int | np.integer) and not isinstance(end, bool) for end in ends))
         unknown = [name for name in self.log if name not in self.ranges]
         if unknown:
             raise InvalidInput("Sample", "log", f"must be among {', '.join(self.ranges)}", unknown[0])
-        object.__setattr__(self, "_whole", tuple(whole))
+        object.__setattr__(self, "_integers", tuple(integers))
 
     def points(self) -> dict[str, tuple[Any, ...]]:
         """The values drawn, one column per parameter."""
         shares = self._shares()
         columns: dict[str, tuple[Any, ...]] = {}
         for k, (name, (low, high)) in enumerate(self.ranges.items()):
-            whole = self._whole[k]
-            first, last = (float(low) - 0.5, float(high) + 0.5) if whole else (float(low), float(high))
+            integers = self._integers[k]
+            first, last = (float(low) - 0.5, float(high) + 0.5) if integers else (float(low), float(high))
             if name in self.log:
                 first = max(first, float(low) / 2)
                 values = first * (last / first) ** shares[:, k]
             else:
                 values = first + (last - first) * shares[:, k]
-            if whole:
+            if integers:
                 columns[name] = tuple(int(v) for v in np.clip(np.rint(values), low, high))
             else:
                 columns[name] = tuple(float(v) for v in np.clip(values, low, high))

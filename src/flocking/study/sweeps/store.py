@@ -161,13 +161,13 @@ def _opened(path: Path, *, check_format: bool = False) -> dict[str, object]:
             raise _damaged(path)
         outer = json.loads(path.read_bytes())
         body = outer["body"]
-        whole = zlib.crc32(body.encode()) == outer["seal"]
+        intact = zlib.crc32(body.encode()) == outer["seal"]
         inner = json.loads(body)
     except OSError as error:
         raise StorageError(f"{path}: cannot be read: {error.strerror}.") from None
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise _damaged(path) from None
-    if not whole or not isinstance(inner, dict):
+    if not intact or not isinstance(inner, dict):
         raise _damaged(path)
     if check_format and isinstance(inner.get("format"), int) and inner["format"] > FORMAT:
         raise StorageError(

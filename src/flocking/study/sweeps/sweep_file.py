@@ -330,16 +330,16 @@ class _Reader:
 
     def measures(self) -> tuple[str, ...]:
         """Names of what is measured."""
-        wanted = self._found.get("measures", ["flocks", "velocity_spread"])
+        requested = self._found.get("measures", ["flocks", "velocity_spread"])
         known = {**MEASURES, **self.more}
-        for k, name in enumerate(wanted):
+        for k, name in enumerate(requested):
             if name not in known:
                 fix = nearest(name, known)
                 self.say(f"measures[{k}]", "is not known", name, "" if fix in self._told else fix)
                 self._told.add(fix)
-            elif name in wanted[:k]:
+            elif name in requested[:k]:
                 self.say(f"measures[{k}]", "must not be named twice", name)
-        return tuple(wanted)
+        return tuple(requested)
 
 
 def _changes(grid: Mapping[str, list[Any]], sample: Sample | None) -> Iterator[tuple[str, dict[str, Any]]]:

@@ -145,13 +145,13 @@ def _read(
     key: str,
     problems: list[Problem],
 ) -> None:
-    wanted = choices.get(type(value))
-    if wanted is None:
+    expected = choices.get(type(value))
+    if expected is None:
         words = " or ".join(_WORDS[kind] for kind in choices)
         problems.append(Problem(place_of(place), f"must be {words}", shown(value)))
         return
     try:
-        found[key] = TypeAdapter(wanted).validate_python(value)
+        found[key] = TypeAdapter(expected).validate_python(value)
     except ValidationError as error:
         problems += [_problem(dict(entry), place) for entry in error.errors(include_url=False)]
 

@@ -208,13 +208,13 @@ def without_interrupts() -> Iterator[None]:
 def memory_share(workers: int) -> int | None:
     """Bytes for each of so many ``workers``: an equal part of what this process may use; None where that is unknown."""
     try:
-        whole = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+        memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (ValueError, OSError, AttributeError):
         return None
     for name in GROUP_LIMITS:
         with suppress(OSError, ValueError):
-            whole = min(whole, int(Path(name).read_text()))
-    return max(LEAST_MEMORY, whole // workers)
+            memory = min(memory, int(Path(name).read_text()))
+    return max(LEAST_MEMORY, memory // workers)
 
 
 def _allowed_failures(dask_scheduler: Any) -> int:

@@ -44,13 +44,13 @@ class Experiment:
 
     def __init__(self, scenario: Scenario, engine: str = "auto") -> None:
         self.original = scenario
-        self._wanted = engine
+        self._requested_engine = engine
         self.restart()
 
     def restart(self) -> None:
         """Go back to the start; what was done is forgotten."""
         self.base = self.original
-        self.session, self.engine = opened(self.original, self._wanted)
+        self.session, self.engine = opened(self.original, self._requested_engine)
         self.log = EventLog(self.original, self.engine, end=self.session.time)
         self.failure = ""
         self.changed_at = self.session.time
