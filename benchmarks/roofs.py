@@ -7,6 +7,8 @@ import time
 
 import numpy as np
 
+from flocking.formula.native.functions import native
+
 
 def passes(law, state, threads, precision, step, repeats=15):
     """Seconds of one pass of the kernel on settled lists, without rebuilds: all repeats; and bytes of the lists."""
@@ -27,24 +29,23 @@ def passes(law, state, threads, precision, step, repeats=15):
     return found, float(crowd.lists[0].count.sum()) * 16 * 4
 
 
+@native
+def add_scaled(first, last, a, b, c):
+    for i in range(first, last):
+        a[i] = b[i] + 3.0 * c[i]
+
+
 def triad(threads, size=20_000_000):
     """Bytes per second of a = b + s c over the same threads, counting the read of a that a plain store makes."""
-    import numba
-
     from flocking.engine.tiles.threads import Workers
-
-    @numba.njit(nogil=True)
-    def kernel(first, last, a, b, c):
-        for i in range(first, last):
-            a[i] = b[i] + 3.0 * c[i]
 
     workers = Workers(threads)
     a, b, c = np.zeros(size), np.ones(size), np.ones(size)
-    workers.each(kernel, size, a, b, c)
+    workers.each(add_scaled, size, a, b, c)
     found = []
     for _ in range(9):
         begin = time.perf_counter()
-        workers.each(kernel, size, a, b, c)
+        workers.each(add_scaled, size, a, b, c)
         found.append(time.perf_counter() - begin)
     return 4 * 8 * size / statistics.median(found)
 

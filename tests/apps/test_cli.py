@@ -70,7 +70,8 @@ def test_help_names_every_command_and_is_quick() -> None:
 def test_help_imports_nothing_heavy() -> None:
     code = (
         "import sys; from flocking.apps.cli import main; main(['--help']);"
-        "heavy = {'numba', 'sympy', 'scipy', 'matplotlib', 'pydantic', 'zarr', 'xarray', 'numpy'} & set(sys.modules);"
+        "heavy = {'llvmlite', 'sympy', 'scipy', 'matplotlib', 'pydantic', 'zarr', 'xarray', 'numpy'};"
+        "heavy &= set(sys.modules);"
         "sys.exit(f'imported {heavy}' if heavy else 0)"
     )
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)

@@ -211,7 +211,7 @@ sys.exit(main())
 
 
 @pytest.mark.parametrize("number", ["SIGINT", "SIGTERM"])
-@pytest.mark.parametrize("module", ["flocking.apps.cli", "cyclopts", "flocking.model.law", "pydantic", "numba"])
+@pytest.mark.parametrize("module", ["flocking.apps.cli", "cyclopts", "flocking.model.law", "pydantic", "llvmlite"])
 def test_a_signal_while_modules_are_imported_ends_quietly(tmp_path: Path, module: str, number: str) -> None:
     fk.write_scenario(scenario(), tmp_path / "scenario.toml")
     program = IMPORTING.format(module=module, number=number, file=str(tmp_path / "scenario.toml"))

@@ -34,7 +34,7 @@ HOMES = {
     "change the skin rule": "def best_skin(",
     "change how neighbour lists are built": "class ListBuilder",
     "change the kernel of one time step": "def tile_kernels(",
-    "change the accuracy of the inverse square root": "def inverse_root(",
+    "change the accuracy of the inverse square root": "inverse_root = ",
     "change the LAMMPS input deck": "def make_deck(",
     "change how a file survives a kill": "os.replace(",
     "export runs to another format": "def export_run(",

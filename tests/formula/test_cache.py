@@ -18,10 +18,10 @@ from flocking.errors import CacheError
 from flocking.formula import cache, compiled
 from tests.counting import count
 
-NUMBERS = """from flocking.formula.machine_code import numba
+NUMBERS = """from flocking.formula.native.functions import native
 
 
-@numba.njit(cache=True)
+@native
 def more(x):
     return x + {}
 """
@@ -101,37 +101,46 @@ def test_modules_and_notes_cut_anywhere_are_made_anew(folder: Path) -> None:
             count("cache: files cut")
 
 
-@pytest.mark.parametrize("step", [4000, pytest.param(100, marks=pytest.mark.slow)])
-def test_machine_code_cut_anywhere_is_made_anew(folder: Path, step: int) -> None:
+@pytest.fixture
+def made(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What LLVM was asked to compile."""
+    from flocking.formula.native import objects
+
+    found: list[str] = []
+    real = objects.object_code
+    monkeypatch.setattr(objects, "object_code", lambda text: (found.append(text), real(text))[1])
+    return found
+
+
+@pytest.mark.parametrize("step", [400, pytest.param(20, marks=pytest.mark.slow)])
+def test_machine_code_cut_anywhere_is_made_anew(folder: Path, step: int, made: list[str]) -> None:
     text = NUMBERS.format(5)
     assert module(text).more(1) == 6
-    paths = [p for p in (folder / cache.MACHINE).rglob("*") if p.suffix in (".nbi", ".nbc")]
-    assert sorted(p.suffix for p in paths) == [".nbc", ".nbi"]
-    for path in paths:
-        whole = path.read_bytes()
-        for length in range(0, len(whole), step):
-            path.write_bytes(whole[:length])
-            assert module(text).more(1) == 6
-            assert cache.is_sealed(path)
-            count("cache: files cut")
-    assert sum(module(text).more.stats.cache_hits.values()) == 0
-    again = module(text)
-    assert again.more(1) == 6
-    assert sum(again.more.stats.cache_hits.values()) == 1
+    (path,) = (folder / cache.MACHINE).rglob("*.o")
+    whole = path.read_bytes()
+    for length in range(0, len(whole), step):
+        path.write_bytes(whole[:length])
+        before = len(made)
+        assert module(text).more(1) == 6
+        assert len(made) == before + 1
+        assert cache.is_sealed(path)
+        count("cache: files cut")
+    before = len(made)
+    assert module(text).more(1) == 6
+    assert len(made) == before
 
 
-def test_machine_code_that_others_may_write_is_not_unpickled(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    import pickle
-
+def test_machine_code_that_others_may_write_is_not_loaded(folder: Path, made: list[str]) -> None:
     text = NUMBERS.format(6)
     assert module(text).more(1) == 7
-    for path in [p for p in (folder / cache.MACHINE).rglob("*") if p.is_file()]:
-        path.chmod(0o666)
-    read: list[int] = []
-    real = pickle.loads
-    monkeypatch.setattr("numba.core.caching.pickle.loads", lambda x: (read.append(1), real(x))[1])
+    (path,) = (folder / cache.MACHINE).rglob("*.o")
+    other = NUMBERS.format(600)
+    assert module(other).more(1) == 601
+    (planted,) = set((folder / cache.MACHINE).rglob("*.o")) - {path}
+    path.write_bytes(planted.read_bytes())
+    path.chmod(0o666)
     assert module(text).more(1) == 7
-    assert not read
+    assert len(made) == 3
 
 
 def test_what_was_used_longest_ago_is_removed_first(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,7 +20,7 @@ from tests.engine.storage.stored_runs import assert_same, finished
 from tests.machines.starting import Ended, Machines
 
 MIB = 2**20
-IMPORTS = "import numpy, numba"
+IMPORTS = "import numpy, llvmlite.binding"
 
 
 def limited(words: list[str], mib: int) -> Ended:
@@ -34,7 +34,7 @@ def limited(words: list[str], mib: int) -> Ended:
 
 @cache
 def smallest(step: int) -> int:
-    """MiB with which NumPy and Numba can be imported, found by bisection down to a step."""
+    """MiB with which NumPy and llvmlite can be imported, found by bisection down to a step."""
     low, high = 32, LEAST_ADDRESS_SPACE // MIB
     while high - low > step:
         middle = (low + high) // 2

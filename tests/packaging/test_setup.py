@@ -40,8 +40,8 @@ def test_every_import_of_the_package_is_a_declared_dependency() -> None:
         for found in PROJECT["optional-dependencies"].values()
         for d in found
     }
-    # Numba, Matplotlib, SymPy, Pydantic and viser bring these.
-    brought = {"cycler", "llvmlite", "mpl_toolkits", "mpmath", "pydantic_core", "typing_extensions", "websockets"}
+    # Matplotlib, SymPy, Pydantic and viser bring these.
+    brought = {"cycler", "mpl_toolkits", "mpmath", "pydantic_core", "typing_extensions", "websockets"}
     extras |= {name.replace("-", "_") for name in extras}
     known = declared | extras | brought | {"flocking"} | set(sys.stdlib_module_names)
     for path in (ROOT / "src").rglob("*.py"):

@@ -150,9 +150,6 @@ def _found(name: str) -> ModuleType | None:
 
 def _loaded(name: str, source: str) -> ModuleType:
     """The module of a source that is in the folder; Python's own cache of compiled files takes no part."""
-    # Functions that the source compiles keep their machine code in the cache folder.
-    import flocking.formula.machine_code  # noqa: F401
-
     path = cache_folder() / f"{name}.py"
     module = ModuleType(name)
     module.__file__ = str(path)

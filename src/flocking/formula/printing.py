@@ -1,4 +1,4 @@
-"""SymPy expressions printed as source code: for Numba (scalars, ``math``) and for NumPy (arrays)."""
+"""SymPy expressions printed as source code: for compiled functions (scalars, ``math``) and for NumPy (arrays)."""
 
 from __future__ import annotations
 

@@ -50,13 +50,13 @@ class Harm:
 
 @pytest.fixture
 def calls(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
-    """Poison every pickle entry point; who called one. Numba's own cache is a folder of code, and may."""
+    """Poison every pickle entry point; who called one."""
     seen: list[str] = []
 
     def poisoned(name: str, real: Any) -> Callable[..., Any]:
         def called(*given: Any, **named: Any) -> Any:
             caller = sys._getframe(1).f_globals.get("__name__", "")
-            if not caller.startswith("numba.") and "multiprocessing" not in caller:
+            if "multiprocessing" not in caller:
                 seen.append(f"{name} from {caller}")
             return real(*given, **named)
 

@@ -199,6 +199,11 @@ def assert_whole(run: Run, whole: Run) -> None:
 
 def test_killed_while_writing_at_10_instants(start: Start, tmp_path: Path) -> None:
     found = kill_while_frames_are_written(start, tmp_path, 10, seed=11)
+    # Where commits are far apart in time few kills fall between their parts.
+    for seed in range(12, 20):
+        if not any(traces for _, traces in found):
+            (tmp_path / str(seed)).mkdir()
+            found += kill_while_frames_are_written(start, tmp_path / str(seed), 5, seed=seed)
     assert max(count for count, _ in found) > 3, "some writer came far enough to be interesting"
     assert any(traces for _, traces in found), "some kill fell between two commits"
 

@@ -1,24 +1,39 @@
 """Whole agents as lanes and back, and inverse square roots."""
 
-import numba
 import numpy as np
 import pytest
 
 from flocking.engine.tiles.simd.interleaved_arrays import GATHERERS, LOADERS, STORERS
 from flocking.engine.tiles.simd.inverse_square_root import inverse_root
 from flocking.engine.tiles.simd.vectors import load, store
+from flocking.formula.native.functions import native
+
+load_four, gather_four, store_four = LOADERS[4], GATHERERS[4], STORERS[4]
+load_six, gather_six, store_six = LOADERS[6], GATHERERS[6], STORERS[6]
+
+
+@native
+def move_four(agents, entries, target):
+    store_four(target, 16, load_four(agents, 16))
+    store_four(target, 32, gather_four(agents, entries, 16, 0x7FFFFFFF))
+
+
+@native
+def move_six(agents, entries, target):
+    store_six(target, 16, load_six(agents, 16))
+    store_six(target, 32, gather_six(agents, entries, 16, 0x7FFFFFFF))
+
+
+@native
+def fill(x, y):
+    for k in range(0, len(x), 16):
+        store(y, k, inverse_root(load(x, k)))
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("columns", [4, 6])
 def test_agents_come_and_go_whole(dtype, columns):
-    load_agents, gather_agents, store_agents = LOADERS[columns], GATHERERS[columns], STORERS[columns]
-
-    @numba.njit
-    def move(agents, entries, target):
-        store_agents(target, 16, load_agents(agents, 16))
-        store_agents(target, 32, gather_agents(agents, entries, 16, 0x7FFFFFFF))
-
+    move = {4: move_four, 6: move_six}[columns]
     rng = np.random.default_rng(columns)
     agents, target = rng.random((64, columns)).astype(dtype), np.zeros((64, columns), dtype)
     entries = rng.integers(0, 64, 48).astype(np.uint32)
@@ -35,11 +50,6 @@ def test_agents_come_and_go_whole(dtype, columns):
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_inverse_roots(dtype):
-    @numba.njit
-    def fill(x, y):
-        for k in range(0, len(x), 16):
-            store(y, k, inverse_root(load(x, k)))
-
     x = np.exp(np.random.default_rng(0).uniform(-60, 60, 16000)).astype(dtype)
     y = np.empty_like(x)
     fill(x, y)

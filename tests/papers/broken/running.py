@@ -145,23 +145,6 @@ def _replace(known: Any, other: Any) -> None:
             module.simulate = other  # type: ignore[attr-defined]
 
 
-class Uncompiled:
-    """Numba for modules loaded from now on: a kernel for a few steps is quicker as plain Python than compiled.
-
-    Functions of modules already loaded stay compiled, and may be compiled for new types: Numba as a whole cannot be
-    switched off for them, since the functions of NumPy that they call would then stay plain too.
-    """
-
-    @staticmethod
-    def njit(*functions: Any, **_: Any) -> Any:
-        return functions[0] if functions else lambda function: function
-
-    def __getattr__(self, name: str) -> Any:
-        import numba
-
-        return getattr(numba, name)
-
-
 def _forget(home: str, folder: str) -> None:
     """Clear what was computed with the sound home; generated code that depends on it is kept in this folder."""
     for name, module in list(sys.modules.items()):
@@ -175,9 +158,6 @@ def _forget(home: str, folder: str) -> None:
                 vars(module)[kept].clear()
     if changes_runs(home):
         _RUNS.clear()
-        from flocking.formula import machine_code
-
-        machine_code.numba = Uncompiled()  # type: ignore[assignment]
     if changes_generated_code(home):
         for name in [n for n in sys.modules if n.startswith("flocking_generated_")]:
             del sys.modules[name]

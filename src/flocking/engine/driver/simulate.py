@@ -171,8 +171,6 @@ def simulate(
     """
     if isinstance(scenario, Scenario):
         engine = chosen_engine(scenario, engine, plant)
-    if isinstance(engine, str) and engine == "tiles":
-        options.setdefault("tell", progress)
     if isinstance(save, str | Path):
         from flocking.engine.storage.run_writer import check_free
 

@@ -19,7 +19,7 @@ import numpy as np
 from flocking.engine.exact.dynamics import Dynamics
 from flocking.engine.exact.integrator.method import halves
 from flocking.engine.exact.integrator.segment import Segment, powers_at, weights_at
-from flocking.formula.machine_code import numba
+from flocking.formula.native.functions import native
 from flocking.model.checks import Array
 
 SAFETY = 4.0
@@ -193,7 +193,7 @@ class Companion:
         return error
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
+@native
 def _summary(
     nodes: Array, coefficients: Array, n: int, m: int, order: int
 ) -> tuple[bool, float, float, float, float, float, float]:
@@ -228,9 +228,9 @@ def _summary(
             mean += coefficients[last, j * m + c]
         for i in range(n):
             spread = max(spread, abs(coefficients[last, i * m + c] - mean / n))
-    floors = ROUNDING * sizes
-    position, velocity = SAFETY * np.sqrt(most[0]) + floors[0], SAFETY * np.sqrt(most[1]) + floors[1]
-    return finite, position, velocity, 2 * SAFETY * np.sqrt(apart) + 2 * floors[0], floors[0], floors[1], spread
+    q_floor, p_floor = ROUNDING * sizes[0], ROUNDING * sizes[1]
+    position, velocity = SAFETY * np.sqrt(most[0]) + q_floor, SAFETY * np.sqrt(most[1]) + p_floor
+    return finite, position, velocity, 2 * SAFETY * np.sqrt(apart) + 2 * q_floor, q_floor, p_floor, spread
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from flocking.engine.exact.integrator.segment import Segment
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 from flocking.engine.kernels.pieces import MARGIN
 from flocking.formula.interval_jets import Jet, on_jets
-from flocking.formula.machine_code import numba
+from flocking.formula.native.functions import native
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 
@@ -195,7 +195,6 @@ def _roots(formula: Callable[[Jet], Jet], a: Array, b: Array) -> list[tuple[floa
     return [(float(x), float(w)) for x, w in zip(r, widths, strict=True)]
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def _value(g: Array, x: float, work: Array) -> float:
     """Bernstein polynomial at ``x``."""
     for k in range(g.shape[0]):
@@ -206,7 +205,7 @@ def _value(g: Array, x: float, work: Array) -> float:
     return float(work[0])
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
+@native
 def allowed_share(B: Array, far: Array, senders: Any, sensed: Any, offsets: Any, found: Array, owners: Any) -> float:
     """Which fraction of a segment no pair moves further within a zone than its `STRIDE`; 1 or more for all of it.
 

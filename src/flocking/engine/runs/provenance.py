@@ -34,7 +34,7 @@ def provenance(engine: str, scenario: Scenario) -> dict[str, Any]:
         "flocking": _version("flocking"),
         "numpy": _version("numpy"),
         "scipy": _version("scipy"),
-        "numba": _version("numba"),
+        "llvmlite": _version("llvmlite"),
         "python": platform.python_version(),
         "machine": platform.machine(),
     }

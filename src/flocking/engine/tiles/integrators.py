@@ -10,7 +10,7 @@ import numpy as np
 
 from flocking.engine.tiles.kernels.tile_sums import SUMS
 from flocking.engine.tiles.particle_arrays import Crowd
-from flocking.formula.machine_code import numba
+from flocking.formula.native.functions import native
 
 INTEGRATED = ("work", "dissipated", "supplied")
 """Sums of the kernel that the ledger integrates over time."""
@@ -129,7 +129,7 @@ class Verlet(Scheme):
         return crowd.Y[crowd.m :] if self.last else crowd.X[crowd.m :]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@native
 def _combine(first, last, base, gained, agents, slopes, weight, ahead, begin):  # type: ignore[no-untyped-def]
     """Add a stage's slope (velocity of ``agents``, acceleration in ``slopes``) to the gain; set the next stage."""
     m = agents.shape[1] // 2

@@ -7,12 +7,10 @@ from typing import Any
 import numpy as np
 
 from flocking.engine.tiles.kernels.spec import KernelSpec
-from flocking.formula.machine_code import numba
-
-_compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
+from flocking.formula.native.functions import native
 
 
-@_compiled
+@native
 def strayed_squares(first, last, agents, reference, shift, n, out):  # type: ignore[no-untyped-def]
     """Largest squared distance of the agents of each tile from where they were at the rebuild, seen from the crowd.
 
@@ -40,7 +38,7 @@ def strayed_squares(first, last, agents, reference, shift, n, out):  # type: ign
         out[tile] = most
 
 
-@_compiled
+@native
 def extremes_of(tops, out):  # type: ignore[no-untyped-def]
     """Largest squared speed, smallest squared distance of linked agents and most breaks over all tiles.
 

@@ -5,23 +5,23 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flocking.engine.runs.run import OBSERVED_FIELDS as OBSERVED_FIELDS
 from flocking.engine.tiles.neighbours.neighbour_lists import LINKED, NUMBER
 from flocking.engine.tiles.particle_arrays import Crowd
-from flocking.formula.machine_code import numba
+from flocking.formula.native.functions import native
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _root(parent, i):  # type: ignore[no-untyped-def]
+def _root(parent: NDArray[np.int32], i: int | np.int64) -> int | np.int64:
     while parent[i] != i:
         parent[i] = parent[parent[i]]
         i = parent[i]
     return i
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _survey(q, n, rows, first, count, remembered, limit, each, parent):  # type: ignore[no-untyped-def]
+@native
+def _survey(agents, n, rows, first, count, remembered, limit, each, parent):  # type: ignore[no-untyped-def]
     """Join linked agents; returns links, sums of lengths and squared lengths, and the smallest square."""
     links = 0
     lengths = 0.0
@@ -38,8 +38,8 @@ def _survey(q, n, rows, first, count, remembered, limit, each, parent):  # type:
             if j == i:
                 continue
             s = 0.0
-            for k in range(q.shape[0]):
-                d = np.float64(q[k, j]) - np.float64(q[k, i])
+            for k in range(agents.shape[1] // 2):
+                d = np.float64(agents[j, k]) - np.float64(agents[i, k])
                 s += d * d
             if remembered:
                 if entry < LINKED:
@@ -67,7 +67,7 @@ def _flock_sizes(crowd: Crowd) -> tuple[Any, tuple[int, float, float, float]]:
     told = bool(graph.moves and np.all(graph.appear_radius == graph.break_radius))
     parent = np.empty(n, np.int32)
     counted = _survey(
-        crowd.X[: crowd.m], n, lists.rows, lists.first, lists.count, not told, crowd.limits[0][0], crowd.each[0], parent
+        crowd.agents, n, lists.rows, lists.first, lists.count, not told, crowd.limits[0][0], crowd.each[0], parent
     )
     sizes = np.bincount(parent)
     return sizes[sizes > 0], counted

@@ -37,8 +37,6 @@ class TilesOptions:
         Skin of the neighbour lists; chosen automatically when absent.
     memory_limit
         Largest size of the neighbour lists in bytes; half the machine's memory when absent.
-    tell
-        Say on standard error when a law is compiled for the first time.
 
     Raises
     ------
@@ -55,7 +53,6 @@ class TilesOptions:
     keep_frames: bool = True
     skin: float | None = None
     memory_limit: float | None = None
-    tell: bool = False
 
     def __post_init__(self) -> None:
         if self.scheme not in SCHEMES:
@@ -67,7 +64,7 @@ class TilesOptions:
                 number("TilesOptions", name, getattr(self, name), above=0.0)
         if self.threads is not None and integer("TilesOptions", "threads", self.threads, least=1) > MOST_THREADS:
             raise InvalidInput("TilesOptions", "threads", f"must be at most {MOST_THREADS}", self.threads)
-        for name in ("ledger", "observe", "keep_frames", "tell"):
+        for name in ("ledger", "observe", "keep_frames"):
             if not isinstance(getattr(self, name), bool):
                 raise InvalidInput("TilesOptions", name, "must be True or False", getattr(self, name))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from dataclasses import replace
 from functools import cached_property
@@ -22,7 +21,6 @@ from flocking.engine.tiles import automatic_step, checks
 from flocking.engine.tiles.instability import Instability
 from flocking.engine.tiles.integrators import Scheme, Verlet, scheme_named
 from flocking.engine.tiles.kernels.spec import KernelSpec, check_supported, graph_kinds
-from flocking.engine.tiles.kernels.step_kernel import is_compiled
 from flocking.engine.tiles.law_check import LawCheck, Moment
 from flocking.engine.tiles.neighbours.listed_pairs import listed_pairs
 from flocking.engine.tiles.neighbours.neighbour_lists import TooManyNeighboursError
@@ -105,8 +103,6 @@ class TilesSession:
 
     def _new_crowd(self, scenario: Scenario, state: State) -> Crowd:
         spec = self._spec(scenario)
-        if self.options.tell and not is_compiled(spec):
-            print("flocking: compiling this law; the next run finds it on disk.", file=sys.stderr, flush=True)
         crowd = Crowd(scenario, state, spec, self.workers, self.options.lists_limit, self.options.skin)
         if self.plant is not None:
             crowd.planted = Planted(scenario, self.plant, spec)

@@ -6,9 +6,10 @@ import ast
 import math
 from collections.abc import Callable, Sequence
 
+import numpy as np
 from llvmlite import ir
 
-from flocking.formula.native.kinds import B1, F8, I8, Constant, Kind, Number, Value, joined
+from flocking.formula.native.kinds import B1, F8, I8, Array, Constant, Kind, Number, Value, joined, kind_of
 
 VECTOR_FLAGS = ("contract", "reassoc", "arcp", "nsz", "afn")
 """Liberties taken with numbers side by side; none is taken with single numbers."""
@@ -34,12 +35,16 @@ def number(value: Value) -> Number:
             return Number(B1, ir.Constant(B1.type, int(known)))
         if isinstance(known, int):
             return Number(I8, ir.Constant(I8.type, known))
+        if isinstance(known, np.generic):
+            kind = kind_of(known.dtype)
+            return Number(kind, ir.Constant(kind.type, known.item()))
         if isinstance(known, float):
             return Number(F8, ir.Constant(F8.type, known))
-    raise UntranslatableError(f"{value} where a number is needed")
+    what = {Constant: "something known that is no number", Array: "an array"}.get(type(value), "several values")
+    raise UntranslatableError(f"{what} where a number is needed")
 
 
-def spread(builder: ir.IRBuilder, value: ir.Value, kind: Kind) -> ir.Value:
+def spread_out(builder: ir.IRBuilder, value: ir.Value, kind: Kind) -> ir.Value:
     """A single number in every lane of a vector of ``kind``."""
     nothing = ir.Constant(kind.type, ir.Undefined)
     first = builder.insert_element(nothing, value, ir.Constant(ir.IntType(32), 0))
@@ -62,7 +67,7 @@ def converted(builder: ir.IRBuilder, value: Number, kind: Kind) -> Number:
     code, source, target = value.code, value.kind, Kind(kind.name)
     if source != target:
         code = _scalar(builder, code, source, target)
-    return Number(kind, spread(builder, code, kind) if kind.lanes else code)
+    return Number(kind, spread_out(builder, code, kind) if kind.lanes else code)
 
 
 def _scalar(builder: ir.IRBuilder, code: ir.Value, source: Kind, target: Kind) -> ir.Value:
@@ -285,6 +290,10 @@ def called(builder: ir.IRBuilder, function: object, values: Sequence[Value]) -> 
     if function in (float, int, bool):
         target = {float: F8, int: I8, bool: B1}[function]
         return converted(builder, number(values[0]), target)
+    if function in (math.isfinite, np.isfinite):
+        x = converted(builder, number(values[0]), F8)
+        rest = builder.fsub(x.code, x.code)
+        return Number(B1, builder.fcmp_ordered("==", rest, ir.Constant(F8.type, 0.0)))
     if function is abs:
         x = number(values[0])
         if x.kind.real:

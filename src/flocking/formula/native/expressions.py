@@ -27,7 +27,8 @@ from flocking.formula.native.kinds import (
     joined,
     kind_of,
 )
-from flocking.formula.native.scopes import Primitive, Scope, WiderError, source_of
+from flocking.formula.native.primitives import Primitive
+from flocking.formula.native.scopes import Scope, WiderError, source_of
 
 _CASTS: dict[object, Kind] = {
     np.float64: F8, np.float32: F4, np.int64: I8, np.int32: Kind("i4"), np.uint64: Kind("u8"), np.uint32: Kind("u4"),
@@ -69,7 +70,7 @@ class Expressions:
 
     def store(self, name: str, value: Value) -> None:
         """Give a name a value."""
-        if isinstance(value, Constant) and isinstance(value.value, bool | int | float):
+        if isinstance(value, Constant) and isinstance(value.value, bool | int | float | np.generic):
             value = number(value)
         if isinstance(value, Array):
             self._store_array(name, value)
@@ -154,14 +155,13 @@ class Expressions:
         UntranslatableError
             When it is no element.
         """
-        found = self._part(node)
+        found = self._part(node, self.value(node.value))
         if found.kind.axes:
             raise UntranslatableError(f"{ast.unparse(node)} where a number is needed")
         return found.data, found.kind.element
 
-    def _part(self, node: ast.Subscript) -> Array:
+    def _part(self, node: ast.Subscript, array: Value) -> Array:
         """The part of an array at some indices of its first axes."""
-        array = self.value(node.value)
         if not isinstance(array, Array):
             raise UntranslatableError(f"an index of {ast.unparse(node.value)}, which is no array")
         parts = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
@@ -199,7 +199,7 @@ class Expressions:
             stated = self.value(node.args[1])
             element = _CASTS.get(stated.value if isinstance(stated, Constant) else None, F8)
         kind = ArrayKind(element, len(parts))
-        width = ir.Constant(I8.type, {"f8": 8, "i8": 8, "u8": 8, "b1": 1}.get(element.name, 4))
+        width = ir.Constant(I8.type, kind.bytes)
         b = self.builder
         lengths = tuple(converted(b, number(part), I8).code for part in parts)
         known = [p.value for p in parts if isinstance(p, Constant)]
@@ -277,15 +277,14 @@ class Expressions:
         raise UntranslatableError(f"the attribute {ast.unparse(node)}")
 
     def _subscript_value(self, node: ast.Subscript) -> Value:
-        if not isinstance(node.value, ast.Name):
-            owner = self.value(node.value)
-            if isinstance(owner, Several):
-                index = self.value(node.slice)
-                if not isinstance(index, Constant) or not isinstance(index.value, int):
-                    raise UntranslatableError("an index of several values that is not known")
-                found: Value = owner.values[index.value]
-                return found
-        part = self._part(node)
+        owner = self.value(node.value)
+        if isinstance(owner, Several):
+            index = self.value(node.slice)
+            if not isinstance(index, Constant) or not isinstance(index.value, int):
+                raise UntranslatableError("an index of several values that is not known")
+            found: Value = owner.values[index.value]
+            return found
+        part = self._part(node, owner)
         return self.element(part.data, part.kind.element) if not part.kind.axes else part
 
     def _binop_value(self, node: ast.BinOp) -> Value:
@@ -331,22 +330,31 @@ class Expressions:
         blocks = [b.append_basic_block(name) for name in ("yes", "no")]
         after = b.append_basic_block("after")
         b.cbranch(condition, *blocks)
-        ends, values = [], []
+        ends, found = [], []
         for block, part in zip(blocks, (node.body, node.orelse), strict=True):
             b.position_at_end(block)
-            values.append(number(self.value(part)))
+            value = self.value(part)
+            found.append([number(x) for x in (value.values if isinstance(value, Several) else (value,))])
             ends.append(b.block)
-        kind = next((x.kind for x in values if x.kind.lanes), joined(values[0].kind, values[1].kind))
+        if len(found[0]) != len(found[1]):
+            raise UntranslatableError(f"values of different number in {ast.unparse(node)}")
+        kinds = [
+            next((x.kind for x in pair if x.kind.lanes), joined(pair[0].kind, pair[1].kind))
+            for pair in zip(*found, strict=True)
+        ]
         codes = []
-        for end, x in zip(ends, values, strict=True):
+        for end, values in zip(ends, found, strict=True):
             b.position_at_end(end)
-            codes.append(converted(b, x, kind).code)
+            codes.append([converted(b, x, kind).code for x, kind in zip(values, kinds, strict=True)])
             b.branch(after)
         b.position_at_end(after)
-        phi = b.phi(kind.type)
-        for code, end in zip(codes, ends, strict=True):
-            phi.add_incoming(code, end)
-        return Number(kind, phi)
+        chosen = []
+        for k, kind in enumerate(kinds):
+            phi = b.phi(kind.type)
+            for end, each in zip(ends, codes, strict=True):
+                phi.add_incoming(each[k], end)
+            chosen.append(Number(kind, phi))
+        return chosen[0] if len(chosen) == 1 else Several(tuple(chosen))
 
     def _call_value(self, node: ast.Call) -> Value:
         if node.keywords:
@@ -362,6 +370,8 @@ class Expressions:
         if function in (np.empty, np.zeros):
             return self._made(node, function)
         values = self._values(node)
+        if function is len and isinstance(values[0], Array):
+            return Number(I8, values[0].shape[0])
         if isinstance(function, Primitive):
             return function.build(self.builder, *values) or Several(())
         if isinstance(function, type) and function in _CASTS:

@@ -7,14 +7,17 @@ import functools
 import hashlib
 import inspect
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from flocking.formula.native.kinds import Argument, Number
-    from flocking.formula.native.scopes import Primitive
+    from llvmlite import ir
+
+    from flocking.formula.native.kinds import Argument, Number, Value
+    from flocking.formula.native.primitives import Primitive
 
 _C_KINDS: dict[str, object] = {
     "f8": ctypes.c_double, "f4": ctypes.c_float, "i8": ctypes.c_int64, "i4": ctypes.c_int32, "u8": ctypes.c_uint64,
@@ -125,13 +128,14 @@ class NativeFunction:
         return Compiled(name, arguments, address, results)
 
     def _key(self) -> str:
-        """What fixes the code: the text of the module, and of those it takes functions from."""
-        from flocking.formula.origins import runtime_digest
+        """What fixes the code: the text of a generated module, or the files of this library."""
+        from flocking.formula.origins import generation
 
         text = self.py_func.__globals__.get("SOURCE")
-        if text is None:
+        if text is None and self.py_func.__module__.startswith("flocking."):
+            text = generation()
+        elif text is None:
             text = inspect.getsource(inspect.getmodule(self.py_func) or self.py_func)
-            text += runtime_digest(text)
         return f"{self.py_func.__module__} {hashlib.sha256(text.encode()).hexdigest()}"
 
     def _text(self, name: str, arguments: tuple[Argument, ...]) -> tuple[str, tuple[str, ...]]:
@@ -161,6 +165,17 @@ class NativeFunction:
         return Bound(self)(*values)
 
 
+@dataclass(frozen=True)
+class _Known:
+    """What a call was made with: its values, their types, what they became, and how numbers become that."""
+
+    values: Sequence[Any]
+    types: Sequence[type]
+    parts: Sequence[list[Any]]
+    casts: Sequence[Callable[[Any], Any] | None]
+    compiled: Compiled
+
+
 class Bound:
     """A native function that remembers the arrays it was called with last, so that passing them again costs little.
 
@@ -172,42 +187,41 @@ class Bound:
 
     def __init__(self, function: NativeFunction) -> None:
         self._function = function
-        self._last: tuple[list[Any], list[list[Any]], Compiled] | None = None
+        self._known: _Known | None = None
 
     def __call__(self, *values: Any) -> Any:
         """Call the function, see `NativeFunction.__call__`; from several threads at once, too."""
-        known = self._last
-        if known is not None and len(known[0]) == len(values):
-            last, parts, compiled = known
-            given: list[Any] = []
-            for k, value in enumerate(values):
-                if value is not last[k]:
-                    break
-                given += parts[k]
-            else:
-                return compiled.run(given)
-        return self._anew(values, known)
-
-    def _anew(
-        self, values: tuple[object, ...], known: tuple[list[object], list[list[object]], Compiled] | None
-    ) -> object:
-        last, parts, compiled = known if known is not None and len(known[0]) == len(values) else (None, None, None)
-        kinds: list[Argument] = []
-        fresh: list[list[object]] = []
+        known = self._known
+        if known is None or len(known.values) != len(values):
+            return self._anew(values)
+        given: list[Any] = []
+        befores, parts, types, casts = known.values, known.parts, known.types, known.casts
         for k, value in enumerate(values):
-            if last is not None and parts is not None and compiled is not None and value is last[k]:
-                kinds.append(compiled.arguments[k])
-                fresh.append(parts[k])
+            before, cast = befores[k], casts[k]
+            if value is before:
+                given += parts[k]
+            elif type(value) is not types[k]:
+                return self._anew(values)
+            elif cast is not None:
+                given.append(cast(value))
             else:
-                kind = kind_of_value(value)
-                kinds.append(kind)
-                fresh.append(_passed(value, kind))
-        wanted = tuple(kinds)
-        if compiled is None or wanted != compiled.arguments:
-            compiled = self._function.compiled(self._stated(wanted))
-            fresh = [_fitted(x, a, b) for x, a, b in zip(fresh, wanted, compiled.arguments, strict=True)]
-        self._last = list(values), fresh, compiled
-        return compiled.run([x for part in fresh for x in part])
+                array: Any = value
+                if array.dtype is not before.dtype or array.ndim != before.ndim or not array.flags.c_contiguous:
+                    return self._anew(values)
+                given.append(array.__array_interface__["data"][0])
+                given += array.shape
+        return known.compiled.run(given)
+
+    def _anew(self, values: tuple[Any, ...]) -> Any:
+        kinds = tuple(kind_of_value(value) for value in values)
+        compiled = self._function.compiled(self._stated(kinds))
+        casts = [_cast_of(kind) for kind in compiled.arguments]
+        parts = [
+            [value.__array_interface__["data"][0], *value.shape] if cast is None else [cast(value)]
+            for value, cast in zip(values, casts, strict=True)
+        ]
+        self._known = _Known(values, [type(value) for value in values], parts, casts, compiled)
+        return compiled.run([x for part in parts for x in part])
 
     def _stated(self, kinds: tuple[Argument, ...]) -> tuple[Argument, ...]:
         from flocking.formula.native.kinds import Kind, arguments_of
@@ -246,14 +260,9 @@ def kind_of_value(value: object) -> Argument:
     raise TypeError(f"Native functions take numbers and arrays, not {type(value).__name__}")
 
 
-def _passed(value: object, kind: Argument) -> list[object]:
-    if isinstance(value, np.ndarray):
-        return [value.__array_interface__["data"][0], *value.shape]
-    return [_PYTHON[kind.name[0]](value)]  # type: ignore[union-attr]
-
-
-def _fitted(part: list[object], given: Argument, stated: Argument) -> list[object]:
-    return part if given == stated else [_PYTHON[stated.name[0]](part[0])]  # type: ignore[union-attr]
+def _cast_of(kind: Argument) -> Callable[[Any], Any] | None:
+    """What makes a number one that C takes; None for an array."""
+    return None if hasattr(kind, "axes") else _PYTHON[kind.name[0]]
 
 
 def native(function: Callable[..., object]) -> NativeFunction:
@@ -280,15 +289,15 @@ def by_address(signature: str) -> Primitive:
     signature
         Kinds of the arguments; ``found`` is the array that takes the floating-point numbers it returns.
     """
-    from llvmlite import ir
-
-    from flocking.formula.native.arithmetic import UntranslatableError, converted, number
-    from flocking.formula.native.kinds import I8, Array, Kind, Value, arguments_of
-    from flocking.formula.native.scopes import Primitive
-
-    kinds = arguments_of(signature)
+    from flocking.formula.native.primitives import Primitive
 
     def build(builder: ir.IRBuilder, address: Value, *values: Value) -> None:
+        from llvmlite import ir
+
+        from flocking.formula.native.arithmetic import UntranslatableError, converted, number
+        from flocking.formula.native.kinds import I8, Array, Kind, arguments_of
+
+        kinds = arguments_of(signature)
         codes: list[ir.Value] = []
         for given, kind in zip(values[:-1], kinds, strict=True):
             if isinstance(kind, Kind):

@@ -71,6 +71,11 @@ class ArrayKind:
         """LLVM's type of one number in memory, where a flag takes a byte."""
         return ir.IntType(8) if self.element.name == "b1" else self.element.type
 
+    @property
+    def bytes(self) -> int:
+        """Bytes of one number in memory."""
+        return int(self.element.name[1])
+
 
 Argument = Kind | ArrayKind
 

@@ -15,29 +15,6 @@ from flocking.formula.native.kinds import Array, Kind, Value
 
 
 @dataclass(frozen=True)
-class Primitive:
-    """A function that writes its own LLVM.
-
-    Parameters
-    ----------
-    build
-        Given the builder and the values of the arguments it returns the value, or None.
-    """
-
-    build: Callable[..., Value | None]
-
-    def __call__(self, *values: object) -> float:
-        """Python cannot call it.
-
-        Raises
-        ------
-        TypeError
-            Always.
-        """
-        raise TypeError("Only native functions can call this function.")
-
-
-@dataclass(frozen=True)
 class Source:
     """A function to be translated.
 

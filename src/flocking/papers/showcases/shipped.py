@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 RESULTS = Path(__file__).parent / "results"
 PROVENANCE = (
-    "engine", "flocking", "numpy", "numba", "lammps", "python", "machine", "step", "steps", "scheme", "precision",
-    "ranks", "rebuilds",
+    "engine", "flocking", "numpy", "numba", "llvmlite", "lammps", "python", "machine", "step", "steps", "scheme",
+    "precision", "ranks", "rebuilds",
 )  # fmt: skip
 """What is kept of a run's provenance, where it is there."""
 LEDGER_EVERY = 25

@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flocking.engine.exact.crossings.guards import _PRODUCT, NEVER, first_above, places_and_pairs, with_room
-from flocking.formula.machine_code import numba
+from flocking.engine.exact.crossings.guards import _PRODUCT, NEVER, add_row, all_rows, first_above, places_and_pairs
+from flocking.formula.native.functions import native
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 from flocking.model.leaders_and_obstacles.leaders import Leader, Sink, Velocity
@@ -47,10 +48,9 @@ def _place(centre: Leader, t: float) -> Array:
     return centre.point if type(centre) is Sink else centre.at(t)[0]
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def ball_crossings(
     B: Array, centres: Array, radii: Array, near: Links, active: Links, level: float, slack: float
-) -> tuple[Array, Array]:
+) -> tuple[Array, NDArray[np.int64]]:
     """First crossing of one level by every pair (agent, ball) that crosses it.
 
     Parameters
@@ -75,8 +75,15 @@ def ball_crossings(
     tuple of Array
         Positions in [0, 1], shape (k,), and pairs (agent, ball), shape (k, 2).
     """
+    given = B, centres, radii, near, active, level, slack
+    return places_and_pairs(all_rows(lambda found: int(_ball_crossings(*given, found)), 3))
+
+
+@native
+def _ball_crossings(
+    B: Array, centres: Array, radii: Array, near: Links, active: Links, level: float, slack: float, found: Array
+) -> int:
     n, m = B.shape[1], B.shape[2]
-    found = np.empty((16, 3))
     count = 0
     relative = np.empty((8, m))
     square = np.empty(15)
@@ -114,8 +121,5 @@ def ball_crossings(
                 square[k] = square[k] - edge if near[i, o] else edge - square[k]
             x = first_above(square)
             if x < NEVER:
-                found = with_room(found, count)
-                found[count, 0], found[count, 1], found[count, 2] = x, i, o
-                count += 1
-    when, which = places_and_pairs(found, count)
-    return when, which
+                count = add_row(found, count, x, i, o)
+    return count

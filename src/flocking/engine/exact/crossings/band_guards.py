@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from flocking.arrays import Mask
 from flocking.engine.exact.crossings.guards import (
     NEVER,
+    all_rows,
     first_above,
     part_from,
     smallest_value,
     squared_distance,
-    with_room,
 )
-from flocking.formula.machine_code import numba
+from flocking.formula.native.functions import native
 from flocking.model.checks import Array
+from flocking.model.graphs.connectivity import Links
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def pair_error(nodes: Array, floor: float, i: int, j: int) -> float:
     """Error of the distance of two agents: the largest difference of their errors at the nodes, shape (k, N, m).
 
@@ -37,9 +36,8 @@ def pair_error(nodes: Array, floor: float, i: int, j: int) -> float:
     return float(np.sqrt(most) + floor)
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def within_error(
-    B: Array, far: Array, near: Mask, active: Mask, enter: Array, leave: Array, directed: bool,
+    B: Array, far: Array, near: Links, active: Links, enter: Array, leave: Array, directed: bool,
     nodes: Array, most: float, floor: float,
 ) -> Array:  # fmt: skip
     """Pairs that come within the error of the distance at which they would switch.
@@ -65,8 +63,16 @@ def within_error(
         Rows: the pair, where on the segment it comes closest to switching, how close, its error, and 1 where it
         is within the error at the end; shape (k, 6).
     """
+    given = B, far, near, active, enter, leave, directed, nodes, most, floor
+    return all_rows(lambda found: int(_within_error(*given, found)), 6)
+
+
+@native
+def _within_error(
+    B: Array, far: Array, near: Links, active: Links, enter: Array, leave: Array, directed: bool,
+    nodes: Array, most: float, floor: float, found: Array,
+) -> int:  # fmt: skip
     n = B.shape[1]
-    found = np.empty((16, 6))
     count = 0
     square = np.empty(15)
     for i in range(n):
@@ -95,16 +101,16 @@ def within_error(
                 square[k] *= sign
             value, x = smallest_value(square, sign * border * border)
             if x <= 1.0:
-                found = with_room(found, count)
-                found[count, 0], found[count, 1], found[count, 2] = i, j, x
-                found[count, 3] = sign * (np.sqrt(max(sign * value, 0.0)) - level)
-                found[count, 4] = error
-                found[count, 5] = 1.0 if square[14] < sign * border * border else 0.0
+                if count < found.shape[0]:
+                    found[count, 0], found[count, 1], found[count, 2] = i, j, x
+                    found[count, 3] = sign * (np.sqrt(max(sign * value, 0.0)) - level)
+                    found[count, 4] = error
+                    found[count, 5] = 1.0 if square[14] < sign * border * border else 0.0
                 count += 1
-    return found[:count]
+    return count
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
+@native
 def first_beyond(B: Array, i: int, j: int, distance: float, outward: bool) -> float:
     """First position in [0, 1] at which two agents are further apart than a distance, or closer; or `NEVER`.
 
@@ -123,7 +129,7 @@ def first_beyond(B: Array, i: int, j: int, distance: float, outward: bool) -> fl
     return float(first_above(square))
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
+@native
 def closest_after(B: Array, i: int, j: int, level: float, inside: bool, x: float) -> tuple[float, float]:
     """How close a pair comes to a distance from position ``x`` on, and where.
 
@@ -146,7 +152,6 @@ def closest_after(B: Array, i: int, j: int, level: float, inside: bool, x: float
     return sign * (np.sqrt(max(sign * value, 0.0)) - level), x + where * (1.0 - x)
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def _farthest(B: Array, i: int, j: int, square: Array, best: float) -> tuple[float, float]:
     """Largest squared distance of two points on the segment, where it is more than ``best``, and where; or `NEVER`."""
     hull = 0.0
@@ -169,7 +174,6 @@ def _farthest(B: Array, i: int, j: int, square: Array, best: float) -> tuple[flo
     return -value, x
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def _farthest_from_mean(B: Array, far: Array) -> Array:
     """Bound on the distance of each agent from the mean of the group on the segment, shape (N,)."""
     n, m = B.shape[1], B.shape[2]
@@ -185,7 +189,7 @@ def _farthest_from_mean(B: Array, far: Array) -> Array:
     return away
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
+@native
 def diameter(B: Array, far: Array, least: float) -> tuple[float, float, int, int]:
     """Largest distance of two points on the segment where it is more than ``least``: value, where, which.
 
@@ -209,7 +213,6 @@ def diameter(B: Array, far: Array, least: float) -> tuple[float, float, int, int
     return np.sqrt(max(best, 0.0)), where, one, two
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def fastest(P: Array, shares: Array, goal: Array, speed: float, spread: float, relative: float) -> Array:
     """Largest speed, distance of a velocity from the mean one, and speed relative to a goal, on the segment.
 
@@ -229,6 +232,13 @@ def fastest(P: Array, shares: Array, goal: Array, speed: float, spread: float, r
     Array
         A row for each: value, where in [0, 1] or `NEVER`, and whose; shape (3, 3).
     """
+    rows = np.empty((3, 3))
+    _fastest(P, shares, goal, speed, spread, relative, rows)
+    return rows
+
+
+@native
+def _fastest(P: Array, shares: Array, goal: Array, speed: float, spread: float, relative: float, rows: Array) -> None:
     n, m = P.shape[1], P.shape[2]
     extended = np.zeros((P.shape[0], n + 3, m))
     for a in range(P.shape[0]):
@@ -237,7 +247,7 @@ def fastest(P: Array, shares: Array, goal: Array, speed: float, spread: float, r
                 extended[a, i, k] = P[a, i, k]
                 extended[a, n + 1, k] += shares[i] * P[a, i, k]
             extended[a, n + 2, k] = goal[k]
-    square, rows = np.empty(15), np.empty((3, 3))
+    square = np.empty(15)
     for row in range(3):
         least = speed if row == 0 else spread if row == 1 else relative
         best, where, which = max(least, -1.0) * abs(least), NEVER, -1
@@ -247,4 +257,3 @@ def fastest(P: Array, shares: Array, goal: Array, speed: float, spread: float, r
                 if x <= 1.0:
                     best, where, which = value, x, i
         rows[row, 0], rows[row, 1], rows[row, 2] = np.sqrt(max(best, 0.0)), where, which
-    return rows

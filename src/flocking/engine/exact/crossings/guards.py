@@ -7,12 +7,16 @@ closes in on the first one. Nothing between two samples can be missed.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import comb
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flocking.arrays import Array, Indices, Links, Mask, Numbers
-from flocking.formula.machine_code import numba
+from flocking.arrays import Indices
+from flocking.formula.native.functions import native
+from flocking.model.checks import Array
+from flocking.model.graphs.connectivity import Links
 
 NEVER = 2.0
 """Returned where nothing happens on [0, 1]."""
@@ -25,7 +29,6 @@ _DEPTH = 80
 _RETRIES = 20
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def squared_distance(B: Array, i: int, j: int, out: Array) -> None:
     """Bernstein coefficients, shape (15,), of the squared distance of agents i and j; B has shape (8, N, m).
 
@@ -44,7 +47,6 @@ def squared_distance(B: Array, i: int, j: int, out: Array) -> None:
             out[a + b] += _PRODUCT[a, b] * dot
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def halve_top(stack: Array, top: int) -> None:
     """Put the two halves of the polynomial in row ``top`` of a stack in its place, the left one above.
 
@@ -63,7 +65,6 @@ def halve_top(stack: Array, top: int) -> None:
     # Row top was overwritten from the front: its final values are the right half's coefficients.
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def halve_interval(begin: Array, width: Array, top: int) -> None:
     """Put the two halves of the interval in row ``top`` of a stack in its place, the left one above.
 
@@ -79,7 +80,6 @@ def halve_interval(begin: Array, width: Array, top: int) -> None:
     begin[top], width[top] = begin[top] + half, half
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def first_above(g: Array) -> float:
     """First x in [0, 1] at which the polynomial with Bernstein coefficients ``g`` exceeds zero, or `NEVER`."""
     size = g.shape[0]
@@ -105,7 +105,6 @@ def first_above(g: Array) -> float:
     return NEVER
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def smallest_value(g: Array, below: float) -> tuple[float, float]:
     """Smallest value of a Bernstein polynomial on [0, 1] if it is less than ``below``, and where.
 
@@ -142,11 +141,16 @@ def smallest_value(g: Array, below: float) -> tuple[float, float]:
     return best, where
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def reach(B: Array) -> Array:
     """Bound on how far each agent strays from its start on the segment, seen from the group's mean, shape (N,)."""
+    far = np.zeros(B.shape[1])
+    _reach(B, far)
+    return far
+
+
+@native
+def _reach(B: Array, far: Array) -> None:
     n, m = B.shape[1], B.shape[2]
-    far = np.zeros(n)
     mean = np.empty(m)
     for a in range(1, 8):
         for k in range(m):
@@ -161,10 +165,8 @@ def reach(B: Array) -> Array:
             far[i] = max(far[i], square)
     for i in range(n):
         far[i] = np.sqrt(far[i]) * (1.0 + 1e-14)
-    return far
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def part_from(g: Array, x: float) -> Array:
     """Bernstein coefficients, on [x, 1], of the polynomial with coefficients ``g``; the first is its value at x.
 
@@ -184,14 +186,12 @@ def part_from(g: Array, x: float) -> Array:
     return rest
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def _first_above_from(g: Array, x: float) -> float:
     """First place in [x, 1] at which the polynomial with Bernstein coefficients ``g`` exceeds zero, or `NEVER`."""
     found = first_above(part_from(g, x))
     return x + found * (1.0 - x) if found <= 1.0 else NEVER
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def _moving_so(square: Array, x: float, B: Array, P: Array, i: int, j: int, sign: float) -> float:
     """First place from ``x`` on at which ``square`` is above zero and the pair moves apart, or, by ``sign``, closer."""
     rate = np.zeros(15)
@@ -211,47 +211,52 @@ def _moving_so(square: Array, x: float, B: Array, P: Array, i: int, j: int, sign
     return NEVER
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
-def with_room(rows: Array, count: int) -> Array:
-    """The rows, or twice as many that begin with them where all are taken.
-
-    Parameters
-    ----------
-    rows
-        The rows, shape (k, columns).
-    count
-        How many of them are taken.
-    """
-    if count < rows.shape[0]:
-        return rows
-    more = np.empty((2 * rows.shape[0], rows.shape[1]))
-    for row in range(rows.shape[0]):
-        for column in range(rows.shape[1]):
-            more[row, column] = rows[row, column]
-    return more
-
-
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
-def places_and_pairs(found: Array, count: int) -> tuple[Array, Numbers]:
-    """Places, shape (count,), and pairs, shape (count, 2), of some rows.
+def add_row(found: Array, count: int, x: float, i: int, j: int) -> int:
+    """Put (x, i, j) behind ``count`` rows where there is room; how many rows there are then, or would be.
 
     Parameters
     ----------
     found
-        Rows (place, i, j), shape (k, 3).
-    count
-        How many of them count: the first ones.
+        The rows, shape (room, 3).
     """
-    when, which = np.empty(count), np.empty((count, 2), dtype=np.int64)
-    for row in range(count):
-        when[row], which[row, 0], which[row, 1] = found[row, 0], int(found[row, 1]), int(found[row, 2])
-    return when, which
+    if count < found.shape[0]:
+        found[count, 0], found[count, 1], found[count, 2] = x, i, j
+    return count + 1
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
+def all_rows(search: Callable[[Array], int], columns: int) -> Array:
+    """Rows that a search finds, however many there are.
+
+    Parameters
+    ----------
+    search
+        Fills an array with the rows it has room for, and returns how many there are.
+    columns
+        Length of a row.
+    """
+    room = 16
+    while True:
+        found = np.empty((room, columns))
+        count = search(found)
+        if count <= room:
+            return found[:count]
+        room = count
+
+
+def places_and_pairs(rows: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Places, shape (k,), and pairs, shape (k, 2), of rows (place, i, j).
+
+    Parameters
+    ----------
+    rows
+        The rows, shape (k, 3).
+    """
+    return rows[:, 0].copy(), rows[:, 1:].astype(np.int64)
+
+
 def crossings(
-    B: Array, far: Array, near: Mask, active: Mask, enter: Array, leave: Array, directed: bool, slack: float, P: Array
-) -> tuple[Array, Numbers]:
+    B: Array, far: Array, near: Links, active: Links, enter: Array, leave: Array, directed: bool, slack: float, P: Array
+) -> tuple[Array, NDArray[np.int64]]:
     """First crossing of every pair that crosses its distance on the segment.
 
     Parameters
@@ -281,8 +286,16 @@ def crossings(
     tuple
         Crossing positions in [0, 1], shape (k,), and ordered pairs, shape (k, 2).
     """
+    given = B, far, near, active, enter, leave, directed, slack, P
+    return places_and_pairs(all_rows(lambda found: int(_crossings(*given, found)), 3))
+
+
+@native
+def _crossings(
+    B: Array, far: Array, near: Links, active: Links, enter: Array, leave: Array, directed: bool, slack: float,
+    P: Array, found: Array,
+) -> int:  # fmt: skip
     n = B.shape[1]
-    found = np.empty((16, 3))
     count = 0
     square = np.empty(15)
     for i in range(n):
@@ -309,14 +322,10 @@ def crossings(
             if x <= 1.0 and P.shape[1]:
                 x = _moving_so(square, x, B, P, i, j, 1.0 if near[i, j] else -1.0)
             if x <= 1.0:
-                found = with_room(found, count)
-                found[count, 0], found[count, 1], found[count, 2] = x, i, j
-                count += 1
-    when, which = places_and_pairs(found, count)
-    return when, which
+                count = add_row(found, count, x, i, j)
+    return count
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def closest(B: Array, far: Array, linked: Links, best_linked: float, best_free: float) -> Array:
     """Closest approach on the segment of a linked and of an unlinked pair, where closer than the best so far.
 
@@ -330,8 +339,14 @@ def closest(B: Array, far: Array, linked: Links, best_linked: float, best_free: 
     Array
         Rows (linked, free): squared distance, position in [0, 1] or `NEVER`, and the pair; shape (2, 4).
     """
-    n = B.shape[1]
     found = np.empty((2, 4))
+    _closest(B, far, linked, best_linked, best_free, found)
+    return found
+
+
+@native
+def _closest(B: Array, far: Array, linked: Links, best_linked: float, best_free: float, found: Array) -> None:
+    n = B.shape[1]
     for row in range(2):
         found[row, 0] = best_free**2 if row else best_linked**2
         found[row, 1], found[row, 2], found[row, 3] = NEVER, -1.0, -1.0
@@ -348,10 +363,9 @@ def closest(B: Array, far: Array, linked: Links, best_linked: float, best_free: 
             value, x = smallest_value(square, found[row, 0])
             if x <= 1.0:
                 found[row, 0], found[row, 1], found[row, 2], found[row, 3] = max(value, 0.0), x, i, j
-    return found
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
+@native
 def deepest_dip(B: Array, far: Array, senders: Indices, sensed: Indices) -> float:
     """Where on the segment a linked pair comes much closer than at both its ends, deepest first; or `NEVER`.
 

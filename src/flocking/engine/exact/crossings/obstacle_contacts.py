@@ -20,7 +20,7 @@ from flocking.engine.exact.crossings.guards import NEVER
 from flocking.engine.exact.integrator.segment import Segment
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 from flocking.formula.compiled import Reading
-from flocking.formula.machine_code import numba
+from flocking.formula.native.functions import native
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 from flocking.model.law import Law
@@ -220,12 +220,17 @@ def first_crossings(above: Callable[[Array, Array, Indices], Array], C: Array, s
     return best
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def _halves(C: Array) -> tuple[Array, Array, Array]:
     """Both halves of each path, and how far it strays from its middle; shapes (k, 8, m) twice and (k,)."""
-    count, size, m = C.shape
-    left, right = np.empty_like(C), C.copy()
-    reach = np.zeros(count)
+    left, right = np.empty(C.shape), C.copy()
+    reach = np.zeros(len(C))
+    _halve_paths(C, left, right, reach)
+    return left, right, reach
+
+
+@native
+def _halve_paths(C: Array, left: Array, right: Array, reach: Array) -> None:
+    count, size, m = C.shape[0], C.shape[1], C.shape[2]
     for c in range(count):
         for k in range(size):
             for x in range(m):
@@ -238,4 +243,3 @@ def _halves(C: Array) -> tuple[Array, Array, Array]:
                 square += (C[c, k, x] - right[c, 0, x]) ** 2
             reach[c] = max(reach[c], square)
         reach[c] = np.sqrt(reach[c])
-    return left, right, reach

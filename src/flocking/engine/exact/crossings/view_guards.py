@@ -9,28 +9,29 @@ polynomials are all positive.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flocking.engine.exact.crossings.guards import (
     _DEPTH,
     _PRODUCT,
     NEVER,
+    add_row,
+    all_rows,
     halve_interval,
-    halve_top,
     places_and_pairs,
     squared_distance,
-    with_room,
 )
-from flocking.formula.machine_code import numba
+from flocking.formula.native.functions import native
 from flocking.model.checks import Array
+from flocking.model.graphs.connectivity import Links
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def first_all_above(g: Array) -> float:
     """First x in [0, 1] at which all polynomials with Bernstein coefficients ``g``, shape (k, size), exceed zero.
 
     Returns `NEVER` when there is none. A stretch shorter than 1e-15 on which they do may be missed.
     """
-    count, size = g.shape
+    count, size = g.shape[0], g.shape[1]
     stack = np.empty((_DEPTH, count, size))
     begin = np.empty(_DEPTH)
     width = np.empty(_DEPTH)
@@ -62,17 +63,21 @@ def first_all_above(g: Array) -> float:
             top -= 1
             continue
         for k in range(count):
-            halve_top(stack[:, k], top)
+            # As halve_top does for one polynomial.
+            for b in range(size):
+                stack[top + 1, k, b] = stack[top, k, 0]
+                for a in range(size - 1 - b):
+                    stack[top, k, a] = 0.5 * (stack[top, k, a] + stack[top, k, a + 1])
         halve_interval(begin, width, top)
         top += 1
     return NEVER
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def _polynomials(B: Array, i: int, j: int, heading: Array, c: float, out: Array) -> None:
     """Bernstein coefficients of |d|^2, L and Q, shape (3, 15)."""
     squared_distance(B, i, j, out[0])
-    out[1:] = 0.0
+    for b in range(15):
+        out[1, b], out[2, b] = 0.0, 0.0
     ahead = np.zeros(8)
     for a in range(8):
         for k in range(B.shape[2]):
@@ -85,35 +90,36 @@ def _polynomials(B: Array, i: int, j: int, heading: Array, c: float, out: Array)
         out[2, a] -= c * c * out[0, a]
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def _change(near: bool, square: Array, L: Array, Q: Array, c: float, radius: float, slack: float) -> float:
     """When a pair that is seen is lost, or one that is not is seen."""
     wide = 4.0 * radius * slack + slack * slack
-    first = NEVER
+    border = (radius + slack) ** 2 if near else max(radius - slack, 0.0) ** 2
+    one, other, two, three = np.empty((1, 15)), np.empty((1, 15)), np.empty((2, 15)), np.empty((3, 15))
     if near:
-        first = min(first, first_all_above((square - (radius + slack) ** 2).reshape(1, 15)))
-        if c >= 0.0:
-            first = min(first, first_all_above((-L - slack).reshape(1, 15)))
-            return float(min(first, first_all_above((-Q - wide).reshape(1, 15))))
-        both = np.empty((2, 15))
-        both[0], both[1] = -L - slack, Q - wide
-        return float(min(first, first_all_above(both)))
-    close = max(radius - slack, 0.0) ** 2 - square
+        for k in range(15):
+            one[0, k] = square[k] - border
+            two[0, k], two[1, k] = -L[k] - slack, Q[k] - wide
+            other[0, k] = -Q[k] - wide
+        first = first_all_above(one)
+        if c < 0.0:
+            return min(first, first_all_above(two))
+        for k in range(15):
+            one[0, k] = two[0, k]
+        return min(first, first_all_above(one), first_all_above(other))
+    for k in range(15):
+        three[0, k], three[1, k], three[2, k] = border - square[k], L[k] - slack, Q[k] - wide
+        two[0, k], two[1, k] = three[0, k], three[1, k]
     if c >= 0.0:
-        three = np.empty((3, 15))
-        three[0], three[1], three[2] = close, L - slack, Q - wide
-        return float(first_all_above(three))
-    two = np.empty((2, 15))
-    two[0], two[1] = close, L - slack
+        return first_all_above(three)
     first = first_all_above(two)
-    two[1] = -Q - wide
-    return float(min(first, first_all_above(two)))
+    for k in range(15):
+        two[1, k] = -Q[k] - wide
+    return min(first, first_all_above(two))
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def view_crossings(
-    B: Array, far: Array, near: Array, headings: Array, cosines: Array, radii: Array, slack: float
-) -> tuple[Array, Array]:
+    B: Array, far: Array, near: Links, headings: Array, cosines: Array, radii: Array, slack: float
+) -> tuple[Array, NDArray[np.int64]]:
     """First change of every ordered pair that is seen or lost on the segment.
 
     Parameters
@@ -136,8 +142,15 @@ def view_crossings(
     tuple
         Crossing positions in [0, 1], shape (k,), and ordered pairs, shape (k, 2).
     """
+    given = B, far, near, headings, cosines, radii, slack
+    return places_and_pairs(all_rows(lambda found: int(_view_crossings(*given, found)), 3))
+
+
+@native
+def _view_crossings(
+    B: Array, far: Array, near: Links, headings: Array, cosines: Array, radii: Array, slack: float, found: Array
+) -> int:
     n = B.shape[1]
-    found = np.empty((16, 3))
     count = 0
     out = np.empty((3, 15))
     for i in range(n):
@@ -153,8 +166,5 @@ def view_crossings(
             _polynomials(B, i, j, headings[i], cosines[i], out)
             x = _change(near[i, j], out[0], out[1], out[2], cosines[i], radii[i], slack)
             if x <= 1.0:
-                found = with_room(found, count)
-                found[count, 0], found[count, 1], found[count, 2] = x, i, j
-                count += 1
-    when, which = places_and_pairs(found, count)
-    return when, which
+                count = add_row(found, count, x, i, j)
+    return count

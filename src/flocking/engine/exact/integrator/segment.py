@@ -8,17 +8,22 @@ from math import comb
 
 import numpy as np
 
-from flocking.formula.machine_code import numba
+from flocking.formula.native.functions import native
 from flocking.model.checks import Array
 
 DEGREE = 7
 """Degree of DOP853's dense output."""
 
 
-@numba.njit(cache=True, nogil=True, no_cfunc_wrapper=True)  # type: ignore[untyped-decorator]
 def _part(coefficients: Array, x: float) -> Array:
     """Coefficients of the first fraction ``x`` of a segment; the last row is its end (de Casteljau)."""
-    left = np.empty_like(coefficients)
+    left = np.empty(coefficients.shape)
+    _fill_part(coefficients, x, left)
+    return left
+
+
+@native
+def _fill_part(coefficients: Array, x: float, left: Array) -> None:
     work = np.empty(coefficients.shape[0])
     for c in range(coefficients.shape[1]):
         for k in range(work.shape[0]):
@@ -27,7 +32,6 @@ def _part(coefficients: Array, x: float) -> Array:
             left[k, c] = work[0]
             for a in range(work.shape[0] - 1 - k):
                 work[a] += x * (work[a + 1] - work[a])
-    return left
 
 
 def _dense_to_bernstein() -> Array:

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 from flocking.engine.tiles.kernels.spec import KernelSpec
 from flocking.engine.tiles.kernels.tile_sums import SUMS, sums_of
-from flocking.formula.cache import MACHINE, cache_folder
 from flocking.formula.compiled import generated_module
 from flocking.formula.contact import ENDLESS
 
@@ -40,18 +39,6 @@ def tile_kernels(spec: KernelSpec) -> ModuleType:
         ("tiles", spec.kind), layout.structure, layout.parts,
         lambda: law_formulas(layout, spec.dimension), lambda stated: _source(spec, stated),
     )  # fmt: skip
-
-
-def is_compiled(spec: KernelSpec) -> bool:
-    """Whether machine code of a law's kernel is on disk already.
-
-    Parameters
-    ----------
-    spec
-        What fixes the kernel.
-    """
-    module = tile_kernels(spec).__name__
-    return any((cache_folder() / MACHINE / "generated").glob(f"{module}.move-*.nbi"))
 
 
 def _arguments(spec: KernelSpec) -> list[str]:
@@ -361,11 +348,12 @@ def _source(spec: KernelSpec, formulas: LawFormulas) -> str:
     tile += tail
     text = "\n".join(tile)
     used = {name for name in ("fast_sin", "fast_cos", "fast_exp", "fast_log") if name + "(" in text}
-    header = "import math\n\nimport numba\nimport numpy as np\n\n"
+    header = "import math\n\nimport numpy as np\n\n"
     header += f"from flocking.engine.tiles.simd.vectors import ({', '.join(_PRIMITIVES)})\n"
     header += "from flocking.engine.tiles.simd.interleaved_arrays import GATHERERS, LOADERS, STORERS\n"
     header += "from flocking.engine.tiles.simd.reductions import highest, lowest, total\n"
-    header += "from flocking.engine.tiles.simd.inverse_square_root import inverse_root\n\n"
+    header += "from flocking.engine.tiles.simd.inverse_square_root import inverse_root\n"
+    header += "from flocking.formula.native.functions import native\n\n"
     header += f"T = np.{spec.precision}\nNUMBER = {2**31 - 1}\nLINKED = {2**31}\nALL = {2**32 - 1}\n"
     columns = 2 * spec.dimension
     header += f"load_agents = LOADERS[{columns}]\ngather_agents = GATHERERS[{columns}]\n"
@@ -373,7 +361,7 @@ def _source(spec: KernelSpec, formulas: LawFormulas) -> str:
     header += vector_math.source(used, spec.precision == "float64")
     if "hash" in spec.weights:
         header += _HASH
-    header += '@numba.njit(cache=True, nogil=True, error_model="numpy")\n'
+    header += "@native\n"
     header += f"def move({', '.join(_arguments(spec))}):\n"
     return header + _indented(top, 1) + _indented(["for tile in range(first_tile, last_tile):"], 1) + _indented(tile, 2)
 
@@ -400,8 +388,7 @@ _PRIMITIVES = (
     "narrow", "numbers_from", "root", "select", "spread", "store", "whole_of", "widen",
 )  # fmt: skip
 
-_HASH = """@numba.njit(inline="always")
-def pair_uniform(seed, i, j):
+_HASH = """def pair_uniform(seed, i, j):
     least = select(i < j, i, j)
     most = select(i < j, j, i)
     z = (widen(most) << 32) + widen(least) + seed * np.uint64(0x9E3779B97F4A7C15)

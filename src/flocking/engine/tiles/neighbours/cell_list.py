@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from flocking.engine.tiles.threads import Workers
-from flocking.formula.machine_code import numba
+from flocking.formula.native.functions import native
 
 MOST_BUCKETS = 4096
 CHUNK = 16384
@@ -78,11 +78,7 @@ def choose_grid(low: Any, high: Any, reach: float, n: int) -> Grid:
     return Grid((origin[0], origin[1], origin[2]), 1.0 / width, (shape[0], shape[1], shape[2]))
 
 
-_compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
-
-
-@_compiled
-def cell_of(x, origin, inverse, count):  # type: ignore[no-untyped-def]
+def cell_of(x: float, origin: float, inverse: float, count: int) -> int:
     """Cell of a coordinate along one axis, wrapped.
 
     Parameters
@@ -91,10 +87,10 @@ def cell_of(x, origin, inverse, count):  # type: ignore[no-untyped-def]
         Where the cells begin, one over their width, and how many there are.
     """
     c = np.int64((np.float64(x) - origin) * inverse)
-    return c if 0 <= c < count else c % count
+    return c if 0 <= c < count else c % count  # type: ignore[return-value]
 
 
-@_compiled
+@native
 def _survey(first, last, agents, n, found):  # type: ignore[no-untyped-def]
     """Per chunk and axis: lowest and highest coordinate, and the sum of velocities."""
     m = agents.shape[1] // 2
@@ -109,7 +105,7 @@ def _survey(first, last, agents, n, found):  # type: ignore[no-untyped-def]
             found[chunk, k], found[chunk, m + k], found[chunk, 2 * m + k] = low, high, total
 
 
-@_compiled
+@native
 def _count(first, last, agents, n, origin, inverse, shape, shift, key, counts):  # type: ignore[no-untyped-def]
     three = agents.shape[1] == 6
     for chunk in range(first, last):
@@ -124,7 +120,7 @@ def _count(first, last, agents, n, origin, inverse, shape, shift, key, counts): 
             counts[chunk, k >> shift] += 1
 
 
-@_compiled
+@native
 def _scatter(first, last, n, shift, key, places, key_there, index_there):  # type: ignore[no-untyped-def]
     for chunk in range(first, last):
         for i in range(chunk * CHUNK, min((chunk + 1) * CHUNK, n)):
@@ -135,7 +131,7 @@ def _scatter(first, last, n, shift, key, places, key_there, index_there):  # typ
             index_there[at] = i
 
 
-@_compiled
+@native
 def _settle(first, last, shift, cells, begins, key_there, index_there, parts, start, order, crowded):  # type: ignore[no-untyped-def]
     for bucket in range(first, last):
         low = bucket << shift
@@ -160,7 +156,7 @@ def _settle(first, last, shift, cells, begins, key_there, index_there, parts, st
         start[low] = begins[bucket]
 
 
-@_compiled
+@native
 def _arrange(first, last, order, agents, ids, target, target_ids, reference, place):  # type: ignore[no-untyped-def]
     m = reference.shape[1]
     for i in range(first, last):

@@ -13,10 +13,10 @@ import numpy as np
 
 from flocking.engine.tiles.neighbours.cell_list import Grid, cell_of
 from flocking.engine.tiles.simd.interleaved_arrays import column
-from flocking.engine.tiles.simd.reductions import bits_of, first_bit, highest_whole
+from flocking.engine.tiles.simd.reductions import bits_of, first_bit, highest
 from flocking.engine.tiles.simd.vectors import load, numbers_from, select, spread, store
 from flocking.engine.tiles.threads import Workers
-from flocking.formula.machine_code import numba
+from flocking.formula.native.functions import native
 
 WIDTH = 16
 """Agents in a tile."""
@@ -28,8 +28,6 @@ LINKED = np.uint32(1 << 31)
 """Bit of an entry that says that the pair is linked."""
 NUMBER = np.uint32((1 << 31) - 1)
 """Bits of an entry that say who the neighbour is."""
-
-_compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
 
 
 @dataclass
@@ -71,7 +69,7 @@ def empty_lists(tiles: int) -> TileLists:
     return TileLists(np.empty((0, WIDTH), np.uint32), np.zeros(tiles, np.int64), np.zeros(tiles, np.int32))
 
 
-@_compiled
+@native
 def _search(  # type: ignore[no-untyped-def]
     first_chunk, last_chunk, agents, n, reach2, each_reach2, origin, inverse, shape, start,
     rows, first, count, stretch, room, need, numbers,
@@ -143,7 +141,7 @@ def _search(  # type: ignore[no-untyped-def]
                                     rows[cursor + k, at] = j
                 lane = last
             held = load(found, 0)
-            most = np.int64(highest_whole(held))
+            most = np.int64(highest(held))
             wanted += most
             if cursor + most > end:
                 cursor = np.int64(end + 1)
@@ -157,7 +155,7 @@ def _search(  # type: ignore[no-untyped-def]
         need[chunk] = wanted
 
 
-@_compiled
+@native
 def _begin_links(first_tile, last_tile, agents, n, limits, rows, first, count):  # type: ignore[no-untyped-def]
     """Link all listed pairs closer than the limit of the sensing agent."""
     m = agents.shape[1] // 2
@@ -175,7 +173,7 @@ def _begin_links(first_tile, last_tile, agents, n, limits, rows, first, count): 
                     rows[row, lane] |= LINKED
 
 
-@_compiled
+@native
 def _carry_links(  # type: ignore[no-untyped-def]
     first_tile, last_tile, n, order, place, old_rows, old_first, old_count, rows, first, count, lost
 ):
@@ -309,7 +307,7 @@ class ListBuilder:
         )
 
 
-@_compiled
+@native
 def _fixed(first_tile, last_tile, n, ids, place, offsets, neighbours, rows, first, count):  # type: ignore[no-untyped-def]
     for tile in range(first_tile, last_tile):
         for lane in range(WIDTH):

@@ -11,8 +11,6 @@ from fractions import Fraction
 
 import numpy as np
 
-_HEAD = '@numba.njit(inline="always", error_model="numpy")\n'
-
 
 def _split(value: Fraction, keep: int) -> list[float]:
     """``value`` as a sum of floats, the first ones with few bits so that their small multiples are exact."""
@@ -66,7 +64,7 @@ def _wave(name: str, double: bool) -> str:
         "    odd = whole - T(2.0) * floor_of(whole * T(0.5))",
         f"    return value * ({'T(1.0) - T(2.0) * odd' if name == 'fast_sin' else 'T(2.0) * odd - T(1.0)'})",
     ]
-    return _HEAD + "\n".join(lines) + "\n\n\n"
+    return "\n".join(lines) + "\n\n\n"
 
 
 def _exponential(name: str, double: bool) -> str:
@@ -88,7 +86,7 @@ def _exponential(name: str, double: bool) -> str:
         f"    value = select(x > T({high}), T(np.inf), value)",
         "    return select(x == x, value, x)",
     ]
-    return _HEAD + "\n".join(lines) + "\n\n\n"
+    return "\n".join(lines) + "\n\n\n"
 
 
 def _logarithm(name: str, double: bool) -> str:
@@ -112,7 +110,7 @@ def _logarithm(name: str, double: bool) -> str:
         "    value = select(x > T(0.0), value, special)",
         "    return select(x < T(np.inf), value, select(x > T(0.0), x, value))",
     ]
-    return _HEAD + "\n".join(lines) + "\n\n\n"
+    return "\n".join(lines) + "\n\n\n"
 
 
 def tested_error(double: bool) -> float:

@@ -6,17 +6,16 @@ or scattered, become 2m vectors of 16 lanes by shuffles within the registers.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
 
 from llvmlite import ir
-from numba import types
-from numba.core import cgutils
-from numba.extending import intrinsic
 
-from flocking.engine.tiles.simd.vectors import LANES, SCALAR_OF, WIDTH
+from flocking.engine.tiles.simd.vectors import WIDTH, array, index, vector
+from flocking.formula.native.arithmetic import UntranslatableError, converted, number
+from flocking.formula.native.kinds import Array, Kind, Number, Several, Value
+from flocking.formula.native.primitives import Primitive
 
 _U4, _U8 = ir.IntType(32), ir.IntType(64)
-_KINDS = {value: kind for kind, value in SCALAR_OF.items() if kind in ("f4", "f8")}
 
 _SHUFFLES_F4 = (
     ([0, 16, 1, 17], [2, 18, 3, 19]),
@@ -25,7 +24,7 @@ _SHUFFLES_F4 = (
 """Two stages of unpacking within groups of 4 elements: pairs of rows, then pairs of pairs."""
 
 
-def _joined(builder: Any, parts: list[Any]) -> Any:
+def _joined(builder: ir.IRBuilder, parts: list[ir.Value]) -> ir.Value:
     """Vectors of one length behind each other."""
     while len(parts) > 1:
         width = parts[0].type.count
@@ -34,11 +33,11 @@ def _joined(builder: Any, parts: list[Any]) -> Any:
     return parts[0]
 
 
-def _shuffled(builder: Any, a: Any, b: Any, mask: list[int]) -> Any:
+def _shuffled(builder: ir.IRBuilder, a: ir.Value, b: ir.Value, mask: list[int]) -> ir.Value:
     return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_U4, len(mask)), mask))
 
 
-def _columns_f4(builder: Any, rows: list[Any]) -> list[Any]:
+def _columns_f4(builder: ir.IRBuilder, rows: list[ir.Value]) -> list[ir.Value]:
     """Four lanes vectors from 16 rows of 4 single-precision numbers: 8 shuffles within 128-bit parts."""
     a = [_joined(builder, rows[k::4]) for k in range(4)]
     masks = [[[4 * g + e for g in range(4) for e in half] for half in halves] for halves in _SHUFFLES_F4]
@@ -51,11 +50,11 @@ def _columns_f4(builder: Any, rows: list[Any]) -> list[Any]:
     ]  # fmt: skip
 
 
-def _columns_f8(builder: Any, rows: list[Any]) -> list[Any]:
+def _columns_f8(builder: ir.IRBuilder, rows: list[ir.Value]) -> list[ir.Value]:
     """The same in double precision, 8 agents at a time; every shuffle moves whole 128-bit parts or stays within."""
     low, high = [0, 8, 2, 10, 4, 12, 6, 14], [1, 9, 3, 11, 5, 13, 7, 15]
     even, odd = [0, 1, 4, 5, 8, 9, 12, 13], [2, 3, 6, 7, 10, 11, 14, 15]
-    halves: list[list[Any]] = []
+    halves: list[list[ir.Value]] = []
     for eight in (rows[:8], rows[8:]):
         a, b, c, d = (_joined(builder, [eight[k], eight[k + 2]]) for k in (0, 1, 4, 5))
         u0, u1 = _shuffled(builder, a, b, low), _shuffled(builder, a, b, high)
@@ -64,13 +63,13 @@ def _columns_f8(builder: Any, rows: list[Any]) -> list[Any]:
     return [_joined(builder, [x, y]) for x, y in zip(*halves, strict=True)]
 
 
-def _rows_of(builder: Any, data: Any, starts: list[Any], columns: int) -> list[Any]:
+def _rows_of(builder: ir.IRBuilder, data: ir.Value, starts: list[ir.Value], columns: int) -> list[ir.Value]:
     """Lanes of every column, from the agents whose first numbers lie at the given offsets."""
     element = data.type.pointee
     four = ir.VectorType(element, 4)
     size = 4 if isinstance(element, ir.FloatType) else 8
 
-    def part(column: int) -> list[Any]:
+    def part(column: int) -> list[ir.Value]:
         loaded = []
         for start in starts:
             at = builder.gep(data, [builder.add(start, ir.Constant(_U8, column))])
@@ -85,68 +84,55 @@ def _rows_of(builder: Any, data: Any, starts: list[Any], columns: int) -> list[A
     return found if columns == 4 else found + turn(builder, part(2))[2:]
 
 
-def _scaled(builder: Any, index: Any, columns: int) -> Any:
-    return builder.mul(index, ir.Constant(_U8, columns), flags=("nuw", "nsw"))
+def _scaled(builder: ir.IRBuilder, place: ir.Value, columns: int) -> ir.Value:
+    return builder.mul(place, ir.Constant(_U8, columns), flags=("nuw", "nsw"))
 
 
-def _as_tuple(context: Any, builder: Any, kind: Any, values: list[Any]) -> Any:
-    return context.make_tuple(builder, kind, values)
+def _loader(columns: int) -> Callable[[ir.IRBuilder, Value, Value], Several]:
+    def build(builder: ir.IRBuilder, agents: Value, base: Value) -> Several:
+        found, first = array(agents), index(builder, base)
+        starts = [
+            _scaled(builder, builder.add(first, ir.Constant(_U8, lane), flags=("nsw",)), columns)
+            for lane in range(WIDTH)
+        ]
+        return _several(found, _rows_of(builder, found.data, starts, columns))
+
+    return build
 
 
-def _loader(columns: int) -> Any:
-    def typing(typing_context: Any, agents: Any, base: Any) -> Any:
-        kind = types.UniTuple(LANES[_KINDS[agents.dtype]], columns)
+def _gatherer(columns: int) -> Callable[[ir.IRBuilder, Value, Value, Value, Value], Several]:
+    def build(builder: ir.IRBuilder, agents: Value, entries: Value, at: Value, mask: Value) -> Several:
+        found = array(agents)
+        row = builder.gep(array(entries).data, [index(builder, at)])
+        keep = converted(builder, number(mask), Kind("u4")).code
+        starts = []
+        for lane in range(WIDTH):
+            # Scalar loads: taking numbers out of a vector register costs more.
+            entry = builder.load(builder.gep(row, [ir.Constant(_U4, lane)]))
+            starts.append(_scaled(builder, builder.zext(builder.and_(entry, keep), _U8), columns))
+        return _several(found, _rows_of(builder, found.data, starts, columns))
 
-        def build(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-            data = context.make_array(sig.args[0])(context, builder, args[0]).data
-            first = builder.sext(args[1], _U8) if args[1].type.width < 64 else args[1]
-            starts = [
-                _scaled(builder, builder.add(first, ir.Constant(_U8, lane), flags=("nsw",)), columns)
-                for lane in range(WIDTH)
-            ]
-            return _as_tuple(context, builder, kind, _rows_of(builder, data, starts, columns))
-
-        return kind(agents, base), build
-
-    return typing
+    return build
 
 
-def _gatherer(columns: int) -> Any:
-    def typing(typing_context: Any, agents: Any, entries: Any, at: Any, mask: Any) -> Any:
-        kind = types.UniTuple(LANES[_KINDS[agents.dtype]], columns)
+def _storer(columns: int) -> Callable[[ir.IRBuilder, Value, Value, Value], None]:
+    def build(builder: ir.IRBuilder, agents: Value, base: Value, values: Value) -> None:
+        found = array(agents)
+        if not isinstance(values, Several) or len(values.values) != columns:
+            raise UntranslatableError(f"{values} where {columns} vectors are needed")
+        start = _scaled(builder, index(builder, base), columns)
+        kind = vector(found.kind.element)
+        _store_rows(builder, found.data, start, [converted(builder, number(x), kind).code for x in values.values])
 
-        def build(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-            data = context.make_array(sig.args[0])(context, builder, args[0]).data
-            lists = context.make_array(sig.args[1])(context, builder, args[1]).data
-            row = builder.gep(lists, [args[2]])
-            keep = builder.trunc(args[3], _U4) if args[3].type.width > 32 else args[3]
-            starts = []
-            for lane in range(WIDTH):
-                # Scalar loads: taking numbers out of a vector register costs more.
-                entry = builder.load(builder.gep(row, [ir.Constant(_U4, lane)]))
-                starts.append(_scaled(builder, builder.zext(builder.and_(entry, keep), _U8), columns))
-            return _as_tuple(context, builder, kind, _rows_of(builder, data, starts, columns))
-
-        return kind(agents, entries, at, mask), build
-
-    return typing
+    return build
 
 
-def _storer(columns: int) -> Any:
-    def typing(typing_context: Any, agents: Any, base: Any, values: Any) -> Any:
-        def build(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-            data = context.make_array(sig.args[0])(context, builder, args[0]).data
-            lanes = cgutils.unpack_tuple(builder, args[2], columns)
-            start = _scaled(builder, args[1], columns)
-            _store_rows(builder, data, start, lanes)
-            return context.get_dummy_value()
-
-        return types.void(agents, base, values), build
-
-    return typing
+def _several(agents: Array, codes: list[ir.Value]) -> Several:
+    kind = vector(agents.kind.element)
+    return Several(tuple(Number(kind, code) for code in codes))
 
 
-def _store_rows(builder: Any, data: Any, start: Any, lanes: list[Any]) -> None:
+def _store_rows(builder: ir.IRBuilder, data: ir.Value, start: ir.Value, lanes: list[ir.Value]) -> None:
     """Write 16 agents whole: every number takes its place in a run of 16 rows, 64 bytes or more at a time."""
     columns, element = len(lanes), data.type.pointee
     size = 4 if isinstance(element, ir.FloatType) else 8
@@ -160,28 +146,24 @@ def _store_rows(builder: Any, data: Any, start: Any, lanes: list[Any]) -> None:
         written.align = size
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def column(typing_context: Any, agents: Any, base: Any, number: Any) -> Any:
-    """One column of agents base ... base + 15, for any number of columns."""
-    kind = LANES[_KINDS[agents.dtype]]
-
-    def build(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        array = context.make_array(sig.args[0])(context, builder, args[0])
-        columns = builder.extract_value(array.shape, 1)
-        at = builder.add(builder.mul(args[1], columns), args[2])
-        result = ir.Constant(context.get_value_type(kind), ir.Undefined)
-        for lane in range(WIDTH):
-            value = builder.load(builder.gep(array.data, [at]))
-            result = builder.insert_element(result, value, ir.Constant(_U4, lane))
-            at = builder.add(at, columns)
-        return result
-
-    return kind(agents, types.int64, types.int64), build
+def _column(builder: ir.IRBuilder, agents: Value, base: Value, which: Value) -> Number:
+    found = array(agents)
+    kind, columns = vector(found.kind.element), found.shape[1]
+    at = builder.add(builder.mul(index(builder, base), columns), index(builder, which))
+    result = ir.Constant(kind.type, ir.Undefined)
+    for lane in range(WIDTH):
+        value = builder.load(builder.gep(found.data, [at]))
+        result = builder.insert_element(result, value, ir.Constant(_U4, lane))
+        at = builder.add(at, columns)
+    return Number(kind, result)
 
 
-LOADERS = {columns: intrinsic(_loader(columns)) for columns in (4, 6)}
+column = Primitive(_column)
+"""``column(agents, base, number)``: one column of agents base ... base + 15, for any number of columns."""
+
+LOADERS = {columns: Primitive(_loader(columns)) for columns in (4, 6)}
 """By number of columns: ``load(agents, base)``, lanes of agents base ... base + 15, one per column."""
-GATHERERS = {columns: intrinsic(_gatherer(columns)) for columns in (4, 6)}
+GATHERERS = {columns: Primitive(_gatherer(columns)) for columns in (4, 6)}
 """``gather(agents, entries, at, mask)``: lanes of the agents numbered by ``entries[at : at + 16] & mask``."""
-STORERS = {columns: intrinsic(_storer(columns)) for columns in (4, 6)}
+STORERS = {columns: Primitive(_storer(columns)) for columns in (4, 6)}
 """``store(agents, base, lanes)``: write agents base ... base + 15."""

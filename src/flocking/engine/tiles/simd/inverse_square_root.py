@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from llvmlite import ir
-from numba.core import cgutils
-from numba.extending import intrinsic
 
-from flocking.engine.tiles.simd.vectors import WIDTH, Lanes
+from flocking.engine.tiles.simd.vectors import WIDTH
+from flocking.formula.native.arithmetic import number
+from flocking.formula.native.kinds import Number, Value
+from flocking.formula.native.objects import has_feature
+from flocking.formula.native.primitives import Primitive
 
 _U4 = ir.IntType(32)
 _FUSED = ("contract",)
 
 
-def _estimates(builder: Any, value: Any) -> Any:
+def _estimates(builder: ir.IRBuilder, value: ir.Value) -> ir.Value:
     """Inverse roots good to 14 bits, by an instruction of processors with AVX-512."""
     element = value.type.element
     single = isinstance(element, ir.FloatType)
     count = 16 if single else 8
     vector, bits = ir.VectorType(element, count), ir.IntType(count)
     name = f"llvm.x86.avx512.rsqrt14.{'ps' if single else 'pd'}.512"
-    function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(vector, [vector, vector, bits]), name)
+    function = _declared(builder, name, ir.FunctionType(vector, [vector, vector, bits]))
     every = [ir.Constant(vector, None), ir.Constant(bits, 2**count - 1)]
     if single:
         return builder.call(function, [value, *every])
@@ -33,20 +33,20 @@ def _estimates(builder: Any, value: Any) -> Any:
     return builder.shuffle_vector(*parts, ir.Constant(ir.VectorType(_U4, WIDTH), list(range(WIDTH))))
 
 
-def _error(builder: Any, value: Any, estimate: Any) -> Any:
+def _error(builder: ir.IRBuilder, value: ir.Value, estimate: ir.Value) -> ir.Value:
     """1 - x e^2."""
     product = builder.fmul(value, estimate, flags=_FUSED)
     one = ir.Constant(value.type, [1.0] * WIDTH)
     return builder.fsub(one, builder.fmul(product, estimate, flags=_FUSED), flags=_FUSED)
 
 
-def _refined(builder: Any, estimate: Any, error: Any) -> Any:
+def _refined(builder: ir.IRBuilder, estimate: ir.Value, error: ir.Value) -> ir.Value:
     """One step of Newton's method: e becomes e + e error / 2."""
     half = builder.fmul(estimate, ir.Constant(estimate.type, [0.5] * WIDTH), flags=_FUSED)
     return builder.fadd(estimate, builder.fmul(half, error, flags=_FUSED), flags=_FUSED)
 
 
-def _by_estimates(builder: Any, value: Any) -> Any:
+def _by_estimates(builder: ir.IRBuilder, value: ir.Value) -> ir.Value:
     estimate = _estimates(builder, value)
     error = _error(builder, value, estimate)
     found = _refined(builder, estimate, error)
@@ -56,19 +56,18 @@ def _by_estimates(builder: Any, value: Any) -> Any:
     return builder.select(builder.fcmp_ordered("ord", error, error), found, estimate)
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def inverse_root(typing_context: Any, value: Any) -> Any:
-    """One over the square root of lanes or of a scalar, to about two units of rounding."""
+def _inverse_root(builder: ir.IRBuilder, value: Value) -> Number:
+    x = number(value)
+    if x.kind.lanes and has_feature("avx512f"):
+        return Number(x.kind, _by_estimates(builder, x.code))
+    name = f"llvm.sqrt.{f'v{WIDTH}' if x.kind.lanes else ''}{'f64' if x.kind.name == 'f8' else 'f32'}"
+    rooted = builder.call(_declared(builder, name, ir.FunctionType(x.kind.type, [x.kind.type])), [x.code])
+    return Number(x.kind, builder.fdiv(ir.Constant(x.kind.type, [1.0] * WIDTH if x.kind.lanes else 1.0), rooted))
 
-    def build(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        kind, x = sig.return_type, args[0]
-        lanes = isinstance(kind, Lanes)
-        if lanes and "+avx512f" in context.codegen().magic_tuple()[2]:
-            return _by_estimates(builder, x)
-        element = x.type.element if lanes else x.type
-        name = f"llvm.sqrt.{f'v{WIDTH}' if lanes else ''}{'f32' if isinstance(element, ir.FloatType) else 'f64'}"
-        function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(x.type, [x.type]), name)
-        rooted = builder.call(function, [x])
-        return builder.fdiv(ir.Constant(x.type, [1.0] * WIDTH if lanes else 1.0), rooted)
 
-    return value(value), build
+def _declared(builder: ir.IRBuilder, name: str, shape: ir.FunctionType) -> ir.Function:
+    return builder.module.globals.get(name) or ir.Function(builder.module, shape, name)
+
+
+inverse_root = Primitive(_inverse_root)
+"""One over the square root of lanes or of a number, to about two units of rounding."""

@@ -1,364 +1,157 @@
-"""Vectors of 16 lanes as numbers that compiled kernels can hold: whether a loop vectorises is not left to luck.
+"""Vectors of 16 numbers that native functions hold in registers: whether a loop vectorises is not left to luck.
 
-Importing this module teaches Numba the type. ``load``, ``store`` and ``gather`` move lanes from and to
-arrays, the operators work lane by lane and take scalars too, ``select`` chooses lane by lane.
+``load``, ``store`` and ``gather`` move numbers from and to arrays, the operators work on each number of a vector and
+take single numbers too, ``select`` chooses for each.
 """
 
 from __future__ import annotations
 
-import operator
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping
 
 from llvmlite import ir
-from numba import types
-from numba.core import cgutils
-from numba.core.datamodel import models
-from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import intrinsic, lower_builtin, register_model
+
+from flocking.formula.native.arithmetic import VECTOR_FLAGS, UntranslatableError, called, converted, number, spread_out
+from flocking.formula.native.kinds import F8, I8, Array, Constant, Kind, Number, Value
+from flocking.formula.native.primitives import Primitive
 
 WIDTH = 16
 
-FLAGS = ("contract", "reassoc", "arcp", "nsz", "afn")
-"""Liberties the compiler may take. It may not assume that there is no NaN and no infinity."""
-
-_ELEMENTS: dict[str, Any] = {
-    "f8": ir.DoubleType(),
-    "f4": ir.FloatType(),
-    "u4": ir.IntType(32),
-    "u8": ir.IntType(64),
-    "b1": ir.IntType(1),
-}
-_SCALARS = {
-    types.float64: "f8", types.float32: "f4", types.int32: "u4", types.uint32: "u4", types.int64: "u8",
-    types.uint64: "u8", types.boolean: "b1",
-}  # fmt: skip
-SCALAR_OF = {"f8": types.float64, "f4": types.float32, "u4": types.uint32, "u8": types.uint64, "b1": types.boolean}
+_U4 = ir.IntType(32)
 
 
-class Lanes(types.Type):  # type: ignore[misc]
-    """Type of a vector of 16 numbers.
+def vector(kind: Kind) -> Kind:
+    """Kind of 16 numbers of a kind; whole numbers count as unsigned."""
+    return Kind({"i4": "u4", "i8": "u8"}.get(kind.name, kind.name), WIDTH)
 
-    Parameters
-    ----------
-    kind
-        ``"f8"``, ``"f4"``, ``"u4"``, ``"u8"`` or ``"b1"``.
+
+def array(value: Value) -> Array:
+    """An argument that must be an array.
+
+    Raises
+    ------
+    UntranslatableError
+        When it is none.
     """
+    if not isinstance(value, Array):
+        raise UntranslatableError(f"{value} where an array is needed")
+    return value
 
-    def __init__(self, kind: str) -> None:
-        self.kind = kind
-        super().__init__(name=f"Lanes({kind})")
 
+def index(builder: ir.IRBuilder, value: Value) -> ir.Value:
+    """An argument that says where in an array."""
+    return converted(builder, number(value), I8).code
 
-LANES = {kind: Lanes(kind) for kind in _ELEMENTS}
 
+def _spread(builder: ir.IRBuilder, value: Value) -> Number:
+    x = number(value)
+    kind = vector(x.kind)
+    return Number(kind, spread_out(builder, x.code, kind))
 
-@register_model(Lanes)
-class _LanesModel(models.PrimitiveModel):  # type: ignore[misc]
-    def __init__(self, dmm: Any, fe_type: Any) -> None:
-        super().__init__(dmm, fe_type, ir.VectorType(_ELEMENTS[fe_type.kind], WIDTH))
 
+def _load(builder: ir.IRBuilder, values: Value, at: Value) -> Number:
+    found = array(values)
+    kind = vector(found.kind.element)
+    pointer = builder.gep(found.data, [index(builder, at)])
+    loaded = builder.load(builder.bitcast(pointer, kind.type.as_pointer()))
+    loaded.align = found.kind.bytes
+    return Number(kind, loaded)
 
-def _element(kind: Any) -> Any:
-    return _ELEMENTS[kind.kind]
 
+def _store(builder: ir.IRBuilder, values: Value, at: Value, value: Value) -> None:
+    found, lanes = array(values), number(value)
+    pointer = builder.gep(found.data, [index(builder, at)])
+    written = builder.store(lanes.code, builder.bitcast(pointer, lanes.kind.type.as_pointer()))
+    written.align = found.kind.bytes
 
-def _spread(builder: Any, value: Any, element: Any) -> Any:
-    """A scalar in every lane."""
-    vector = ir.VectorType(element, WIDTH)
-    first = builder.insert_element(ir.Constant(vector, ir.Undefined), value, ir.Constant(ir.IntType(32), 0))
-    zeros = ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), [0] * WIDTH)
-    return builder.shuffle_vector(first, ir.Constant(vector, ir.Undefined), zeros)
 
+def _gather(builder: ir.IRBuilder, values: Value, places: Value) -> Number:
+    found, at = array(values), number(places)
+    kind = vector(found.kind.element)
+    result = ir.Constant(kind.type, ir.Undefined)
+    for lane in range(WIDTH):
+        here = ir.Constant(_U4, lane)
+        one = builder.extract_element(at.code, here)
+        one = one if one.type.width == 64 else builder.zext(one, I8.type)
+        result = builder.insert_element(result, builder.load(builder.gep(found.data, [one])), here)
+    return Number(kind, result)
 
-def _convert_scalar(builder: Any, value: Any, kind: Any, target: str) -> Any:
-    """A scalar of Numba type ``kind`` as an element of lanes of ``target``."""
-    element = _ELEMENTS[target]
-    if value.type == element:
-        return value
-    if target in ("f8", "f4"):
-        if isinstance(kind, types.Float):
-            return builder.fptrunc(value, element) if target == "f4" else builder.fpext(value, element)
-        return builder.sitofp(value, element)
-    if value.type.width > element.width:
-        return builder.trunc(value, element)
-    return builder.sext(value, element) if getattr(kind, "signed", False) else builder.zext(value, element)
 
+def _numbers_from(builder: ir.IRBuilder, base: Value) -> Number:
+    kind = Kind("u4", WIDTH)
+    steps = ir.Constant(kind.type, list(range(WIDTH)))
+    first = converted(builder, number(base), Kind("u4")).code
+    return Number(kind, builder.add(spread_out(builder, first, kind), steps))
 
-def _as_lanes(builder: Any, value: Any, kind: Any, target: Lanes) -> Any:
-    if isinstance(kind, Lanes):
-        return value
-    return _spread(builder, _convert_scalar(builder, value, kind, target.kind), _element(target))
 
+def _select(builder: ir.IRBuilder, condition: Value, yes: Value, no: Value) -> Number:
+    test, a, b = number(condition), number(yes), number(no)
+    kind = next((x.kind for x in (a, b) if x.kind.lanes), vector(a.kind) if test.kind.lanes else a.kind)
+    return Number(kind, builder.select(test.code, *(converted(builder, x, kind).code for x in (a, b))))
 
-_FLOAT = {operator.add: "fadd", operator.sub: "fsub", operator.mul: "fmul", operator.truediv: "fdiv"}
-_WHOLE = {
-    operator.add: "add", operator.sub: "sub", operator.mul: "mul", operator.and_: "and_", operator.or_: "or_",
-    operator.xor: "xor", operator.rshift: "lshr", operator.lshift: "shl",
-}  # fmt: skip
-_COMPARE = {
-    operator.lt: "<", operator.le: "<=", operator.gt: ">", operator.ge: ">=", operator.eq: "==", operator.ne: "!=",
-}  # fmt: skip
 
+def _of_llvm(name: str) -> Callable[[ir.IRBuilder, Value], Number]:
+    def build(builder: ir.IRBuilder, value: Value) -> Number:
+        x = number(value)
+        full = f"llvm.{name}." + ("v16" if x.kind.lanes else "") + {"f8": "f64", "f4": "f32"}[x.kind.name]
+        known = builder.module.globals
+        function = known.get(full) or ir.Function(builder.module, ir.FunctionType(x.kind.type, [x.kind.type]), full)
+        return Number(x.kind, builder.call(function, [x.code], fastmath=VECTOR_FLAGS))
 
-def _common(a: Any, b: Any) -> Lanes | None:
-    lanes = [x for x in (a, b) if isinstance(x, Lanes)]
-    if not lanes or (len(lanes) == 2 and lanes[0] is not lanes[1] and lanes[0].kind != lanes[1].kind):
-        return None
-    other = b if isinstance(a, Lanes) else a
-    return lanes[0] if isinstance(other, Lanes | types.Number | types.Boolean) else None
+    return build
 
 
-def _register_operators() -> None:
-    for function in {*_FLOAT, *_WHOLE}:
-        _register_binary(function)
-    for function, sign in _COMPARE.items():
-        _register_comparison(function, sign)
-    _register_negative()
+_PARTNER = {"f8": "u8", "f4": "u4", "u8": "f8", "u4": "f4", "i8": "f8", "i4": "f4", "b1": "f8"}
 
 
-def _pairs() -> list[tuple[Any, Any]]:
-    return [(Lanes, Lanes), (Lanes, types.Number), (types.Number, Lanes)]
+def _cast(operation: str, partner: Mapping[str, str] = _PARTNER) -> Callable[[ir.IRBuilder, Value], Number]:
+    def build(builder: ir.IRBuilder, value: Value) -> Number:
+        x = number(value)
+        kind = Kind(partner[x.kind.name], x.kind.lanes)
+        return Number(kind, getattr(builder, operation)(x.code, kind.type))
 
+    return build
 
-def _register_binary(function: Callable[..., Any]) -> None:
-    @infer_global(function)
-    class _Typing(AbstractTemplate):  # type: ignore[misc]
-        def generic(self, args: Any, kws: Any) -> Any:
-            common = _common(*args) if len(args) == 2 else None
-            return signature(common, *args) if common is not None else None
 
-    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        a, b = (_as_lanes(builder, v, k, sig.return_type) for v, k in zip(args, sig.args, strict=True))
-        if sig.return_type.kind in ("f8", "f4"):
-            return getattr(builder, _FLOAT[function])(a, b, flags=FLAGS)
-        return getattr(builder, _WHOLE[function])(a, b)
+def _narrow(builder: ir.IRBuilder, value: Value, like: Value) -> Number:
+    x, kind = number(value), Kind(number(like).kind.name, WIDTH)
+    return x if kind.name == F8.name else Number(kind, builder.fptrunc(x.code, kind.type))
 
-    for left, right in _pairs():
-        lower_builtin(function, left, right)(lower)
 
+def _each_lane(builder: ir.IRBuilder, function: Value, value: Value) -> Value:
+    known = function.value if isinstance(function, Constant) else None
+    found = called(builder, known, [value])
+    if found is None:
+        raise UntranslatableError(f"the function {known}")
+    return found
 
-def _register_comparison(function: Callable[..., Any], sign: str) -> None:
-    @infer_global(function)
-    class _Typing(AbstractTemplate):  # type: ignore[misc]
-        def generic(self, args: Any, kws: Any) -> Any:
-            common = _common(*args) if len(args) == 2 else None
-            return signature(LANES["b1"], *args) if common is not None else None
 
-    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        common = _common(*sig.args)
-        assert common is not None
-        a, b = (_as_lanes(builder, v, k, common) for v, k in zip(args, sig.args, strict=True))
-        if common.kind in ("f8", "f4"):
-            # A comparison with NaN is false, except that NaN differs from everything.
-            return builder.fcmp_unordered(sign, a, b) if sign == "!=" else builder.fcmp_ordered(sign, a, b)
-        return builder.icmp_unsigned(sign, a, b)
-
-    for left, right in _pairs():
-        lower_builtin(function, left, right)(lower)
-
-
-def _register_negative() -> None:
-    @infer_global(operator.neg)
-    class _Typing(AbstractTemplate):  # type: ignore[misc]
-        def generic(self, args: Any, kws: Any) -> Any:
-            return signature(args[0], args[0]) if isinstance(args[0], Lanes) else None
-
-    @lower_builtin(operator.neg, Lanes)  # type: ignore[untyped-decorator]
-    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return builder.fneg(args[0], flags=FLAGS)
-
-    @infer_global(operator.invert)
-    class _Inverting(AbstractTemplate):  # type: ignore[misc]
-        def generic(self, args: Any, kws: Any) -> Any:
-            return signature(args[0], args[0]) if isinstance(args[0], Lanes) else None
-
-    @lower_builtin(operator.invert, Lanes)  # type: ignore[untyped-decorator]
-    def invert(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return builder.not_(args[0])
-
-
-_register_operators()
-
-
-def _address(context: Any, builder: Any, kind: Any, array: Any, at: Any) -> Any:
-    """Pointer to element ``at`` of a contiguous one-dimensional array."""
-    data = context.make_array(kind)(context, builder, array).data
-    return builder.gep(data, [at])
-
-
-def _whole(builder: Any, value: Any) -> Any:
-    return value if value.type.width == 64 else builder.sext(value, ir.IntType(64))
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def spread(typing_context: Any, value: Any) -> Any:
-    """A scalar in every lane."""
-    kind = LANES[_SCALARS[value]]
-
-    def build(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return _spread(builder, _convert_scalar(builder, args[0], sig.args[0], kind.kind), _element(kind))
-
-    return kind(value), build
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def load(typing_context: Any, array: Any, at: Any) -> Any:
-    """Sixteen neighbouring elements of an array."""
-    kind = LANES[_SCALARS[array.dtype]]
-
-    def build(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        pointer = _address(context, builder, sig.args[0], args[0], _whole(builder, args[1]))
-        vector = ir.VectorType(_element(kind), WIDTH)
-        loaded = builder.load(builder.bitcast(pointer, vector.as_pointer()))
-        loaded.align = _element(kind).get_abi_size(context.target_data)
-        return loaded
-
-    return kind(array, at), build
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def store(typing_context: Any, array: Any, at: Any, value: Any) -> Any:
-    """Write sixteen neighbouring elements of an array."""
-
-    def build(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        pointer = _address(context, builder, sig.args[0], args[0], _whole(builder, args[1]))
-        written = builder.store(args[2], builder.bitcast(pointer, args[2].type.as_pointer()))
-        written.align = _element(sig.args[2]).get_abi_size(context.target_data)
-        return context.get_dummy_value()
-
-    return types.void(array, at, value), build
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def gather(typing_context: Any, array: Any, index: Any) -> Any:
-    """Elements of an array at the places in the lanes of ``index``."""
-    kind = LANES[_SCALARS[array.dtype]]
-
-    def build(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        data = context.make_array(sig.args[0])(context, builder, args[0]).data
-        result = ir.Constant(ir.VectorType(_element(kind), WIDTH), ir.Undefined)
-        for lane in range(WIDTH):
-            number = ir.Constant(ir.IntType(32), lane)
-            at = builder.extract_element(args[1], number)
-            at = at if at.type.width == 64 else builder.zext(at, ir.IntType(64))
-            value = builder.load(builder.gep(data, [at]))
-            result = builder.insert_element(result, value, number)
-        return result
-
-    return kind(array, index), build
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def numbers_from(typing_context: Any, base: Any) -> Any:
-    """base, base + 1, ... base + 15."""
-
-    def build(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        u4 = ir.IntType(32)
-        steps = ir.Constant(ir.VectorType(u4, WIDTH), list(range(WIDTH)))
-        return builder.add(_spread(builder, builder.trunc(args[0], u4), u4), steps)
-
-    return LANES["u4"](base), build
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def select(typing_context: Any, condition: Any, yes: Any, no: Any) -> Any:
-    """``yes`` where the condition holds, else ``no``."""
-    lanes = [x for x in (yes, no) if isinstance(x, Lanes)]
-    if lanes:
-        kind: Any = lanes[0]
-    else:
-        kind = LANES[_SCALARS[yes]] if isinstance(condition, Lanes) else yes
-
-    def build(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        if not isinstance(kind, Lanes):
-            return builder.select(args[0], args[1], context.cast(builder, args[2], sig.args[2], kind))
-        a, b = (_as_lanes(builder, v, k, kind) for v, k in zip(args[1:], sig.args[1:], strict=True))
-        return builder.select(args[0], a, b)
-
-    return kind(condition, yes, no), build
-
-
-def _unary(name: str) -> Any:
-    def typing(typing_context: Any, value: Any) -> Any:
-        def build(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-            kind = sig.return_type
-            element = kind.kind if isinstance(kind, Lanes) else _SCALARS[kind]
-            suffix = ("v16" if isinstance(kind, Lanes) else "") + {"f8": "f64", "f4": "f32"}[element]
-            shape = ir.FunctionType(args[0].type, [args[0].type])
-            function = cgutils.get_or_insert_function(builder.module, shape, f"llvm.{name}.{suffix}")
-            return builder.call(function, args, fastmath=FLAGS)
-
-        return value(value), build
-
-    return typing
-
-
-root = intrinsic(_unary("sqrt"))
-"""Square root of lanes or of a scalar."""
-floor_of = intrinsic(_unary("floor"))
-"""Largest whole number not above, of lanes or of a scalar."""
-
-
-def _cast(target_of: Callable[[Any], Any], operation: Callable[[Any, Any, Any], Any]) -> Any:
-    def typing(typing_context: Any, value: Any) -> Any:
-        target = target_of(value.kind if isinstance(value, Lanes) else _SCALARS[value])
-        kind: Any = LANES[target] if isinstance(value, Lanes) else SCALAR_OF[str(target)]
-
-        def build(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-            return operation(builder, args[0], context.get_value_type(kind))
-
-        return kind(value), build
-
-    return typing
-
-
-_PARTNER = {"f8": "u8", "f4": "u4", "u8": "f8", "u4": "f4", "b1": "f8"}
-float_bits = intrinsic(_cast(_PARTNER.get, lambda b, v, t: b.bitcast(v, t)))
+spread = Primitive(_spread)
+"""A number in every lane."""
+load = Primitive(_load)
+"""``load(array, at)``: sixteen neighbouring elements of an array."""
+store = Primitive(_store)
+"""``store(array, at, value)``: write sixteen neighbouring elements of an array."""
+gather = Primitive(_gather)
+"""``gather(array, places)``: elements of an array at the places in the lanes of ``places``."""
+numbers_from = Primitive(_numbers_from)
+"""base, base + 1, ... base + 15."""
+select = Primitive(_select)
+"""``select(condition, yes, no)``: ``yes`` where the condition holds, else ``no``."""
+root = Primitive(_of_llvm("sqrt"))
+"""Square root of lanes or of a number."""
+floor_of = Primitive(_of_llvm("floor"))
+"""Largest whole number not above, of lanes or of a number."""
+float_bits = Primitive(_cast("bitcast"))
 """Bits of floats as integers of their width."""
-float_of_bits = intrinsic(_cast(_PARTNER.get, lambda b, v, t: b.bitcast(v, t)))
+float_of_bits = Primitive(_cast("bitcast"))
 """Floats that have the given bits."""
-whole_of = intrinsic(_cast(_PARTNER.get, lambda b, v, t: b.fptosi(v, t)))
+whole_of = Primitive(_cast("fptosi"))
 """Floats without fraction as integers of their width."""
-float_of = intrinsic(_cast(_PARTNER.get, lambda b, v, t: b.sitofp(v, t)))
+float_of = Primitive(_cast("sitofp"))
 """Integers as floats of their width."""
-widen = intrinsic(_cast({"u4": "u8"}.get, lambda b, v, t: b.zext(v, t)))
+widen = Primitive(_cast("zext", {"u4": "u8", "i4": "u8"}))
 """32-bit lanes as 64-bit lanes."""
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def narrow(typing_context: Any, value: Any, like: Any) -> Any:
-    """Lanes of float64 in the precision of the scalar ``like``."""
-    kind = LANES[_SCALARS[like]]
-
-    def build(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return args[0] if kind.kind == "f8" else builder.fptrunc(args[0], context.get_value_type(kind))
-
-    return kind(value, like), build
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def each_lane(typing_context: Any, function: Any, value: Any) -> Any:
-    """A scalar function of the mathematics library applied lane by lane (slow, for rare functions)."""
-    kind = value if isinstance(value, Lanes) else None
-    scalar = SCALAR_OF[value.kind] if kind is not None else value
-
-    def build(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        inner = signature(scalar, scalar)
-        call = context.get_function(typing_context.resolve_function_type(function, (scalar,), {}) and function, inner)
-        if kind is None:
-            return call(builder, [args[1]])
-        result = ir.Constant(ir.VectorType(_element(kind), WIDTH), ir.Undefined)
-        for lane in range(WIDTH):
-            number = ir.Constant(ir.IntType(32), lane)
-            result = builder.insert_element(result, call(builder, [builder.extract_element(args[1], number)]), number)
-        return result
-
-    return (kind if kind is not None else scalar)(function, value), build
-
-
-__all__ = [
-    "FLAGS", "LANES", "WIDTH", "Lanes", "each_lane", "float_bits", "float_of", "float_of_bits",
-    "floor_of", "gather", "load", "narrow", "numbers_from", "root", "select", "spread", "store",
-    "whole_of", "widen",
-]  # fmt: skip
+narrow = Primitive(_narrow)
+"""``narrow(value, like)``: lanes of float64 in the precision of the number ``like``."""
+each_lane = Primitive(_each_lane)
+"""``each_lane(function, value)``: a function of the mathematics library of one lane after the other (slow)."""
