@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from types import FunctionType
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -102,7 +102,7 @@ class Jet:
         whole, zero = np.full_like(self.parts[0][0], value), np.zeros_like(self.parts[0][0])
         return Jet((whole, whole), (zero, zero), (zero, zero))
 
-    def _jet(self, other: Any) -> Jet:
+    def _jet(self, other: Jet | float) -> Jet:
         return other if isinstance(other, Jet) else self.constant(float(other))
 
     def composed(self, value: Interval, slope: Interval, curvature: Interval) -> Jet:
@@ -119,7 +119,7 @@ class Jet:
         bent = _times(curvature, _whole_power(first, 2))
         return Jet(value, _times(slope, first), _add(bent, _times(slope, second)))
 
-    def __add__(self, other: object) -> Jet:
+    def __add__(self, other: Jet | float) -> Jet:
         return Jet(*(_add(a, b) for a, b in zip(self.parts, self._jet(other).parts, strict=True)))
 
     def __neg__(self) -> Jet:
@@ -128,41 +128,42 @@ class Jet:
     def __pos__(self) -> Jet:
         return self
 
-    def __sub__(self, other: Any) -> Jet:
+    def __sub__(self, other: Jet | float) -> Jet:
         return self.__add__(-other)
 
-    def __rsub__(self, other: object) -> Jet:
+    def __rsub__(self, other: float) -> Jet:
         return (-self).__add__(other)
 
-    def __mul__(self, other: Any) -> Jet:
+    def __mul__(self, other: Jet | float) -> Jet:
         if not isinstance(other, Jet):
             return Jet(*(_scaled(a, float(other)) for a in self.parts))
         (a, a1, a2), (b, b1, b2) = self.parts, other.parts
         slope = _add(_times(a1, b), _times(a, b1))
         return Jet(_times(a, b), slope, _add(_add(_times(a2, b), _scaled(_times(a1, b1), 2.0)), _times(a, b2)))
 
-    def __truediv__(self, other: Any) -> Jet:
+    def __truediv__(self, other: Jet | float) -> Jet:
         return self.__mul__(other.__pow__(-1) if isinstance(other, Jet) else 1.0 / float(other))
 
-    def __rtruediv__(self, other: object) -> Jet:
+    def __rtruediv__(self, other: float) -> Jet:
         return self.__pow__(-1).__mul__(other)
 
-    def __pow__(self, exponent: Any) -> Jet:
+    def __pow__(self, exponent: Jet | float) -> Jet:
         if isinstance(exponent, Jet):
-            power: Jet = Functions.exp(Functions.log(self) * exponent)
-            return power
+            return Functions.exp(Functions.log(self) * exponent)
         c, base = float(exponent), self.parts[0]
         slope, curvature = _scaled(_power(base, c - 1), c), _scaled(_power(base, c - 2), c * (c - 1))
         return self.composed(_power(base, c), slope, curvature)
 
-    def __rpow__(self, base: Any) -> Jet:
-        power: Jet = Functions.exp(self * math.log(base))
-        return power
+    def __rpow__(self, base: float) -> Jet:
+        return Functions.exp(self * math.log(base))
 
     def __abs__(self) -> Jet:
         return (self * self).__pow__(0.5)
 
     __radd__, __rmul__ = __add__, __mul__
+
+
+JetOrNumber = TypeVar("JetOrNumber", Jet, float)
 
 
 class Functions:
@@ -171,7 +172,7 @@ class Functions:
     pi, e = math.pi, math.e
 
     @staticmethod
-    def exp(x: Any) -> Any:
+    def exp(x: JetOrNumber) -> JetOrNumber:
         """Exponential."""
         if not isinstance(x, Jet):
             return math.exp(x)
@@ -179,7 +180,7 @@ class Functions:
         return x.composed(value, value, value)
 
     @staticmethod
-    def log(x: Any) -> Any:
+    def log(x: JetOrNumber) -> JetOrNumber:
         """Natural logarithm."""
         if not isinstance(x, Jet):
             return math.log(x)
@@ -187,34 +188,34 @@ class Functions:
         return x.composed(_rising(np.log, base), _inverse(base), _scaled(_power(base, -2), -1.0))
 
     @staticmethod
-    def sqrt(x: Any) -> Any:
+    def sqrt(x: JetOrNumber) -> JetOrNumber:
         """Square root."""
         return x**0.5 if isinstance(x, Jet) else math.sqrt(x)
 
     @staticmethod
-    def sin(x: Any) -> Any:
+    def sin(x: JetOrNumber) -> JetOrNumber:
         """Sine."""
         return Functions._turned(x, math.sin, np.pi / 2)
 
     @staticmethod
-    def cos(x: Any) -> Any:
+    def cos(x: JetOrNumber) -> JetOrNumber:
         """Cosine."""
         return Functions._turned(x, math.cos, 0.0)
 
     @staticmethod
-    def _turned(x: Any, plain: Callable[[float], float], shift: float) -> Any:
+    def _turned(x: JetOrNumber, plain: Callable[[float], float], shift: float) -> JetOrNumber:
         if not isinstance(x, Jet):
             return plain(x)
         value = _wave(x.parts[0], shift)
         return x.composed(value, _wave(x.parts[0], shift - np.pi / 2), _scaled(value, -1.0))
 
     @staticmethod
-    def tan(x: Any) -> Any:
+    def tan(x: JetOrNumber) -> JetOrNumber:
         """Tangent."""
         return Functions.sin(x) / Functions.cos(x) if isinstance(x, Jet) else math.tan(x)
 
     @staticmethod
-    def tanh(x: Any) -> Any:
+    def tanh(x: JetOrNumber) -> JetOrNumber:
         """Hyperbolic tangent."""
         if not isinstance(x, Jet):
             return math.tanh(x)
@@ -223,17 +224,17 @@ class Functions:
         return x.composed(value, slope, _scaled(_times(value, slope), -2.0))
 
     @staticmethod
-    def sinh(x: Any) -> Any:
+    def sinh(x: JetOrNumber) -> JetOrNumber:
         """Hyperbolic sine."""
         return (Functions.exp(x) - Functions.exp(-x)) / 2 if isinstance(x, Jet) else math.sinh(x)
 
     @staticmethod
-    def cosh(x: Any) -> Any:
+    def cosh(x: JetOrNumber) -> JetOrNumber:
         """Hyperbolic cosine."""
         return (Functions.exp(x) + Functions.exp(-x)) / 2 if isinstance(x, Jet) else math.cosh(x)
 
     @staticmethod
-    def atan(x: Any) -> Any:
+    def atan(x: JetOrNumber) -> JetOrNumber:
         """Arc tangent."""
         if not isinstance(x, Jet):
             return math.atan(x)
