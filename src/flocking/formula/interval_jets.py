@@ -248,7 +248,7 @@ def on_jets(function: FunctionType) -> Callable[..., Any]:
     """A function made of arithmetic and of module ``math``, made to work on jets."""
     moved = FunctionType(function.__code__, {"math": Functions})
 
-    def quiet(*arguments: Any) -> object:
+    def quiet(*arguments: object) -> object:
         with np.errstate(all="ignore"):
             return moved(*arguments)
 

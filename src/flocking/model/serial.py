@@ -57,7 +57,7 @@ class ForeignPart(InvalidInput):
     """A part from outside this library: it can be simulated, but a file cannot name it."""
 
 
-def to_data(part: Any) -> object:
+def to_data(part: object) -> object:
     """A part as plain data: dictionaries, lists, numbers, text, ready for JSON.
 
     Parameters
@@ -99,7 +99,7 @@ def part_class(name: str, where: str = "data") -> type:
     return found
 
 
-def _arguments(part: Any) -> dict[str, Any]:
+def _arguments(part: Any) -> Mapping[str, object]:
     """What a part's class must be called with to make it again."""
     name = type(part).__name__
     if name in _TAKEN_APART:
@@ -128,7 +128,7 @@ class _Writer:
         self._keep: list[object] = []
         self.data = self._write(part)
 
-    def _write(self, value: Any) -> object:
+    def _write(self, value: object) -> object:
         if value is None or isinstance(value, bool | str):
             return value
         if isinstance(value, np.bool_ | np.integer | np.floating):
@@ -180,7 +180,7 @@ class _Reader:
     def __init__(self) -> None:
         self._shared: dict[int, object] = {}
 
-    def read(self, data: Any, where: str, depth: int = 0) -> object:
+    def read(self, data: object, where: str, depth: int = 0) -> object:
         if depth > DEEPEST:
             raise InvalidInput(where, "data", f"must not be nested deeper than {DEEPEST}", "...")
         if data is None or isinstance(data, bool | str | int | float):
@@ -201,7 +201,7 @@ class _Reader:
             return {k: self.read(x, f"{where}.{k}", depth + 1) for k, x in data["values"].items()}
         raise InvalidInput(where, "value", "must be a number, text, a list or a part", sorted(map(str, data)))
 
-    def _again(self, number: Any, where: str) -> object:
+    def _again(self, number: object, where: str) -> object:
         if not isinstance(number, int) or number not in self._shared:
             raise InvalidInput(where, "same", "must be the id of a part described before", number)
         return self._shared[number]

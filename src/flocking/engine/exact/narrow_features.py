@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.arrays import Indices, Numbers
 from flocking.engine.exact.crossings.guards import smallest_value, squared_distance
 from flocking.engine.exact.integrator.segment import Segment
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
@@ -206,7 +207,9 @@ def _value(g: Array, x: float, work: Array) -> float:
 
 
 @native
-def allowed_share(B: Array, far: Array, senders: Any, sensed: Any, offsets: Any, found: Array, owners: Any) -> float:
+def allowed_share(
+    B: Array, far: Array, senders: Indices, sensed: Indices, offsets: Numbers, found: Array, owners: Indices
+) -> float:
     """Which fraction of a segment no pair moves further within a zone than its `STRIDE`; 1 or more for all of it.
 
     Parameters

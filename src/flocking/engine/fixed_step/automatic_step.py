@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.arrays import Array
 from flocking.engine.fixed_step.passing_pairs import singular_reach
 from flocking.engine.fixed_step.step_checks import STRIDE
 from flocking.model.law import Scenario
@@ -122,7 +123,7 @@ def resolving_step(
     return float(min(limits))
 
 
-def _stiffness(term: Gradient, r: Any, across: bool) -> Any:
+def _stiffness(term: Gradient, r: Array, across: bool) -> Array:
     """Bend of the potential along the pair, and across it; none at contact: the force has no direction there."""
     near, far = np.maximum(r * (1 - PROBE), 1e-12), r * (1 + PROBE)
     with np.errstate(all="ignore"):

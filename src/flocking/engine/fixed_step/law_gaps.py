@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from flocking.arrays import Array
+from flocking.arrays import Array, Indices, Reals
 from flocking.engine.fixed_step.declared_law import POWERS, Statement
 from flocking.model.checks import NO_LESS
 
@@ -48,7 +47,7 @@ class LawGaps:
         """The gap as a run's provenance says it."""
         return {"law_checks": self.checks, "law_gap": self.gap, "law_gap_allowed": self.allowed}
 
-    def compare_forces(self, declared: Statement, force: Array, rounding: Any) -> int | None:
+    def compare_forces(self, declared: Statement, force: Array, rounding: Array) -> int | None:
         """Hold forces against the law; which of the judged agents contradicts it most, if one does.
 
         Parameters
@@ -63,7 +62,7 @@ class LawGaps:
         gap = np.sqrt(((force - declared.force) ** 2).sum(axis=1))
         return self._compare(gap, declared.force_error + rounding, declared.size)
 
-    def compare_powers(self, declared: Statement, groups: Any, found: Any) -> str | None:
+    def compare_powers(self, declared: Statement, groups: Indices, found: Array) -> str | None:
         """Hold energies and powers of groups of judged agents against the law; the name of a wrong one, if there is.
 
         Parameters
@@ -78,14 +77,14 @@ class LawGaps:
         wrong = None
         for k, name in enumerate(POWERS):
             power, error, size = (
-                np.bincount(groups, x, minlength=len(found))
+                np.bincount(groups, x, minlength=len(found)).astype(np.float64)
                 for x in (declared.powers[:, k], declared.power_errors[:, k], np.abs(declared.powers[:, k]))
             )
             if self._compare(np.abs(found[:, k] - power), error, size) is not None:
                 wrong = name
         return wrong
 
-    def _compare(self, gap: Any, allowed: Any, size: Any) -> int | None:
+    def _compare(self, gap: Reals, allowed: Reals, size: Reals) -> int | None:
         gap = np.where(np.isfinite(gap), gap, np.inf)
         share = gap / np.maximum(allowed, NO_LESS)
         k = int(np.argmax(share))

@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 import tempfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from flocking.arrays import Array, Forces, Numbers, Vector
 from flocking.engine.interruption import interrupted
 from flocking.engine.lammps import library
 from flocking.engine.lammps.deck import Deck
@@ -121,11 +121,11 @@ class Atoms:
         return int(self._lammps.extract_global("nlocal"))
 
     @property
-    def ids(self) -> Any:
+    def ids(self) -> Numbers:
         """Which agents this rank owns."""
         return np.array(self._lammps.numpy.extract_atom("id")[: self.count], dtype=np.int64) - 1
 
-    def gathered(self, *names: str) -> Any | None:
+    def gathered(self, *names: str) -> Array | None:
         """Vectors of all agents in their order, one after the other, on the first rank; shape (N, 3 * names)."""
         count = self.count
         parts = [self.ids[:, None].astype(np.float64)]
@@ -137,7 +137,7 @@ class Atoms:
         found[rows[:, 0].astype(np.int64)] = rows[:, 1:]
         return found
 
-    def set_forces(self, forces: Any) -> None:
+    def set_forces(self, forces: Forces) -> None:
         """Put forces of all agents in place, shape (N, 3)."""
         self._lammps.numpy.extract_atom("f")[: self.count] = forces[self.ids]
 
@@ -171,7 +171,7 @@ class Atoms:
                 self._set_up_anew()
         return grown
 
-    def _needed_cells(self, sides: Any) -> tuple[float, str]:
+    def _needed_cells(self, sides: Vector) -> tuple[float, str]:
         """Size of the cells, 0 for LAMMPS's own choice, and how they are searched; seldom another than now."""
         size, search = self._cells
         usual = 0.5 * (self.deck.reach + self.deck.skin)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from flocking.arrays import Array
+from flocking.arrays import Array, Indices
 from flocking.engine.kernels.codegen import RATES, compiled_kernels
 from flocking.engine.kernels.law_kernels import LawKernels
 from flocking.engine.kernels.layout import Layout
@@ -59,11 +59,11 @@ class Ledger:
             self._last = (state.t, self._evaluated(state, pairs)[2])
             self._counts = [len(i) for i, _ in pairs]
 
-    def pairs(self, state: State) -> list[tuple[Any, Any]]:
+    def pairs(self, state: State) -> list[tuple[Indices, Indices]]:
         """Ordered pairs of agents linked under each graph of the law."""
         return [near_pairs(state.q, float(g.break_radius)) for g in self.scenario.law.graphs]
 
-    def add(self, state: State, pairs: list[tuple[Any, Any]]) -> None:
+    def add(self, state: State, pairs: list[tuple[Indices, Indices]]) -> None:
         """Add the row of a state with its pairs under each graph."""
         stored, kinetic, powers = self._evaluated(state, pairs)
         integrals = np.array(self.trace[-1][3:6]) if self.trace else np.zeros(len(RATES))
@@ -73,7 +73,7 @@ class Ledger:
         self._last = (state.t, powers)
         self.trace.append((state.t, stored + kinetic, kinetic, *map(float, integrals), self._jumped(pairs)))
 
-    def _jumped(self, pairs: list[tuple[Any, Any]]) -> float:
+    def _jumped(self, pairs: list[tuple[Indices, Indices]]) -> float:
         """Energy that came with links until now, less what went with them."""
         before = self.trace[-1][6] if self.trace else 0.0
         last, self._counts = self._counts, [len(i) for i, _ in pairs]
@@ -82,7 +82,7 @@ class Ledger:
         )
         return float(before + sum(gained))
 
-    def _evaluated(self, state: State, pairs: list[tuple[Any, Any]]) -> tuple[float, float, Array]:
+    def _evaluated(self, state: State, pairs: list[tuple[Indices, Indices]]) -> tuple[float, float, Array]:
         """Stored and kinetic energy, and the powers of `RATES`."""
         kernels = LawKernels(compiled_kernels(self._layout, state.dimension, 2), 2)
         pairs = list(pairs)
@@ -107,7 +107,7 @@ class Ledger:
         unlinked = 0.5 * (n * (n - 1.0) - count) * self.scenario.energy.unlinked
         return float(links + bodies + unlinked), float(kinetic), powers
 
-    def _closest(self, state: State, pairs: tuple[Any, Any]) -> None:
+    def _closest(self, state: State, pairs: tuple[Indices, Indices]) -> None:
         i, j = pairs
         if not len(i):
             return
@@ -118,7 +118,7 @@ class Ledger:
             self.closest_linked = Closest(float(np.sqrt(square[k])), state.t, pair)
 
 
-def observation(scenario: Scenario, state: State, pairs: tuple[Any, Any]) -> tuple[float, ...]:
+def observation(scenario: Scenario, state: State, pairs: tuple[Indices, Indices]) -> tuple[float, ...]:
     """A row of `flocking.engine.runs.run.OBSERVED_FIELDS` from a whole state and its pairs under the law's graph."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.arrays import Forces
 from flocking.engine.fixed_step.passing_pairs import check_passing, singular_reach
 from flocking.engine.lammps import library
 from flocking.engine.lammps.atoms import Atoms, LammpsError
@@ -154,7 +155,7 @@ class LammpsSession:
         found = self.ranks.comm.bcast(self.gathered_state())
         return State(found.q, found.p, found.t)
 
-    def forces(self) -> Any:
+    def forces(self) -> Forces | None:
         """Forces on all agents as LAMMPS has them, shape (N, m), on the first rank; None elsewhere."""
         rows = self.atoms.gathered("f")
         return None if rows is None else rows[:, : self.deck.dimension]

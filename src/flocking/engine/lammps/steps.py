@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flocking.arrays import Indices
 from flocking.engine.fixed_step.automatic_step import largest_step
 from flocking.engine.fixed_step.step_checks import RESIDUAL, check_ledger, check_stride
 from flocking.engine.fixed_step.step_checks import step_too_large as too_large
@@ -59,7 +60,7 @@ def _resolves(scenario: Scenario, state: State) -> float:
     return min(chosen_step(scenario, scenario.start), chosen_step(scenario, state))
 
 
-def check_strides(state: State, pairs: tuple[Any, Any], step: float) -> None:
+def check_strides(state: State, pairs: tuple[Indices, Indices], step: float) -> None:
     """Whether some linked pair moves too far for its distance within one step.
 
     Parameters

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.arrays import Indices
 from flocking.engine.kernels.codegen import array_kernels, free_names
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.reference.finite_forces import check_finite, check_neighbours
@@ -196,7 +197,7 @@ def obstacles_met(
     return found
 
 
-def _functional(law: Law, number: int, pairs: tuple[Any, Any], n: int) -> Array | None:
+def _functional(law: Law, number: int, pairs: tuple[Indices, Indices], n: int) -> Array | None:
     from flocking.model.graph_functional import graph_functional
 
     links = np.zeros((n, n), dtype=bool)
@@ -217,7 +218,7 @@ def _pair_forces(
     module: Any,
     number: int,
     state: State,
-    pairs: tuple[Any, Any],
+    pairs: tuple[Indices, Indices],
     slots: tuple[Array, Array, Array],
     functional: Array | None,
     frame: Array,
@@ -237,7 +238,7 @@ def _pair_forces(
 
 
 def _pair_values(
-    q: Array, p: Array, pairs: tuple[Any, Any], slots: tuple[Array, Array], frame: Array
+    q: Array, p: Array, pairs: tuple[Indices, Indices], slots: tuple[Array, Array], frame: Array
 ) -> dict[str, Any]:
     """What pair formulas may use about each ordered pair, and the vectors d and v between the two."""
     i, j = pairs

@@ -137,7 +137,7 @@ class Dimensions:
             array[:] = np.array(self._labels(name), dtype=object if kind == "str" else kind)
 
 
-def frame_checksums(parts: dict[str, Any]) -> NDArray[np.uint32]:
+def frame_checksums(parts: dict[str, AnyArray]) -> NDArray[np.uint32]:
     """CRC-32 of each part of each frame, shape (F, 3), or (F, 2) without links.
 
     Parameters

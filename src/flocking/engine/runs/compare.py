@@ -32,8 +32,8 @@ class Difference:
     """
 
     what: str
-    first: Any
-    second: Any
+    first: object
+    second: object
     time: float | None = None
     agent: int | None = None
 
@@ -122,7 +122,7 @@ def _apart(x: AnyArray, y: AnyArray, tolerance: float) -> Mask:
     return np.asarray(bits & ~(np.abs(x.astype(np.float64) - y.astype(np.float64)) <= tolerance))
 
 
-def _frame_difference(run: Run, x: Any, y: Any, name: str, count: int, tolerance: float) -> Difference | None:
+def _frame_difference(run: Run, x: AnyArray, y: AnyArray, name: str, count: int, tolerance: float) -> Difference | None:
     apart = _apart(x[:count], y[:count], tolerance).reshape(count, run.n, -1).any(axis=-1)
     if not apart.any():
         return None

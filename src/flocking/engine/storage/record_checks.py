@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.arrays import AnyArray
 from flocking.engine.archives.data_checks import MalformedError, Table
 from flocking.engine.runs.columns import KINDS, SWITCHES
 from flocking.errors import StorageError
@@ -45,7 +46,7 @@ def check_records(
         raise StorageError(f"{folder}: no run of its scenario: {error}; the file was damaged.") from None
 
 
-def _check(scenario: Scenario, parts: dict[str, Any], tables: dict[str, Any]) -> None:
+def _check(scenario: Scenario, parts: dict[str, AnyArray], tables: dict[str, AnyArray]) -> None:
     n = scenario.start.n
     times = parts["time"]
     Table("f8", (None,)).check(times, "time")

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import zlib
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -140,7 +140,23 @@ def _read_run(folder: Path, scenario: Scenario | None, frames: int | None, last:
     )  # fmt: skip
 
 
-def stored_facts(folder: str | Path) -> dict[str, Any]:
+class StoredFacts(TypedDict):
+    """What the record of a stored run says of it, and its size on disk."""
+
+    title: str
+    status: str
+    agents: int
+    dimension: int
+    frames: int
+    links: bool
+    commits: int
+    can_go_on: bool
+    scenario_stored: bool
+    format: int
+    bytes: int
+
+
+def stored_facts(folder: str | Path) -> StoredFacts:
     """What the record of a run says, without reading its frames: plain data for JSON.
 
     Raises
@@ -153,7 +169,7 @@ def stored_facts(folder: str | Path) -> dict[str, Any]:
         return _stored_facts(folder)
 
 
-def _stored_facts(folder: Path) -> dict[str, Any]:
+def _stored_facts(folder: Path) -> StoredFacts:
     record = read_record(folder)
     with storage_errors(folder, "read the run"):
         size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())

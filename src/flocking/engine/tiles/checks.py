@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from flocking.arrays import Indices
 from flocking.engine.fixed_step.contact_limits import singular_graphs
 from flocking.engine.fixed_step.passing_pairs import check_passing
 from flocking.engine.fixed_step.step_checks import STRIDE, check_ledger, check_stride, step_too_large
@@ -166,7 +168,7 @@ def links_kept(particles: Crowd, step: float, time: float) -> None:
         )  # fmt: skip
 
 
-def _listed(particles: Crowd, tiles: Any) -> tuple[Any, Any]:
+def _listed(particles: Crowd, tiles: Sequence[int] | Indices) -> tuple[Indices, Indices]:
     """Places of all listed pairs of some tiles, over all graphs."""
     found = [tile_pairs(lists, tiles, particles.n) for lists in particles.lists if lists is not None]
     return np.concatenate([i for i, _ in found]), np.concatenate([j for _, j in found])

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.arrays import Indices, Numbers, Reals
 from flocking.engine.fixed_step.declared_law import POWERS, Declared, Group
 from flocking.engine.fixed_step.law_gaps import LawGaps
 from flocking.engine.tiles.kernels.tile_sums import SUMS
@@ -179,7 +180,9 @@ class LawCheck:
             time=moment.time, agents=() if agent is None else (agent,),
         )  # fmt: skip
 
-    def _pairs(self, particles: Crowd, number: int, q: Any, places: Any, remembered: bool) -> tuple[Any, Any, Any]:
+    def _pairs(
+        self, particles: Crowd, number: int, q: Reals, places: Indices, remembered: bool
+    ) -> tuple[Numbers, Numbers, Numbers]:
         """Linked pairs of the judged agents under a graph: number of the judged one, place of the other, certainty."""
         lists, kind = particles.lists[number], particles.spec.graphs[number]
         assert lists is not None

@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flocking.arrays import Array, Links, Reals
 from flocking.engine.tiles.kernels.parameters import kernel_numbers
@@ -171,7 +172,7 @@ class Crowd:
         self.A[:, n:] = self.A[:, n - 1 : n]
 
     @property
-    def place(self) -> Any:
+    def place(self) -> NDArray[np.int32]:
         """Place of each identity, shape (n,)."""
         found = np.empty(self.n, np.int32)
         found[self.ids[: self.n]] = np.arange(self.n, dtype=np.int32)

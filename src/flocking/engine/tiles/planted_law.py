@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.arrays import Array
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.tiles.kernels.parameters import kernel_numbers
 from flocking.engine.tiles.kernels.spec import KernelSpec
@@ -40,7 +41,7 @@ class PassArrays:
     successor: Any
     ids: Any
     n: int
-    means: Any
+    means: Array
     velocity: Any
     extremes: Any
 

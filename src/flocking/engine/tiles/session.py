@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.arrays import Array
 from flocking.engine import interruption
 from flocking.engine.fixed_step.law_gaps import LawGaps, is_due
 from flocking.engine.fixed_step.passing_pairs import singular_reach
@@ -168,7 +169,7 @@ class TilesSession:
         links[self._crowd.ids[i], self._crowd.ids[j]] = True
         return links
 
-    def forces(self) -> Any:
+    def forces(self) -> Array:
         """Acceleration of every agent at the session's time, without moving; shape (N, m)."""
         crowd = self._crowd
         self._guarded(lambda: crowd.require_lists(self.step))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +41,7 @@ def keep(run: Run) -> StoredSummary:
     run
         The run; it may have ended early.
     """
-    facts: dict[str, Any] = {"times": [float(t) for t in run.t]}
+    facts: dict[str, object] = {"times": [float(t) for t in run.t]}
     arrays: dict[str, AnyArray] = {}
     rows: dict[str, list[float]] = {k: [] for k in ("order", "hexatic", "six", "flocks", "largest", "nearest_mean")}
     for frame, t in enumerate(run.t):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -89,7 +89,7 @@ class ObstacleViews:
         speeds = np.linalg.norm(run.p[-1], axis=1)
         drawn = [t for t in self.centres if np.abs(run.t - t).min() < 1e-6]
         made = {t: self.view(run.q[_frame(run, t)], t) for t in drawn}
-        facts: dict[str, Any] = {
+        facts: dict[str, object] = {
             "times": [float(t) for t in run.t],
             "clearance": [float(d.min()) for d in near],
             "inside": [int((d < 0).sum()) for d in near],

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flocking.arrays import Mask
+from flocking.arrays import Mask, Records
 from flocking.engine.runs.run import Accuracy
 from flocking.model.graphs.connectivity import Links, is_connected
 from flocking.study.evidence.basis import NotResolvable
@@ -39,7 +39,7 @@ class DoubtEvidence(LinkEvidence):
         return np.inf if self.run.accuracy is None else self.run.accuracy.known_until
 
     @cached_property
-    def link_doubts(self) -> np.ndarray[Any, Any]:
+    def link_doubts(self) -> Records:
         """Switches in doubt of links of the law's own graph, fields `flocking.engine.runs.run.DOUBT_FIELDS`.
 
         Raises

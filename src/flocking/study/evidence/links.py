@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flocking.arrays import AnyArray, Records
 from flocking.model.graphs.connectivity import Links, components, is_connected
 from flocking.model.graphs.distance_graphs import pair_distances
 from flocking.study.evidence.basis import NotMeasurable, NotResolvable, RunEvidence
@@ -127,7 +127,7 @@ class LinkEvidence(RunEvidence):
         return list(zip(self.t.tolist(), self.frame_links | self.unsure_links, strict=True))
 
     @cached_property
-    def all_switches(self) -> np.ndarray[Any, Any]:
+    def all_switches(self) -> Records:
         """Switches of every graph and obstacle, in time order.
 
         Raises
@@ -146,7 +146,7 @@ class LinkEvidence(RunEvidence):
         return s
 
     @cached_property
-    def link_switches(self) -> np.ndarray[Any, Any]:
+    def link_switches(self) -> Records:
         """Switches of links of the law's own graph; raises as `all_switches` does. A fixed graph has none."""
         if not self.law.graph.moves:
             return self.run.switches[:0]
@@ -186,7 +186,7 @@ class LinkEvidence(RunEvidence):
         return int(components(self.end_links).max()) + 1
 
     @property
-    def _observed_flocks(self) -> np.ndarray[Any, Any] | None:
+    def _observed_flocks(self) -> AnyArray | None:
         """What was observed, where there are no link matrices to look at instead."""
         seen, run = self.run.observables, self.run
         bare = not len(run.t) or run.links.shape[1:] != (run.n, run.n)

@@ -124,7 +124,7 @@ def _reseed(data: dict[str, Any], seed: int, source: str) -> None:
         table["seed"] = seed
 
 
-def _toml(text: str, source: str) -> dict[str, Any]:
+def _toml(text: str, source: str) -> dict[str, object]:
     import tomllib
 
     if _nesting(text) > DEEPEST_NESTING:

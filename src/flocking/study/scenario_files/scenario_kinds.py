@@ -91,7 +91,7 @@ class Kind:
     take: Callable[[Any], dict[str, Any]] | None = None
     written: type | None = None
 
-    def make(self, given: dict[str, Any], context: Context) -> Any:
+    def make(self, given: dict[str, object], context: Context) -> Any:
         """The part with the given fields."""
         return self.build(given, context) if self.build else self.part(**given)
 

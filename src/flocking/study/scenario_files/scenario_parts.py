@@ -42,7 +42,7 @@ def _potential(given: dict[str, Any], _: Context) -> Potential:
     return potential
 
 
-def _formula_and_parameters(potential: Potential) -> dict[str, Any]:
+def _formula_and_parameters(potential: Potential) -> dict[str, object]:
     return {"formula": potential.formula.text, "parameters": potential.parameters}
 
 

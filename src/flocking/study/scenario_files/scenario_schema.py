@@ -86,7 +86,7 @@ def _refusal(refused: RefusedError, value: object) -> PydanticCustomError:
     return PydanticCustomError("refused", "{rule}", facts)
 
 
-def _inside(value: Any, step: str | int) -> object:
+def _inside(value: object, step: str | int) -> object:
     if isinstance(value, dict):
         return value.get(step)
     return value[step] if isinstance(value, list) and isinstance(step, int) and step < len(value) else None
@@ -135,7 +135,7 @@ def _kind_type(kind: Kind, group: Group) -> object:
     return Annotated[table, AfterValidator(build)]
 
 
-def _optional(inner: Any) -> object:
+def _optional(inner: object) -> object:
     return NotRequired[inner]
 
 
@@ -160,7 +160,7 @@ def group_type(name: str) -> object:
         )
     if group.short is not None:
         choices.append(Annotated[_short_type(group.short), Tag(_SHORT)])
-    union: Any = choices[0]
+    union: object = choices[0]
     for choice in choices[1:]:
         union = union | choice
     if len(choices) == 1:

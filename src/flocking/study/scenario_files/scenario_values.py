@@ -69,7 +69,7 @@ def _number(value: Any) -> float:
     return result
 
 
-def _whole(low: int, high: int) -> Callable[[Any], int]:
+def _whole(low: int, high: int) -> Callable[[object], int]:
     def check(value: object) -> int:
         if isinstance(value, bool) or not isinstance(value, int):
             raise RefusedError("must be a whole number")
@@ -120,7 +120,7 @@ def _numbers(value: Any) -> list[float]:
     return _each(value, "numbers", _number)
 
 
-def _rows(value: Any) -> list[list[float]]:
+def _rows(value: object) -> list[list[float]]:
     rows = _each(value, "lists of numbers", _numbers)
     for k, row in enumerate(rows):
         if len(row) != len(rows[0]):
@@ -229,7 +229,7 @@ FORMULAS = Value(
 )
 
 
-def plain(value: Any) -> object:
+def plain(value: object) -> object:
     """A value as TOML can hold it: arrays and tuples become lists, NumPy numbers Python ones."""
     if isinstance(value, np.ndarray):
         return value.tolist()

@@ -14,7 +14,7 @@ class PartWriter:
     """Writes parts as tables; a graph or leader that stands in several places is written once, with a name."""
 
     def __init__(self) -> None:
-        self.sections: dict[str, dict[str, Any]] = {"graphs": {}, "leaders": {}}
+        self.sections: dict[str, dict[str, object]] = {"graphs": {}, "leaders": {}}
         self._places: dict[int, int] = {}
         self._names: dict[int, str] = {}
 
@@ -59,7 +59,7 @@ class PartWriter:
                 "write_scenario", group_name, f"must be a part that files have a word for ({known})", part,
                 "Keep scenarios with parts of your own in Python.",
             )  # fmt: skip
-        table: dict[str, Any] = (
+        table: dict[str, object] = (
             {} if group.key is None or kind.word == group.default == "given" else {group.key: kind.word}
         )
         for name, value in kind.taken(part).items():

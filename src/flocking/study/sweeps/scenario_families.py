@@ -96,7 +96,7 @@ def path_steps(path: str) -> tuple[str | int, ...]:
     return tuple(name or int(number) for name, number in steps)
 
 
-def with_value(data: Any, steps: tuple[str | int, ...], value: Any) -> object:
+def with_value(data: object, steps: tuple[str | int, ...], value: object) -> object:
     """A copy of nested tables and lists in which the value that ``steps`` lead to is another.
 
     Raises

@@ -116,7 +116,7 @@ def section_types() -> dict[str, object]:
 def read_sections(data: Mapping[str, object]) -> tuple[dict[str, Any], list[Problem]]:
     """Sections of a sweep file, those without fault, and all faults."""
     problems: list[Problem] = []
-    found: dict[str, Any] = {}
+    found: dict[str, object] = {}
     for name in data:
         if name not in SECTIONS:
             problems.append(Problem(place_of((name,)), "is not known here", "", nearest(name, SECTIONS)))
@@ -141,7 +141,7 @@ def _read(
     choices: Mapping[type, Any],
     value: Any,
     place: tuple[str, ...],
-    found: dict[str, Any],
+    found: dict[str, object],
     key: str,
     problems: list[Problem],
 ) -> None:

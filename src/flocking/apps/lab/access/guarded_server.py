@@ -78,7 +78,7 @@ def guarding(access: AccessCheck) -> Iterator[None]:
         before, console = place.serve, rich.get_console()
         quiet = console.quiet
 
-        def serve(handler: Any, *given: Any, process_request: Any = None, **options: Any) -> Any:
+        def serve(handler: Any, *given: Any, process_request: Any = None, **options: Any) -> object:
             if not getattr(process_request, "__module__", "").startswith(SERVED_BY):
                 return before(handler, *given, process_request=process_request, **options)
             options["max_size"] = LARGEST_MESSAGE
@@ -93,7 +93,7 @@ def guarding(access: AccessCheck) -> Iterator[None]:
 
 
 def _judged(access: AccessCheck, answer: Callable[[object, object], object]) -> Callable[[object, object], object]:
-    def judge(connection: Any, request: Any) -> Any:
+    def judge(connection: Any, request: Any) -> object:
         found = access.judge(request.path, request.headers.raw_items())
         if isinstance(found, Refusal):
             response = connection.respond(found.status, found.words)

@@ -37,7 +37,7 @@ class History:
 
     def clear(self) -> None:
         """Forget everything."""
-        self._mark: tuple[Any, ...] = ()
+        self._mark: tuple[float, ...] = ()
         self.frames: list[State] = []
         self._trace: list[tuple[float, ...]] = []
         self._switches: list[tuple[Any, ...]] = []

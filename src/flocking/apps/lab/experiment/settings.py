@@ -115,7 +115,7 @@ def _role(part: object) -> str:
     return "Leader" if isinstance(part, Leader) else "Obstacle" if isinstance(part, Obstacle) else "Graph"
 
 
-def _inner(part: Any, path: tuple[Step, ...]) -> Iterator[tuple[tuple[Step, ...], object]]:
+def _inner(part: object, path: tuple[Step, ...]) -> Iterator[tuple[tuple[Step, ...], object]]:
     """Leaders, obstacles and graphs inside a term, each with its path."""
     from flocking.model.graphs.distance_graphs import Graph
 

@@ -34,7 +34,7 @@ class Controls:
         self._folders: list[Any] = []
         self.handles: dict[tuple[Any, ...], Any] = {}
         """Handle of every setting by its path."""
-        self.errors: dict[str, Any] = {}
+        self.errors: dict[str, object] = {}
         """Where each section shows what is wrong, by its number and title."""
 
     def build(self, scenario: Scenario) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -127,7 +128,7 @@ class Interventions:
         far = float(np.linalg.norm(state.q - centre, axis=1).max()) + 2 * float(self.radius.value)
         return {"kind": "obstacle", "centre": (centre + far * ahead).tolist(), "radius": float(self.radius.value)}
 
-    def _clear(self) -> dict[str, Any]:
+    def _clear(self) -> Mapping[str, object]:
         return {"kind": "clear obstacles"}
 
     def _add_term(self) -> dict[str, object]:

@@ -180,7 +180,7 @@ class MeasurementPanel:
             if button.label != label:
                 button.label, button.color = label, lamp.color
 
-    def _button(self, number: int) -> Any:
+    def _button(self, number: int) -> object:
         button = self._gui.add_button("...", color="gray")
 
         @button.on_click

@@ -40,7 +40,7 @@ def box_around(state: State, things: list[Solid], least: float) -> tuple[Array, 
     return low - short, high + short
 
 
-def centre_of(q: Any) -> Any:
+def centre_of(q: Any) -> Array:
     """Mean position as a point of space."""
     found = np.zeros(3)
     found[: min(3, q.shape[1])] = q.mean(axis=0)[:3]

@@ -369,7 +369,7 @@ class Scene:
         """Where group ``k`` is drawn."""
         return tuple(float(x) for x in (k - (self._count - 1) / 2) * self._step)
 
-    def _solid(self, name: str, thing: Solid) -> Any:
+    def _solid(self, name: str, thing: Solid) -> object:
         scale = 1.0 if thing.kind == "obstacle" else LEADER_SIZE * self._size
         handle = self.server.scene.add_mesh_simple(
             name, (thing.vertices * scale).astype(np.float32), thing.faces,
