@@ -57,7 +57,7 @@ def main():
     )
     begin = time.perf_counter()
     session = TilesSession(scenario, options)
-    session._guarded(lambda: session._crowd.require_lists(STEP))
+    session._guarded(lambda: session._particles.require_lists(STEP))
     ready = time.perf_counter() - begin
     begin = time.perf_counter()
     session.advance(o.steps * STEP)

@@ -19,14 +19,14 @@ def passes(law, state, threads, precision, step, repeats=15):
         fk.Scenario(law, state, t_end=1.0, frames=1),
         TilesOptions(step=step, precision=precision, threads=threads, ledger=False),
     )
-    crowd = session._crowd
-    crowd.require_lists(step)
+    particles = session._particles
+    particles.require_lists(step)
     found = []
     for _ in range(repeats):
         begin = time.perf_counter()
-        crowd.move(0.0, keep=1.0, kick=step, drift=step)
+        particles.move(0.0, keep=1.0, kick=step, drift=step)
         found.append(time.perf_counter() - begin)
-    return found, float(crowd.lists[0].count.sum()) * 16 * 4
+    return found, float(particles.lists[0].count.sum()) * 16 * 4
 
 
 @native
@@ -62,14 +62,14 @@ def arithmetic_seconds(law, small, step, batches=200, again=50):
         fk.Scenario(law, small, t_end=1.0, frames=1),
         TilesOptions(step=step, precision="float64", threads=1, ledger=False),
     )
-    crowd = session._crowd
-    crowd.require_lists(step)
+    particles = session._particles
+    particles.require_lists(step)
     # A tile list of many visits to the same few tiles would need another kernel: many short calls, the best kept.
     found = []
     for _ in range(batches):
         begin = time.perf_counter()
         for _ in range(again):
-            crowd.move(0.0, keep=1.0, kick=step, drift=step)
+            particles.move(0.0, keep=1.0, kick=step, drift=step)
         found.append((time.perf_counter() - begin) / again)
     return min(found)
 

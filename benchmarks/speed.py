@@ -75,7 +75,7 @@ def tiles_run(law, state, steps, threads, precision, *, step=STEP, ledger=False,
             step=step, precision=precision, threads=threads, ledger=ledger, keep_frames=False
         )  # fmt: skip
         session = TilesSession(scenario, options)
-        session._guarded(lambda s=session: s._crowd.require_lists(step))
+        session._guarded(lambda s=session: s._particles.require_lists(step))
         begin = time.perf_counter()
         session.advance(steps * step)
         seconds.append((time.perf_counter() - begin) / steps)

@@ -91,7 +91,8 @@ def write_pages(app: Any) -> None:
         mine = [n for n in names if n.split(".")[1] == floor]
         text += f".. toctree::\n   :caption: {floor}: {purpose}\n   :maxdepth: 1\n\n"
         text += "".join(f"   {n}\n" for n in mine) + "\n"
-    text += ".. toctree::\n   :caption: errors\n   :maxdepth: 1\n\n   flocking.errors\n"
+    single = [n for n in names if n.count(".") == 1 and n.split(".")[1] not in FLOORS]
+    text += ".. toctree::\n   :caption: on no floor\n   :maxdepth: 1\n\n" + "".join(f"   {n}\n" for n in single)
     (folder / "index.rst").write_text(text)
 
 

@@ -15,17 +15,17 @@ RADIUS, SKIN, SHOWN = 1.2, 0.3, 5
 BLUE, ORANGE, GREEN, GREY = "#0072B2", "#D55E00", "#009E73", "#9A9A9A"
 
 
-def crowd() -> Any:
+def particles() -> Any:
     """A few agents in the order, the cells and the lists of the engine."""
     law = fk.Law(fk.Proximity(RADIUS), [fk.Consensus(1.0)])
     begin = fk.start.hexagonal(150, spacing=0.9, noise=0.08, speed=0.1, seed=3)
     session = fk.start(fk.Scenario(law, begin, t_end=1.0), "tiles", step=0.01, skin=SKIN, ledger=False)
-    return session._crowd
+    return session._particles
 
 
 def draw_tile(path: Path) -> None:
     """Draw the picture."""
-    found = crowd()
+    found = particles()
     q, lists, grid = found.X[:2, : found.n], found.lists[0], found.sorter.grid
     mine = np.arange(SHOWN * WIDTH, (SHOWN + 1) * WIDTH)
     looked_at = mine[7]

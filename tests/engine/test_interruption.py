@@ -10,7 +10,7 @@ import pytest
 import flocking as fk
 from flocking.engine import interruption
 from flocking.engine.exact.dynamics import Dynamics
-from tests.engine.exact.test_sessions import crowd
+from tests.engine.exact.test_sessions import particles
 
 
 def test_a_real_signal_in_the_middle_of_a_step_ends_the_run_at_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -23,10 +23,10 @@ def test_a_real_signal_in_the_middle_of_a_step_ends_the_run_at_its_end(monkeypat
         return original(self, *given)
 
     monkeypatch.setattr(Dynamics, "stages", stages)
-    run = fk.simulate(crowd(), progress=False)
+    run = fk.simulate(particles(), progress=False)
     monkeypatch.undo()
     assert run.status.startswith("interrupted at t = ")
-    whole = fk.simulate(crowd(), progress=False)
+    whole = fk.simulate(particles(), progress=False)
     assert 1 < len(run.t) < len(whole.t)
     assert (run.q == whole.q[: len(run.t)]).all()
 
@@ -56,7 +56,7 @@ def test_other_threads_are_left_alone() -> None:
 
     def work() -> None:
         with interruption.Deferred():
-            found.append(fk.simulate(crowd(), progress=False).status)
+            found.append(fk.simulate(particles(), progress=False).status)
 
     thread = threading.Thread(target=work)
     thread.start()

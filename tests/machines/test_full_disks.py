@@ -59,10 +59,10 @@ class Disk:
         if not self.limited:
             self.machines.ask("room", path=str(self.path), size=LARGE)
         self.machines.ask("copy", source=str(source), target=str(place))
-        self.crowd()
+        self.particles()
         return place
 
-    def crowd(self) -> None:
+    def particles(self) -> None:
         """Leave it its free blocks."""
         if not self.limited:
             self.machines.ask("room", path=str(self.path), size=self.blocks * BLOCK)

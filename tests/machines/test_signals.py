@@ -186,18 +186,18 @@ NOISE = ("showcase", "flock-from-noise", "--agents", "300", "--until", "6", "--t
 
 
 @pytest.fixture(scope="module")
-def crowd(machines: Machines, place: Path) -> fk.Run:
+def particles(machines: Machines, place: Path) -> fk.Run:
     """The showcase that nobody interrupts."""
     machines.call(*NOISE, "--out", place / "noise").check(0, 1)
     return read_run(place / "noise" / "run")
 
 
 @moments(8, 0)
-def test_a_showcase_goes_on(machines: Machines, crowd: fk.Run, memory: Path, moment: int) -> None:
+def test_a_showcase_goes_on(machines: Machines, particles: fk.Run, memory: Path, moment: int) -> None:
     words = (*NOISE, "--out", memory)
     struck(machines, words, commits(memory / "run"), np.random.default_rng((26, moment)), 8, 0.3)
     machines.call(*words).check(0, 1)
     run = read_run(memory / "run")
     for name in ("t", "q", "p", "links", "switches", "trace"):
-        assert getattr(run, name).tobytes() == getattr(crowd, name).tobytes(), name
+        assert getattr(run, name).tobytes() == getattr(particles, name).tobytes(), name
     count("odd machines: interrupted runs that went on to the same bits")

@@ -23,8 +23,8 @@ def test_the_map_grows_to_whole_cells():
 def test_smoothing_keeps_agents_and_spreads_them_evenly():
     q = np.random.default_rng(0).normal(size=(500, 2))
     sharp = density_map(q, low=(-12, -12), high=(12, 12), cell=0.1)
-    soft = density_map(q, low=(-12, -12), high=(12, 12), cell=0.1, blur=0.7)
-    assert soft.agents == pytest.approx(sharp.agents) == 500
+    exponential_damping = density_map(q, low=(-12, -12), high=(12, 12), cell=0.1, blur=0.7)
+    assert exponential_damping.agents == pytest.approx(sharp.agents) == 500
     one = density_map(np.zeros((1, 2)), low=(-4.05, -4.05), high=(4.05, 4.05), cell=0.1, blur=0.7)
     x = np.arange(-4.0, 4.05, 0.1)
     bell = np.exp(-(x[:, None] ** 2 + x**2) / (2 * 0.7**2)) / (2 * np.pi * 0.7**2)

@@ -25,22 +25,22 @@ def same(a: fk.Run, b: fk.Run) -> bool:
     return equal and a.closest_linked == b.closest_linked and a.closest_unlinked == b.closest_unlinked
 
 
-def crowd(seed: int = 3) -> fk.Scenario:
+def particles(seed: int = 3) -> fk.Scenario:
     begin = fk.start.box(8, side=5, speed=2, seed=seed)
     return fk.Scenario(spring(fk.Proximity(2.0)), begin, t_end=4.0, frames=41)
 
 
 def test_the_same_scenario_gives_the_same_bits() -> None:
-    assert same(fk.simulate(crowd(), progress=False), fk.simulate(crowd(), progress=False))
+    assert same(fk.simulate(particles(), progress=False), fk.simulate(particles(), progress=False))
 
 
 @pytest.mark.parametrize("plant", [None, spring(fk.Proximity(2.0), gain=0.4)])
 @pytest.mark.parametrize("when", [0.0, 0.3777, 1.9, 4.0])
 def test_a_snapshot_goes_on_bit_for_bit(when: float, plant: fk.Law | None) -> None:
-    whole = fk.start(crowd(), plant=plant)
+    whole = fk.start(particles(), plant=plant)
     whole.advance(4.0)
     assert len(whole.run().switches) > 10
-    first = fk.start(crowd(), plant=plant)
+    first = fk.start(particles(), plant=plant)
     first.advance(when)
     snapshot = first.snapshot()
     first.advance(4.0)
@@ -51,11 +51,11 @@ def test_a_snapshot_goes_on_bit_for_bit(when: float, plant: fk.Law | None) -> No
 
 
 def test_snapshots_at_every_switch_and_every_step_go_on_bit_for_bit() -> None:
-    whole = fk.start(crowd())
+    whole = fk.start(particles())
     whole.advance(4.0)
     expected = whole.run()
     times = sorted({*expected.switches["time"][::3].tolist(), *expected.trace["time"][::4].tolist()})
-    walker = fk.start(crowd())
+    walker = fk.start(particles())
     for t in times:
         walker.advance(t)
         walker = ExactSession.resume(walker.snapshot())
@@ -64,7 +64,7 @@ def test_snapshots_at_every_switch_and_every_step_go_on_bit_for_bit() -> None:
 
 
 def test_going_on_beyond_the_end_and_in_small_bites_changes_nothing() -> None:
-    one, two = fk.start(crowd()), fk.start(crowd())
+    one, two = fk.start(particles()), fk.start(particles())
     one.advance(6.0)
     for t in np.linspace(0, 6, 50):
         two.advance(float(t))
@@ -127,7 +127,7 @@ def test_replacing_the_law_keeps_links_and_books_the_energy() -> None:
 
 
 def test_a_bad_replacement_leaves_the_session_as_it_was() -> None:
-    one, two = fk.start(crowd()), fk.start(crowd())
+    one, two = fk.start(particles()), fk.start(particles())
     one.advance(1.0)
     two.advance(1.0)
     with pytest.raises(InvalidInput, match="shape"):
@@ -155,9 +155,9 @@ class Stop:
 def test_ctrl_c_keeps_what_was_computed(monkeypatch: pytest.MonkeyPatch) -> None:
     stop = Stop(Dynamics.stages, 90)
     monkeypatch.setattr(Dynamics, "stages", lambda self, *given: stop(self, *given))
-    run = fk.simulate(crowd(), progress=False)
+    run = fk.simulate(particles(), progress=False)
     monkeypatch.undo()
-    whole = fk.simulate(crowd(), progress=False)
+    whole = fk.simulate(particles(), progress=False)
     assert run.status.startswith("interrupted at t = ")
     assert not run.finished
     assert 1 < len(run.t) < 41
@@ -168,12 +168,12 @@ def test_ctrl_c_keeps_what_was_computed(monkeypatch: pytest.MonkeyPatch) -> None
 def test_an_interrupted_session_goes_on_bit_for_bit(monkeypatch: pytest.MonkeyPatch) -> None:
     stop = Stop(Dynamics.stages, 90)
     monkeypatch.setattr(Dynamics, "stages", lambda self, *given: stop(self, *given))
-    session = fk.start(crowd())
+    session = fk.start(particles())
     with pytest.raises(KeyboardInterrupt):
         session.advance(4.0)
     session.advance(4.0)
     monkeypatch.undo()
-    assert same(session.run(), fk.simulate(crowd(), progress=False))
+    assert same(session.run(), fk.simulate(particles(), progress=False))
 
 
 def test_nan_and_blow_up_are_told_and_keep_the_run() -> None:
@@ -190,7 +190,7 @@ def test_nan_and_blow_up_are_told_and_keep_the_run() -> None:
 
 
 def test_snapshots_can_be_pickled() -> None:
-    session = fk.start(crowd())
+    session = fk.start(particles())
     session.advance(1.0)
     again = ExactSession.resume(pickle.loads(pickle.dumps(session.snapshot())))
     session.advance(2.0)

@@ -57,7 +57,7 @@ def simulate(folder: Path) -> None:
 
 
 @cache
-def crowd() -> fk.Scenario:
+def particles() -> fk.Scenario:
     """A hundred thousand agents that meet, link and part under the structural law; a frame takes 3.2 MB."""
     begin = fk.start.hexagonal(AGENTS, spacing=0.9, noise=0.05, speed=1.0, seed=7)
     return fk.Scenario(saber(), begin, t_end=0.08, frames=9, name="crowd", seed=7)
@@ -69,7 +69,7 @@ CROWDED: dict[str, Any] = {"engine": "tiles", "step": 0.005, "observe": True, "t
 def tiles(folder: Path) -> None:
     """Run the crowd with a commit at every stop."""
     saving.COMMIT_SECONDS = 0.0
-    fk.simulate(crowd(), save=folder, progress=False, **CROWDED)
+    fk.simulate(particles(), save=folder, progress=False, **CROWDED)
 
 
 def main() -> None:

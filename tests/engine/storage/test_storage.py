@@ -313,9 +313,9 @@ def test_a_read_only_folder(no_rights: Path) -> None:
 @pytest.fixture
 def limit() -> Iterator[Callable[[int], None]]:
     """Set the largest size of a file; it is lifted after the test."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    exponential_damping, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     yield lambda size: resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
-    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (exponential_damping, hard))
 
 
 def test_a_full_disk_keeps_what_was_committed(tmp_path: Path, limit: Callable[[int], None]) -> None:

@@ -156,7 +156,7 @@ def kill_while_a_session_runs(start: Start, place: Path, instants: int, seed: in
 @pytest.fixture(scope="module")
 def whole() -> Run:
     """The crowd, run to its end in memory, by another number of threads."""
-    return fk.simulate(storage_victim.crowd(), progress=False, **{**storage_victim.CROWDED, "threads": 1})
+    return fk.simulate(storage_victim.particles(), progress=False, **{**storage_victim.CROWDED, "threads": 1})
 
 
 def kill_while_a_crowd_runs(start: Start, whole: Run, place: Path, instants: int, seed: int) -> list[tuple[int, int]]:

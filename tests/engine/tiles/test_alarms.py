@@ -83,9 +83,9 @@ def noticed(seed, size, laws):
         run.advance(0.01)
         return fk.audit(run.run())["ledger"].verdict == Verdict.FAILS
     session = TilesSession(scenario, options)
-    wrong = TilesSession(scenario.with_(law=plant), options)._crowd
-    session._crowd._set_parameters = lambda *_: None
-    session._crowd.P = wrong.P
+    wrong = TilesSession(scenario.with_(law=plant), options)._particles
+    session._particles._set_parameters = lambda *_: None
+    session._particles.P = wrong.P
     try:
         session.advance(0.01)
     except LawNotObeyed:

@@ -13,7 +13,7 @@ SMOOTH = fk.Law(fk.Smooth(1.4, 0.2), WEIGHTED)
 REMOVABLE = fk.Law(fk.Proximity(1.4), [fk.Gradient(fk.Potential("sin(3*r)/r")), fk.Consensus(0.5)])
 
 
-def crowd(n, dimension, moving, seed=0):
+def particles(n, dimension, moving, seed=0):
     rng = np.random.default_rng(seed)
     q = rng.uniform(0, 0.6 * n ** (1 / dimension), (n, dimension))
     p = rng.normal(size=(n, dimension))
@@ -30,7 +30,7 @@ def crowd(n, dimension, moving, seed=0):
 def test_forces_energy_and_powers_are_those_of_the_reference(law, ledger, dimension, precision):
     share = 1e-12 if precision == "float64" else 2e-5
     for n, moving in ((2, True), (2, False), (64, True), (64, False)):
-        state = crowd(n, dimension, moving)
+        state = particles(n, dimension, moving)
         told = fk.evaluate(law, state)
         session = TilesSession(
             fk.Scenario(law, state, t_end=1, frames=1), TilesOptions(step=1e-3, precision=precision, ledger=ledger)
@@ -38,7 +38,7 @@ def test_forces_energy_and_powers_are_those_of_the_reference(law, ledger, dimens
         scale = told.pair_force_sum.max() + 1.0
         assert np.abs(session.forces() - told.u).max() < share * scale
         if ledger:
-            sums = session._scheme.books.sums
+            sums = session._integrator.ledger_sums.sums
             assert sums["pairs"] == pytest.approx(told.storage, abs=share * n * 10)
             assert sums["dissipated"] == pytest.approx(told.dissipation, abs=share * n * 10)
             assert sums["kinetic"] == pytest.approx(told.kinetic, rel=share)

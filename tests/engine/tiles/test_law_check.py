@@ -42,10 +42,10 @@ def test_a_number_that_the_kernel_has_wrong_by_one_per_cent_stops_the_run(scheme
         options = TilesOptions(step=0.005, scheme=scheme, precision=precision)
         for number in range(3):
             session = TilesSession(scenario(name, 300), options)
-            wrong = session._crowd.P.copy()
+            wrong = session._particles.P.copy()
             wrong[number] *= 1.01
-            session._crowd._set_parameters = lambda *_: None
-            session._crowd.P = wrong
+            session._particles._set_parameters = lambda *_: None
+            session._particles.P = wrong
             with pytest.raises(LawNotObeyed, match="declared law"):
                 session.advance(0.02)
 
@@ -68,16 +68,16 @@ def test_a_plant_with_a_gain_one_per_cent_off_fails_the_ledger(precision):
 
 @pytest.mark.parametrize("part", ["kick", "drift"])
 def test_steps_that_are_one_per_cent_off_show(part, monkeypatch):
-    from flocking.engine.tiles import particle_arrays as crowd
+    from flocking.engine.tiles import particle_arrays as particles
 
-    original = crowd.Crowd.move
+    original = particles.ParticleArrays.move
 
     def wrong(self, t, **how):
         if how["drift"] != 0:
             how[part] *= 1.01
         original(self, t, **how)
 
-    monkeypatch.setattr(crowd.Crowd, "move", wrong)
+    monkeypatch.setattr(particles.ParticleArrays, "move", wrong)
     with pytest.raises(LawNotObeyed):
         fk.simulate(scenario("saber", 300), engine="tiles", step=0.005, progress=False)
 

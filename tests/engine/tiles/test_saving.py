@@ -293,8 +293,8 @@ def test_a_failed_run_is_kept_whole_and_says_why(tmp_path: Path, monkeypatch: py
 def test_a_checkpoint_holds_all_of_a_snapshot(tmp_path: Path) -> None:
     """A new field of a snapshot must be packed, and named here."""
     assert {f.name for f in dataclasses.fields(TilesSnapshot)} == {
-        "scenario", "options", "step", "time", "plan", "crowd", "scheme", "records", "steps", "farthest", "law_gaps",
-        "instability", "plant",
+        "scenario", "options", "step", "time", "plan", "particles", "scheme", "records", "steps", "farthest",
+        "law_gaps", "instability", "plant",
     }  # fmt: skip
     session = TilesSession(scenario("hysteresis"), TilesOptions(step=0.004, observe=True))
     session.advance(0.3)
@@ -303,13 +303,13 @@ def test_a_checkpoint_holds_all_of_a_snapshot(tmp_path: Path) -> None:
     one, two = session.snapshot(), restored.snapshot()
     for name in ("options", "step", "time", "plan", "steps", "farthest"):
         assert getattr(one, name) == getattr(two, name), name
-    assert one.crowd.fields.keys() == two.crowd.fields.keys()
+    assert one.particles.fields.keys() == two.particles.fields.keys()
     assert (one.scheme["last"], one.scheme["counted"]) == (two.scheme["last"], two.scheme["counted"])
     assert one.scheme["books"].sums == two.scheme["books"].sums
     assert pack(restored) == data, "nothing is lost or changed on the way"
     for name in ("agents", "ids", "reference", "C", "elapsed", "bound", "skin", "rebuilds", "top_speed", "_rounding"):
-        assert np.array_equal(getattr(session._crowd, name), getattr(restored._crowd, name)), name
-    assert np.array_equal(session._crowd.lists[0].rows, restored._crowd.lists[0].rows)
+        assert np.array_equal(getattr(session._particles, name), getattr(restored._particles, name)), name
+    assert np.array_equal(session._particles.lists[0].rows, restored._particles.lists[0].rows)
 
 
 def test_a_checkpoint_refuses_what_it_cannot_hold() -> None:

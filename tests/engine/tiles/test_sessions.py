@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.engine.tiles import particle_arrays as crowd_module
+from flocking.engine.tiles import particle_arrays as particle_arrays
 from flocking.engine.tiles.neighbours.listed_pairs import listed_pairs
 from flocking.engine.tiles.session import TilesOptions, TilesSession
 from flocking.errors import LawNotObeyed, LinkLost, NotFinite, StepTooLarge, TooCrowded
@@ -122,14 +122,14 @@ def brute_pairs(q, radius):
 
 def missing_pairs(session, radius, t_end):
     """Pairs within the radius that the lists in use do not hold, summed over all steps."""
-    crowd, missing = session._crowd, 0
+    particles, missing = session._particles, 0
     while session.time < t_end - 1e-9:
         session.advance(session.time + session.step / 2)
-        if not crowd.usable():
+        if not particles.usable():
             continue
-        i, j = listed_pairs(crowd.lists[0], crowd.n)
-        held = set(zip(crowd.ids[i].tolist(), crowd.ids[j].tolist(), strict=True))
-        q = crowd.in_order(crowd.X[: crowd.m])
+        i, j = listed_pairs(particles.lists[0], particles.n)
+        held = set(zip(particles.ids[i].tolist(), particles.ids[j].tolist(), strict=True))
+        q = particles.in_order(particles.X[: particles.m])
         missing += len({(int(a), int(b)) for a, b in brute_pairs(q, radius)} - held)
     return missing
 
@@ -160,7 +160,7 @@ def test_lists_are_rebuilt_no_earlier_than_needed():
 
 def test_a_late_rebuild_would_be_seen(monkeypatch):
     """The same test on an engine that lets agents use up three times the skin finds missing neighbours."""
-    monkeypatch.setattr(crowd_module, "CERTAIN", 3.0)
+    monkeypatch.setattr(particle_arrays, "CERTAIN", 3.0)
     session = TilesSession(fast_scenario(), TilesOptions(step=0.005, skin=0.3, ledger=False))
     assert missing_pairs(session, 1.2, 1.0) > 0
 
@@ -187,7 +187,7 @@ def test_a_straggler_and_flocks_far_apart_cost_little():
     state = states(2000, 2, seed=1)["straggler"]
     session = TilesSession(fk.Scenario(saber(), state, t_end=1, frames=1), TilesOptions(step=0.01))
     session.advance(0.1)
-    assert session._crowd.sorter.grid.cells <= 2 * 2000 + 9
+    assert session._particles.sorter.grid.cells <= 2 * 2000 + 9
     assert session.memory_in_use < 400 * 2000
 
 
@@ -226,7 +226,7 @@ def test_lists_grow_without_a_word():
     assert expected.pair_force_sum.max() > 0
     # Verlet's forces see the velocities half a step back.
     assert (error <= 0.05 * scale + 1e-9).all()
-    assert session._crowd.lists[0].count.max() > 60
+    assert session._particles.lists[0].count.max() > 60
 
 
 def test_bad_numbers_are_caught_with_the_agent_named():
@@ -234,9 +234,9 @@ def test_bad_numbers_are_caught_with_the_agent_named():
     session.advance(0.05)
     for bad in (np.nan, np.inf):
         other = TilesSession.resume(session.snapshot())
-        crowd = other._crowd
-        place = int(np.flatnonzero(crowd.ids[:500] == 321)[0])
-        crowd.X[2, place] = bad
+        particles = other._particles
+        place = int(np.flatnonzero(particles.ids[:500] == 321)[0])
+        particles.X[2, place] = bad
         steps = other.steps
         with pytest.raises(NotFinite) as caught:
             other.advance(0.5)
@@ -347,14 +347,14 @@ def test_the_ledger_books_what_links_bring():
 
 def test_energy_ledger_sees_a_wrong_kernel(monkeypatch):
     """A run whose kicks are half too strong does not balance its books."""
-    original = crowd_module.Crowd.move
+    original = particle_arrays.ParticleArrays.move
 
     def too_strong(self, t, **how):
         if how["drift"] != 0:
             how["kick"] *= 1.5
         original(self, t, **how)
 
-    monkeypatch.setattr(crowd_module.Crowd, "move", too_strong)
+    monkeypatch.setattr(particle_arrays.ParticleArrays, "move", too_strong)
     # No shorter step would do.
     with pytest.raises(LawNotObeyed):
         fk.simulate(crowd_scenario(300, t_end=2.0), engine="tiles", step=0.005, progress=False)

@@ -73,8 +73,8 @@ def test_structural_energy_is_the_ledgers() -> None:
 
 def test_votes_give_the_undamped_control() -> None:
     rng = np.random.default_rng(2)
-    crowd, loose = rng.uniform(0, 16, (10, 2)), hexagons(7, 1.1) + 0.3 * rng.normal(size=(7, 2))
-    q = np.concatenate([crowd, loose + 50.0])
+    particles, loose = rng.uniform(0, 16, (10, 2)), hexagons(7, 1.1) + 0.3 * rng.normal(size=(7, 2))
+    q = np.concatenate([particles, loose + 50.0])
     graph = fk.Proximity(R)
     weights = structure.vote_weights(graph, PSI, fk.State(q))
     u = fk.control(fk.Law(graph, [fk.Gradient(PSI)]), fk.State(q))

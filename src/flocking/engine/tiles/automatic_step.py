@@ -8,14 +8,14 @@ import numpy as np
 
 from flocking.engine.fixed_step.automatic_step import SAMPLE, SampledPairs, largest_step, resolving_step
 from flocking.engine.tiles.neighbours.listed_pairs import tile_pairs
-from flocking.engine.tiles.particle_arrays import Crowd
+from flocking.engine.tiles.particle_arrays import ParticleArrays
 from flocking.model.law import Scenario
 
 FEW = 400
 """Agents looked at where a step that was given is only to be told from one beyond all stability."""
 
 
-def choose(particles: Crowd, scenario: Scenario, scheme: str) -> float:
+def choose(particles: ParticleArrays, scenario: Scenario, scheme: str) -> float:
     """The largest step that resolves the start, from agents spread evenly over the sorted order of the crowd.
 
     Parameters
@@ -26,7 +26,7 @@ def choose(particles: Crowd, scenario: Scenario, scheme: str) -> float:
     return largest_step(scenario, [_sampled(particles, number) for number in range(len(particles.lists))], scheme)
 
 
-def resolves(particles: Crowd, scenario: Scenario, scheme: str) -> float:
+def resolves(particles: ParticleArrays, scenario: Scenario, scheme: str) -> float:
     """The largest step that resolves the forces of the start, whatever the length of the run and the speeds.
 
     Parameters
@@ -38,7 +38,7 @@ def resolves(particles: Crowd, scenario: Scenario, scheme: str) -> float:
     return resolving_step(scenario, sampled, scheme, across=False)
 
 
-def _sampled(particles: Crowd, number: int, agents: int = SAMPLE) -> SampledPairs | None:
+def _sampled(particles: ParticleArrays, number: int, agents: int = SAMPLE) -> SampledPairs | None:
     lists, m = particles.lists[number], particles.m
     if lists is None:
         return None

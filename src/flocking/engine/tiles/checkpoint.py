@@ -13,17 +13,20 @@ from flocking.engine.fixed_step.law_gaps import LawGaps
 from flocking.engine.runs.run import Closest
 from flocking.engine.tiles.checkpoint_form import check_session
 from flocking.engine.tiles.instability import Instability
-from flocking.engine.tiles.integrators import Books
+from flocking.engine.tiles.integrators import LedgerSums
 from flocking.engine.tiles.neighbours.neighbour_lists import TileLists
-from flocking.engine.tiles.particle_memory import CrowdMemory
+from flocking.engine.tiles.particle_memory import ParticleMemory
 from flocking.engine.tiles.records import Records
 from flocking.engine.tiles.session import TilesOptions, TilesSession, TilesSnapshot
 from flocking.model.law import Law, Scenario
 
 PARTS: dict[str, type[Any]] = {
-    part.__name__: part for part in (Books, Closest, CrowdMemory, Instability, LawGaps, TileLists)
-}
-"""Classes that memory may hold."""
+    "Books": LedgerSums, "Closest": Closest, "CrowdMemory": ParticleMemory, "Instability": Instability,
+    "LawGaps": LawGaps, "TileLists": TileLists,
+}  # fmt: skip
+"""Classes that memory may hold, by their names in files."""
+
+_STORED_NAMES = {part: name for name, part in PARTS.items()}
 
 
 def flattened(value: Any, arrays: Arrays) -> Any:
@@ -44,8 +47,8 @@ def flattened(value: Any, arrays: Arrays) -> Any:
         return {type(value).__name__: [flattened(x, arrays) for x in value]}
     if isinstance(value, dict):
         return {"dict": {str(name): flattened(x, arrays) for name, x in value.items()}}
-    if type(value).__name__ in PARTS and type(value) is PARTS[type(value).__name__]:
-        return {"part": type(value).__name__, "of": {f.name: flattened(getattr(value, f.name), arrays)
+    if type(value) in _STORED_NAMES:
+        return {"part": _STORED_NAMES[type(value)], "of": {f.name: flattened(getattr(value, f.name), arrays)
                                                      for f in fields(value)}}  # fmt: skip
     if value is None or isinstance(value, bool | int | float | str):
         return value
@@ -86,7 +89,7 @@ def pack_tiles(session: TilesSession) -> tuple[dict[str, Any], Arrays]:
     snapshot = session.snapshot(copied=False)
     data = {
         "step": snapshot.step, "time": snapshot.time, "plan": snapshot.plan, "steps": snapshot.steps,
-        "crowd": snapshot.crowd, "scheme": snapshot.scheme, "records": snapshot.records.memory(),
+        "crowd": snapshot.particles, "scheme": snapshot.scheme, "records": snapshot.records.memory(),
         "farthest": snapshot.farthest, "law_gaps": snapshot.law_gaps, "instability": snapshot.instability,
     }  # fmt: skip
     return {"options": asdict(snapshot.options), "session": flattened(data, arrays)}, arrays
@@ -113,7 +116,7 @@ def restore_tiles(
     """
     options = TilesOptions(**numbers["options"])
     parts = restored(numbers["session"], arrays)
-    check_session(parts, Books, CrowdMemory, scenario)
+    check_session(parts, LedgerSums, ParticleMemory, scenario)
     records = Records(scenario, options.precision, keep_frames=options.keep_frames, observe=options.observe)
     records.recall(parts["records"], stored)
     snapshot = TilesSnapshot(

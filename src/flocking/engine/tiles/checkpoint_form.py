@@ -26,7 +26,7 @@ from flocking.engine.runs.run import TRACE_FIELDS, Closest
 from flocking.engine.tiles.instability import SAMPLE, Instability
 from flocking.engine.tiles.kernels.tile_sums import SUMS
 from flocking.engine.tiles.neighbours.neighbour_lists import LINKED, NUMBER, TILES_IN_CHUNK, WIDTH, TileLists
-from flocking.engine.tiles.particle_arrays import Crowd
+from flocking.engine.tiles.particle_arrays import ParticleArrays
 from flocking.model.law import Scenario
 
 ANY = Real(finite=False)
@@ -34,15 +34,15 @@ POSITIVE = Real(least=0.0, finite=False)
 ROWS_AT_ONCE = 2**18
 
 
-def check_session(kept: Any, books: type[object], memory: type[object], scenario: Scenario) -> None:
-    """Refuse what cannot be the memory of a session of a scenario; its crowd is checked by `check_crowd`.
+def check_session(kept: Any, ledger_sums: type[object], memory: type[object], scenario: Scenario) -> None:
+    """Refuse what cannot be the memory of a session; its particle arrays are checked by `check_particles`.
 
     Parameters
     ----------
     kept
         What was read.
-    books, memory
-        Classes of the ledger of a scheme, and of the memory of a crowd.
+    ledger_sums, memory
+        Classes of the ledger of a scheme, and of the particle memory.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def check_session(kept: Any, books: type[object], memory: type[object], scenario
     )  # fmt: skip
     sums = And(Names({}, dict.fromkeys(SUMS, ANY)), "hold all sums or none", lambda x: len(x) in (0, len(SUMS)))
     integrals = Table("f8", (3,), finite=False)
-    ledger = Part(books, {"integrals": integrals, "jumped": ANY, "sums": sums, "ahead": integrals})
+    ledger = Part(ledger_sums, {"integrals": integrals, "jumped": ANY, "sums": sums, "ahead": integrals})
     Names(
         {
             "step": Real(least=float(np.finfo(float).tiny)), "time": time, "plan": plan, "steps": Integer(),
@@ -99,15 +99,15 @@ def _instability(n: int, m: int) -> Form:
     )  # fmt: skip
 
 
-def check_crowd(fields: dict[str, Any], particles: Crowd) -> None:
-    """Refuse what cannot be the memory of a crowd.
+def check_particles(fields: dict[str, Any], particles: ParticleArrays) -> None:
+    """Refuse what cannot be the particle memory.
 
     Parameters
     ----------
     fields
         What was read.
     particles
-        A crowd of the same scenario and options.
+        Particle arrays of the same scenario and options.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def check_crowd(fields: dict[str, Any], particles: Crowd) -> None:
         },
     )  # fmt: skip
     # No tile has more rows than there are agents, and room grows by an eighth of what is needed.
-    most_room = TILES_IN_CHUNK * n * 9 // 8 + 8
+    most_capacity = TILES_IN_CHUNK * n * 9 // 8 + 8
     Names(
         {
             "X": Table(kind, (2 * particles.m, particles.size), -large, large, ordered=False),
@@ -136,13 +136,13 @@ def check_crowd(fields: dict[str, Any], particles: Crowd) -> None:
             "elapsed": Real(), "bound": POSITIVE, "skin": Real(least=0.0), "rebuilds": Integer(),
             "lists": Row([Maybe(lists)] * len(particles.graphs)), "top_speed": POSITIVE, "_rounding": POSITIVE,
             "_first_links": Maybe(Table("?", (n, n), ordered=False)), "lost": Maybe(Row([agent, agent])),
-            "rooms": Row([Table("i8", b.room.shape, least=0, most=most_room) for b in particles.builders]),
+            "rooms": Row([Table("i8", b.capacity.shape, least=0, most=most_capacity) for b in particles.builders]),
         }
     ).check(fields, "crowd")  # fmt: skip
     ids = fields["ids"]
-    there = np.zeros(n, dtype=bool)
-    there[ids[:n]] = True
-    if not there.all() or (ids[n:] != ids[n - 1]).any():
+    present = np.zeros(n, dtype=bool)
+    present[ids[:n]] = True
+    if not present.all() or (ids[n:] != ids[n - 1]).any():
         raise MalformedError("crowd: ids must name every agent once")
     missing = [x is None for x in fields["lists"]]
     if any(missing) and (not all(missing) or fields["rebuilds"] or fields["bound"] < np.inf):

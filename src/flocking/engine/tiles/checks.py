@@ -12,9 +12,9 @@ from flocking.engine.fixed_step.contact_limits import singular_graphs
 from flocking.engine.fixed_step.passing_pairs import check_passing
 from flocking.engine.fixed_step.step_checks import STRIDE, check_ledger, check_stride, step_too_large
 from flocking.engine.runs.run import Closest
-from flocking.engine.tiles.integrators import Scheme
+from flocking.engine.tiles.integrators import Integrator
 from flocking.engine.tiles.neighbours.listed_pairs import tile_pairs
-from flocking.engine.tiles.particle_arrays import Crowd
+from flocking.engine.tiles.particle_arrays import ParticleArrays
 from flocking.engine.tiles.records import Records
 from flocking.errors import LinkLost, NotFinite, OutOfPrecision
 from flocking.model.checks import NO_LESS
@@ -35,7 +35,7 @@ FARTHEST = 1e15
 
 
 def after_step(
-    particles: Crowd, h: float, records: Records, step: float, time: float, singular_reach: float | None
+    particles: ParticleArrays, h: float, records: Records, step: float, time: float, singular_reach: float | None
 ) -> None:
     """What every step is checked for. The state before the step is still in ``particles.Y``.
 
@@ -65,7 +65,7 @@ def after_step(
     _check_pair_motion(particles, h, step, time, singular_reach)
 
 
-def _check_finite(particles: Crowd, time: float) -> None:
+def _check_finite(particles: ParticleArrays, time: float) -> None:
     if np.isfinite(particles.top_speed):
         return
     bad = np.flatnonzero(~np.isfinite(particles.X[:, : particles.n]).all(axis=0))
@@ -77,20 +77,22 @@ def _check_finite(particles: Crowd, time: float) -> None:
     )  # fmt: skip
 
 
-def _closest_pair(particles: Crowd, before: Closest, time: float) -> Closest:
+def _closest_pair(particles: ParticleArrays, before: Closest, time: float) -> Closest:
     """The closest listed pair until now, given that of all earlier steps."""
     near = _nearest(particles)
     if not near < min(before.distance, FARTHEST):
         return before
-    pair = _closest_in(particles, int(np.argmin(particles.tops[:, 1])))
+    pair = _closest_in(particles, int(np.argmin(particles.tile_extremes[:, 1])))
     return before if pair is None else Closest(near, time, pair)
 
 
-def _nearest(particles: Crowd) -> float:
+def _nearest(particles: ParticleArrays) -> float:
     return float(np.sqrt(particles.extremes[1]))
 
 
-def _check_pair_motion(particles: Crowd, h: float, step: float, time: float, singular_reach: float | None) -> None:
+def _check_pair_motion(
+    particles: ParticleArrays, h: float, step: float, time: float, singular_reach: float | None
+) -> None:
     """Whether a pair met where a formula has no value, or moved too far for its distance."""
     near = _nearest(particles)
     if near == 0.0:
@@ -106,13 +108,13 @@ def _check_pair_motion(particles: Crowd, h: float, step: float, time: float, sin
         check_passing(q, moved, singular_reach, step, time=time, ids=particles.ids)
 
 
-def _check_contact(particles: Crowd, time: float) -> None:
+def _check_contact(particles: ParticleArrays, time: float) -> None:
     """Whether a pair that coincided before the step is linked where a formula has no value for it."""
     for number in singular_graphs(particles.spec.layout, particles.m, particles.P):
         lists = particles.lists[number]
         if lists is None:
             continue
-        i, j = tile_pairs(lists, np.flatnonzero(particles.tops[:, 1] == 0.0), particles.n)
+        i, j = tile_pairs(lists, np.flatnonzero(particles.tile_extremes[:, 1] == 0.0), particles.n)
         same = np.flatnonzero((particles.Y[: particles.m, i] == particles.Y[: particles.m, j]).all(axis=0))
         if len(same):
             pair = sorted((int(particles.ids[i[same[0]]]), int(particles.ids[j[same[0]]])))
@@ -145,7 +147,7 @@ def stiff_start(step: float, resolves: float, scheme: str, time: float) -> None:
         raise step_too_large(step, resolves, why, time=time)
 
 
-def links_kept(particles: Crowd, step: float, time: float) -> None:
+def links_kept(particles: ParticleArrays, step: float, time: float) -> None:
     """Whether a link broke although its potential is infinite there.
 
     Parameters
@@ -168,13 +170,13 @@ def links_kept(particles: Crowd, step: float, time: float) -> None:
         )  # fmt: skip
 
 
-def _listed(particles: Crowd, tiles: Sequence[int] | Indices) -> tuple[Indices, Indices]:
+def _listed(particles: ParticleArrays, tiles: Sequence[int] | Indices) -> tuple[Indices, Indices]:
     """Places of all listed pairs of some tiles, over all graphs."""
     found = [tile_pairs(lists, tiles, particles.n) for lists in particles.lists if lists is not None]
     return np.concatenate([i for i, _ in found]), np.concatenate([j for _, j in found])
 
 
-def _closest_in(particles: Crowd, tile: int) -> tuple[int, int] | None:
+def _closest_in(particles: ParticleArrays, tile: int) -> tuple[int, int] | None:
     i, j = _listed(particles, [tile])
     if not len(i):
         return None
@@ -184,13 +186,13 @@ def _closest_in(particles: Crowd, tile: int) -> tuple[int, int] | None:
     return (min(a, b), max(a, b))
 
 
-def _check_strides(particles: Crowd, h: float, step: float, time: float) -> None:
+def _check_strides(particles: ParticleArrays, h: float, step: float, time: float) -> None:
     """Whether some pair really moved too far for its distance; positions before the step are in ``Y``."""
     m = particles.m
     reach = (2.0 * particles.top_speed * h / STRIDE) ** 2
-    tiles = np.flatnonzero(particles.tops[:, 1] < reach)
+    tiles = np.flatnonzero(particles.tile_extremes[:, 1] < reach)
     if len(tiles) > MOST_TILES:
-        tiles = tiles[np.argsort(particles.tops[tiles, 1], kind="stable")[:MOST_TILES]]
+        tiles = tiles[np.argsort(particles.tile_extremes[tiles, 1], kind="stable")[:MOST_TILES]]
     i, j = _listed(particles, tiles)
     if not len(i):
         return
@@ -206,7 +208,7 @@ def _check_strides(particles: Crowd, h: float, step: float, time: float) -> None
         check_stride(step, float(distance[k]), float(moved[k]), time=time, agents=(min(pair), max(pair)))
 
 
-def resolution(particles: Crowd, q: Any, time: float) -> None:
+def resolution(particles: ParticleArrays, q: Any, time: float) -> None:
     """Whether numbers can still tell the positions of most agents, shape (N, m), apart.
 
     Raises
@@ -227,7 +229,7 @@ def resolution(particles: Crowd, q: Any, time: float) -> None:
         )
 
 
-def ledger(records: Records, scheme: Scheme, eps: float, step: float, time: float) -> None:
+def ledger(records: Records, scheme: Integrator, eps: float, step: float, time: float) -> None:
     """Whether the energy ledger closes well enough.
 
     Parameters
@@ -244,6 +246,6 @@ def ledger(records: Records, scheme: Scheme, eps: float, step: float, time: floa
     first, trace = records.first, records.trace
     if first is None or trace[-1][0] == first[0]:
         return
-    sums = scheme.books.sums
+    sums = scheme.ledger_sums.sums
     scale = abs(sums["pairs"]) + abs(sums["bodies"]) + trace[-1][2]
     check_ledger(step, first, trace[-1], order=scheme.order, rounding=1e3 * eps * scale, time=time)

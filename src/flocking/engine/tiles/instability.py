@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from flocking.engine.fixed_step.step_checks import step_too_large
-from flocking.engine.tiles.particle_arrays import Crowd
+from flocking.engine.tiles.particle_arrays import ParticleArrays
 
 GROWING, LONGEST, LARGEST = 1.25, 16, 1e4
 """Speeds that grow by such a factor in every one of so many steps, and by so much in all, grow without bound. Under a
@@ -83,7 +83,9 @@ class Instability:
             setattr(same, name, None if value is None else value.copy())
         return same
 
-    def look(self, particles: Crowd, steps: int, h: float, wanted: float, time: float, *, alternating: bool) -> None:
+    def look(
+        self, particles: ParticleArrays, steps: int, h: float, wanted: float, time: float, *, alternating: bool
+    ) -> None:
         """Look at a step just made; the state before it is still in ``particles.Y``.
 
         Parameters
@@ -114,7 +116,7 @@ class Instability:
             self._forget()
         if at < WINDOW:
             self._compare(particles)
-            if self._alternates(particles, h, whole=at == WINDOW - 1):
+            if self._alternates(particles, h, full_window=at == WINDOW - 1):
                 raise step_too_large(
                     wanted, 0.2 * h, "velocities change to and fro from step to step and do not calm down", time=time
                 )
@@ -124,7 +126,7 @@ class Instability:
         self.products = self.sizes = self.early = self.late = 0.0
         self.compared = self.turns = 0
 
-    def _compare(self, particles: Crowd) -> None:
+    def _compare(self, particles: ParticleArrays) -> None:
         if self.rebuilds != particles.rebuilds or self.places is None:
             self.rebuilds, self.places = particles.rebuilds, particles.place[:: max(1, particles.n // SAMPLE)]
         m = particles.m
@@ -141,9 +143,9 @@ class Instability:
             self.turns = self.turns + 1 if product < -0.5 * size and square >= 0.6 * before else 0
         self.change = change
 
-    def _alternates(self, particles: Crowd, h: float, *, whole: bool) -> bool:
-        """Whether changes of velocity alternate: the last ones, or, over the ``whole`` window, all of them together."""
-        steadily = whole and self.compared >= FEWEST and self.products < ALTERNATING * self.sizes
+    def _alternates(self, particles: ParticleArrays, h: float, *, full_window: bool) -> bool:
+        """Whether changes of velocity alternate: the last ones, or over the ``full_window`` all together."""
+        steadily = full_window and self.compared >= FEWEST and self.products < ALTERNATING * self.sizes
         if self.turns < TURNS and not (steadily and self.late >= 0.5 * self.early):
             return False
         largest = float(np.abs(particles.agents[self.places, : particles.m]).max())

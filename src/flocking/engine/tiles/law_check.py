@@ -12,7 +12,7 @@ from flocking.engine.fixed_step.declared_law import POWERS, Declared, Group
 from flocking.engine.fixed_step.law_gaps import LawGaps
 from flocking.engine.tiles.kernels.tile_sums import SUMS
 from flocking.engine.tiles.neighbours.neighbour_lists import NUMBER, WIDTH
-from flocking.engine.tiles.particle_arrays import Crowd
+from flocking.engine.tiles.particle_arrays import ParticleArrays
 from flocking.errors import LawNotObeyed
 from flocking.model.law import Scenario
 
@@ -65,7 +65,7 @@ class LawCheck:
         self.eps = float(np.finfo(dtype).eps)
         self.declared = Declared(scenario, self.eps)
 
-    def before_step(self, particles: Crowd, moment: Moment, gaps: LawGaps) -> None:
+    def before_step(self, particles: ParticleArrays, moment: Moment, gaps: LawGaps) -> None:
         """Judge the accelerations of the state before a step; the ledger and the links stay as they are.
 
         Parameters
@@ -84,7 +84,7 @@ class LawCheck:
         """
         if self.half_steps:
             return
-        particles.move(moment.time, keep=0.0, kick=1.0, drift=0.0, soft=0.0, hold=True)
+        particles.move(moment.time, keep=0.0, kick=1.0, drift=0.0, exponential_damping=0.0, hold=True)
         places = self._places(particles, moment)
         q, p = (np.asarray(x.T) for x in (particles.X[: particles.m], particles.X[particles.m :]))
         mass = self._mass(particles, places)
@@ -92,7 +92,7 @@ class LawCheck:
         found = self._compared(particles, (q, p), places, force, np.zeros(len(places)), moment, gaps, remembered=True)
         self._require(found, moment, gaps)
 
-    def after_step(self, particles: Crowd, kick: float, h: float, moment: Moment, gaps: LawGaps) -> None:
+    def after_step(self, particles: ParticleArrays, kick: float, h: float, moment: Moment, gaps: LawGaps) -> None:
         """Judge the motion of a step of half-step velocities. The state before it is still in ``particles.Y``.
 
         Parameters
@@ -125,7 +125,7 @@ class LawCheck:
         found = self._compared(particles, (q, p), places, force, rounding, moment, gaps, remembered=False)
         self._require(found, moment, gaps)
 
-    def _places(self, particles: Crowd, moment: Moment) -> Any:
+    def _places(self, particles: ParticleArrays, moment: Moment) -> Any:
         """Places of the judged agents: tiles spread evenly, other ones at every look, and the one of the closest pair.
 
         Whole tiles, since books are per tile.
@@ -133,17 +133,17 @@ class LawCheck:
         count = min(TILES, particles.tiles)
         first = int(moment.steps * 0.6180339887498949 * particles.tiles / count) % particles.tiles
         tiles = (first + np.arange(count) * particles.tiles // count) % particles.tiles
-        tiles = np.unique(np.append(tiles, np.argmin(particles.tops[:, 1])))
+        tiles = np.unique(np.append(tiles, np.argmin(particles.tile_extremes[:, 1])))
         places = (tiles[:, None] * WIDTH + np.arange(WIDTH)).ravel()
         return places[places < particles.n]
 
-    def _mass(self, particles: Crowd, places: Any) -> Any:
+    def _mass(self, particles: ParticleArrays, places: Any) -> Any:
         masses = self.scenario.agents.masses
         return np.broadcast_to(masses, particles.n)[particles.ids[places]].astype(np.float64)
 
     def _compared(
-        self, particles: Crowd, state: Any, places: Any, force: Any, rounding: Any, moment: Moment, gaps: LawGaps, *,
-        remembered: bool,
+        self, particles: ParticleArrays, state: Any, places: Any, force: Any, rounding: Any, moment: Moment,
+        gaps: LawGaps, *, remembered: bool,
     ) -> tuple[int | None, str | None]:  # fmt: skip
         """The agent whose force is not that of the law, and the name of a power that is not; None for none."""
         scenario = self.scenario
@@ -181,7 +181,7 @@ class LawCheck:
         )  # fmt: skip
 
     def _pairs(
-        self, particles: Crowd, number: int, q: Reals, places: Indices, remembered: bool
+        self, particles: ParticleArrays, number: int, q: Reals, places: Indices, remembered: bool
     ) -> tuple[Numbers, Numbers, Numbers]:
         """Linked pairs of the judged agents under a graph: number of the judged one, place of the other, certainty."""
         lists, kind = particles.lists[number], particles.spec.graphs[number]
@@ -189,12 +189,12 @@ class LawCheck:
         tile, lane = places // WIDTH, places % WIDTH
         rows = int(lists.count[tile].max(initial=0))
         row = np.arange(rows)
-        there = lists.first[tile][:, None] + np.minimum(row, np.maximum(lists.count[tile] - 1, 0)[:, None])
+        entry_rows = lists.first[tile][:, None] + np.minimum(row, np.maximum(lists.count[tile] - 1, 0)[:, None])
         listed = row < lists.count[tile][:, None]
         if not len(lists.rows):
             none = np.zeros(0, np.int64)
             return none, none, np.zeros(0, dtype=bool)
-        entries = lists.rows[there, lane[:, None]]
+        entries = lists.rows[entry_rows, lane[:, None]]
         j = (entries & NUMBER).astype(np.int64)
         listed &= j != places[:, None]
         k, column = np.nonzero(listed)

@@ -11,7 +11,7 @@ from flocking.formula.native.functions import native
 
 
 @native
-def strayed_squares(first, last, agents, reference, shift, n, out):  # type: ignore[no-untyped-def]
+def squared_displacements(first, last, agents, reference, shift, n, out):  # type: ignore[no-untyped-def]
     """Largest squared distance of the agents of each tile from where they were at the rebuild, seen from the crowd.
 
     Parameters
@@ -23,7 +23,7 @@ def strayed_squares(first, last, agents, reference, shift, n, out):  # type: ign
     reference
         Where they were, shape (size, m).
     shift
-        How far the frame of the crowd has moved since, shape (m,).
+        How far the frame of the group has moved since, shape (m,).
     out
         Filled with one number a tile.
     """
@@ -39,21 +39,21 @@ def strayed_squares(first, last, agents, reference, shift, n, out):  # type: ign
 
 
 @native
-def extremes_of(tops, out):  # type: ignore[no-untyped-def]
+def extremes_of(tile_extremes, out):  # type: ignore[no-untyped-def]
     """Largest squared speed, smallest squared distance of linked agents and most breaks over all tiles.
 
     Parameters
     ----------
-    tops
+    tile_extremes
         What each tile reported, shape (tiles, 3).
     out
         Filled with the three numbers.
     """
     fast, near, broken = 0.0, np.inf, 0.0
-    for tile in range(tops.shape[0]):
-        fast = max(fast, np.float64(tops[tile, 0]))
-        near = min(near, np.float64(tops[tile, 1]))
-        broken = max(broken, np.float64(tops[tile, 2]))
+    for tile in range(tile_extremes.shape[0]):
+        fast = max(fast, np.float64(tile_extremes[tile, 0]))
+        near = min(near, np.float64(tile_extremes[tile, 1]))
+        broken = max(broken, np.float64(tile_extremes[tile, 2]))
     out[0], out[1], out[2] = fast, near, broken
 
 
@@ -86,7 +86,7 @@ def sensed_offsets(graph: Any, n: int) -> tuple[Any, Any]:
 def fastest(velocities: Any) -> float:
     """Largest speed of agents relative to their mean velocity, from velocities of shape (N, m)."""
     mean = velocities.mean(axis=0, dtype=np.float64)
-    # In parts, so that a large crowd is not copied whole.
+    # In parts, so that a large group is not copied whole.
     parts = (velocities[k : k + 2**20] - mean for k in range(0, len(velocities), 2**20))
     with np.errstate(over="ignore"):
         return float(np.sqrt(max(float((part**2).sum(axis=1).max()) for part in parts)))

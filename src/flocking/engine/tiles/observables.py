@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from flocking.engine.runs.run import OBSERVED_FIELDS as OBSERVED_FIELDS
 from flocking.engine.tiles.neighbours.neighbour_lists import LINKED, NUMBER
-from flocking.engine.tiles.particle_arrays import Crowd
+from flocking.engine.tiles.particle_arrays import ParticleArrays
 from flocking.formula.native.functions import native
 
 
@@ -58,24 +58,32 @@ def _survey(agents, n, rows, first, count, remembered, limit, each, parent):  # 
     return links, lengths, squares, least
 
 
-def _flock_sizes(crowd: Crowd) -> tuple[Any, tuple[int, float, float, float]]:
+def _flock_sizes(particles: ParticleArrays) -> tuple[Any, tuple[int, float, float, float]]:
     """Sizes of the flocks under the law's graph; number of links, sums of lengths and squares, smallest square."""
-    n = crowd.n
-    lists, graph = crowd.lists[0], crowd.graphs[0]
+    n = particles.n
+    lists, graph = particles.lists[0], particles.graphs[0]
     assert lists is not None
     # Where links appear and break at one radius the positions tell them; otherwise the lists remember.
-    told = bool(graph.moves and np.all(graph.appear_radius == graph.break_radius))
+    by_distance = bool(graph.moves and np.all(graph.appear_radius == graph.break_radius))
     parent = np.empty(n, np.int32)
     counted = _survey(
-        crowd.agents, n, lists.rows, lists.first, lists.count, not told, crowd.limits[0][0], crowd.each[0], parent
+        particles.agents,
+        n,
+        lists.rows,
+        lists.first,
+        lists.count,
+        not by_distance,
+        particles.limits[0][0],
+        particles.each[0],
+        parent,
     )
     sizes = np.bincount(parent)
     return sizes[sizes > 0], counted
 
 
-def observe(crowd: Crowd, t: float, p: Any) -> tuple[float, ...]:
+def observe(particles: ParticleArrays, t: float, p: Any) -> tuple[float, ...]:
     """One row of `OBSERVED_FIELDS`; ``p`` are the velocities, shape (N, m). Lists must be valid."""
-    sizes, (links, lengths, squares, least) = _flock_sizes(crowd)
+    sizes, (links, lengths, squares, least) = _flock_sizes(particles)
     speed = np.sqrt((p**2).sum(axis=1))
     moving = speed > 0
     headings = p[moving] / speed[moving, None]
@@ -84,6 +92,7 @@ def observe(crowd: Crowd, t: float, p: Any) -> tuple[float, ...]:
     mean = lengths / links if links else np.nan
     defect = float(np.sqrt(max(squares / links - mean**2, 0.0)) / mean) if links else np.nan
     return (
-        t, order, float(speed.mean()), spread, len(sizes), float(sizes.max()) / crowd.n, links / crowd.n, mean, defect,
+        t, order, float(speed.mean()), spread, len(sizes), float(sizes.max()) / particles.n, links / particles.n,
+        mean, defect,
         float(np.sqrt(least)),
     )  # fmt: skip

@@ -2,7 +2,7 @@
 
 Agents lie in the order of the cells of the last rebuild; `ids` says who lies where. Lists hold every pair
 that was within cutoff + skin then. While no agent has moved further than half the skin since (seen from a
-frame that moves with the crowd), no pair within the cutoff can be missing: a bound of how far anyone can
+frame that moves with the group), no pair within the cutoff can be missing: a bound of how far anyone can
 have moved is kept at every step, and lists are rebuilt before it exceeds half the skin.
 """
 
@@ -18,12 +18,12 @@ from flocking.engine.tiles.kernels.parameters import kernel_numbers
 from flocking.engine.tiles.kernels.spec import PRECISIONS, KernelSpec
 from flocking.engine.tiles.kernels.step_kernel import tile_kernels
 from flocking.engine.tiles.kernels.tile_sums import sums_of
-from flocking.engine.tiles.measures import cutoffs_of, extremes_of, fastest, sensed_offsets, strayed_squares
+from flocking.engine.tiles.measures import cutoffs_of, extremes_of, fastest, sensed_offsets, squared_displacements
 from flocking.engine.tiles.neighbours.cell_list import Sorter
-from flocking.engine.tiles.neighbours.listed_pairs import nearest_pair_beyond
-from flocking.engine.tiles.neighbours.neighbour_lists import LINKED, NUMBER, WIDTH, ListBuilder, TileLists, fixed_lists
-from flocking.engine.tiles.neighbours.obstacle_lists import NearbyObstacles
-from flocking.engine.tiles.neighbours.pair_count_bound import Room
+from flocking.engine.tiles.neighbours.listed_pairs import nearest_pair_beyond, remember_links
+from flocking.engine.tiles.neighbours.neighbour_lists import WIDTH, ListBuilder, TileLists, fixed_lists
+from flocking.engine.tiles.neighbours.obstacle_lists import ObstacleLists
+from flocking.engine.tiles.neighbours.pair_count_bound import PairCountBound
 from flocking.engine.tiles.neighbours.verlet_skin import FIRST_SKIN, best_skin
 from flocking.engine.tiles.planted_law import PassArrays, Planted
 from flocking.engine.tiles.threads import Workers
@@ -37,7 +37,7 @@ CERTAIN = 0.999
 """Share of half the skin that may be used up; the rest covers rounding."""
 
 
-class Crowd:
+class ParticleArrays:
     """Arrays and lists of a group under one law.
 
     Parameters
@@ -66,14 +66,14 @@ class Crowd:
         self.tiles = (n + WIDTH - 1) // WIDTH
         self.size = self.tiles * WIDTH
         self.kernel = tile_kernels(spec).move
-        self.skin_wanted = skin
+        self.given_skin = skin
         self.agents: Any = np.empty((self.size, 2 * m), self.dtype)
         self.agents[:n, :m], self.agents[:n, m:] = state.q, state.p
         self.successor: Any = np.empty((self.size, 2 * m), self.dtype)
         self.ids: Any = np.zeros(self.size, np.int32)
         self.ids[:n] = np.arange(n, dtype=np.int32)
-        self._ids_there: Any = np.zeros(self.size, np.int32)
-        self.tops: Any = np.zeros((self.tiles, 3), self.dtype)
+        self._ids_buffer: Any = np.zeros(self.size, np.int32)
+        self.tile_extremes: Any = np.zeros((self.tiles, 3), self.dtype)
         self.extremes: Any = np.zeros(3)
         self.sums: Any = np.zeros((self.tiles if spec.ledger else 1, len(sums_of(spec))), np.float64)
         self.planted: Planted | None = None
@@ -113,7 +113,7 @@ class Crowd:
         self.moving = any(not kind.fixed for kind in self.spec.graphs)
         self.cutoffs = cutoffs_of(self.graphs, self.spec)
         self.sorter = Sorter(n if self.moving else 1, self.workers)
-        self.room = Room(memory_limit)
+        self.pair_count_bound = PairCountBound(memory_limit)
         self.builders = [ListBuilder(n, memory_limit, self.workers) for _ in self.graphs]
         self.limits, self.each, self.edges = [], [], []
         for graph, kind in zip(self.graphs, self.spec.graphs, strict=True):
@@ -124,7 +124,7 @@ class Crowd:
 
     def _set_obstacles(self, scenario: Scenario) -> None:
         met = self.spec.layout.encounters()
-        self.obstacles = NearbyObstacles(scenario.law, [term.range for term, _ in met]) if met else None
+        self.obstacles = ObstacleLists(scenario.law, [term.range for term, _ in met]) if met else None
         self.O: object = self.spec.layout.obstacle_rows()
 
     def set_radii(self, scenario: Scenario) -> None:
@@ -184,14 +184,14 @@ class Crowd:
             return self.lists[0] is not None
         half = 0.5 * CERTAIN * self.skin
         if self.bound > half and self.rebuilds:
-            self.bound = self.strayed()
+            self.bound = self.displacement_bound()
         return bool(self.bound <= half)
 
-    def strayed(self) -> float:
+    def displacement_bound(self) -> float:
         """How far an agent has moved since the rebuild at most, seen from the crowd."""
         out = np.empty(self.tiles)
         shift = self.elapsed * self.C.astype(np.float64)
-        self.workers.each(strayed_squares, self.tiles, self.agents, self.reference, shift, self.n, out)
+        self.workers.each(squared_displacements, self.tiles, self.agents, self.reference, shift, self.n, out)
         return float(np.sqrt(out.max())) + self._rounding
 
     def require_lists(self, step: float) -> None:
@@ -215,15 +215,15 @@ class Crowd:
         """Sort the agents into cells for the skin that is given, wanted or best at the speed they have now."""
         cutoff, sorter = max(self.cutoffs), self.sorter
         seen = sorter.survey(self.agents)
-        given = skin if skin is not None else self.skin_wanted
+        given = skin if skin is not None else self.given_skin
         guess = float(given if given is not None else self.skin or FIRST_SKIN * cutoff)
         sorter.sort(self.agents, seen, cutoff + guess)
-        self.room.check(sorter.crowding, self.agents[: self.n, : self.m], self._reaches)
+        self.pair_count_bound.check(sorter.crowding, self.agents[: self.n, : self.m], self._reaches)
         if given is None:
             guess, sorted_for = best_skin(self.agents, sorter, cutoff, 2.0 * self.top_speed * step / CERTAIN), guess
             if not SAME_CELLS * (cutoff + sorted_for) <= cutoff + guess <= cutoff + sorted_for:
                 sorter.sort(self.agents, seen, cutoff + guess)
-                self.room.check(sorter.crowding, self.agents[: self.n, : self.m], self._reaches)
+                self.pair_count_bound.check(sorter.crowding, self.agents[: self.n, : self.m], self._reaches)
         self.skin = guess
         self.C[:] = seen.velocity
         farthest = max(float(np.abs(seen.low).max()), float(np.abs(seen.high).max()))
@@ -250,9 +250,9 @@ class Crowd:
             return
         self._sort(step, skin)
         sorter, order = self.sorter, self.sorter.order
-        old_place = sorter.arrange(self.agents, self.ids, self.successor, self._ids_there, self.reference)
+        old_place = sorter.arrange(self.agents, self.ids, self.successor, self._ids_buffer, self.reference)
         self.agents, self.successor = self.successor, self.agents
-        self.ids, self._ids_there = self._ids_there, self.ids
+        self.ids, self._ids_buffer = self._ids_buffer, self.ids
         for k in range(len(self.A)):
             self.A[k, :n] = self.A[k, order]
         for number, kind in enumerate(self.spec.graphs):
@@ -294,18 +294,12 @@ class Crowd:
         """Set the memory of the law's graph from a link matrix given with the start."""
         self._first_links = None
         lists = self.lists[0]
-        if lists is None or not self.spec.graphs[0].memory:
-            return
-        tile = np.repeat(np.arange(self.tiles), lists.count)
-        at = np.concatenate([np.arange(f, f + c) for f, c in zip(lists.first, lists.count, strict=True)]).astype(int)
-        entries = lists.rows[at]
-        i = self.ids[tile[:, None] * WIDTH + np.arange(WIDTH)]
-        j = self.ids[(entries & NUMBER).astype(np.int64)]
-        lists.rows[at] = np.where(np.asarray(links)[i, j], entries | LINKED, entries & NUMBER)
+        if lists is not None and self.spec.graphs[0].memory:
+            remember_links(lists, np.asarray(links), self.ids)
 
     def move(
-        self, t: float, *, keep: float, kick: float, drift: float, whole: float = 0.0, soft: float = 1.0,
-        hold: bool = False,
+        self, t: float, *, keep: float, kick: float, drift: float, velocity_lag: float = 0.0,
+        exponential_damping: float = 1.0, hold: bool = False,
     ) -> None:  # fmt: skip
         """One pass of the kernel from X into Y; the caller decides whether Y becomes the state.
 
@@ -315,9 +309,9 @@ class Crowd:
             Factor on the old velocity.
         kick, drift
             Times for which the control acts on velocities and velocities act on positions.
-        whole
+        velocity_lag
             Time by which velocities lag behind positions.
-        soft
+        exponential_damping
             1 where damping of velocities is exponential within the kick, 0 where not.
         hold
             Whether links stay as they are.
@@ -335,15 +329,15 @@ class Crowd:
             speed = self.top_speed + float(np.linalg.norm(self.C))
             self.obstacles.require(self.X[: self.m], self.tiles, t, speed * abs(drift))
             lists += [x for pair in self.obstacles.lists for x in pair]
-        begin = (float(t), T(keep), T(kick), T(drift), T(whole), T(soft))
+        begin = (float(t), T(keep), T(kick), T(drift), T(velocity_lag), T(exponential_damping))
         self.workers.each(
             self.kernel, self.tiles, *begin, hold, self.agents, self.successor, self.n, *lists, self.P, self.A, self.O,
-            self.ids, self.seeds, self.matrices, self.M, self.C, self.tops, self.sums,
+            self.ids, self.seeds, self.matrices, self.M, self.C, self.tile_extremes, self.sums,
         )  # fmt: skip
         if self.planted is not None:
-            arrays = PassArrays(self.agents, self.successor, self.ids, self.n, self.M, self.C, self.tops)
+            arrays = PassArrays(self.agents, self.successor, self.ids, self.n, self.M, self.C, self.tile_extremes)
             self.planted.move(self.workers, arrays, begin, lists)
-        self.read_tops()
+        self.read_tile_extremes()
         if self.extremes[2] > 0 and self.lost is None and not hold:
             self.lost = self._broken_pair()
 
@@ -351,13 +345,13 @@ class Crowd:
         """The nearest pair beyond its radius in the tiles that report a broken link; numbers of the agents."""
         kinds = self.spec.graphs
         least = min(float(x[0]) for x, kind in zip(self.limits, kinds, strict=True) if kind.barrier)
-        tiles = np.flatnonzero(self.tops[:, 2] > 0)[:4]
+        tiles = np.flatnonzero(self.tile_extremes[:, 2] > 0)[:4]
         i, j = nearest_pair_beyond(least, self.lists, tiles, self.X[: self.m], self.n)
         return int(self.ids[i]), int(self.ids[j])
 
-    def read_tops(self) -> None:
+    def read_tile_extremes(self) -> None:
         """Take the extremes of what the tiles reported last."""
-        extremes_of(self.tops, self.extremes)
+        extremes_of(self.tile_extremes, self.extremes)
 
     def _fill_means(self) -> None:
         n = self.n
@@ -408,8 +402,17 @@ class Crowd:
     @property
     def nbytes(self) -> int:
         """Memory of all arrays."""
-        arrays = [self.agents, self.successor, self.ids, self._ids_there, self.tops, self.sums, self.A, self.reference]
+        arrays = [
+            self.agents,
+            self.successor,
+            self.ids,
+            self._ids_buffer,
+            self.tile_extremes,
+            self.sums,
+            self.A,
+            self.reference,
+        ]
         sorter = self.sorter
-        arrays += [sorter.key, sorter.key_there, sorter.index_there, sorter.order, sorter.start, *self.each]
+        arrays += [sorter.key, sorter.key_buffer, sorter.index_buffer, sorter.order, sorter.start, *self.each]
         spares = [b.spare for b in self.builders if b.spare is not None]
         return int(sum(a.nbytes for a in arrays)) + sum(x.nbytes for x in [*self.lists, *spares] if x is not None)

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.tiles.checkpoint_form import check_crowd
-from flocking.engine.tiles.particle_arrays import Crowd
+from flocking.engine.tiles.checkpoint_form import check_particles
+from flocking.engine.tiles.particle_arrays import ParticleArrays
 
 KEPT = (
     "X", "ids", "each", "A", "C", "reference", "elapsed", "bound", "skin", "rebuilds", "lists", "top_speed",
@@ -19,8 +19,8 @@ KEPT = (
 
 
 @dataclass
-class CrowdMemory:
-    """Copies of everything that fixes how a crowd goes on.
+class ParticleMemory:
+    """Copies of everything that fixes how the agents go on.
 
     Parameters
     ----------
@@ -31,24 +31,24 @@ class CrowdMemory:
     fields: dict[str, Any]
 
     @classmethod
-    def of(cls, particles: Crowd, *, copied: bool) -> CrowdMemory:
-        """What fixes how ``particles`` goes on; not ``copied``, it changes as the crowd goes on."""
+    def of(cls, particles: ParticleArrays, *, copied: bool) -> ParticleMemory:
+        """What fixes how ``particles`` goes on; not ``copied``, it changes as the agents go on."""
         kept = {name: getattr(particles, name) for name in KEPT}
-        kept["rooms"] = [b.room for b in particles.builders]
+        kept["rooms"] = [b.capacity for b in particles.builders]
         return cls(copy.deepcopy(kept) if copied else kept)
 
-    def put_back(self, particles: Crowd) -> None:
+    def put_back(self, particles: ParticleArrays) -> None:
         """Make ``particles`` go on from here.
 
         Raises
         ------
         MalformedError
-            When this is no memory of such a crowd.
+            When this is no memory of such agents.
         """
-        check_crowd(self.fields, particles)
+        check_particles(self.fields, particles)
         for name in KEPT:
             setattr(particles, name, copy.deepcopy(self.fields[name]))
         if particles.obstacles is not None:
             particles.obstacles.used = np.inf
-        for builder, room in zip(particles.builders, self.fields["rooms"], strict=True):
-            builder.room, builder.spare = room.copy(), None
+        for builder, capacity in zip(particles.builders, self.fields["rooms"], strict=True):
+            builder.capacity, builder.spare = capacity.copy(), None

@@ -10,7 +10,7 @@ import numpy as np
 from flocking.engine.runs.columns import GROWING
 from flocking.engine.runs.new_records import NewRecords
 from flocking.engine.runs.run import OBSERVED_FIELDS, SWITCH_FIELDS, TRACE_FIELDS, Closest
-from flocking.engine.tiles.integrators import Books
+from flocking.engine.tiles.integrators import LedgerSums
 from flocking.engine.tiles.kernels.spec import PRECISIONS
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
@@ -167,24 +167,25 @@ class Records:
         if links is not None and self.with_links:
             self.links.append(links)
 
-    def book(self, t: float, books: Books, n: int, unlinked: float) -> None:
+    def book(self, t: float, ledger_sums: LedgerSums, n: int, unlinked: float) -> None:
         """Add a row to the ledger; a second row of the same time replaces the first.
 
         Parameters
         ----------
-        books
+        ledger_sums
             Sums over the group and integrals so far.
         unlinked
             Energy of a pair without a link.
         """
-        sums = books.sums
+        sums = ledger_sums.sums
         energy = sums["pairs"] + sums["bodies"] + sums["kinetic"]
         # What pairs without a link carry changes by jumps alone.
         apart = 0.5 * (n * (n - 1.0) - sums["links"]) * unlinked
         if self.first is None:
             self.apart = apart
         row = (
-            t, energy + apart, sums["kinetic"], *(float(x) for x in books.integrals), books.jumped + apart - self.apart,
+            t, energy + apart, sums["kinetic"], *(float(x) for x in ledger_sums.integrals),
+            ledger_sums.jumped + apart - self.apart,
         )  # fmt: skip
         if self.trace and self.trace[-1][0] == t:
             self.trace.pop()

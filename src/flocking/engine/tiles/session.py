@@ -20,14 +20,14 @@ from flocking.engine.runs.provenance import provenance
 from flocking.engine.runs.run import Closest, Run
 from flocking.engine.tiles import automatic_step, checks
 from flocking.engine.tiles.instability import Instability
-from flocking.engine.tiles.integrators import Scheme, Verlet, scheme_named
+from flocking.engine.tiles.integrators import Integrator, Verlet, integrator_named
 from flocking.engine.tiles.kernels.spec import KernelSpec, check_supported, graph_kinds
 from flocking.engine.tiles.law_check import LawCheck, Moment
 from flocking.engine.tiles.neighbours.listed_pairs import listed_pairs
 from flocking.engine.tiles.neighbours.neighbour_lists import TooManyNeighboursError
 from flocking.engine.tiles.options import TilesOptions as TilesOptions
-from flocking.engine.tiles.particle_arrays import Crowd
-from flocking.engine.tiles.particle_memory import CrowdMemory
+from flocking.engine.tiles.particle_arrays import ParticleArrays
+from flocking.engine.tiles.particle_memory import ParticleMemory
 from flocking.engine.tiles.planted_law import Planted
 from flocking.engine.tiles.records import MOST_LINKED, Records
 from flocking.engine.tiles.snapshot import TilesSnapshot as TilesSnapshot
@@ -80,9 +80,9 @@ class TilesSession:
         )
         self.farthest = 0.0
         self.law_gaps, self.instability = LawGaps(), Instability()
-        self._scheme: Scheme = scheme_named(self.options.scheme, self.options.ledger)
-        self._crowd = self._new_crowd(scenario, scenario.start)
-        checks.resolution(self._crowd, scenario.start.q, self.time)
+        self._integrator: Integrator = integrator_named(self.options.scheme, self.options.ledger)
+        self._particles = self._new_particles(scenario, scenario.start)
+        checks.resolution(self._particles, scenario.start.q, self.time)
         self.step, span = self.options.step or self._automatic_step(), scenario.t_end - scenario.start.t
         self.step = min(self.step, span) if span > 0 else self.step
         if span > MOST_STEPS * self.step:
@@ -102,17 +102,17 @@ class TilesSession:
             self.options.ledger,
         )  # fmt: skip
 
-    def _new_crowd(self, scenario: Scenario, state: State) -> Crowd:
+    def _new_particles(self, scenario: Scenario, state: State) -> ParticleArrays:
         spec = self._spec(scenario)
-        crowd = Crowd(scenario, state, spec, self.workers, self.options.lists_limit, self.options.skin)
+        particles = ParticleArrays(scenario, state, spec, self.workers, self.options.lists_limit, self.options.skin)
         if self.plant is not None:
-            crowd.planted = Planted(scenario, self.plant, spec)
-            crowd.planted.pass_switch_time(state.t)
-        return crowd
+            particles.planted = Planted(scenario, self.plant, spec)
+            particles.planted.pass_switch_time(state.t)
+        return particles
 
     def _automatic_step(self) -> float:
-        self._guarded(lambda: self._crowd.require_lists(0.0))
-        return automatic_step.choose(self._crowd, self.scenario, self.options.scheme)
+        self._guarded(lambda: self._particles.require_lists(0.0))
+        return automatic_step.choose(self._particles, self.scenario, self.options.scheme)
 
     @cached_property
     def singular_reach(self) -> float | None:
@@ -122,8 +122,8 @@ class TilesSession:
 
     @cached_property
     def _law_check(self) -> LawCheck:
-        half_steps = isinstance(self._scheme, Verlet) and not self._crowd.spec.damped
-        return LawCheck(self.scenario, self._crowd.dtype, half_steps=half_steps, refuses=self.plant is None)
+        half_steps = isinstance(self._integrator, Verlet) and not self._particles.spec.damped
+        return LawCheck(self.scenario, self._particles.dtype, half_steps=half_steps, refuses=self.plant is None)
 
     @property
     def recorder(self) -> Records:
@@ -133,12 +133,12 @@ class TilesSession:
     @property
     def memory_in_use(self) -> int:
         """Bytes of the session's own arrays."""
-        return self._crowd.nbytes
+        return self._particles.nbytes
 
     @property
     def rebuilds(self) -> int:
         """How often neighbour lists were built."""
-        return self._crowd.rebuilds
+        return self._particles.rebuilds
 
     @property
     def state(self) -> State:
@@ -147,34 +147,34 @@ class TilesSession:
         return State(q, p, self.time, self._links())
 
     def _look(self) -> tuple[Any, Any]:
-        crowd = self._crowd
-        velocities = self._guarded(lambda: self._scheme.look(crowd, self.time, self.step))
-        return crowd.in_order(crowd.X[: crowd.m]), crowd.in_order(velocities)
+        particles = self._particles
+        velocities = self._guarded(lambda: self._integrator.look(particles, self.time, self.step))
+        return particles.in_order(particles.X[: particles.m]), particles.in_order(velocities)
 
     def _links(self) -> Any:
         n = self.scenario.start.n
-        lists = self._crowd.lists[0]
+        lists = self._particles.lists[0]
         if n > MOST_LINKED or lists is None:
             return None
-        kind, graph = self._crowd.spec.graphs[0], self.scenario.law.graph
+        kind, graph = self._particles.spec.graphs[0], self.scenario.law.graph
         # Where links appear and break at one radius the positions tell them, whatever the kernel has looked at.
-        told = bool(graph.moves and np.all(graph.appear_radius == graph.break_radius))
-        i, j = listed_pairs(lists, n, linked=not told)
-        if told:
-            q = self._crowd.X[: self._crowd.m]
+        by_distance = bool(graph.moves and np.all(graph.appear_radius == graph.break_radius))
+        i, j = listed_pairs(lists, n, linked=not by_distance)
+        if by_distance:
+            q = self._particles.X[: self._particles.m]
             square = sum((row[j] - row[i]) ** 2 for row in q)
-            near = square < (self._crowd.each[0][i] if kind.uneven else self._crowd.limits[0][0])
+            near = square < (self._particles.each[0][i] if kind.uneven else self._particles.limits[0][0])
             i, j = i[near], j[near]
         links = np.zeros((n, n), dtype=bool)
-        links[self._crowd.ids[i], self._crowd.ids[j]] = True
+        links[self._particles.ids[i], self._particles.ids[j]] = True
         return links
 
     def forces(self) -> Array:
         """Acceleration of every agent at the session's time, without moving; shape (N, m)."""
-        crowd = self._crowd
-        self._guarded(lambda: crowd.require_lists(self.step))
-        crowd.move(self.time, keep=0.0, kick=1.0, drift=0.0, soft=0.0, hold=True)
-        return crowd.in_order(crowd.Y[crowd.m :])
+        particles = self._particles
+        self._guarded(lambda: particles.require_lists(self.step))
+        particles.move(self.time, keep=0.0, kick=1.0, drift=0.0, exponential_damping=0.0, hold=True)
+        return particles.in_order(particles.Y[particles.m :])
 
     def _guarded(self, action: Any) -> Any:
         """Run something that may rebuild lists; say it when they do not fit."""
@@ -241,36 +241,36 @@ class TilesSession:
         start, end, count, index = self._plan
         if index >= count:
             start, end = self.time, self._next_stop()
-            self._crowd.pass_switch_time(self.scenario, start)
+            self._particles.pass_switch_time(self.scenario, start)
             count, index = max(1, int(np.ceil((end - start) / self.step - 1e-9))), 0
         h = (end - start) / count
-        crowd, last = self._crowd, self._scheme.last
+        particles, last = self._particles, self._integrator.last
         self._plan = (start, end, count, index)
         resolves = np.inf
         if not (self.steps or self.options.ledger):
-            self._guarded(lambda: crowd.require_lists(h))
-            resolves = automatic_step.resolves(crowd, self.scenario, self.options.scheme)
-        looked = self.options.ledger and is_due(self.steps + 1)
+            self._guarded(lambda: particles.require_lists(h))
+            resolves = automatic_step.resolves(particles, self.scenario, self.options.scheme)
+        law_checked = self.options.ledger and is_due(self.steps + 1)
         try:
-            if looked:
+            if law_checked:
                 if not self._law_check.half_steps:
-                    self._guarded(lambda: crowd.require_lists(h))
-                self._law_check.before_step(crowd, self._moment, self.law_gaps)
-            self._guarded(lambda: self._scheme.step(crowd, self.time, h))
+                    self._guarded(lambda: particles.require_lists(h))
+                self._law_check.before_step(particles, self._moment, self.law_gaps)
+            self._guarded(lambda: self._integrator.step(particles, self.time, h))
         except FloatingPointError:
             why = "agents move further than the reach of their neighbour lists"
             raise step_too_large(self.step, h, why, time=self.time) from None
-        checks.after_step(crowd, h, self.records, self.step, self.time, self.singular_reach)
+        checks.after_step(particles, h, self.records, self.step, self.time, self.singular_reach)
         checks.stiff_start(self.step, resolves, self.options.scheme, self.time)
-        if looked:
-            self._law_check.after_step(crowd, 0.5 * (last + h), h, self._moment, self.law_gaps)
+        if law_checked:
+            self._law_check.after_step(particles, 0.5 * (last + h), h, self._moment, self.law_gaps)
         if not self.options.ledger:
             self.instability.look(
-                crowd, self.steps, h, self.step, self.time, alternating=self.options.scheme == "verlet"
+                particles, self.steps, h, self.step, self.time, alternating=self.options.scheme == "verlet"
             )  # fmt: skip
-        self.farthest = max(self.farthest, 2.0 * crowd.top_speed * h)
+        self.farthest = max(self.farthest, 2.0 * particles.top_speed * h)
         if self.options.ledger:
-            self.records.book(self.time, self._scheme.books, crowd.n, self.scenario.energy.unlinked)
+            self.records.book(self.time, self._integrator.ledger_sums, particles.n, self.scenario.energy.unlinked)
         self.steps += 1
         self._plan = (start, end, count, index + 1)
         self.time = end if index + 1 == count else start + (end - start) * (index + 1) / count
@@ -284,35 +284,35 @@ class TilesSession:
         if not self.records.due(self.time):
             return
         if not (self.options.keep_frames or self.options.observe):
-            self._guarded(lambda: self._scheme.look(self._crowd, self.time, self.step))
-            checks.links_kept(self._crowd, self.step, self.time)
+            self._guarded(lambda: self._integrator.look(self._particles, self.time, self.step))
+            checks.links_kept(self._particles, self.step, self.time)
             self._book()
             self.records.count += 1
             return
         q, p = self._look()
         if not (np.isfinite(q).all() and np.isfinite(p).all()):
             raise NotFinite("The state became infinite or NaN.", time=self.time)
-        checks.links_kept(self._crowd, self.step, self.time)
-        checks.resolution(self._crowd, q, self.time)
+        checks.links_kept(self._particles, self.step, self.time)
+        checks.resolution(self._particles, q, self.time)
         self._book()
         observed = None
         if self.options.observe:
             from flocking.engine.tiles.observables import observe
 
-            observed = observe(self._crowd, self.time, p)
+            observed = observe(self._particles, self.time, p)
         self.records.frame(self.time, q, p, self._links(), observed)
 
     def _book(self) -> None:
         """Bring the ledger up to date, and check the step against it."""
         if self.options.ledger:
-            self.records.book(self.time, self._scheme.books, self._crowd.n, self.scenario.energy.unlinked)
+            self.records.book(self.time, self._integrator.ledger_sums, self._particles.n, self.scenario.energy.unlinked)
             if not self.steps and not np.isfinite(self.records.trace[-1][1]):
                 fix = "Two agents sit where the potential is infinite; move them apart or inside its range."
                 if not np.isfinite(self.records.trace[-1][2]):
                     fix = f"Squares of the velocities overflow in {self.options.precision}."
                 raise InvalidInput("Scenario", "start", "must have a finite energy", self.records.trace[-1][1], fix)
-            eps = float(np.finfo(self._crowd.dtype).eps)
-            checks.ledger(self.records, self._scheme, eps, self.step, self.time)
+            eps = float(np.finfo(self._particles.dtype).eps)
+            checks.ledger(self.records, self._integrator, eps, self.step, self.time)
 
     def snapshot(self, *, copied: bool = True) -> TilesSnapshot:
         """Everything needed to go on bit for bit: sort order, lists, link memory and rebuild reference included.
@@ -320,8 +320,9 @@ class TilesSession:
         Not ``copied``, it is good only until the session goes on.
         """
         return TilesSnapshot(
-            self.scenario, self.options, self.step, self.time, self._plan, CrowdMemory.of(self._crowd, copied=copied),
-            self._scheme.memory(),
+            self.scenario, self.options, self.step, self.time, self._plan,
+            ParticleMemory.of(self._particles, copied=copied),
+            self._integrator.memory(),
             self.records.copy() if copied else self.records, self.steps, self.farthest,
             replace(self.law_gaps), self.instability.copy(), self.plant,
         )  # fmt: skip
@@ -332,16 +333,16 @@ class TilesSession:
         session = cls.__new__(cls)
         session.scenario, session.options, session.plant = snapshot.scenario, snapshot.options, snapshot.plant
         session.workers = Workers(threads or snapshot.options.threads)
-        session._scheme = scheme_named(snapshot.options.scheme, snapshot.options.ledger)
-        session._crowd = session._new_crowd(snapshot.scenario, snapshot.scenario.start)
-        snapshot.crowd.put_back(session._crowd)
-        session._scheme.recall(snapshot.scheme)
+        session._integrator = integrator_named(snapshot.options.scheme, snapshot.options.ledger)
+        session._particles = session._new_particles(snapshot.scenario, snapshot.scenario.start)
+        snapshot.particles.put_back(session._particles)
+        session._integrator.recall(snapshot.scheme)
         session.time, session.steps, session.step = snapshot.time, snapshot.steps, snapshot.step
         session.records, session._plan = snapshot.records.copy(), snapshot.plan
         session.farthest, session.law_gaps = snapshot.farthest, replace(snapshot.law_gaps)
         session.instability = snapshot.instability.copy()
         # The plan's steps go on under the values that scheduled gains had when it was made.
-        session._crowd.pass_switch_time(session.scenario, snapshot.plan[0])
+        session._particles.pass_switch_time(session.scenario, snapshot.plan[0])
         return session
 
     def replace(self, *, law: Law | None = None, state: State | None = None) -> None:
@@ -357,38 +358,38 @@ class TilesSession:
         UnsupportedLaw
             When this engine cannot run the law.
         """
-        crowd = self._crowd
+        particles = self._particles
         if self.plant is not None:
             raise InvalidInput("TilesSession", "law", "cannot be replaced where agents obey a plant", law)
-        velocities = self._guarded(lambda: self._scheme.look(crowd, self.time, self.step))
+        velocities = self._guarded(lambda: self._integrator.look(particles, self.time, self.step))
         before = self._energy()
         scenario = self.scenario.with_(law=law or self.scenario.law, t_end=max(self.scenario.t_end, self.time))
         check_supported(scenario)
         spec = self._spec(scenario)
-        scenario.law.check_count(crowd.n, crowd.m)
+        scenario.law.check_count(particles.n, particles.m)
         if state is not None:
             if state.q.shape != self.scenario.start.q.shape:
                 raise InvalidInput("TilesSession", "state", "must keep the number of agents", state.q.shape)
-            self._crowd = self._new_crowd(scenario, state)
-        elif spec.graphs == crowd.spec.graphs:
-            crowd.X[crowd.m :] = velocities
-            self._guarded(lambda: crowd.adopt(scenario, spec, self.time))
+            self._particles = self._new_particles(scenario, state)
+        elif spec.graphs == particles.spec.graphs:
+            particles.X[particles.m :] = velocities
+            self._guarded(lambda: particles.adopt(scenario, spec, self.time))
         else:
-            q, p = crowd.in_order(crowd.X[: crowd.m]), crowd.in_order(velocities)
-            self._crowd = self._new_crowd(scenario, State(q, p, self.time))
+            q, p = particles.in_order(particles.X[: particles.m]), particles.in_order(velocities)
+            self._particles = self._new_particles(scenario, State(q, p, self.time))
         self.scenario = scenario
         for name in ("_law_check", "singular_reach"):
             self.__dict__.pop(name, None)
-        self._scheme.last, self._scheme.counted = 0.0, True
+        self._integrator.last, self._integrator.counted = 0.0, True
         self._plan = (self.time, self.time, 1, 1)
         if self.options.ledger:
-            jumped = self._scheme.books.jumped
+            jumped = self._integrator.ledger_sums.jumped
             self._look()
-            self._scheme.books.jumped = jumped + self._energy() - before
-            self.records.book(self.time, self._scheme.books, crowd.n, scenario.energy.unlinked)
+            self._integrator.ledger_sums.jumped = jumped + self._energy() - before
+            self.records.book(self.time, self._integrator.ledger_sums, particles.n, scenario.energy.unlinked)
 
     def _energy(self) -> float:
-        sums = self._scheme.books.sums
+        sums = self._integrator.ledger_sums.sums
         return sum(sums.get(name, 0.0) for name in ("pairs", "bodies", "kinetic"))
 
     @property
@@ -397,7 +398,7 @@ class TilesSession:
         o = self.options
         found = provenance(self.engine, self.scenario) | {"steps": self.steps, "step": self.step, "scheme": o.scheme}
         return found | {
-            "precision": o.precision, "rebuilds": self._crowd.rebuilds, "switches": "not recorded",
+            "precision": o.precision, "rebuilds": self._particles.rebuilds, "switches": "not recorded",
             "farthest": self.farthest, **(self.law_gaps.about if o.ledger else {}),
         }  # fmt: skip
 

@@ -8,7 +8,7 @@ from typing import Any
 from flocking.engine.fixed_step.law_gaps import LawGaps
 from flocking.engine.tiles.instability import Instability
 from flocking.engine.tiles.options import TilesOptions
-from flocking.engine.tiles.particle_memory import CrowdMemory
+from flocking.engine.tiles.particle_memory import ParticleMemory
 from flocking.engine.tiles.records import Records
 from flocking.model.law import Law, Scenario
 
@@ -44,7 +44,7 @@ class TilesSnapshot:
     step: float
     time: float
     plan: tuple[float, float, int, int]
-    crowd: CrowdMemory
+    particles: ParticleMemory
     scheme: dict[str, Any]
     records: Records
     steps: int

@@ -127,7 +127,7 @@ class ObstacleViews:
         return self._sheet(panels, 2)
 
     def strip(self, summary: StoredSummary, times: Sequence[float]) -> Figure:
-        """Densities at some of the times kept, side by side."""
+        """Densities of a ``summary`` at some of its times, side by side."""
         return self._sheet([self._panel(summary, t, f"$t = {t:g}$") for t in times], len(times), letters=False)
 
     def beside(self, summary: Mapping[str, StoredSummary]) -> Figure:

@@ -249,8 +249,8 @@ class _Writer:
                 return "(" + " * ".join(factors) + ")" if len(factors) > 1 else factors[0]
             return f"T(1.0) / ({self._power(base, -exponent)})" if exponent != -1 else f"T(1.0) / {self._factor(base)}"
         text = self._temporary(self.write(base))
-        whole, half = int(sympy.floor(exponent)), exponent - sympy.floor(exponent)
-        factors = self._repeated(text, whole)
+        integer_part, half = int(sympy.floor(exponent)), exponent - sympy.floor(exponent)
+        factors = self._repeated(text, integer_part)
         if half == sympy.Rational(1, 2):
             factors.append(f"root({text})")
         elif half != 0:

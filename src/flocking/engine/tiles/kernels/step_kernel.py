@@ -44,19 +44,33 @@ def tile_kernels(spec: KernelSpec) -> ModuleType:
 def _arguments(spec: KernelSpec) -> list[str]:
     """Arguments of ``move``.
 
-    ``first_tile``, ``last_tile``; the time ``t``; ``keep``, ``kick``, ``drift``; ``whole`` (advances velocities to
-    those of the time of the positions) and ``soft`` (1 where velocities are damped exponentially); ``hold``
+    ``first_tile``, ``last_tile``; the time ``t``; ``keep``, ``kick``, ``drift``; ``velocity_lag`` (advances
+    velocities to those of the time of the positions) and ``exponential_damping`` (1 where velocities are damped
+    exponentially); ``hold``
     (links stay as they are); state ``X`` and its successor ``Y``, shape (16 tiles, 2m); the number of agents ``n``;
     per graph lists, squared radii per agent and for all; obstacles that each tile may meet; parameters ``P``, ``A``
     and ``O``; identities ``ids``; hash seeds and matrices of pair weights; means of the group; velocity of the crowd
-    ``C``; results ``tops`` and ``sums`` per tile.
+    ``C``; results ``tile_extremes`` and ``sums`` per tile.
     """
-    found = ["first_tile", "last_tile", "t", "keep", "kick", "drift", "whole", "soft", "hold", "X", "Y", "n"]
+    found = [
+        "first_tile",
+        "last_tile",
+        "t",
+        "keep",
+        "kick",
+        "drift",
+        "velocity_lag",
+        "exponential_damping",
+        "hold",
+        "X",
+        "Y",
+        "n",
+    ]
     for number in range(len(spec.graphs)):
         found += [f"{name}{number}" for name in GRAPH_ARGUMENTS]
     for number in range(len(spec.layout.encounters())):
         found += [f"begin{number}", f"who{number}"]
-    return [*found, "P", "A", "O", "ids", "seeds", "matrices", "M", "C", "tops", "sums"]
+    return [*found, "P", "A", "O", "ids", "seeds", "matrices", "M", "C", "tile_extremes", "sums"]
 
 
 def _indented(lines: Iterable[str], depth: int) -> str:
@@ -112,15 +126,15 @@ def _pair_block(w: _Writer, number: int, pair: PairFormulas) -> list[str]:
     """Loop over the neighbours of one tile under one graph."""
     spec, axes = w.spec, w.axes
     kind = spec.graphs[number]
-    wanted = {"along": pair.along, "drag": pair.drag}
+    requested = {"along": pair.along, "drag": pair.drag}
     if spec.ledger:
-        wanted |= {"storage": pair.storage, "dissipation": pair.dissipation, "supply": pair.supply}
-    wanted = {name: value for name, value in wanted.items() if value != 0}
-    if not wanted and not kind.barrier:
+        requested |= {"storage": pair.storage, "dissipation": pair.dissipation, "supply": pair.supply}
+    requested = {name: value for name, value in requested.items() if value != 0}
+    if not requested and not kind.barrier:
         return []
     from flocking.engine.kernels.codegen import free_names
 
-    names = free_names(wanted.values())
+    names = free_names(requested.values())
     lane = [
         f"at = (first{number}[tile] + step) * 16",
         f"entry = load(rows{number}, at)",
@@ -130,7 +144,7 @@ def _pair_block(w: _Writer, number: int, pair: PairFormulas) -> list[str]:
     mask = "NUMBER" if kind.memory or kind.fixed else "ALL"
     lane += [f"{', '.join(there)} = gather_agents(X, rows{number}, at, {mask})"]
     lane += [f"d{k} = q{k}_there - q{k}" for k in axes]
-    if "drag" in wanted or names.others & {"speed2", "radial", "pull"}:
+    if "drag" in requested or names.others & {"speed2", "radial", "pull"}:
         lane += [f"v{k} = p{k}_there - p{k}" for k in axes]
     lane += ["square = " + " + ".join(f"d{k} * d{k}" for k in axes), "other = j != i"]
     if kind.fixed:
@@ -161,29 +175,29 @@ def _pair_block(w: _Writer, number: int, pair: PairFormulas) -> list[str]:
         lane += ["push = (" + " + ".join(f"d{k} * {f}" for k, f in enumerate(relative)) + ") * inverse_r"]
     if "pull" in names.others:
         lane += ["pull = " + " + ".join(f"v{k} * {f}" for k, f in enumerate(relative))]
-    results = dict(wanted)
+    results = dict(requested)
     if "along" in results:
         # Dividing inside the expression lets common factors of r cancel.
         results["along"] = results["along"] / _distance()
-    met = _at_contact(wanted)
+    met = _at_contact(requested)
     results |= {f"met_{name}": value for name, value in met.items()}
     lane += w.statements(results, f"g{number}_", {"r": "inverse_r"})
     lane += [f"{name} = select(square > T(0.0), {name}, met_{name})" for name in met]
     for k in axes:
         terms = []
-        if "along" in wanted:
+        if "along" in requested:
             terms.append(f"select(apart, along, T(0.0)) * d{k}")
-        if "drag" in wanted:
+        if "drag" in requested:
             terms.append(f"select(linked, drag, T(0.0)) * v{k}")
         if terms:
             lane += [f"pull{k} = pull{k} + " + " + ".join(terms)]
-    if spec.damped and "drag" in wanted:
+    if spec.damped and "drag" in requested:
         lane += ["dragged = dragged + select(linked, drag, T(0.0))"]
     if spec.ledger:
         for name in ("storage", "dissipation", "supply"):
-            if name in wanted:
+            if name in requested:
                 lane += [f"total_{name} = total_{name} + select(linked, {name}, T(0.0))"]
-        if "storage" in wanted and kind.memory:
+        if "storage" in requested and kind.memory:
             change = "select(linked, storage, T(0.0)) - select(was, storage, T(0.0))"
             lane += [f"total_jumped = total_jumped + ({change})"]
         if number == 0:
@@ -191,13 +205,13 @@ def _pair_block(w: _Writer, number: int, pair: PairFormulas) -> list[str]:
     return [f"for step in range(count{number}[tile]):", *("    " + line for line in lane)]
 
 
-def _at_contact(wanted: dict[str, Any]) -> dict[str, Any]:
+def _at_contact(requested: dict[str, Any]) -> dict[str, Any]:
     """Limits, where two agents coincide, of the formulas that depend on the distance and have one."""
     from flocking.formula.contact import limit_at_contact
 
     still = {_parameter("radial"): 0, _parameter("push"): 0}
     found = {}
-    for name, value in wanted.items():
+    for name, value in requested.items():
         limit = limit_at_contact(value.subs(still), _distance()) if name != "along" else None
         if limit is not None and value.has(_distance()):
             found[name] = limit
@@ -213,9 +227,9 @@ def _encounter_block(w: _Writer, number: int, encounter: EncounterFormulas) -> l
     spec, outer = w.spec, w.lifter
     w.lifter = Lifter(lambda name: w.uniform(name) or bool(re.fullmatch(r"O\d+", name)), prefix=f"met{number}_")
     body: list[str] = []
-    wanted = {*(f"force{k}" for k in w.axes), *(("dissipation", "supply") if spec.ledger else ())}
+    requested = {*(f"force{k}" for k in w.axes), *(("dissipation", "supply") if spec.ledger else ())}
     *geometry, last = encounter.stages()
-    for k, stage in enumerate([*geometry, {f"meet_{n}": e for n, e in last.items() if n in wanted}]):
+    for k, stage in enumerate([*geometry, {f"meet_{n}": e for n, e in last.items() if n in requested}]):
         body += w.statements(stage, f"o{number}_{k}_")
     term, _ = spec.layout.encounters()[number]
     reach = spec.layout.slot(spec.layout.term_owner(term), "range")
@@ -270,11 +284,11 @@ def _tail_block(w: _Writer) -> list[str]:
             ledger |= {f"momentum{k}": mass * v for k, v in enumerate(moving)}
     lines = w.statements(results, "b_")
     if spec.ledger:
-        lines += [f"full{k} = p{k} + whole * a{k}" for k in axes] + w.statements(ledger, "e_")
+        lines += [f"full{k} = p{k} + velocity_lag * a{k}" for k in axes] + w.statements(ledger, "e_")
     for k in axes:
         if spec.damped:
             lines += [
-                f"x{k} = soft * kick * rate{k}",
+                f"x{k} = exponential_damping * kick * rate{k}",
                 f"x{k} = select(x{k} > T(0.0), x{k}, T(0.0))",
                 f"mild{k} = T(1.0) - x{k} * (T(0.5) - x{k} * T({1 / 6!r}))",
                 f"strong{k} = (T(1.0) - fast_exp(-x{k})) / select(x{k} > T(0.0), x{k}, T(1.0))",
@@ -287,8 +301,8 @@ def _tail_block(w: _Writer) -> list[str]:
     lines += ["square = " + " + ".join(f"c{k} * c{k}" for k in axes), "live = i < n"]
     # A NaN fails the comparison, so that it shows as an infinite speed.
     lines += ["speed = select(square < huge, square, endless)"]
-    lines += ["tops[tile, 0] = highest(select(live, speed, T(0.0)))", "tops[tile, 1] = lowest(near)"]
-    lines += ["tops[tile, 2] = highest(broken)" if _has_barriers(spec) else "tops[tile, 2] = T(0.0)"]
+    lines += ["tile_extremes[tile, 0] = highest(select(live, speed, T(0.0)))", "tile_extremes[tile, 1] = lowest(near)"]
+    lines += ["tile_extremes[tile, 2] = highest(broken)" if _has_barriers(spec) else "tile_extremes[tile, 2] = T(0.0)"]
     if spec.ledger:
         parts = {name: f"total(select(live, {name}, T(0.0)))" for name in ledger}
         parts |= {"pairs": "0.5 * total(total_storage)", "links": "total(links)", "jumped": "0.5 * total(total_jumped)"}

@@ -21,7 +21,3 @@ def sums_of(spec: KernelSpec) -> tuple[str, ...]:
     if spec.ledger and spec.layout.energy.frame == "centre of mass":
         return (*SUMS, *(f"momentum{k}" for k in range(spec.dimension)))
     return SUMS
-
-
-TOPS = ("speed2", "near2", "broken")
-"""What every kernel reports of a tile: largest squared speed, smallest squared distance of linked agents, breaks."""

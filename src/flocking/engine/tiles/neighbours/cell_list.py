@@ -62,18 +62,18 @@ def choose_grid(low: Any, high: Any, reach: float, n: int) -> Grid:
     """
     m = len(low)
     width = reach * (1.0 + ROUNDING)
-    wanted = np.maximum(np.floor((np.asarray(high) - np.asarray(low)) / width) + 1.0, 3.0)
+    per_axis = np.maximum(np.floor((np.asarray(high) - np.asarray(low)) / width) + 1.0, 3.0)
     most = max(2.0 * n, 3.0**m)
-    if wanted.prod() > most:
-        # Shrink the longest axes first: a thin crowd keeps its own shape.
-        order = np.argsort(wanted)
+    if per_axis.prod() > most:
+        # Shrink the longest axes first: a thin group keeps its own shape.
+        order = np.argsort(per_axis)
         left, axes = most, m
         for axis in order:
             share = left ** (1.0 / axes)
-            wanted[axis] = max(3.0, min(wanted[axis], np.floor(share)))
-            left /= wanted[axis]
+            per_axis[axis] = max(3.0, min(per_axis[axis], np.floor(share)))
+            left /= per_axis[axis]
             axes -= 1
-    shape = [int(k) for k in wanted] + [1] * (3 - m)
+    shape = [int(k) for k in per_axis] + [1] * (3 - m)
     origin = [float(x) for x in low] + [0.0] * (3 - m)
     return Grid((origin[0], origin[1], origin[2]), 1.0 / width, (shape[0], shape[1], shape[2]))
 
@@ -121,25 +121,25 @@ def _count(first, last, agents, n, origin, inverse, shape, shift, key, counts): 
 
 
 @native
-def _scatter(first, last, n, shift, key, places, key_there, index_there):  # type: ignore[no-untyped-def]
+def _scatter(first, last, n, shift, key, places, key_buffer, index_buffer):  # type: ignore[no-untyped-def]
     for chunk in range(first, last):
         for i in range(chunk * CHUNK, min((chunk + 1) * CHUNK, n)):
             k = key[i]
             at = places[chunk, k >> shift]
             places[chunk, k >> shift] = at + 1
-            key_there[at] = k
-            index_there[at] = i
+            key_buffer[at] = k
+            index_buffer[at] = i
 
 
 @native
-def _settle(first, last, shift, cells, begins, key_there, index_there, parts, start, order, crowded):  # type: ignore[no-untyped-def]
+def _settle(first, last, shift, cells, begins, key_buffer, index_buffer, parts, start, order, crowded):  # type: ignore[no-untyped-def]
     for bucket in range(first, last):
         low = bucket << shift
         high = min((bucket + 1) << shift, cells)
         for c in range(low, high):
             start[c] = 0
         for at in range(begins[bucket], begins[bucket + 1]):
-            start[key_there[at]] += 1
+            start[key_buffer[at]] += 1
         running, pairs = begins[bucket], 0.0
         for c in range(low, high):
             held = np.int64(start[c])
@@ -148,8 +148,8 @@ def _settle(first, last, shift, cells, begins, key_there, index_there, parts, st
             pairs += held * max(held / parts - 1.0, 0.0)
         crowded[bucket] = pairs
         for at in range(begins[bucket], begins[bucket + 1]):
-            c = key_there[at]
-            order[start[c]] = index_there[at]
+            c = key_buffer[at]
+            order[start[c]] = index_buffer[at]
             start[c] += 1
         for c in range(high - 1, low, -1):
             start[c] = start[c - 1]
@@ -200,8 +200,8 @@ class Sorter:
     def __init__(self, n: int, workers: Workers) -> None:
         self.n, self.workers = n, workers
         self.key = np.empty(n, np.int32)
-        self.key_there = np.empty(n, np.int32)
-        self.index_there = np.empty(n, np.int32)
+        self.key_buffer = np.empty(n, np.int32)
+        self.index_buffer = np.empty(n, np.int32)
         self.order: Ints = np.empty(n, np.int32)
         self.start: Ints = np.empty(1, np.int32)
         self.grid = Grid((0.0, 0.0, 0.0), 1.0, (3, 3, 1))
@@ -245,12 +245,13 @@ class Sorter:
         ends = np.cumsum(counts.T.ravel(), dtype=np.int64)
         places = np.ascontiguousarray((ends - counts.T.ravel()).reshape(buckets, chunks).T)
         begins = np.append(places[0], n)
-        each(_scatter, chunks, n, shift, self.key, places, self.key_there, self.index_there)
+        each(_scatter, chunks, n, shift, self.key, places, self.key_buffer, self.index_buffer)
         if len(self.start) != cells + 1:
             self.start = np.empty(cells + 1, np.int32)
         crowded = np.empty(buckets)
         each(
-            _settle, buckets, shift, cells, begins, self.key_there, self.index_there, 2.0 ** len(seen.low), self.start,
+            _settle, buckets, shift, cells, begins, self.key_buffer, self.index_buffer,
+            2.0 ** len(seen.low), self.start,
             self.order, crowded,
         )  # fmt: skip
         self.start[cells] = n
@@ -266,6 +267,6 @@ class Sorter:
         target, target_ids
             Where they go.
         """
-        place = self.key_there
+        place = self.key_buffer
         self.workers.each(_arrange, self.n, self.order, agents, ids, target, target_ids, reference, place)
         return place

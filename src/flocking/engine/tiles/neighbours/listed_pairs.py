@@ -6,8 +6,10 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flocking.engine.tiles.neighbours.neighbour_lists import NUMBER, WIDTH, TileLists
+from flocking.engine.tiles.neighbours.neighbour_lists import LINKED, NUMBER, WIDTH, TileLists
+from flocking.model.graphs.connectivity import Links
 
 
 def tile_pairs(lists: TileLists, tiles: Iterable[int], n: int) -> tuple[Any, Any]:
@@ -61,3 +63,21 @@ def nearest_pair_beyond(
     squares = ((positions[:, j] - positions[:, i]) ** 2).sum(axis=0)
     k = int(np.argmin(np.where(squares >= square, squares, np.inf)))
     return int(i[k]), int(j[k])
+
+
+def remember_links(lists: TileLists, links: Links, ids: NDArray[np.int32]) -> None:
+    """Set the memory of links that neighbour lists keep.
+
+    Parameters
+    ----------
+    links
+        Link matrix by the numbers of the agents, shape (N, N).
+    ids
+        Which agent lies at each place, shape (size,).
+    """
+    tile = np.repeat(np.arange(len(lists.count)), lists.count)
+    at = np.concatenate([np.arange(f, f + c) for f, c in zip(lists.first, lists.count, strict=True)]).astype(int)
+    entries = lists.rows[at]
+    i = ids[tile[:, None] * WIDTH + np.arange(WIDTH)]
+    j = ids[(entries & NUMBER).astype(np.int64)]
+    lists.rows[at] = np.where(links[i, j], entries | LINKED, entries & NUMBER)

@@ -58,21 +58,10 @@ class TileLists:
         return int(self.rows.nbytes + self.first.nbytes + self.count.nbytes)
 
 
-def empty_lists(tiles: int) -> TileLists:
-    """Lists without a single entry.
-
-    Parameters
-    ----------
-    tiles
-        Number of tiles.
-    """
-    return TileLists(np.empty((0, WIDTH), np.uint32), np.zeros(tiles, np.int64), np.zeros(tiles, np.int32))
-
-
 @native
 def _search(  # type: ignore[no-untyped-def]
     first_chunk, last_chunk, agents, n, reach2, each_reach2, origin, inverse, shape, start,
-    rows, first, count, stretch, room, need, numbers,
+    rows, first, count, stretch, capacity, need, numbers,
 ):  # fmt: skip
     """Neighbours of all agents of some chunks: candidates are tested against the agents of a tile side by side."""
     three = agents.shape[1] == 6
@@ -80,8 +69,8 @@ def _search(  # type: ignore[no-untyped-def]
     tiles = first.shape[0]
     for chunk in range(first_chunk, last_chunk):
         cursor = stretch[chunk]
-        end = cursor + room[chunk]
-        wanted = np.int64(0)
+        end = cursor + capacity[chunk]
+        needed = np.int64(0)
         found = numbers[chunk]
         for tile in range(chunk * TILES_IN_CHUNK, min((chunk + 1) * TILES_IN_CHUNK, tiles)):
             base = tile * WIDTH
@@ -142,7 +131,7 @@ def _search(  # type: ignore[no-untyped-def]
                 lane = last
             held = load(found, 0)
             most = np.int64(highest(held))
-            wanted += most
+            needed += most
             if cursor + most > end:
                 cursor = np.int64(end + 1)
                 continue
@@ -152,7 +141,7 @@ def _search(  # type: ignore[no-untyped-def]
             first[tile] = cursor
             count[tile] = most
             cursor += most
-        need[chunk] = wanted
+        need[chunk] = needed
 
 
 @native
@@ -229,7 +218,7 @@ class ListBuilder:
         self.n, self.workers, self.memory_limit = n, workers, memory_limit
         self.tiles = (n + WIDTH - 1) // WIDTH
         self.chunks = (self.tiles + TILES_IN_CHUNK - 1) // TILES_IN_CHUNK
-        self.room = np.zeros(self.chunks, np.int64)
+        self.capacity = np.zeros(self.chunks, np.int64)
         self.spare: TileLists | None = None
 
     def build(
@@ -283,19 +272,19 @@ class ListBuilder:
         origin, shape = np.array(grid.origin), np.array(grid.shape)
         numbers = np.empty((self.chunks, WIDTH), np.uint32)
         while True:
-            total = int(self.room.sum())
+            total = int(self.capacity.sum())
             if total * WIDTH * 4.0 > self.memory_limit:
                 raise TooManyNeighboursError(total * WIDTH * 4.0)
             lists = self._reuse(total)
-            stretch = np.cumsum(self.room) - self.room
+            stretch = np.cumsum(self.capacity) - self.capacity
             need = np.zeros(self.chunks, np.int64)
             self.workers.each_large(
                 _search, self.chunks, agents, self.n, dtype(reach) ** 2, limits, origin, grid.inverse, shape, start,
-                lists.rows, lists.first, lists.count, stretch, self.room, need, numbers,
+                lists.rows, lists.first, lists.count, stretch, self.capacity, need, numbers,
             )  # fmt: skip
-            if (need <= self.room).all():
+            if (need <= self.capacity).all():
                 return lists
-            self.room = np.where(need > self.room, need + need // 8 + 8, self.room)
+            self.capacity = np.where(need > self.capacity, need + need // 8 + 8, self.capacity)
             self.spare = None
 
     def _reuse(self, total: int) -> TileLists:

@@ -23,7 +23,7 @@ MARGIN = 0.5
 """Margin as a fraction of the longest range."""
 
 
-class NearbyObstacles:
+class ObstacleLists:
     """Lists of the obstacles of a law that each tile may meet.
 
     Parameters

@@ -22,7 +22,7 @@ ENTRY_BYTES = 4.0
 """Memory of one neighbour in a list."""
 
 
-class Room:
+class PairCountBound:
     """Refuses lists that cannot fit, before any pair is looked at.
 
     Parameters
@@ -107,7 +107,7 @@ def certain_pairs(q: Any, reach: float) -> float:
         # Each unordered pair of boxes once.
         if offset <= (0,) * m or sum((abs(k) + 1) ** 2 for k in offset) > parts**2:
             continue
-        wanted = keys + int(np.dot(offset, strides))
-        there = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-        total += 2.0 * float((held * held[there])[keys[there] == wanted].sum())
+        neighbour_keys = keys + int(np.dot(offset, strides))
+        found_at = np.minimum(np.searchsorted(keys, neighbour_keys), len(keys) - 1)
+        total += 2.0 * float((held * held[found_at])[keys[found_at] == neighbour_keys].sum())
     return total

@@ -9,8 +9,6 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 
-import numpy as np
-
 
 def _split(value: Fraction, keep: int) -> list[float]:
     """``value`` as a sum of floats, the first ones with few bits so that their small multiples are exact."""
@@ -111,14 +109,3 @@ def _logarithm(name: str, double: bool) -> str:
         "    return select(x < T(np.inf), value, select(x > T(0.0), x, value))",
     ]
     return "\n".join(lines) + "\n\n\n"
-
-
-def tested_error(double: bool) -> float:
-    """Largest relative error that tests allow each function, in units of rounding times 4.
-
-    Parameters
-    ----------
-    double
-        Whether numbers have 64 bits, else 32.
-    """
-    return 4.0 * float(np.finfo(np.float64 if double else np.float32).eps)
