@@ -6,7 +6,7 @@ formulas have limits, which most reach by setting r = 0; some, as sin(r)/r, only
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from flocking.formula.precise import evaluator, wide_context
 
@@ -84,7 +84,7 @@ def _factors(term: sympy.Expr) -> tuple[sympy.Expr, sympy.Expr]:
     return sympy.Mul(*plain), sympy.Mul(*(x for x in factors if x.has(sympy.Piecewise)))
 
 
-def _finite(value: Any) -> sympy.Expr | None:
+def _finite(value: sympy.Expr) -> sympy.Expr | None:
     import sympy
 
     infinite = value.has(sympy.zoo, sympy.oo, -sympy.oo, sympy.nan, sympy.I, sympy.AccumBounds)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from flocking.arrays import Links
 from flocking.errors import InvalidInput, SuspectInput
 from flocking.model.checks import Array, array, axes_of, number, one_of, scalar_or_each
 
@@ -40,7 +40,7 @@ class State:
     q: Array
     p: Array = None  # type: ignore[assignment]
     t: float = 0.0
-    links: np.ndarray[Any, np.dtype[np.bool_]] | None = None
+    links: Links | None = None
 
     def __post_init__(self) -> None:
         q = array("State", "q", self.q, ndim=2)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -152,7 +152,12 @@ def scale(
 
 
 def _mapped(
-    what: object, time: float | None, frame: int | None, limits: Any, cell: float | None, blur: float | None
+    what: object,
+    time: float | None,
+    frame: int | None,
+    limits: tuple[Sequence[float], Sequence[float]] | None,
+    cell: float | None,
+    blur: float | None,
 ) -> tuple[DensityMap, State, str]:
     """The map, the state it was made of (an empty one for a map made before), and what its title says."""
     if isinstance(what, DensityMap):

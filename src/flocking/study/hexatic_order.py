@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
+from flocking.arrays import AnyArray
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, number
 
@@ -65,7 +64,7 @@ def largest_share(q: Array, reach: float) -> tuple[int, float]:
     return int(count), float(np.bincount(labels).max()) / len(q)
 
 
-def _sum(pairs: NDArray[np.int64], values: Any, n: int) -> Any:
+def _sum(pairs: NDArray[np.int64], values: AnyArray, n: int) -> AnyArray:
     return np.bincount(pairs[:, 0], values, n) + np.bincount(pairs[:, 1], values, n)
 
 

@@ -6,11 +6,11 @@ import csv
 import itertools
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flocking.arrays import Links
 from flocking.engine.reference.control import evaluate
 from flocking.engine.runs.run import SWITCH_FIELDS, TRACE_FIELDS, Closest, Run
 from flocking.errors import InvalidInput
@@ -186,7 +186,7 @@ def _integrate(t: Array, power: Array, switched: NDArray[np.bool_]) -> tuple[Arr
     return fine, float(np.abs(np.diff(fine - coarse))[~switched].sum()), float(jumps.sum())
 
 
-def _jumps(scenario: Scenario, links: list[Any]) -> Array:
+def _jumps(scenario: Scenario, links: list[Links]) -> Array:
     """Energy that links bring or take: the stored energy of a pair at the distance where the graph switches it."""
     law = scenario.law
     first = np.max(np.asarray(law.graph.appear_radius))
@@ -214,7 +214,7 @@ def _gap(t: Array, p: Array) -> float:
     return float((np.diff(t) * np.maximum(spread[1:], spread[:-1])).max()) if len(t) > 1 else math.inf
 
 
-def _closest(t: Array, q: Array, links: list[Any]) -> tuple[Closest, Closest]:
+def _closest(t: Array, q: Array, links: list[Links]) -> tuple[Closest, Closest]:
     best = [Closest(), Closest()]
     for k, place in enumerate(q):
         distance = pair_distances(place)

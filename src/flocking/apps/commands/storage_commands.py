@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from cyclopts import Parameter
 
@@ -105,5 +105,5 @@ def diff(one: Path, two: Path, *, tolerance: float = 0.0, as_json: Json = False)
     return EQUAL if found is None else DIFFERENT
 
 
-def _print_json(data: Any) -> None:
+def _print_json(data: object) -> None:
     print(json.dumps(data, indent=2, allow_nan=False, ensure_ascii=False))

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from flocking.apps.reproduction.claim_pictures import draw_pictures, picture_of
 from flocking.apps.reproduction.film import write_film
@@ -24,6 +24,9 @@ from flocking.study.claims.claim import Basis, Claim, Result, Verdict
 from flocking.study.claims.judgement import FEWEST_SEEDS, Judgement
 from flocking.study.claims.settled_run import settled_runs
 from flocking.study.equation_table import Fault, RowData
+
+if TYPE_CHECKING:
+    from joblib import Parallel
 
 MOST_SEEDS = 10_000
 """Largest number of seeds: more is a slip of the hand."""
@@ -210,7 +213,7 @@ class _Found:
     verdicts: dict[str, dict[int | str, Verdicts]]
     runs: dict[str, Run]
 
-    def examine(self, parallel: Any, tasks: Sequence[Task], step: _Steps) -> None:
+    def examine(self, parallel: Parallel, tasks: Sequence[Task], step: _Steps) -> None:
         """Examine some runs and keep what comes of them."""
         from joblib import delayed
 

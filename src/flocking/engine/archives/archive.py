@@ -14,7 +14,7 @@ import numpy as np
 from flocking.arrays import AnyArray
 from flocking.engine.archives.data_checks import MalformedError
 
-Arrays = dict[str, np.ndarray[Any, Any]]
+Arrays = dict[str, AnyArray]
 """Arrays by name."""
 
 NUMBERS = "numbers"
@@ -41,8 +41,8 @@ def write_archive(file: BinaryIO, numbers: Mapping[str, object], arrays: Arrays)
         Arrays by name.
     """
     text = json.dumps(numbers, default=lambda x: x.item()).encode()
-    whole: dict[str, Any] = {NUMBERS: np.frombuffer(text, dtype=np.uint8), **arrays}
-    np.savez(file, **whole)
+    whole: dict[str, AnyArray] = {NUMBERS: np.frombuffer(text, dtype=np.uint8), **arrays}
+    np.savez(file, allow_pickle=False, **whole)
 
 
 def read_archive(data: bytes | Path) -> tuple[dict[str, Any], Arrays]:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import sys
 import time
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flocking.model.law import Scenario
+
+if TYPE_CHECKING:
+    pass
 
 QUIET_SECONDS = 2.0
 LINE_SECONDS = 10.0

@@ -16,7 +16,7 @@ class _Start:
     ball = staticmethod(starts.ball)
     hexagonal = staticmethod(starts.hexagonal)
 
-    def __call__(self, scenario: Scenario, engine: str = "auto", *, plant: Law | None = None, **options: Any) -> Any:
+    def __call__(self, scenario: Scenario, engine: str = "auto", *, plant: Law | None = None, **options: object) -> Any:
         """Open a session; see `flocking.engine.driver.simulate.start`."""
         return simulate.start(scenario, engine, plant=plant, **options)
 

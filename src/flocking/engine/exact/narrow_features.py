@@ -62,7 +62,11 @@ _known: dict[object, Array] = {}
 
 
 def zones_of(
-    owner: str, function: Any, parameters: Sequence[Array], borders: Sequence[float], rows: tuple[object, ...] = ()
+    owner: str,
+    function: Any,
+    parameters: Sequence[Array],
+    borders: Sequence[float],
+    rows: tuple[object, ...] = (),
 ) -> Array:
     """Result of `zones`, found once for the same formulas and numbers.
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from flocking.arrays import Array
+from flocking.arrays import Array, Indices
 from flocking.engine.fixed_step.passing_pairs import singular_reach
 from flocking.engine.fixed_step.step_checks import STRIDE
 from flocking.model.law import Scenario
@@ -45,9 +45,9 @@ class SampledPairs:
         Size of its relative velocity.
     """
 
-    agent: Any
-    distance: Any
-    speed: Any
+    agent: Indices
+    distance: Array
+    speed: Array
 
 
 def largest_step(scenario: Scenario, sampled: Sequence[SampledPairs | None], scheme: str) -> float:

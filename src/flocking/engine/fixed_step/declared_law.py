@@ -6,12 +6,13 @@ scenario's own parameters: neither the kernels of an engine nor the numbers it h
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from flocking.arrays import Numbers
+from flocking.arrays import Indices, Numbers, Positions, Velocities
 from flocking.engine.kernels.codegen import array_kernels
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.reference.control import obstacles_met
@@ -50,9 +51,9 @@ class Group:
         Centre of mass and its velocity, shape (m,); NaN where the law uses none.
     """
 
-    q: Any
-    p: Any
-    ids: Any
+    q: Positions
+    p: Velocities
+    ids: Numbers
     t: float
     since: float
     frame: Array
@@ -113,7 +114,7 @@ class Declared:
         P = np.concatenate([np.array(scalars, dtype=np.float64), self._layout.obstacle_rows().ravel()])
         return P, rows, weights
 
-    def state(self, group: Group, judged: Any, pairs: list[tuple[Any, Any, Any]]) -> Statement:
+    def state(self, group: Group, judged: Indices, pairs: list[tuple[Numbers, Numbers, Numbers]]) -> Statement:
         """What the law says of the agents at the places ``judged``, shape (S,).
 
         Parameters
@@ -167,12 +168,14 @@ class Declared:
         errors += SAFETY * self.rounding * np.abs(powers)
         return Statement(force, error, size, powers, errors)
 
-    def _bodies(self, group: Group, slots: tuple[Array, list[Any]], q: Array, p: Array, sums: Any) -> None:
+    def _bodies(
+        self, group: Group, slots: tuple[Array, list[Any]], q: Array, p: Array, sums: tuple[Array, ...]
+    ) -> None:
         """Add what body terms and obstacles do to the judged agents."""
         P, A = slots
         force, size, error, powers, errors = sums
         count, m = q.shape
-        given: dict[str, Any] = {"t": group.t, **{f"A{k}": row for k, row in enumerate(A)}}
+        given: dict[str, object] = {"t": group.t, **{f"A{k}": row for k, row in enumerate(A)}}
         for k in range(m):
             given |= {f"q{k}": q[:, k], f"p{k}": p[:, k], f"mean_q{k}": group.mean_q[k], f"mean_p{k}": group.mean_p[k]}
         body, off = self._both("body", P, given, count)
@@ -194,7 +197,7 @@ class Declared:
                 np.add.at(errors[:, column], i, NEAR_OBSTACLES * self.rounding * np.abs(values[name]))
 
     def _both(
-        self, name: str, P: Array, given: dict[str, Any], count: int
+        self, name: str, P: Array, given: Mapping[str, object], count: int
     ) -> tuple[dict[str, Array], dict[str, Array]]:
         """Values of a function, and bounds on what rounding does to them: single precision shows how much that is."""
         function = getattr(self._module, name)
@@ -211,7 +214,7 @@ class Declared:
         return found, off
 
 
-def _pair_values(d: Array, v: Array, own: Array) -> dict[str, Any]:
+def _pair_values(d: Array, v: Array, own: Array) -> dict[str, Array]:
     r = np.sqrt((d**2).sum(axis=1))
     length = np.where(r > 0, r, 1.0)
     return {

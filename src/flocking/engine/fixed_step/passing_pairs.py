@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from flocking.arrays import Array
+from flocking.arrays import Array, Numbers
 from flocking.engine.fixed_step.step_checks import STRIDE, check_stride
 from flocking.model.law import Law
 from flocking.model.terms.pair_terms import Gradient
@@ -28,7 +26,7 @@ def singular_reach(law: Law) -> float:
 
 
 def check_passing(
-    q: Array, moved: Array, reach: float, step: float, *, time: float, ids: Any | None = None
+    q: Array, moved: Array, reach: float, step: float, *, time: float, ids: Numbers | None = None
 ) -> None:  # fmt: skip
     """Whether no pair comes within ``reach`` on its straight way while it moves too far for its distance.
 

@@ -81,7 +81,7 @@ def free_pieces(count: int) -> tuple[NDArray[np.int32], Array]:
     return np.zeros(count, dtype=np.int32), np.array([FREE])
 
 
-def limits(borders: Sequence[float], formulas: Shape, parameters: Sequence[Any] = ()) -> Array:
+def limits(borders: Sequence[float], formulas: Shape, parameters: Sequence[object] = ()) -> Array:
     """Limits of ``side`` and ``reach`` in the pieces that end at some borders, shape (borders, 4).
 
     Parameters

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import inspect
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from flocking.arrays import Array
+from flocking.arrays import AnyArray, Array
 from flocking.engine.kernels.layout import MASS, Layout
 from flocking.engine.lammps.bodies import AXES, BodyDeck, body_deck
 from flocking.engine.lammps.checks import check_supported
@@ -47,7 +46,7 @@ class Deck:
     skin: float
     parts: list[PairPart]
     body: BodyDeck
-    A: Any
+    A: Array
 
     @property
     def dimension(self) -> int:
@@ -142,7 +141,7 @@ class Deck:
         return {f"table{k}.txt": table_text("REST", p.table) for k, p in enumerate(self.parts) if p.table is not None}
 
 
-def _rows(pattern: str, *columns: Any) -> list[str]:
+def _rows(pattern: str, *columns: AnyArray) -> list[str]:
     table = np.concatenate(columns, axis=1).tolist()
     return [pattern % (k, *row) for k, row in enumerate(table, start=1)]
 

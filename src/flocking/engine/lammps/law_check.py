@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from flocking.arrays import Forces
 from flocking.engine.fixed_step.declared_law import Declared, Group
 from flocking.engine.fixed_step.law_gaps import LawGaps
 from flocking.engine.lammps.deck import Deck
@@ -63,7 +62,7 @@ class LawCheck:
         self._declared = Declared(scenario, float(np.finfo(np.float64).eps))
         self._tables = [float(part.table_error) for part in deck.parts]
 
-    def look(self, state: State, forces: Any, step: float, *, fatal: bool) -> None:
+    def look(self, state: State, forces: Forces, step: float, *, fatal: bool) -> None:
         """Judge the forces that moved the agents to ``state``.
 
         They saw positions of now and velocities of half a step before.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from flocking.arrays import Array, Indices
@@ -38,7 +36,7 @@ class Ledger:
         self.trace: list[tuple[float, ...]] = []
         self.closest_linked = Closest()
         self.closest_unlinked = Closest()
-        self._last: tuple[float, Any] | None = None
+        self._last: tuple[float, Array] | None = None
         self._heights = [rims[0] - scenario.energy.unlinked, *rims[1:]]
         self._counts: list[int] = []
         self._layout = Layout(scenario.law, scenario.energy)

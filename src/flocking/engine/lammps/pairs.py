@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -43,7 +43,7 @@ class PairPart:
 
     radius: float
     energy: str
-    table: np.ndarray[Any, Any] | None
+    table: Array | None
     drag: float
     rim: float
 
@@ -57,7 +57,7 @@ class PairPart:
         return 0.0 if self.table is None else float(np.abs(np.diff(self.table[1], 2)).max(initial=0.0))
 
 
-def numbers(layout_values: Any, expression: sympy.Expr) -> sympy.Expr:
+def numbers(layout_values: Array, expression: sympy.Expr) -> sympy.Expr:
     """The expression with its single-number parameters ``P0``, ``P1``... replaced by their values.
 
     Parameters

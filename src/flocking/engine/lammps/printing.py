@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from typing import Any, ClassVar
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, ClassVar
 
 from flocking.errors import UnsupportedLaw
+
+if TYPE_CHECKING:
+    import sympy
 
 _COMPARE = {
     "StrictLessThan": "<", "LessThan": "<=", "StrictGreaterThan": ">", "GreaterThan": ">=", "Equality": "==",
@@ -24,7 +27,7 @@ class _Writer(ABC):
     def __init__(self, names: Mapping[str, str]) -> None:
         self.names = names
 
-    def write(self, e: Any) -> str:
+    def write(self, e: sympy.Expr) -> str:
         """Text of an expression or condition."""
         import sympy
 
@@ -47,7 +50,7 @@ class _Writer(ABC):
             return self._power(e.base, e.exp)
         return self._call(type(e).__name__, e.args)
 
-    def _product(self, e: Any) -> str:
+    def _product(self, e: sympy.Expr) -> str:
         import sympy
 
         above, below = [], []
@@ -59,7 +62,7 @@ class _Writer(ABC):
         text = "*".join(above) or "1"
         return f"({text}/({'*'.join(below)}))" if below else f"({text})"
 
-    def _power(self, base: object, exponent: Any) -> str:
+    def _power(self, base: object, exponent: sympy.Expr) -> str:
         import sympy
 
         if exponent.is_number and exponent.is_negative:
@@ -72,7 +75,7 @@ class _Writer(ABC):
             return f"(({self.write(base)})^{int(exponent - sympy.Rational(1, 2))}*sqrt({self.write(base)}))"
         return f"(({self.write(base)})^{self.write(exponent)})"
 
-    def _call(self, name: str, arguments: Any) -> str:
+    def _call(self, name: str, arguments: Sequence[sympy.Expr]) -> str:
         if name in self.functions:
             return f"{self.functions[name]}({', '.join(self.write(a) for a in arguments)})"
         if name in ("sinh", "cosh", "tanh"):
@@ -87,7 +90,7 @@ class _Writer(ABC):
             return self._extreme(name, [self.write(a) for a in arguments])
         raise UnsupportedLaw(f"LAMMPS has no form of the function {name}. Use engine='tiles' or 'exact'.")
 
-    def _pieces(self, e: Any) -> str:
+    def _pieces(self, e: sympy.Expr) -> str:
         *front, (last, _) = e.args
         text = self.write(last)
         for value, condition in reversed(front):
@@ -116,7 +119,7 @@ class VariableWriter(_Writer):
         # Evaluates the chosen branch alone: the other may divide by zero.
         return f"ternary({condition}, {yes}, {no})"
 
-    def _condition(self, e: Any) -> str:
+    def _condition(self, e: sympy.Expr) -> str:
         import sympy
 
         if e in (sympy.true, sympy.false):
@@ -143,7 +146,7 @@ class LeptonWriter(_Writer):
     def _choice(self, condition: str, yes: str, no: str) -> str:
         return f"select({condition},{yes},{no})"
 
-    def _condition(self, e: Any) -> str:
+    def _condition(self, e: sympy.Expr) -> str:
         import sympy
 
         if e in (sympy.true, sympy.false):
@@ -172,7 +175,7 @@ class LeptonWriter(_Writer):
         return text
 
 
-def variable(expression: Any, names: Mapping[str, str]) -> str:
+def variable(expression: sympy.Expr, names: Mapping[str, str]) -> str:
     """A formula for LAMMPS's ``variable`` command; ``names`` replaces symbols by what LAMMPS calls them.
 
     Raises

@@ -7,12 +7,15 @@ import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from flocking.arrays import Array
 from flocking.errors import FlockingError, SimulationError
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
 
 T = TypeVar("T")
 
@@ -29,7 +32,7 @@ class Ranks:
         An mpi4py communicator.
     """
 
-    def __init__(self, comm: Any) -> None:
+    def __init__(self, comm: Comm) -> None:
         self.comm = comm
         self.rank, self.size = int(comm.rank), int(comm.size)
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.arrays import Links, Positions, Velocities
 from flocking.engine.lammps.ledger import Ledger
 from flocking.engine.runs.run import OBSERVED_FIELDS, SWITCH_FIELDS, TRACE_FIELDS, Run
 from flocking.model.law import Scenario
@@ -34,9 +35,9 @@ class Records:
         self.frame_times = scenario.frame_times
         self.with_links = n <= MOST_LINKED and len(self.frame_times) * n**2 <= MOST_LINK_BYTES
         self.t: list[float] = []
-        self.q: list[Any] = []
-        self.p: list[Any] = []
-        self.links: list[Any] = []
+        self.q: list[Positions] = []
+        self.p: list[Velocities] = []
+        self.links: list[Links] = []
         self.observed: list[tuple[float, ...]] = []
         self.ledger = Ledger(scenario, rims)
         self.count = 0

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from flocking.arrays import Array
 from flocking.engine.archives.archive import UNREADABLE, read_archive, write_archive
 from flocking.engine.archives.data_checks import And, Integer, Names, Real, Row, Table, Text
 from flocking.engine.lammps.options import LammpsOptions
@@ -31,7 +32,7 @@ class Restart:
         Where the session stands.
     """
 
-    agents: Any
+    agents: Array
     time: float
     steps: int
     plan: tuple[float, float, int, int]

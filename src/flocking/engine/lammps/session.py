@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flocking.arrays import Forces
+from flocking.arrays import Array, Forces
 from flocking.engine.fixed_step.passing_pairs import check_passing, singular_reach
 from flocking.engine.lammps import library
 from flocking.engine.lammps.atoms import Atoms, LammpsError
@@ -137,13 +137,13 @@ class LammpsSession:
             On all ranks, when an agent is lost or its state is not finite.
         """
         rows = self.atoms.gathered("x", "v")
-        self.ranks.alone(lambda: self._check_finite(rows))
+        self.ranks.alone(lambda: None if rows is None else self._check_finite(rows))
         if rows is None:
             return None
         m = self.deck.dimension
         return State(rows[:, :m], rows[:, 3 : 3 + m], self.time)
 
-    def _check_finite(self, rows: Any) -> None:
+    def _check_finite(self, rows: Array) -> None:
         bad = np.flatnonzero(~np.isfinite(rows).all(axis=1))[:10]
         if len(bad):
             why = "agents were lost or became infinite or NaN"
@@ -228,7 +228,7 @@ class LammpsSession:
         self._judged = self.steps if judged else self._judged
         self.ranks.alone(lambda: self._write_down(state, due, forces))
 
-    def _write_down(self, state: State | None, due: bool, forces: Any) -> None:
+    def _write_down(self, state: State | None, due: bool, forces: Forces | None) -> None:
         """Keep a state on the first rank, once it has passed the checks."""
         assert state is not None
         records = self.records

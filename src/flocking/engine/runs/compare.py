@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from flocking.arrays import AnyArray, Mask
+from flocking.arrays import AnyArray, Mask, Records
 from flocking.engine.runs.run import Run
 from flocking.engine.runs.run_errors import accuracy_data
 from flocking.errors import InvalidInput
@@ -134,14 +133,15 @@ def _frame_difference(run: Run, x: AnyArray, y: AnyArray, name: str, count: int,
     return Difference(name, first, second, float(run.t[frame]), agent)
 
 
-def _row_difference(x: Any, y: Any, name: str, tolerance: float) -> Difference | None:
+def _row_difference(x: Records, y: Records, name: str, tolerance: float) -> Difference | None:
     count = min(len(x), len(y))
     apart = np.zeros(count, dtype=bool)
-    for field in x.dtype.names:
+    names = x.dtype.names or ()
+    for field in names:
         apart |= _apart(x[field][:count], y[field][:count], tolerance)
     if apart.any():
         row = int(np.argmax(apart))
-        agent = int(x["i"][row]) if "i" in x.dtype.names else None
+        agent = int(x["i"][row]) if "i" in names else None
         return Difference(name, x[row].tolist(), y[row].tolist(), float(min(x["time"][row], y["time"][row])), agent)
     if len(x) != len(y):
         longer = x if len(x) > len(y) else y

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+
+from flocking.arrays import Array, Mask, Records, Times
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,11 +23,11 @@ class NewRecords:
         Errors of positions and of velocities at the frames, shape (F, 2), or None where none are known.
     """
 
-    t: Any
-    q: Any
-    p: Any
-    links: Any
-    switches: Any
-    trace: Any
-    observed: Any
-    errors: Any = None
+    t: Times
+    q: Array
+    p: Array
+    links: Mask | None
+    switches: Records
+    trace: Records
+    observed: Records | None
+    errors: Array | None = None

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flocking.arrays import Records
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 from flocking.model.law import Scenario
@@ -133,7 +134,7 @@ class Accuracy:
     """
 
     frames: Array
-    doubts: NDArray[Any]
+    doubts: Records
     largest: dict[str, Largest]
     known_until: float = np.inf
 
@@ -198,13 +199,13 @@ class Run:
     q: Array
     p: Array
     links: NDArray[np.bool_]
-    switches: NDArray[Any]
-    trace: NDArray[Any]
+    switches: Records
+    trace: Records
     closest_linked: Closest = field(default_factory=Closest)
     closest_unlinked: Closest = field(default_factory=Closest)
     status: str = "finished"
     provenance: dict[str, Any] = field(default_factory=dict)
-    observables: NDArray[Any] | None = None
+    observables: Records | None = None
     fine: FineSamples | None = None
     accuracy: Accuracy | None = None
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.arrays import Array
 from flocking.engine.runs.run import DOUBT_FIELDS, Accuracy, Largest
 
 
@@ -30,7 +31,7 @@ def accuracy_data(found: Accuracy) -> dict[str, object]:
     return {"doubts": doubts, "largest": largest, "known_until": json_number(found.known_until)}
 
 
-def accuracy_of(data: dict[str, Any] | None, frames: np.ndarray[Any, Any] | None) -> Accuracy | None:
+def accuracy_of(data: dict[str, Any] | None, frames: Array | None) -> Accuracy | None:
     """The same read back; None where nothing is known.
 
     Parameters

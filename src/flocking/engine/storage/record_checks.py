@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from flocking.model.terms.avoidance import ObstacleTerm
 
 
 def check_records(
-    folder: Path, scenario: Scenario, record: dict[str, object], parts: dict[str, Any], tables: dict[str, Any]
+    folder: Path, scenario: Scenario, record: dict[str, object], parts: dict[str, AnyArray], tables: dict[str, AnyArray]
 ) -> None:
     """Refuse frames and tables that are not of a run of this scenario.
 

@@ -6,13 +6,14 @@ import json
 import os
 import shutil
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
+from flocking.arrays import AnyArray, Array, Mask, Records, Times
 from flocking.engine.runs.columns import (
     FRAME_ERROR,
     GROWING,
@@ -50,6 +51,9 @@ from flocking.engine.storage.record import (
 from flocking.errors import StorageError
 from flocking.model.law import Law, Scenario
 from flocking.model.serial import ForeignPart, to_data
+
+if TYPE_CHECKING:
+    import zarr
 
 
 class RunWriter:
@@ -164,7 +168,7 @@ class RunWriter:
         """Rows appended so far along each of `flocking.engine.runs.columns.GROWING`."""
         return dict(self._counts)
 
-    def _open_arrays(self) -> dict[str, Any]:
+    def _open_arrays(self) -> dict[str, zarr.Array]:
         """The arrays as of the last commit, whatever happened to their own metadata since."""
         import zarr
 
@@ -179,7 +183,7 @@ class RunWriter:
             put(self.folder / name / RECORD, json.dumps(metadata).encode(), lasting=False)
         return {name: zarr.open_array(self._store, path=name, mode="r+", zarr_format=3) for name in committed}
 
-    def append(self, t: Any, q: Any, p: Any, links: Any = None, errors: Any = None) -> None:
+    def append(self, t: Times, q: Array, p: Array, links: Mask | None = None, errors: Array | None = None) -> None:
         """Append frames: times (F,), positions and velocities (F, N, m), links (F, N, N), errors (F, 2).
 
         Raises
@@ -200,9 +204,7 @@ class RunWriter:
             if FRAME_ERROR in parts:
                 self._sum({FRAME_ERROR: parts[FRAME_ERROR]})
 
-    def append_records(
-        self, switches: np.ndarray[Any, Any], trace: np.ndarray[Any, Any], observed: np.ndarray[Any, Any] | None = None
-    ) -> None:
+    def append_records(self, switches: Records, trace: Records, observed: Records | None = None) -> None:
         """Append switches, fields `SWITCH_FIELDS`, ledger rows, `TRACE_FIELDS`, and observations, `OBSERVED_FIELDS`.
 
         Parameters
@@ -231,11 +233,11 @@ class RunWriter:
             self._extend("observation", seen)
             self._sum(seen)
 
-    def _sum(self, columns: dict[str, Any]) -> None:
+    def _sum(self, columns: Mapping[str, AnyArray]) -> None:
         for name, values in columns.items():
             self._sums[name] = zlib.crc32(np.ascontiguousarray(values).tobytes(), self._sums.get(name, 0))
 
-    def _extend(self, dimension: str, parts: dict[str, Any]) -> None:
+    def _extend(self, dimension: str, parts: Mapping[str, AnyArray]) -> None:
         old = self._counts[dimension]
         new = old + len(next(iter(parts.values())))
         with storage_errors(self.folder, "append to the run"):

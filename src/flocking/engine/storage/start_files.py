@@ -6,10 +6,10 @@ import csv
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from flocking.arrays import AnyArray
 from flocking.engine.storage.atomic_files import storage_errors
 from flocking.engine.storage.exchange import axis_names
 from flocking.errors import InvalidInput, StorageError
@@ -57,7 +57,7 @@ def _pick(path: Path, count: int, frame: int) -> int:
     return frame % count
 
 
-def _read_gsd(path: Path, frame: int) -> tuple[object, object]:
+def _read_gsd(path: Path, frame: int) -> tuple[AnyArray, AnyArray]:
     try:
         import gsd.hoomd
     except ImportError:
@@ -74,7 +74,7 @@ def _read_gsd(path: Path, frame: int) -> tuple[object, object]:
     return found.particles.position[:, :m], found.particles.velocity[:, :m]
 
 
-def _read_npz(path: Path, frame: int) -> tuple[object, object]:
+def _read_npz(path: Path, frame: int) -> tuple[AnyArray, AnyArray]:
     try:
         with np.load(path, allow_pickle=False) as file:
             if not isinstance(file, np.lib.npyio.NpzFile) or "q" not in file.files:
@@ -89,7 +89,7 @@ def _read_npz(path: Path, frame: int) -> tuple[object, object]:
     return q, p
 
 
-def _read_csv(path: Path, frame: int) -> tuple[object, object]:
+def _read_csv(path: Path, frame: int) -> tuple[AnyArray, AnyArray]:
     if path.stat().st_size > LARGEST_CSV:
         raise StorageError(f"{path}: too large for CSV; use NPZ.")
     try:
@@ -121,5 +121,9 @@ def _read_csv(path: Path, frame: int) -> tuple[object, object]:
     return q, np.zeros_like(q) if missing else np.array([column(name) for name in speeds]).T
 
 
-READERS: dict[str, Callable[[Path, int], tuple[Any, Any]]] = {"gsd": _read_gsd, "npz": _read_npz, "csv": _read_csv}
+READERS: dict[str, Callable[[Path, int], tuple[AnyArray, AnyArray]]] = {
+    "gsd": _read_gsd,
+    "npz": _read_npz,
+    "csv": _read_csv,
+}
 """Readers by the ending of their files."""

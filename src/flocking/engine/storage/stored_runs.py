@@ -10,10 +10,11 @@ from __future__ import annotations
 import json
 import zlib
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 
+from flocking.arrays import AnyArray
 from flocking.engine.interruption import interrupted
 from flocking.engine.memory_shortage import starved
 from flocking.engine.runs.columns import (
@@ -38,6 +39,9 @@ from flocking.errors import FlockingError, InvalidInput, StorageError
 from flocking.model.checks import integer
 from flocking.model.law import Law, Scenario
 from flocking.model.serial import from_data
+
+if TYPE_CHECKING:
+    import zarr
 
 
 def write_run(run: Run, folder: str | Path) -> Path:
@@ -209,7 +213,7 @@ def read_scenario_of(folder: str | Path) -> tuple[Scenario, Law | None]:
     return scenario, plant
 
 
-def _read(folder: Path, array: Any, name: str, count: int, begin: int = 0) -> np.ndarray[Any, Any]:
+def _read(folder: Path, array: zarr.Array, name: str, count: int, begin: int = 0) -> AnyArray:
     """Rows from ``begin`` up to ``count``; a chunk that cannot be decoded is named by its rows."""
     try:
         if array.shape[0] < count:
@@ -234,7 +238,7 @@ def _read(folder: Path, array: Any, name: str, count: int, begin: int = 0) -> np
         raise StorageError(f"{folder}: the array {name!r} cannot be read: {fault}") from None
 
 
-def _check_frames(folder: Path, parts: dict[str, Any], first: int) -> None:
+def _check_frames(folder: Path, parts: dict[str, AnyArray], first: int) -> None:
     found = frame_checksums(parts)
     for at, row in enumerate(np.atleast_2d(found != parts["checksum"])):
         if row.any():

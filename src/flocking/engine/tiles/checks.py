@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
-from flocking.arrays import Indices
+from flocking.arrays import Indices, Reals
 from flocking.engine.fixed_step.contact_limits import singular_graphs
 from flocking.engine.fixed_step.passing_pairs import check_passing
 from flocking.engine.fixed_step.step_checks import STRIDE, check_ledger, check_stride, step_too_large
@@ -208,7 +207,7 @@ def _check_strides(particles: ParticleArrays, h: float, step: float, time: float
         check_stride(step, float(distance[k]), float(moved[k]), time=time, agents=(min(pair), max(pair)))
 
 
-def resolution(particles: ParticleArrays, q: Any, time: float) -> None:
+def resolution(particles: ParticleArrays, q: Reals, time: float) -> None:
     """Whether numbers can still tell the positions of most agents, shape (N, m), apart.
 
     Raises

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from flocking.arrays import Reals
 from flocking.engine.fixed_step.step_checks import step_too_large
 from flocking.engine.tiles.particle_arrays import ParticleArrays
 
@@ -66,8 +67,8 @@ class Instability:
     streak: int = 0
     grown: float = 1.0
     rebuilds: int = -1
-    places: Any = None
-    change: Any = None
+    places: NDArray[np.int32] | None = None
+    change: Reals | None = None
     products: float = 0.0
     sizes: float = 0.0
     compared: int = 0

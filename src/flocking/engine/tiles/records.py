@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from flocking.arrays import Links, Positions, Velocities
 from flocking.engine.runs.columns import GROWING
 from flocking.engine.runs.new_records import NewRecords
 from flocking.engine.runs.run import OBSERVED_FIELDS, SWITCH_FIELDS, TRACE_FIELDS, Closest
@@ -49,9 +50,9 @@ class Records:
         self.stored = dict.fromkeys(GROWING, 0)
         self.first: tuple[float, ...] | None = None
         self.t: list[float] = []
-        self.q: list[Any] = []
-        self.p: list[Any] = []
-        self.links: list[Any] = []
+        self.q: list[Positions] = []
+        self.p: list[Velocities] = []
+        self.links: list[Links] = []
         self.trace: list[tuple[float, ...]] = []
         self.observed: list[tuple[float, ...]] = []
         self.closest = Closest()
@@ -148,7 +149,7 @@ class Records:
         """Whether a frame is due at time ``t``, on or after its time."""
         return self.count < len(self.frame_times) and t >= self.frame_times[self.count]
 
-    def frame(self, t: float, q: Any, p: Any, links: Any, observed: tuple[float, ...] | None) -> None:
+    def frame(self, t: float, q: Positions, p: Velocities, links: Links, observed: tuple[float, ...] | None) -> None:
         """Store a frame.
 
         Parameters

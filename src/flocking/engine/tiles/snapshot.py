@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 from flocking.engine.fixed_step.law_gaps import LawGaps
 from flocking.engine.tiles.instability import Instability
@@ -45,7 +44,7 @@ class TilesSnapshot:
     time: float
     plan: tuple[float, float, int, int]
     particles: ParticleMemory
-    scheme: dict[str, Any]
+    scheme: dict[str, object]
     records: Records
     steps: int
     farthest: float = 0.0

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 from flocking.formula.native.functions import Bound, NativeFunction
 
@@ -30,7 +29,7 @@ class Workers:
         self._bound: dict[int, Bound] = {}
         self._pool = ThreadPoolExecutor(self.threads - 1) if self.threads > 1 else None
 
-    def each(self, kernel: Callable[..., Any], count: int, *arguments: Any) -> None:
+    def each(self, kernel: Callable[..., object], count: int, *arguments: object) -> None:
         """Run ``kernel`` over ``range(count)``."""
         parts = min(self.threads, max(1, count // SMALLEST_SHARE))
         self._split(kernel, count, parts, arguments)
@@ -39,7 +38,7 @@ class Workers:
         """Run ``kernel`` over ``range(count)`` where every element is much work."""
         self._split(kernel, count, min(self.threads, count), arguments)
 
-    def _split(self, kernel: Callable[..., Any], count: int, parts: int, arguments: tuple[Any, ...]) -> None:
+    def _split(self, kernel: Callable[..., object], count: int, parts: int, arguments: tuple[object, ...]) -> None:
         if isinstance(kernel, NativeFunction):
             kernel = self._bound.setdefault(id(kernel), kernel.bound())
         if parts <= 1 or self._pool is None:

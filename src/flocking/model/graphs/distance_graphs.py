@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -68,7 +68,7 @@ class Graph(ABC):
         np.fill_diagonal(result, False)
         return np.asarray(result)
 
-    def weight(self, r: sympy.Expr, parameter: Any) -> sympy.Expr:
+    def weight(self, r: sympy.Expr, parameter: Callable[[str], sympy.Expr]) -> sympy.Expr:
         """Weight a_ij of a link of length ``r`` as a SymPy expression; 1 for hard graphs."""
         import sympy
 

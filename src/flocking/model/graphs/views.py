@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -379,7 +379,7 @@ class FieldOfView(HeadingGraph):
             When they are given for another number.
         """
         for name in ("radius", "half_angle"):
-            value: Any = getattr(self, name)
+            value: Array = getattr(self, name)
             if np.ndim(value) and len(value) != n:
                 raise InvalidInput(
                     "FieldOfView", name, f"must have one value for each of the {n} agents", f"{len(value)} values"

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from types import MappingProxyType, ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -207,7 +207,7 @@ def piece_borders(potential: Potential) -> tuple[float, ...]:
     return zeros_of(module, [np.float64(v) for v in potential.parameters.values()])
 
 
-def zeros_of(module: Any, values: list[np.float64]) -> tuple[float, ...]:
+def zeros_of(module: ModuleType, values: list[np.float64]) -> tuple[float, ...]:
     """Positive zeros, ascending, of the expressions of a module made by `zeros_source`.
 
     Parameters
@@ -222,7 +222,7 @@ def zeros_of(module: Any, values: list[np.float64]) -> tuple[float, ...]:
     return tuple(sorted(b for b in found if np.isfinite(b) and b > 0))
 
 
-def _sign_changes(gap: Callable[..., Any], values: list[np.float64]) -> list[float]:
+def _sign_changes(gap: Callable[..., Array], values: list[np.float64]) -> list[float]:
     from scipy.optimize import brentq
 
     grid = np.geomspace(1e-6, 1e6, 12001)

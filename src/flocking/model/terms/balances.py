@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -164,7 +164,7 @@ def _check(owner: str, balance: Balance, states: States) -> None:
         raise InvalidInput(owner, *fault)
 
 
-Fault = tuple[str, str, Any, str]
+Fault = tuple[str, str, object, str]
 """Parameter, rule, value and fix of an error."""
 
 
@@ -172,7 +172,7 @@ Fault = tuple[str, str, Any, str]
 def _fault(
     parts: tuple[sympy.Expr, ...],
     symbols: tuple[sympy.Symbol, ...],
-    known: frozenset[Any],
+    known: frozenset[sympy.Symbol],
     lengths: tuple[float, ...],
 ) -> Fault | None:
     import sympy

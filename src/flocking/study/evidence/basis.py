@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
+from flocking.arrays import Records
 from flocking.engine.runs.run import Run
 from flocking.model.checks import Array
 from flocking.model.law import Law
@@ -135,7 +135,7 @@ class RunEvidence:
         return self.run.state(frame)
 
     @cached_property
-    def trace(self) -> np.ndarray[Any, Any]:
+    def trace(self) -> Records:
         """The ledger, fields `flocking.engine.runs.run.TRACE_FIELDS`.
 
         Raises

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -208,7 +207,7 @@ class DoubtEvidence(LinkEvidence):
             links[j, i] = value
 
 
-def _key(row: Any) -> tuple[float, int, int]:
+def _key(row: np.void) -> tuple[float, int, int]:
     return float(row["time"]), int(row["i"]), int(row["j"])
 
 
@@ -225,7 +224,7 @@ def _clusters(spans: list[Span]) -> list[list[Span]]:
     return found
 
 
-def _described(row: Any) -> str:
+def _described(row: np.void) -> str:
     who, when = f"agents {row['i']} and {row['j']}", f"t = {row['time']:.4g}"
     if row["kind"] == "switch":
         what = "lose their link" if row["what"] == "break" else "are linked"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -202,7 +202,7 @@ def _special_points(psi: sympy.Expr, r: sympy.Symbol, radius: float | None) -> l
     import sympy
 
     context = wide_context()
-    gaps: set[Any] = {c.lhs - c.rhs for c in psi.atoms(sympy.core.relational.Relational)}
+    gaps: set[sympy.Expr] = {c.lhs - c.rhs for c in psi.atoms(sympy.core.relational.Relational)}
     gaps |= {p.base for p in psi.atoms(sympy.Pow) if not (p.exp.is_integer and p.exp.is_nonnegative)}
     gaps |= {f.args[0] for f in psi.atoms(sympy.log)}
     gaps |= {sympy.cos(f.args[0]) for f in psi.atoms(sympy.tan)}
@@ -219,7 +219,7 @@ def _special_points(psi: sympy.Expr, r: sympy.Symbol, radius: float | None) -> l
     return sorted(found)[:MOST_BREAKS]
 
 
-def _sign_change_brackets(function: Callable[[Array], Any]) -> list[tuple[float, float]]:
+def _sign_change_brackets(function: Callable[[Array], Array]) -> list[tuple[float, float]]:
     grid = np.geomspace(NEAREST, FARTHEST, GRID)
     with np.errstate(all="ignore"):
         signs = np.sign(np.real(function(grid)) + np.zeros_like(grid))

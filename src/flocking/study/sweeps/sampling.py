@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -68,10 +67,10 @@ class Sample:
             raise InvalidInput("Sample", "log", f"must be among {', '.join(self.ranges)}", unknown[0])
         object.__setattr__(self, "_integers", tuple(integers))
 
-    def points(self) -> dict[str, tuple[Any, ...]]:
+    def points(self) -> dict[str, tuple[object, ...]]:
         """The values drawn, one column per parameter."""
         shares = self._shares()
-        columns: dict[str, tuple[Any, ...]] = {}
+        columns: dict[str, tuple[object, ...]] = {}
         for k, (name, (low, high)) in enumerate(self.ranges.items()):
             integers = self._integers[k]
             first, last = (float(low) - 0.5, float(high) + 0.5) if integers else (float(low), float(high))

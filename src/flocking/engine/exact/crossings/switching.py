@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,7 +84,7 @@ class Crossing:
     """
 
     watch: int
-    pairs: NDArray[np.integer[Any]]
+    pairs: NDArray[np.integer]
 
 
 def slack_of(watch: Watch, size: float) -> float:
