@@ -26,7 +26,17 @@ def slope(
     address: int, t: float, z: Array, q: Array, p: Array, senders: Array, sensed: Array, offsets: Array, pieces: Array,
     spans: Array, P: Array, A: Array, W: Array, S: Array, u: Array, rates: Array, order: int, out: Array,
 ) -> None:  # fmt: skip
-    """Slope ``out`` of the state vector ``z``; q, p, u and rates are written over."""
+    """Slope ``out`` of the state vector ``z``; q, p, u and rates are written over.
+
+    Parameters
+    ----------
+    address
+        Address of the compiled function of the forces of the law.
+    S
+        Functionals of the graphs, shape (graphs, N).
+    order
+        Order of the agents, 1 or 2.
+    """
     n, m = q.shape[0], q.shape[1]
     for i in range(n):
         for k in range(m):
@@ -51,7 +61,21 @@ def stages(
     weights: Array, n: int, m: int, senders: Array, sensed: Array, offsets: Array, pieces: Array, spans: Array,
     P: Array, A: Array, W: Array, S: Array, found: Array,
 ) -> None:  # fmt: skip
-    """Slopes K at stages of a Runge-Kutta step, see `flocking.engine.exact.dynamics.Dynamics.stages`."""
+    """Slopes K at stages of a Runge-Kutta step, see `flocking.engine.exact.dynamics.Dynamics.stages`.
+
+    Parameters
+    ----------
+    address, order, S
+        As for `slope`.
+    first, last
+        Slopes are computed at the stages ``first`` to ``last - 1``; those before are known.
+    kept
+        Stage whose state goes to ``found``.
+    y, h
+        State where the step begins, and its length.
+    nodes
+        Nodes of the method, shape (stages,).
+    """
     size = y.shape[0]
     z = np.empty(size)
     q = np.empty((n, m))
@@ -109,13 +133,21 @@ class LawKernels:
             Pairs and parameters in force.
         functionals
             Functionals of the graphs, shape (graphs, N).
+        u, rates
+            Take the forces and the rates.
         """
         self._control(t, q, p, *pairs, *slots, functionals, u, rates)
 
     def energies(
         self, t: float, q: Array, p: Array, pairs: Pairs, slots: Slots, functionals: Array
     ) -> tuple[float, float, float]:
-        """Pair storage, body storage and kinetic energy; the arguments are those of `control`."""
+        """Pair storage, body storage and kinetic energy.
+
+        Parameters
+        ----------
+        pairs, slots, functionals
+            As for `control`.
+        """
         found: tuple[float, float, float] = self._energies(t, q, p, *pairs, *slots, functionals)
         return found
 
@@ -123,7 +155,15 @@ class LawKernels:
         self, first: int, last: int, kept: int, t: float, y: Array, h: float, K: Array, nodes: Array, weights: Array,
         n: int, m: int, pairs: Pairs, slots: Slots, functionals: Array,
     ) -> Array:  # fmt: skip
-        """Slopes at stages of a Runge-Kutta step, see `flocking.engine.exact.dynamics.Dynamics.stages`."""
+        """Slopes at stages of a Runge-Kutta step, see `flocking.engine.exact.dynamics.Dynamics.stages`.
+
+        Parameters
+        ----------
+        first, last, kept, y, h, K, nodes
+            As for the function `stages` of this module.
+        pairs, slots, functionals
+            As for `control`.
+        """
         found = np.empty(len(y))
         given = first, last, kept, t, y, h, K, nodes, weights, n, m
         self._stages(self._address, self.order, *given, *pairs, *slots, functionals, found)

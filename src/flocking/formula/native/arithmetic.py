@@ -90,6 +90,11 @@ def _scalar(builder: ir.IRBuilder, code: ir.Value, source: Kind, target: Kind) -
 def common(builder: ir.IRBuilder, *values: Value) -> tuple[Kind, list[ir.Value]]:
     """Values as numbers of one kind: that of the lanes where there are any, else the joined one.
 
+    Parameters
+    ----------
+    values
+        The values.
+
     Raises
     ------
     UntranslatableError

@@ -395,5 +395,13 @@ class Expressions:
         return converted(self.builder, number(value), kind)
 
     def in_place(self, source: object, values: Sequence[Value]) -> Value:
-        """What a function gives, translated where it is called."""
+        """What a function gives, translated where it is called.
+
+        Parameters
+        ----------
+        source
+            The function.
+        values
+            Values of its arguments.
+        """
         raise NotImplementedError

@@ -59,7 +59,13 @@ class WiderError(Exception):
 
 @dataclass(frozen=True)
 class Loop:
-    """Where ``continue`` and ``break`` lead."""
+    """A loop of a function.
+
+    Parameters
+    ----------
+    again, after
+        Where ``continue`` and ``break`` lead.
+    """
 
     again: ir.Block
     after: ir.Block
@@ -77,6 +83,16 @@ class Scope:
         The function.
     leave
         Where ``return`` leads.
+    names, kinds
+        Values of names, and the kinds of numbers of those that are variables.
+    arrays
+        For each name of an array, where its address and its lengths are kept.
+    loops
+        The loops under way, the innermost last.
+    returned
+        What the function returns, where that is not a number or several.
+    results
+        How many numbers it returns; they are variables by the names of `result_name`.
     """
 
     path: str
@@ -85,14 +101,11 @@ class Scope:
     names: dict[str, Value | ir.AllocaInstr] = field(default_factory=dict)
     kinds: dict[str, Kind] = field(default_factory=dict)
     arrays: dict[str, Array] = field(default_factory=dict)
-    """For each name of an array, where its address and its lengths are kept."""
     loops: list[Loop] = field(default_factory=list)
     returned: Value | None = None
-    """What the function returns, where that is not a number or several."""
     results: int | None = None
-    """How many numbers it returns; they are variables by the names of `result_name`."""
 
 
 def result_name(number: int) -> str:
-    """Name of the variable of a result."""
+    """Name of the variable of the result of a ``number``, counted from 0."""
     return f"$result{number}"
