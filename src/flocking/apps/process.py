@@ -151,7 +151,7 @@ def ended_by_signals(*, for_good: bool = False) -> Iterator[None]:
         else:
             signal.raise_signal(signal.SIGINT)
 
-    def unraisable(lost: Any) -> None:
+    def unraisable(lost: sys.UnraisableHookArgs) -> None:
         # Python drops what is raised while it calls a destructor or is called by compiled code.
         if not issubclass(lost.exc_type, KeyboardInterrupt):
             # What was interrupted while it was made complains when it is destroyed.

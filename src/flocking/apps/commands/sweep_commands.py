@@ -199,7 +199,7 @@ def _summary_rows(table: SweepTable, level: float) -> list[dict[str, Any]]:
     return rows
 
 
-def _plain(value: Any) -> object:
+def _plain(value: object) -> object:
     value = value.item() if hasattr(value, "item") else value
     return None if isinstance(value, float) and not math.isfinite(value) else value
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flocking.arrays import Indices, Numbers, Positions, Velocities
 from flocking.engine.kernels.codegen import array_kernels
@@ -53,7 +54,7 @@ class Group:
 
     q: Positions
     p: Velocities
-    ids: Numbers
+    ids: NDArray[np.integer]
     t: float
     since: float
     frame: Array
@@ -223,7 +224,7 @@ def _pair_values(d: Array, v: Array, own: Array) -> dict[str, Array]:
     }  # fmt: skip
 
 
-def _weights(weights: PairWeights, i: Numbers, j: Numbers) -> Array:
+def _weights(weights: PairWeights, i: NDArray[np.integer], j: NDArray[np.integer]) -> Array:
     if isinstance(weights, HashedWeights):
         return weights.low + (weights.high - weights.low) * pair_uniform(weights.seed, i, j)
     return np.asarray(getattr(weights, "values")[i, j])  # noqa: B009  of a matrix, which weights have

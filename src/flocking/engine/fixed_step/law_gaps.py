@@ -47,7 +47,7 @@ class LawGaps:
         """The gap as a run's provenance says it."""
         return {"law_checks": self.checks, "law_gap": self.gap, "law_gap_allowed": self.allowed}
 
-    def compare_forces(self, declared: Statement, force: Array, rounding: Array) -> int | None:
+    def compare_forces(self, declared: Statement, force: Reals, rounding: Reals) -> int | None:
         """Hold forces against the law; which of the judged agents contradicts it most, if one does.
 
         Parameters

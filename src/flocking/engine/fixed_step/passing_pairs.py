@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flocking.arrays import Array, Numbers
+from flocking.arrays import Array
 from flocking.engine.fixed_step.step_checks import STRIDE, check_stride
 from flocking.model.law import Law
 from flocking.model.terms.pair_terms import Gradient
@@ -26,7 +27,7 @@ def singular_reach(law: Law) -> float:
 
 
 def check_passing(
-    q: Array, moved: Array, reach: float, step: float, *, time: float, ids: Numbers | None = None
+    q: Array, moved: Array, reach: float, step: float, *, time: float, ids: NDArray[np.integer] | None = None
 ) -> None:  # fmt: skip
     """Whether no pair comes within ``reach`` on its straight way while it moves too far for its distance.
 

@@ -53,7 +53,7 @@ class _Names:
             self.fixed |= {f"mean_q{k}": f"xcm(all,{AXES[k]})", f"mean_p{k}": f"vcm(all,{AXES[k]})"}
         self.properties: set[str] = set()
 
-    def text(self, expression: sympy.Expr, P: Any, own: dict[str, str] | None = None) -> str:
+    def text(self, expression: sympy.Expr, P: Array, own: dict[str, str] | None = None) -> str:
         """A formula for ``variable``."""
         expression = numbers(P, expression)
         names = {**self.fixed, **(own or {})}

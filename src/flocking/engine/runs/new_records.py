@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from flocking.arrays import Array, Mask, Records, Times
+from flocking.arrays import Array, Mask, Reals, Records, Times
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,8 +24,8 @@ class NewRecords:
     """
 
     t: Times
-    q: Array
-    p: Array
+    q: Reals
+    p: Reals
     links: Mask | None
     switches: Records
     trace: Records

@@ -5,7 +5,6 @@ from __future__ import annotations
 import platform
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
-from typing import Any
 
 from flocking.model.law import Scenario
 
@@ -19,7 +18,7 @@ def _version(package: str) -> str:
         return "not installed"
 
 
-def provenance(engine: str, scenario: Scenario) -> dict[str, Any]:
+def provenance(engine: str, scenario: Scenario) -> dict[str, object]:
     """Versions of what computed a run, and what was asked of it.
 
     Parameters

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from flocking.arrays import AnyArray, Array, Mask, Records, Times
+from flocking.arrays import AnyArray, Array, Mask, Reals, Records, Times
 from flocking.engine.runs.columns import (
     FRAME_ERROR,
     GROWING,
@@ -183,7 +183,7 @@ class RunWriter:
             put(self.folder / name / RECORD, json.dumps(metadata).encode(), lasting=False)
         return {name: zarr.open_array(self._store, path=name, mode="r+", zarr_format=3) for name in committed}
 
-    def append(self, t: Times, q: Array, p: Array, links: Mask | None = None, errors: Array | None = None) -> None:
+    def append(self, t: Times, q: Reals, p: Reals, links: Mask | None = None, errors: Array | None = None) -> None:
         """Append frames: times (F,), positions and velocities (F, N, m), links (F, N, N), errors (F, 2).
 
         Raises

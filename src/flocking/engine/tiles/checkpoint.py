@@ -29,7 +29,7 @@ PARTS: dict[str, type[Any]] = {
 _STORED_NAMES = {part: name for name, part in PARTS.items()}
 
 
-def flattened(value: Any, arrays: Arrays) -> Any:
+def flattened(value: Any, arrays: Arrays) -> object:
     """A value as data for JSON; arrays go to ``arrays`` and leave their name.
 
     Raises

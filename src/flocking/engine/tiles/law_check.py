@@ -60,7 +60,9 @@ class LawCheck:
         Whether a law that is not obeyed is an error; where agents obey another law on purpose it is only recorded.
     """
 
-    def __init__(self, scenario: Scenario, dtype: Any, *, half_steps: bool, refuses: bool) -> None:
+    def __init__(
+        self, scenario: Scenario, dtype: type[np.float32] | type[np.float64], *, half_steps: bool, refuses: bool
+    ) -> None:
         self.scenario, self.half_steps, self.refuses = scenario, half_steps, refuses
         self.eps = float(np.finfo(dtype).eps)
         self.declared = Declared(scenario, self.eps)
@@ -137,12 +139,12 @@ class LawCheck:
         places = (tiles[:, None] * WIDTH + np.arange(WIDTH)).ravel()
         return places[places < particles.n]
 
-    def _mass(self, particles: ParticleArrays, places: Any) -> Any:
+    def _mass(self, particles: ParticleArrays, places: Indices) -> Any:
         masses = self.scenario.agents.masses
         return np.broadcast_to(masses, particles.n)[particles.ids[places]].astype(np.float64)
 
     def _compared(
-        self, particles: ParticleArrays, state: Any, places: Any, force: Any, rounding: Any, moment: Moment,
+        self, particles: ParticleArrays, state: Any, places: Indices, force: Reals, rounding: Reals, moment: Moment,
         gaps: LawGaps, *, remembered: bool,
     ) -> tuple[int | None, str | None]:  # fmt: skip
         """The agent whose force is not that of the law, and the name of a power that is not; None for none."""

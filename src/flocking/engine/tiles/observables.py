@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flocking.arrays import Reals
 from flocking.engine.runs.run import OBSERVED_FIELDS as OBSERVED_FIELDS
 from flocking.engine.tiles.neighbours.neighbour_lists import LINKED, NUMBER
 from flocking.engine.tiles.particle_arrays import ParticleArrays
@@ -81,7 +82,7 @@ def _flock_sizes(particles: ParticleArrays) -> tuple[Any, tuple[int, float, floa
     return sizes[sizes > 0], counted
 
 
-def observe(particles: ParticleArrays, t: float, p: Any) -> tuple[float, ...]:
+def observe(particles: ParticleArrays, t: float, p: Reals) -> tuple[float, ...]:
     """One row of `OBSERVED_FIELDS`; ``p`` are the velocities, shape (N, m). Lists must be valid."""
     sizes, (links, lengths, squares, least) = _flock_sizes(particles)
     speed = np.sqrt((p**2).sum(axis=1))

@@ -62,27 +62,27 @@ class ParticleArrays:
     ) -> None:  # fmt: skip
         n, m = state.q.shape
         self.n, self.m, self.spec, self.workers = n, m, spec, workers
-        self.dtype: Any = PRECISIONS[spec.precision]
+        self.dtype: type[np.float32] | type[np.float64] = PRECISIONS[spec.precision]
         self.tiles = (n + WIDTH - 1) // WIDTH
         self.size = self.tiles * WIDTH
         self.kernel = tile_kernels(spec).move
         self.given_skin = skin
-        self.agents: Any = np.empty((self.size, 2 * m), self.dtype)
+        self.agents: Reals = np.empty((self.size, 2 * m), self.dtype)
         self.agents[:n, :m], self.agents[:n, m:] = state.q, state.p
-        self.successor: Any = np.empty((self.size, 2 * m), self.dtype)
-        self.ids: Any = np.zeros(self.size, np.int32)
+        self.successor: Reals = np.empty((self.size, 2 * m), self.dtype)
+        self.ids: NDArray[np.int32] = np.zeros(self.size, np.int32)
         self.ids[:n] = np.arange(n, dtype=np.int32)
         self._ids_buffer: Any = np.zeros(self.size, np.int32)
         self.tile_extremes: Any = np.zeros((self.tiles, 3), self.dtype)
-        self.extremes: Any = np.zeros(3)
-        self.sums: Any = np.zeros((self.tiles if spec.ledger else 1, len(sums_of(spec))), np.float64)
+        self.extremes: Array = np.zeros(3)
+        self.sums: Array = np.zeros((self.tiles if spec.ledger else 1, len(sums_of(spec))), np.float64)
         self.planted: Planted | None = None
         self._set_graphs(scenario, memory_limit)
         self._set_parameters(scenario, state.t)
         self._fill_pads()
-        self.C: Any = np.zeros(m, self.dtype)
-        self.M: Any = np.zeros(2 * m, np.float64)
-        self.reference: Any = np.empty((self.size if self.moving else 0, m), self.dtype)
+        self.C: Reals = np.zeros(m, self.dtype)
+        self.M: Array = np.zeros(2 * m, np.float64)
+        self.reference: Reals = np.empty((self.size if self.moving else 0, m), self.dtype)
         self.elapsed = 0.0
         self.bound = np.inf
         self.skin = 0.0
@@ -94,16 +94,16 @@ class ParticleArrays:
         self.top_speed = fastest(self.agents[: self.n, self.m :])
 
     @property
-    def X(self) -> Any:  # noqa: N802
+    def X(self) -> Reals:  # noqa: N802
         """Positions and velocities, shape (2m, size): a view of `agents`, which has a row for each agent."""
         return self.agents.T
 
     @X.setter
-    def X(self, values: Any) -> None:  # noqa: N802
+    def X(self, values: Reals) -> None:  # noqa: N802
         self.agents = np.ascontiguousarray(values.T)
 
     @property
-    def Y(self) -> Any:  # noqa: N802
+    def Y(self) -> Reals:  # noqa: N802
         """The state before or beside `X`, shape (2m, size)."""
         return self.successor.T
 
@@ -151,7 +151,7 @@ class ParticleArrays:
         masses = np.asarray(rows[0], dtype=np.float64)
         self.mass = float(masses.sum()) if masses.ndim else n * float(masses)
         several = len(rows) > 2 or self.spec.mass_each or self.spec.damping_each
-        self.A: Any = np.zeros((len(rows) if several else 0, self.size), self.dtype)
+        self.A: Reals = np.zeros((len(rows) if several else 0, self.size), self.dtype)
         for k, value in enumerate(rows if several else []):
             if np.ndim(value):
                 self.A[k, :n] = np.asarray(value, dtype=self.dtype)[self.ids[:n]]

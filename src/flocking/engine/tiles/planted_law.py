@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flocking.arrays import Array
+from flocking.arrays import Array, Reals
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.tiles.kernels.parameters import kernel_numbers
 from flocking.engine.tiles.kernels.spec import KernelSpec
@@ -37,13 +38,13 @@ class PassArrays:
         Largest squared speed, smallest squared distance and broken link of every tile, shape (tiles, 3).
     """
 
-    agents: Any
-    successor: Any
-    ids: Any
+    agents: Reals
+    successor: Reals
+    ids: NDArray[np.int32]
     n: int
     means: Array
-    velocity: Any
-    extremes: Any
+    velocity: Reals
+    extremes: Array
 
 
 class Planted:

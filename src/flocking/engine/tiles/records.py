@@ -149,7 +149,9 @@ class Records:
         """Whether a frame is due at time ``t``, on or after its time."""
         return self.count < len(self.frame_times) and t >= self.frame_times[self.count]
 
-    def frame(self, t: float, q: Positions, p: Velocities, links: Links, observed: tuple[float, ...] | None) -> None:
+    def frame(
+        self, t: float, q: Positions, p: Velocities, links: Links | None, observed: tuple[float, ...] | None
+    ) -> None:
         """Store a frame.
 
         Parameters

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from flocking.arrays import Array
+from flocking.arrays import Array, Links, Positions, Velocities
 from flocking.engine import interruption
 from flocking.engine.fixed_step.law_gaps import LawGaps, is_due
 from flocking.engine.fixed_step.passing_pairs import singular_reach
@@ -37,6 +38,7 @@ from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 
 MOST_STEPS = 1e12
+Result = TypeVar("Result")
 
 
 class TilesSession:
@@ -146,12 +148,12 @@ class TilesSession:
         q, p = self._look()
         return State(q, p, self.time, self._links())
 
-    def _look(self) -> tuple[Any, Any]:
+    def _look(self) -> tuple[Positions, Velocities]:
         particles = self._particles
         velocities = self._guarded(lambda: self._integrator.look(particles, self.time, self.step))
         return particles.in_order(particles.X[: particles.m]), particles.in_order(velocities)
 
-    def _links(self) -> Any:
+    def _links(self) -> Links | None:
         n = self.scenario.start.n
         lists = self._particles.lists[0]
         if n > MOST_LINKED or lists is None:
@@ -176,7 +178,7 @@ class TilesSession:
         particles.move(self.time, keep=0.0, kick=1.0, drift=0.0, exponential_damping=0.0, hold=True)
         return particles.in_order(particles.Y[particles.m :])
 
-    def _guarded(self, action: Any) -> Any:
+    def _guarded(self, action: Callable[[], Result]) -> Result:
         """Run something that may rebuild lists; say it when they do not fit."""
         try:
             return action()

@@ -233,7 +233,7 @@ class SweepTable:
         return _put(Path(path), sink.getvalue().to_pybytes())
 
 
-def _alike(column: Sequence[Any]) -> Sequence[object]:
+def _alike(column: Sequence[Any]) -> Sequence[Any]:
     """A column whose entries have one type: whole numbers beside fractions become fractions."""
     kinds = {type(entry) for entry in column if entry is not None}
     return (

@@ -10,10 +10,10 @@ from __future__ import annotations
 import asyncio
 import http.client
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from flocking.apps.lab.access.request_checks import (
     MESSAGES_A_SECOND,
@@ -23,6 +23,11 @@ from flocking.apps.lab.access.request_checks import (
     RateLimit,
     Refusal,
 )
+
+if TYPE_CHECKING:
+    from viser import ViserServer
+    from websockets.asyncio.server import ServerConnection
+    from websockets.http11 import Request
 
 SERVED_BY = "viser."
 """Modules whose servers are guarded."""
@@ -53,7 +58,7 @@ class Guarded:
         The check.
     """
 
-    server: Any
+    server: ViserServer
     access: AccessCheck
 
     @property
@@ -93,7 +98,7 @@ def guarding(access: AccessCheck) -> Iterator[None]:
 
 
 def _judged(access: AccessCheck, answer: Callable[[object, object], object]) -> Callable[[object, object], object]:
-    def judge(connection: Any, request: Any) -> object:
+    def judge(connection: ServerConnection, request: Request) -> object:
         found = access.judge(request.path, request.headers.raw_items())
         if isinstance(found, Refusal):
             response = connection.respond(found.status, found.words)
@@ -108,8 +113,8 @@ def _judged(access: AccessCheck, answer: Callable[[object, object], object]) -> 
     return judge
 
 
-def _served(access: AccessCheck, handler: Callable[[Any], Any]) -> Callable[[object], object]:
-    async def serve(connection: Any) -> None:
+def _served(access: AccessCheck, handler: Callable[[ServerConnection], Awaitable[None]]) -> Callable[[object], object]:
+    async def serve(connection: ServerConnection) -> None:
         if access.tabs >= MOST_TABS:
             await connection.close(1013, "too many tabs")
             return

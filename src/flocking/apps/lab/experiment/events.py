@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from flocking.apps.lab.experiment.parts import changed, leader_at_point, substituted, value_at, with_children
+from flocking.apps.lab.experiment.parts import Step, changed, leader_at_point, substituted, value_at, with_children
 from flocking.apps.lab.experiment.selection import selected, state_of
+from flocking.arrays import Indices
 from flocking.engine.storage.atomic_files import write_through
 from flocking.errors import InvalidInput
 from flocking.model.checks import integer, number
@@ -184,7 +185,7 @@ def _remove(event: Event, scenario: Scenario, base: Scenario, _: State) -> Outco
     return Outcome(_without_obstacle(scenario, path), _without_obstacle(base, path))
 
 
-def _without_obstacle(scenario: Scenario, path: tuple[Any, ...]) -> Scenario:
+def _without_obstacle(scenario: Scenario, path: Sequence[Step]) -> Scenario:
     *parents, _, number = path
     term = value_at(scenario, parents)
     left = tuple(x for k, x in enumerate(term.obstacles) if k != number)
@@ -208,7 +209,7 @@ def _without_obstacles(scenario: Scenario) -> Scenario:
     return scenario.with_(law=Law(scenario.law.graph, terms))
 
 
-def _agents(given: Sequence[int], n: int) -> np.ndarray[Any, np.dtype[np.intp]]:
+def _agents(given: Sequence[int], n: int) -> Indices:
     numbers = [integer("lab", "agents", i, least=0) for i in given]
     if any(i >= n for i in numbers):
         raise InvalidInput("lab", "agents", f"must be agents of 0..{n - 1}", numbers)

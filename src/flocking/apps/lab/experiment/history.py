@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from flocking.apps.lab.experiment.clock import Frame
-from flocking.arrays import Numbers
+from flocking.arrays import Array
 from flocking.engine.runs.run import SWITCH_FIELDS, TRACE_FIELDS, Accuracy, Closest, Run
 from flocking.model.state import State
 
@@ -113,7 +114,7 @@ class History:
         )  # fmt: skip
 
 
-def _between(rows: Numbers, after: float, until: float) -> list[Any]:
+def _between(rows: Iterable[Any], after: float, until: float) -> list[Any]:
     """Rows later than ``after`` and not later than ``until``; rows may be added and dropped meanwhile."""
     found = []
     for row in reversed(list(rows)):
@@ -151,7 +152,7 @@ class Series:
         if not self.rows or t > self.rows[-1][0]:
             self.rows.append((t, *values))
 
-    def columns(self) -> tuple[np.ndarray[Any, np.dtype[np.float64]], ...]:
+    def columns(self) -> tuple[Array, ...]:
         """Time and the values, one array each."""
         table = np.array(self.rows, dtype=np.float64).reshape(-1, 1 + len(self.names))
         return tuple(np.ascontiguousarray(column) for column in table.T)

@@ -38,7 +38,7 @@ def selected(scenario: Scenario, chosen: NDArray[np.intp], start: State) -> Scen
     """
     if len(chosen) == 0:
         raise InvalidInput("lab", "agents", "must leave at least one agent", "none")
-    done: dict[int, Any] = {}
+    done: dict[int, object] = {}
     n, law = scenario.start.n, scenario.law
     graph = _of(law.graph, chosen, n, done)
     terms = tuple(_of(term, chosen, n, done) for term in law.terms)
@@ -63,7 +63,7 @@ def _of(part: Any, chosen: NDArray[np.intp], n: int, done: dict[int, object]) ->
     return done[id(part)]
 
 
-def _made(part: Any, chosen: NDArray[np.intp], n: int, done: dict[int, Any]) -> Any:
+def _made(part: Any, chosen: NDArray[np.intp], n: int, done: dict[int, object]) -> Any:
     if isinstance(part, Leader | Obstacle | Potential):
         return part
     if isinstance(part, np.ndarray):

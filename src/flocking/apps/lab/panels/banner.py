@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flocking.apps.lab.experiment.clock import Clock, Frame
 from flocking.apps.lab.scene.glyphs import RAMPS, wheel
 from flocking.apps.lab.scene.scene import Legend, Scene
+
+if TYPE_CHECKING:
+    from viser import GuiApi
 
 REFRESH_SECONDS = 0.2
 STYLE = "font-size:0.85em;padding:0.2em 0.8em 0.4em"
@@ -32,7 +35,7 @@ class Banner:
         Called to return to the last good moment.
     """
 
-    def __init__(self, gui: Any, clock: Clock, scene: Scene, go_back: Callable[[], None]) -> None:
+    def __init__(self, gui: GuiApi, clock: Clock, scene: Scene, go_back: Callable[[], None]) -> None:
         self._clock, self._scene = clock, scene
         self._shown = 0.0
         self.toggle = gui.add_button("Play", icon="player-play", color="green")
@@ -40,7 +43,7 @@ class Banner:
         self.go_back = gui.add_button("Go back to the last good moment", icon="history", visible=False, color="orange")
 
         @self.toggle.on_click
-        def _(_: Any) -> None:
+        def _(_: object) -> None:
             (clock.pause if clock.running else clock.play)()
             self.refresh()
 
@@ -100,7 +103,7 @@ def explained(legend: Legend, dark: bool) -> str:
     return f"{legend.kind} {low:.3g}{bar}{high:.3g}"
 
 
-def _ink(color: Any) -> str:
+def _ink(color: Sequence[int]) -> str:
     return f"rgb({','.join(str(int(x)) for x in color)})"
 
 

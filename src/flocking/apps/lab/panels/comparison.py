@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from flocking.apps.lab.experiment.events import Event
 from flocking.apps.lab.experiment.experiment import Experiment
+from flocking.apps.lab.experiment.parts import Step
 from flocking.apps.lab.experiment.settings import Setting, sections
 from flocking.errors import FlockingError
+
+if TYPE_CHECKING:
+    from viser import GuiApi
 
 NONE = "(nothing)"
 FINEST = 1e-4
@@ -25,9 +29,9 @@ class Comparison:
         The page.
     """
 
-    def __init__(self, gui: Any, page: Any) -> None:
+    def __init__(self, gui: GuiApi, page: Any) -> None:
         self._page = page
-        self.path: tuple[Any, ...] = ()
+        self.path: tuple[Step, ...] = ()
         """Path of the number in which the two differ; empty when there is one experiment."""
         with gui.add_folder("Compare"):
             self.setting = gui.add_dropdown("differ in", (NONE,))
@@ -37,19 +41,19 @@ class Comparison:
             self.fault = gui.add_markdown("", visible=False)
 
         @self.button.on_click
-        def _(_: Any) -> None:
+        def _(_: object) -> None:
             found = self._settings().get(self.setting.value)
             if found is not None:
                 self.begin(found.path, float(self.value.value))
 
         @self.setting.on_update
-        def _(_: Any) -> None:
+        def _(_: object) -> None:
             chosen = self._settings().get(self.setting.value)
             if chosen is not None:
                 self.value.value = round(float(chosen.value), 4)
 
         @self.stop.on_click
-        def _(_: Any) -> None:
+        def _(_: object) -> None:
             page.clock.post(self.drop)
 
     def refresh(self) -> None:
@@ -71,7 +75,7 @@ class Comparison:
         both: list[Experiment] = self._page.clock.experiments
         return both[:1] if self.path and tuple(event.get("path", ())) == self.path else both
 
-    def begin(self, path: tuple[Any, ...], value: float) -> None:
+    def begin(self, path: tuple[Step, ...], value: float) -> None:
         """Start both anew, with ``value`` at ``path`` in the second."""
 
         def act() -> None:

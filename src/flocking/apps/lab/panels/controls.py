@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING
 
 from flocking.apps.lab.experiment.events import Event
+from flocking.apps.lab.experiment.parts import Step
 from flocking.apps.lab.experiment.settings import Section, Setting, sections
 from flocking.errors import FlockingError
 from flocking.formula.grammar import Formula
 from flocking.model.law import Scenario
+
+if TYPE_CHECKING:
+    from viser import GuiApi, GuiEvent, GuiFolderHandle, GuiInputHandle, GuiMarkdownHandle
 
 Send = Callable[[Event, object, Callable[[str], None]], None]
 """Hands an event over; of those with the same key only the last counts; told what was wrong, or nothing."""
@@ -29,12 +33,12 @@ class Controls:
         Where events go.
     """
 
-    def __init__(self, gui: Any, container: Any, send: Send) -> None:
+    def __init__(self, gui: GuiApi, container: GuiFolderHandle, send: Send) -> None:
         self._gui, self._container, self._send = gui, container, send
-        self._folders: list[Any] = []
-        self.handles: dict[tuple[Any, ...], Any] = {}
+        self._folders: list[GuiFolderHandle] = []
+        self.handles: dict[tuple[Step, ...], GuiInputHandle] = {}
         """Handle of every setting by its path."""
-        self.errors: dict[str, object] = {}
+        self.errors: dict[str, GuiMarkdownHandle] = {}
         """Where each section shows what is wrong, by its number and title."""
 
     def build(self, scenario: Scenario) -> None:
@@ -72,14 +76,14 @@ class Controls:
         button = self._gui.add_button(f"Remove {section.title.split(': ')[0].lower()}", color="gray")
         button.on_click(lambda _: self._send(dict(section.removal or {}), None, show_message))
 
-    def _control(self, setting: Setting, show_message: Callable[[str], None]) -> Any:
+    def _control(self, setting: Setting, show_message: Callable[[str], None]) -> GuiInputHandle:
         if setting.kind == "formula":
             return self._formula(setting, show_message)
         kind = "scale" if setting.kind == "factor" else "set"
         handle = self._widget(setting)
 
         @handle.on_update
-        def _(event: Any) -> None:
+        def _(event: GuiEvent) -> None:
             if event.client is not None:  # set by a person, not by `show`
                 value = handle.value
                 change = {"kind": kind, "path": list(setting.path), "value": value}
@@ -87,7 +91,7 @@ class Controls:
 
         return handle
 
-    def _widget(self, setting: Setting) -> Any:
+    def _widget(self, setting: Setting) -> GuiInputHandle:
         gui, label = self._gui, setting.label
         if setting.kind == "flag":
             return gui.add_checkbox(label, setting.value)
@@ -98,13 +102,13 @@ class Controls:
         step = 10.0 ** math.floor(math.log10((setting.high - setting.low) / 200))
         return gui.add_slider(label, setting.low, setting.high, step, float(setting.value))
 
-    def _formula(self, setting: Setting, show_message: Callable[[str], None]) -> Any:
+    def _formula(self, setting: Setting, show_message: Callable[[str], None]) -> GuiInputHandle:
         """A field whose faults show while typing; the law changes only when the button is pressed."""
         field = self._gui.add_text(setting.label, setting.value, multiline=len(setting.value) > 40)
         button = self._gui.add_button("Use formula", hint="New names get the value 1 and a slider of their own.")
 
         @field.on_update
-        def _(_: Any) -> None:
+        def _(_: object) -> None:
             try:
                 Formula(field.value, "formula")
                 show_message("")
@@ -112,14 +116,14 @@ class Controls:
                 show_message(str(error))
 
         @button.on_click
-        def _(_: Any) -> None:
+        def _(_: object) -> None:
             change = {"kind": "set", "path": list(setting.path), "value": field.value}
             self._send(change, ("set", setting.path), show_message)
 
         return field
 
 
-def _teller(fault: Any) -> Callable[[str], None]:
+def _teller(fault: GuiMarkdownHandle) -> Callable[[str], None]:
     def show_message(message: str) -> None:
         fault.content = f"**{_plain(message)}**" if message else ""
         fault.visible = bool(message)

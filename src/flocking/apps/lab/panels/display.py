@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 from flocking.apps.lab.scene.glyphs import COLORINGS
 from flocking.apps.lab.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from viser import GuiApi
 
 
 class Display:
@@ -19,7 +22,7 @@ class Display:
         The scene.
     """
 
-    def __init__(self, gui: Any, scene: Scene) -> None:
+    def __init__(self, gui: GuiApi, scene: Scene) -> None:
         self._gui, self._scene = gui, scene
         look = scene.look
         self.color = gui.add_dropdown("colour by", COLORINGS, initial_value=look.color)
@@ -33,7 +36,7 @@ class Display:
             self._bind(name)
 
         @self.dark.on_update
-        def _(_: Any) -> None:
+        def _(_: object) -> None:
             scene.look.dark = self.dark.value
             gui.configure_theme(
                 show_share_button=False, show_logo=False, control_width="large", dark_mode=self.dark.value
@@ -41,7 +44,7 @@ class Display:
             scene.repaint()
 
         @self.aim.on_click
-        def _(_: Any) -> None:
+        def _(_: object) -> None:
             scene.aim(scene.clock.frame)
             scene.repaint()
 
@@ -49,6 +52,6 @@ class Display:
         handle = getattr(self, name)
 
         @handle.on_update
-        def _(_: Any) -> None:
+        def _(_: object) -> None:
             setattr(self._scene.look, name, handle.value)
             self._scene.repaint()

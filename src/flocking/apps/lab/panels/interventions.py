@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from flocking.apps.lab.panels.ready_terms import TERMS
 from flocking.apps.lab.scene.glyphs import spacing
 from flocking.errors import FlockingError, InvalidInput
 from flocking.model.serial import to_data
+
+if TYPE_CHECKING:
+    from viser import GuiApi
 
 MOST_CHOSEN = 100_000
 
@@ -30,7 +33,7 @@ class Interventions:
         Where events go.
     """
 
-    def __init__(self, gui: Any, clock: Clock, send: Send) -> None:
+    def __init__(self, gui: GuiApi, clock: Clock, send: Send) -> None:
         self._clock, self._send = clock, send
         self._seed = 0
         with gui.add_folder("Perturb"):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 import time
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from flocking.apps.lab.experiment.history import History, Series
 from flocking.apps.lab.panels.measures import LEDGER, MOST_CLAIMS, NAMES, Lamp, claims_of, lamps, ledger, measured
 from flocking.apps.lab.scene.scene import Scene
 from flocking.engine.runs.run import Run
+
+if TYPE_CHECKING:
+    from viser import GuiApi, GuiButtonHandle
 
 READ_SECONDS = 0.2
 LAMP_SECONDS = 1.0
@@ -39,7 +42,7 @@ class MeasurementPanel:
         The scene, in which agents are highlighted.
     """
 
-    def __init__(self, gui: Any, clock: Clock, scene: Scene) -> None:
+    def __init__(self, gui: GuiApi, clock: Clock, scene: Scene) -> None:
         self._gui, self._clock, self._scene = gui, clock, scene
         self.series = Series(NAMES)
         self.history = History()
@@ -53,7 +56,7 @@ class MeasurementPanel:
             )
             for name, ink in zip(CURVES, INKS, strict=True)
         ]  # fmt: skip
-        self._buttons: list[Any] = []
+        self._buttons: list[GuiButtonHandle] = []
         self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._run, name="flocking-lab-measurements", daemon=True)
 
@@ -65,7 +68,7 @@ class MeasurementPanel:
         self._rack = self._gui.add_folder("Claims")
 
         @self._clear.on_click
-        def _(_: Any) -> None:
+        def _(_: object) -> None:
             self._highlight((), "")
 
     def begin(self) -> None:
@@ -180,11 +183,11 @@ class MeasurementPanel:
             if button.label != label:
                 button.label, button.color = label, lamp.color
 
-    def _button(self, number: int) -> object:
+    def _button(self, number: int) -> GuiButtonHandle:
         button = self._gui.add_button("...", color="gray")
 
         @button.on_click
-        def _(_: Any) -> None:
+        def _(_: object) -> None:
             self.show(number)
 
         return button

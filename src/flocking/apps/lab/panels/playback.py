@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING
 
 from flocking.apps.lab.experiment.clock import Clock
+
+if TYPE_CHECKING:
+    from viser import GuiApi, GuiEvent
 
 STEPS = {"0.01": 0.01, "0.1": 0.1, "1": 1.0}
 SLOWEST, FASTEST = 0.01, 100.0
@@ -33,7 +36,7 @@ class Transport:
     """
 
     def __init__(
-        self, gui: Any, clock: Clock, names: tuple[str, ...], *,
+        self, gui: GuiApi, clock: Clock, names: tuple[str, ...], *,
         load: Callable[[str, int | None], None], restart: Callable[[], None], lift: Callable[[], None],
     ) -> None:  # fmt: skip
         self._clock = clock
@@ -48,25 +51,25 @@ class Transport:
         self.pace = gui.add_button_group("", tuple(PACES))
 
         @self.scenario.on_update
-        def _(event: Any) -> None:
+        def _(event: GuiEvent) -> None:
             if event.client is not None:
                 load(self.scenario.value, None)
 
         @self.seed.on_update
-        def _(event: Any) -> None:
+        def _(event: GuiEvent) -> None:
             if event.client is not None:
                 load(self.scenario.value, int(self.seed.value))
 
         @self.steps.on_click
-        def _(_: Any) -> None:
+        def _(_: object) -> None:
             clock.step(STEPS[self.steps.value])
 
         @self.speed.on_update
-        def _(_: Any) -> None:
+        def _(_: object) -> None:
             clock.speed = float(self.speed.value)
 
         @self.pace.on_click
-        def _(_: Any) -> None:
+        def _(_: object) -> None:
             self.run_at(clock.speed * PACES[self.pace.value])
 
         deeds = {RESTART: restart, RESET: lambda: load(self.scenario.value, int(self.seed.value)), LIFT: lift}

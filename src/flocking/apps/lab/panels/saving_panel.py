@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +16,9 @@ from flocking.apps.lab.scene.filming import Film, picture
 from flocking.engine.runs.run import Run
 from flocking.errors import FlockingError
 from flocking.model.state import State
+
+if TYPE_CHECKING:
+    from viser import GuiApi, GuiEvent
 
 NO_RUN = "(none here)"
 MOST_RUNS = 200
@@ -32,7 +36,7 @@ class SavingPanel:
         The page.
     """
 
-    def __init__(self, gui: Any, page: Any) -> None:
+    def __init__(self, gui: GuiApi, page: Any) -> None:
         self._page = page
         self._film: Film | None = None
         self.stored: Run | None = None
@@ -69,7 +73,7 @@ class SavingPanel:
             self.folder.options = names
             self.folder.value = chosen if chosen in names else names[0]
 
-    def _guarded(self, action: Any, event: Any) -> None:
+    def _guarded(self, action: Callable[[], None], event: GuiEvent) -> None:
         before = len(self.saved)
         try:
             self._page.may()

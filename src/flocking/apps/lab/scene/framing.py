@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from flocking.apps.lab.scene import glyphs
 from flocking.apps.lab.scene.solids import Solid
-from flocking.arrays import Array
+from flocking.arrays import Array, Positions, Vector
 from flocking.model.state import State
 
 FAR_OFF = 3.0
@@ -40,7 +38,7 @@ def box_around(state: State, things: list[Solid], least: float) -> tuple[Array, 
     return low - short, high + short
 
 
-def centre_of(q: Any) -> Array:
+def centre_of(q: Positions) -> Vector:
     """Mean position as a point of space."""
     found = np.zeros(3)
     found[: min(3, q.shape[1])] = q.mean(axis=0)[:3]

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
+from flocking.arrays import PerAgent
 from flocking.model.checks import NO_LESS, Array
 from flocking.model.graphs.connectivity import components
 from flocking.model.state import State
@@ -97,7 +96,7 @@ def wheel(angle: Array) -> Bytes:
     return np.asarray(40 + 87.5 * (1 + np.cos(angle[:, None] + shifts)), dtype=np.uint8)
 
 
-def colors(state: State, kind: str, fastest: float, energies: Any = None, dark: bool = False) -> Bytes:
+def colors(state: State, kind: str, fastest: float, energies: PerAgent | None = None, dark: bool = False) -> Bytes:
     """One colour per agent, shape (N, 3).
 
     Parameters

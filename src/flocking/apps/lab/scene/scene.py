@@ -7,16 +7,28 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flocking.apps.lab.experiment.clock import Clock, Frame
+from flocking.apps.lab.experiment.parts import Step
 from flocking.apps.lab.scene import glyphs
 from flocking.apps.lab.scene.framing import box_around, centre_of
 from flocking.apps.lab.scene.solids import Solid, imagined, solids
+from flocking.arrays import Positions
 from flocking.model.law import Scenario
 from flocking.model.state import State
+
+if TYPE_CHECKING:
+    from viser import (
+        BatchedMeshHandle,
+        LineSegmentsHandle,
+        MeshHandle,
+        PointCloudHandle,
+        ViserServer,
+    )
 
 LINK_BUDGET = 6000
 MOST_GLYPHS = 20_000
@@ -84,18 +96,18 @@ class Legend:
 class _Group:
     """Handles of one experiment's group."""
 
-    agents: Any
-    links: Any
-    trails: Any
-    ghosts: Any
-    solids: list[tuple[Solid, Any]]
-    past: deque[Any] = field(default_factory=lambda: deque(maxlen=TRAIL_POINTS))
-    turns: Any = None
+    agents: BatchedMeshHandle | PointCloudHandle
+    links: LineSegmentsHandle
+    trails: LineSegmentsHandle
+    ghosts: PointCloudHandle
+    solids: list[tuple[Solid, MeshHandle]]
+    past: deque[Positions] = field(default_factory=lambda: deque(maxlen=TRAIL_POINTS))
+    turns: NDArray[np.float32] | None = None
     enlarged: bool = False
-    shape: tuple[Any, ...] = ()
+    shape: tuple[object, ...] = ()
 
 
-Dragged = Callable[[tuple[Any, ...], list[float]], None]
+Dragged = Callable[[tuple[Step, ...], list[float]], None]
 
 
 class Scene:
@@ -111,7 +123,7 @@ class Scene:
         Called with the path of a leader and the point it was dragged to.
     """
 
-    def __init__(self, server: Any, clock: Clock, dragged: Dragged) -> None:
+    def __init__(self, server: ViserServer, clock: Clock, dragged: Dragged) -> None:
         self.server, self.clock, self.look = server, clock, Look()
         self.note = ""
         """What is not shown in full."""
@@ -123,7 +135,7 @@ class Scene:
         self.picked: Callable[[int], None] = lambda _: None
         """Called with the number of an agent that was clicked."""
         self._dragged = dragged
-        self._held: dict[tuple[Any, ...], float] = {}
+        self._held: dict[tuple[Step, ...], float] = {}
         self._groups: list[_Group] = []
         self._size = self._fastest = 1.0
         self._shift = np.zeros(3)
@@ -302,7 +314,7 @@ class Scene:
             self.legend = Legend(kind)
         return glyphs.colors(state, kind, self._fastest, energies, self.look.dark), notes
 
-    def _paint_links(self, group: _Group, state: State, q: Any) -> str:
+    def _paint_links(self, group: _Group, state: State, q: NDArray[np.float32]) -> str:
         note = ""
         segments = np.zeros((0, 2, 3), dtype=np.float32)
         if self.look.links:
@@ -316,7 +328,7 @@ class Scene:
             group.links.points = segments
         return note
 
-    def _paint_trails(self, group: _Group, q: Any) -> str:
+    def _paint_trails(self, group: _Group, q: Positions) -> str:
         if not (self.look.trails and len(q) <= MOST_TRAILS):
             group.past.clear()
             group.trails.visible = False
@@ -369,7 +381,7 @@ class Scene:
         """Where group ``k`` is drawn."""
         return tuple(float(x) for x in (k - (self._count - 1) / 2) * self._step)
 
-    def _solid(self, name: str, thing: Solid) -> object:
+    def _solid(self, name: str, thing: Solid) -> MeshHandle:
         scale = 1.0 if thing.kind == "obstacle" else LEADER_SIZE * self._size
         handle = self.server.scene.add_mesh_simple(
             name, (thing.vertices * scale).astype(np.float32), thing.faces,
@@ -381,7 +393,7 @@ class Scene:
             handle.on_drag(lambda event: self._drag(event, thing, handle))
         return handle
 
-    def _drag(self, event: Any, thing: Solid, handle: Any) -> None:
+    def _drag(self, event: Any, thing: Solid, handle: MeshHandle) -> None:
         """Move with the pointer, by as much as it moved."""
         if event.phase == "start":
             self._grip = np.asarray(handle.position) - np.asarray(event.start_position)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flocking.apps.lab.experiment.parts import Step
 from flocking.apps.lab.scene.glyphs import in_space
 from flocking.model.checks import NO_LESS, Array
 from flocking.model.law import Scenario
@@ -45,12 +45,12 @@ class Solid:
     """
 
     kind: str
-    path: tuple[Any, ...]
+    path: tuple[Step, ...]
     position: Array
     vertices: NDArray[np.floating]
     faces: NDArray[np.uint32]
     dimension: int
-    shape: tuple[Any, ...]
+    shape: tuple[object, ...]
 
 
 def solids(scenario: Scenario, t: float) -> list[Solid]:
@@ -77,7 +77,7 @@ def solids(scenario: Scenario, t: float) -> list[Solid]:
     return found
 
 
-def _obstacle(obstacle: Obstacle, path: tuple[object, ...], t: float) -> Solid:
+def _obstacle(obstacle: Obstacle, path: tuple[Step, ...], t: float) -> Solid:
     field = MOVERS.get(type(obstacle).__name__)
     mover = obstacle.mover
     place = mover.at(t)[0] if mover is not None else np.zeros(obstacle.dimension)

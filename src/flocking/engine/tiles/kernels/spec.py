@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from flocking.model.law import Scenario
 SCHEMES = ("verlet", "damped", "rk4")
 """Half-step-velocity Verlet (as LAMMPS), the same with exponential damping, and Runge-Kutta of order 4."""
 
-PRECISIONS: dict[str, Any] = {"float64": np.float64, "float32": np.float32}
+PRECISIONS: dict[str, type[np.float32] | type[np.float64]] = {"float64": np.float64, "float32": np.float32}
 
 MOST_AGENTS = 2**31 - 64
 

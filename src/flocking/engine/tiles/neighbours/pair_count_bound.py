@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
+from flocking.arrays import Reals
 from flocking.engine.tiles.neighbours.neighbour_lists import TooManyNeighboursError
 
 PARTS = {1: 32, 2: 8, 3: 5}
@@ -35,7 +35,7 @@ class PairCountBound:
         self._limit = memory_limit
         self._passed = 0.0
 
-    def check(self, crowding: float, q: Any, reaches: Callable[[], Sequence[float]]) -> None:
+    def check(self, crowding: float, q: Reals, reaches: Callable[[], Sequence[float]]) -> None:
         """Check that lists may fit; agents that were found to fit are counted again when they are crowded more.
 
         Parameters
@@ -78,7 +78,7 @@ def expected_pairs(crowding: float, n: int, m: int) -> float:
     return float(BALL_SHARE[m] * 6.0**m * (crowding + n))
 
 
-def certain_pairs(q: Any, reach: float) -> float:
+def certain_pairs(q: Reals, reach: float) -> float:
     """A lower bound of the number of ordered pairs within reach.
 
     Agents are counted in boxes narrower than the reach; two boxes whose farthest corners are within reach hold
