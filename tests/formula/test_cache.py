@@ -151,8 +151,8 @@ def test_what_was_used_longest_ago_is_removed_first(folder: Path, monkeypatch: p
         module(f"value = {k}\n" + "# filler\n" * 200)
         for path in folder.glob("*"):  # files of one moment have no order
             os.utime(path, (path.stat().st_mtime - 10,) * 2)
-    assert cache.kept().size <= 45_000
-    assert cache.kept().formulas > 5
+    assert cache.contents().size <= 45_000
+    assert cache.contents().formulas > 5
     names = [p.name for p in folder.glob("*.py")]
     assert module("value = 59\n" + "# filler\n" * 200).__name__ + ".py" in names
     assert module("value = 0\n" + "# filler\n" * 200).__name__ + ".py" not in names

@@ -97,10 +97,10 @@ def quiet_warnings() -> None:
         logging.lastResort.setLevel(logging.ERROR)
     warnings.simplefilter("ignore")
     warnings.simplefilter("default", SuspectInput)
-    warnings.showwarning = _said
+    warnings.showwarning = _show_warning
 
 
-def _said(message: Warning | str, *_: object, **__: object) -> None:
+def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
     print(f"flocking: {message}", file=sys.stderr, flush=True)
 
 

@@ -295,7 +295,7 @@ def is_sealed(path: Path) -> bool:
 
 
 @dataclass(frozen=True)
-class Kept:
+class Contents:
     """What is in the folder.
 
     Parameters
@@ -316,7 +316,7 @@ class Kept:
     formulas: int
 
 
-def kept(folder: Path | None = None) -> Kept:
+def contents(folder: Path | None = None) -> Contents:
     """What is in the folder of generated code.
 
     Raises
@@ -326,10 +326,10 @@ def kept(folder: Path | None = None) -> Kept:
     """
     folder = cache_folder() if folder is None else folder
     found = _files(folder)
-    return Kept(folder, len(found), sum(x[1] for x in found), sum(x[2].suffix == ".py" for x in found))
+    return Contents(folder, len(found), sum(x[1] for x in found), sum(x[2].suffix == ".py" for x in found))
 
 
-def clear() -> Kept:
+def clear() -> Contents:
     """Remove all generated code; what was there.
 
     Raises
@@ -337,7 +337,7 @@ def clear() -> Kept:
     CacheError
         When the folder cannot be used or written.
     """
-    before = kept()
+    before = contents()
     try:
         for _, _, path in _files(before.folder):
             path.unlink(missing_ok=True)

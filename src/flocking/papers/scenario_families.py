@@ -8,7 +8,7 @@ from typing import Any
 from flocking.model.law import Scenario
 from flocking.study.evidence import Evidence
 from flocking.study.scenario_files.scenario_values import TRUTH, choice
-from flocking.study.sweeps.scenario_families import Family, number_between, whole_between
+from flocking.study.sweeps.scenario_families import Family, integer_between, number_between
 
 OBSTACLE_AREA = 3200.0
 """Area of the start region of Olfati-Saber's task 1: the shape varies, the density does not."""
@@ -102,7 +102,7 @@ def families() -> dict[str, Family]:
     }
     obstacles = {
         "length": number_between(10.0, 1000.0), "tracking": choice("agent", "shared"),
-        "tracking_gain": number_between(0.0, 1000.0), "gamma_agents": TRUTH, "agents": whole_between(1, MOST_AGENTS),
+        "tracking_gain": number_between(0.0, 1000.0), "gamma_agents": TRUTH, "agents": integer_between(1, MOST_AGENTS),
     }  # fmt: skip
     found = {
         "tanner-2003-fixed": Family(_tanner_fixed, {"speed": speed, "complete": TRUTH}),
@@ -112,6 +112,6 @@ def families() -> dict[str, Family]:
         "olfati-saber-2003": Family(_obstacles, obstacles),
     }
     for name in SETTINGS:
-        options = {"informed": whole_between(0, AGENTS), "compact": TRUTH}
+        options = {"informed": integer_between(0, AGENTS), "compact": TRUTH}
         found[name] = Family(partial(_shi, name=name), options)
     return found

@@ -82,8 +82,8 @@ def animate(
     size = number("animate", "size", size, above=0.0)
     if not isinstance(run, Run) or len(run.t) == 0:
         raise InvalidInput("animate", "run", "must be a Run with at least one frame", run)
-    wanted = len(run.t) if seconds is None else number("animate", "seconds", seconds, above=0.0) * fps
-    if wanted > integer("animate", "most_pictures", most_pictures, least=1):
+    pictures = len(run.t) if seconds is None else number("animate", "seconds", seconds, above=0.0) * fps
+    if pictures > integer("animate", "most_pictures", most_pictures, least=1):
         raise InvalidInput(
             "animate", "seconds", f"must not take more than {most_pictures} pictures", seconds,
             "Make the film shorter, or give a larger most_pictures.",
@@ -91,7 +91,7 @@ def animate(
     if seconds is None:
         frames = np.arange(len(run.t))
     else:
-        count = max(1, round(wanted))
+        count = max(1, round(pictures))
         frames = np.rint(np.linspace(0, len(run.t) - 1, count)).astype(np.intp)
     target = film_path(path)
     try:

@@ -249,9 +249,9 @@ def test_a_log_is_plain_data(tmp_path):
 
 
 def test_large_groups_run_in_tiles_and_replay_there():
-    from flocking.apps.lab.panels.choices import CROWDS
+    from flocking.apps.lab.panels.choices import LARGER_GROUPS
 
-    made = Experiment(CROWDS["crowd-1000"](0))
+    made = Experiment(LARGER_GROUPS["crowd-1000"](0))
     assert made.engine == "tiles"
     made.advance(0.2)
     made.apply({"kind": "set", "path": GAIN, "value": 0.9})

@@ -18,16 +18,16 @@ def cache(*, clear: bool = False, as_json: Annotated[bool, Parameter(name="--jso
     as_json
         Print JSON.
     """
-    from flocking.formula import cache as kept_code
+    from flocking.formula import cache as code_cache
 
-    found = kept_code.clear() if clear else kept_code.kept()
+    found = code_cache.clear() if clear else code_cache.contents()
     if as_json:
         facts = {"folder": str(found.folder), "files": found.files, "bytes": found.size, "modules": found.formulas,
-                 "limit": kept_code.MOST_BYTES, "cleared": clear}  # fmt: skip
+                 "limit": code_cache.MOST_BYTES, "cleared": clear}  # fmt: skip
         print(json.dumps(facts, indent=2))
         return 0
     print(f"folder    {found.folder}")
     what = f"{found.files} files, {found.size / 1e6:.3g} MB, of {found.formulas} laws and formulas"
     print(f"{'cleared' if clear else 'holds':9} {what}")
-    print(f"limit     {kept_code.MOST_BYTES / 1e6:.3g} MB; what was used longest ago is removed first")
+    print(f"limit     {code_cache.MOST_BYTES / 1e6:.3g} MB; what was used longest ago is removed first")
     return 0

@@ -41,8 +41,8 @@ def write_archive(file: BinaryIO, numbers: Mapping[str, object], arrays: Arrays)
         Arrays by name.
     """
     text = json.dumps(numbers, default=lambda x: x.item()).encode()
-    whole: dict[str, AnyArray] = {NUMBERS: np.frombuffer(text, dtype=np.uint8), **arrays}
-    np.savez(file, allow_pickle=False, **whole)
+    named: dict[str, AnyArray] = {NUMBERS: np.frombuffer(text, dtype=np.uint8), **arrays}
+    np.savez(file, allow_pickle=False, **named)
 
 
 def read_archive(data: bytes | Path) -> tuple[dict[str, Any], Arrays]:

@@ -50,7 +50,7 @@ class Progress:
         self._enabled = enabled
         self._scenario = scenario
         self._begin = time.monotonic()
-        self._said = self._begin
+        self._shown_at = self._begin
         self._first: tuple[float, float] | None = None
         self._bar: Any = None
         self._task: Any = None
@@ -79,8 +79,8 @@ class Progress:
             return
         rate = f"{agent_steps / (now - self._begin):.3g} agent-steps/s" + (f", {note}" if note else "")
         if self._lines:
-            if now - self._said >= LINE_SECONDS:
-                self._said = now
+            if now - self._shown_at >= LINE_SECONDS:
+                self._shown_at = now
                 self._say(t, rate, now)
             return
         if self._bar is None:

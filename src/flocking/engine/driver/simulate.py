@@ -235,7 +235,7 @@ def drive(session: ExactSession | TilesSession, *, progress: bool, saving: Sessi
             try:
                 saving.interrupt(status, between_steps=isinstance(stop, Noted))
             except StorageError as fault:
-                fault.run = _what_there_is(session, saving, status)
+                fault.run = _available(session, saving, status)
                 raise
     except SimulationError as error:
         if saving is not None:
@@ -243,11 +243,11 @@ def drive(session: ExactSession | TilesSession, *, progress: bool, saving: Sessi
                 saving.finish(str(error))
                 error.run = saving.run(str(error))
             except StorageError as fault:
-                fault.run = _what_there_is(session, saving, str(error))
+                fault.run = _available(session, saving, str(error))
                 raise
         raise
     except StorageError as error:
-        error.run = _what_there_is(session, saving, str(error))
+        error.run = _available(session, saving, str(error))
         raise
     if deferred.late:
         # It came after the last step: the run is complete and saved, the caller is to stop.
@@ -255,7 +255,7 @@ def drive(session: ExactSession | TilesSession, *, progress: bool, saving: Sessi
     return session.run(status) if saving is None else saving.run(status)
 
 
-def _what_there_is(session: ExactSession | TilesSession, saving: SessionWriter | None, status: str) -> Run:
+def _available(session: ExactSession | TilesSession, saving: SessionWriter | None, status: str) -> Run:
     """What was computed until the disk failed: with what is on it, where that can be read."""
     with suppress(StorageError):
         if saving is not None:

@@ -146,12 +146,12 @@ class Declared:
             along, direction = np.where(r > 0, found["along"], 0.0), d / np.where(r > 0, r, 1.0)[:, None]
             one = along[:, None] * direction + found["drag"][:, None] * v
             v_size = np.sqrt((v**2).sum(axis=1))
-            whole = np.abs(along) + np.abs(found["drag"]) * v_size
-            doubt = np.where(r > 0, off["along"], 0.0) + off["drag"] * v_size + np.where(certain, 0.0, whole)
+            magnitude = np.abs(along) + np.abs(found["drag"]) * v_size
+            doubt = np.where(r > 0, off["along"], 0.0) + off["drag"] * v_size + np.where(certain, 0.0, magnitude)
             # Differences of rounded numbers: the velocities themselves are exact, as the positions are.
             for axis in range(m):
                 force[:, axis] += np.bincount(k, one[:, axis], minlength=count)
-            size += np.bincount(k, whole, minlength=count)
+            size += np.bincount(k, magnitude, minlength=count)
             error += np.bincount(k, doubt, minlength=count)
             for column, name in ((0, "storage"), (3, "dissipation"), (4, "supply")):
                 value = 0.5 * found[name]

@@ -90,6 +90,6 @@ class LawGaps:
         k = int(np.argmax(share))
         if share[k] > self.worst:
             self.worst = float(share[k])
-            whole = max(float(size[k]), float(allowed[k]), NO_LESS)
-            self.gap, self.allowed = float(gap[k]) / whole, float(allowed[k]) / whole
+            scale = max(float(size[k]), float(allowed[k]), NO_LESS)
+            self.gap, self.allowed = float(gap[k]) / scale, float(allowed[k]) / scale
         return k if share[k] > 1.0 else None

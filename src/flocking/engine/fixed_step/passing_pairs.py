@@ -64,10 +64,10 @@ def check_passing(
         # A partner that moves further than this one has had its turn.
         others = np.array(tree.query_ball_point(middle[i], reach + length[i]), dtype=np.int64)
         others = others[others != i]
-        apart, way = q[others] - q[i], moved[others] - moved[i]
-        distance, square = np.sqrt((apart**2).sum(axis=1)), np.maximum((way**2).sum(axis=1), 1e-300)
-        share = np.clip(-(apart * way).sum(axis=1) / square, 0.0, 1.0)
-        nearest = np.sqrt(((apart + share[:, None] * way) ** 2).sum(axis=1))
+        apart, displacement = q[others] - q[i], moved[others] - moved[i]
+        distance, square = np.sqrt((apart**2).sum(axis=1)), np.maximum((displacement**2).sum(axis=1), 1e-300)
+        share = np.clip(-(apart * displacement).sum(axis=1) / square, 0.0, 1.0)
+        nearest = np.sqrt(((apart + share[:, None] * displacement) ** 2).sum(axis=1))
         met = np.where((distance >= reach) & (nearest < reach), np.sqrt(square) / distance, 0.0)
         if len(met) and met.max() > STRIDE:
             k = int(np.argmax(met))

@@ -85,7 +85,7 @@ class Instability:
         return same
 
     def look(
-        self, particles: ParticleArrays, steps: int, h: float, wanted: float, time: float, *, alternating: bool
+        self, particles: ParticleArrays, steps: int, h: float, longest: float, time: float, *, alternating: bool
     ) -> None:
         """Look at a step just made; the state before it is still in ``particles.Y``.
 
@@ -93,7 +93,7 @@ class Instability:
         ----------
         steps
             Number of steps before it.
-        h, wanted
+        h, longest
             Its length, and that of the longest step.
         alternating
             Whether changes that alternate are a sign; a scheme that is stable for any damping has them.
@@ -108,7 +108,7 @@ class Instability:
         self.streak, self.grown = (self.streak + 1, self.grown * factor) if factor >= GROWING else (0, 1.0)
         if self.streak >= LONGEST and self.grown >= LARGEST:
             raise step_too_large(
-                wanted, 0.1 * h, f"the largest speed grew {self.grown:.2g} times in {self.streak} steps", time=time
+                longest, 0.1 * h, f"the largest speed grew {self.grown:.2g} times in {self.streak} steps", time=time
             )
         if not alternating:
             return
@@ -119,7 +119,7 @@ class Instability:
             self._compare(particles)
             if self._alternates(particles, h, full_window=at == WINDOW - 1):
                 raise step_too_large(
-                    wanted, 0.2 * h, "velocities change to and fro from step to step and do not calm down", time=time
+                    longest, 0.2 * h, "velocities change to and fro from step to step and do not calm down", time=time
                 )
 
     def _forget(self) -> None:

@@ -120,9 +120,9 @@ class LawCheck:
         speed = np.maximum(np.abs(after[:, m:]).sum(axis=1), np.abs(before[:, m:]).sum(axis=1))
         rounding = 4.0 * self.eps * mass * speed / kick
         # A place that is off counts as the force that would have put it there.
-        way = np.sqrt(((after[:, :m] - before[:, :m] - h * after[:, m:]) ** 2).sum(axis=1))
-        way = np.maximum(way - 4.0 * self.eps * (np.abs(after[:, :m]).sum(axis=1) + h * speed), 0.0)
-        force += (mass * way / (h * kick))[:, None]
+        excess = np.sqrt(((after[:, :m] - before[:, :m] - h * after[:, m:]) ** 2).sum(axis=1))
+        excess = np.maximum(excess - 4.0 * self.eps * (np.abs(after[:, :m]).sum(axis=1) + h * speed), 0.0)
+        force += (mass * excess / (h * kick))[:, None]
         q, p = (np.asarray(x.T) for x in (particles.Y[:m], particles.Y[m:]))
         found = self._compared(particles, (q, p), places, force, rounding, moment, gaps, remembered=False)
         self._require(found, moment, gaps)

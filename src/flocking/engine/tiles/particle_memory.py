@@ -11,7 +11,7 @@ import numpy as np
 from flocking.engine.tiles.checkpoint_form import check_particles
 from flocking.engine.tiles.particle_arrays import ParticleArrays
 
-KEPT = (
+FIELDS = (
     "X", "ids", "each", "A", "C", "reference", "elapsed", "bound", "skin", "rebuilds", "lists", "top_speed",
     "_rounding",
     "_first_links", "lost",
@@ -33,9 +33,9 @@ class ParticleMemory:
     @classmethod
     def of(cls, particles: ParticleArrays, *, copied: bool) -> ParticleMemory:
         """What fixes how ``particles`` goes on; not ``copied``, it changes as the agents go on."""
-        kept = {name: getattr(particles, name) for name in KEPT}
-        kept["rooms"] = [b.capacity for b in particles.builders]
-        return cls(copy.deepcopy(kept) if copied else kept)
+        fields = {name: getattr(particles, name) for name in FIELDS}
+        fields["rooms"] = [b.capacity for b in particles.builders]
+        return cls(copy.deepcopy(fields) if copied else fields)
 
     def put_back(self, particles: ParticleArrays) -> None:
         """Make ``particles`` go on from here.
@@ -46,7 +46,7 @@ class ParticleMemory:
             When this is no memory of such agents.
         """
         check_particles(self.fields, particles)
-        for name in KEPT:
+        for name in FIELDS:
             setattr(particles, name, copy.deepcopy(self.fields[name]))
         if particles.obstacles is not None:
             particles.obstacles.used = np.inf

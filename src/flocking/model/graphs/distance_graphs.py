@@ -62,9 +62,9 @@ class Graph(ABC):
         distance = pair_distances(q)
         leaves = np.asarray(self.break_radius)[..., None]
         enters = np.asarray(self.appear_radius)[..., None]
-        kept = links & (distance < leaves)
+        lasting = links & (distance < leaves)
         new = ~links & (distance < enters)
-        result = kept | new
+        result = lasting | new
         np.fill_diagonal(result, False)
         return np.asarray(result)
 

@@ -110,9 +110,9 @@ def outcome(
         agents=agents,
     )
     run = simulate(scenario.with_(t_end=t_end, frames=(0.0, t_end), name=""), progress=False)
-    wanted = np.asarray(system.DESIRED_VELOCITY)
+    desired = np.asarray(system.DESIRED_VELOCITY)
     last = max(float(o.outline(64)[:, 0].max()) for o in passage.obstacles_of(run))
-    off = np.linalg.norm(run.p[-1] - wanted, axis=1).max() / np.linalg.norm(wanted)
+    off = np.linalg.norm(run.p[-1] - desired, axis=1).max() / np.linalg.norm(desired)
     links = run.links_at(-1)
     return Outcome(variant, seed, density(links), flocks(links), float((run.q[-1][:, 0] > last).mean()), float(off))
 

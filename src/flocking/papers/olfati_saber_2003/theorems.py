@@ -66,8 +66,8 @@ def never_inside(e: Evidence) -> Measure:
 
 def velocities_near_desired(e: Evidence) -> Measure:
     """Largest |p_i - p_d| at the end, against |p_d|."""
-    wanted = np.asarray(system.DESIRED_VELOCITY)
-    off = np.linalg.norm(e.p - wanted, axis=2).max(axis=1) / np.linalg.norm(wanted)
+    desired = np.asarray(system.DESIRED_VELOCITY)
+    off = np.linalg.norm(e.p - desired, axis=2).max(axis=1) / np.linalg.norm(desired)
     return replace(below(float(off[-1]), SAME, f"velocities within {off[-1]:.1e} of |p_d|"), everywhere=False)
 
 
@@ -75,8 +75,8 @@ def headings_agree(e: Evidence) -> Measure:
     """Largest heading angle against the desired direction, at the end."""
     from flocking.model.observables import headings
 
-    wanted = float(np.arctan2(system.DESIRED_VELOCITY[1], system.DESIRED_VELOCITY[0]))
-    off = float(np.abs(np.angle(np.exp(1j * (headings(e.state(-1)) - wanted)))).max())
+    desired = float(np.arctan2(system.DESIRED_VELOCITY[1], system.DESIRED_VELOCITY[0]))
+    off = float(np.abs(np.angle(np.exp(1j * (headings(e.state(-1)) - desired)))).max())
     return replace(below(off, SAME, f"headings within {off:.1e} rad"), everywhere=False)
 
 
@@ -185,10 +185,10 @@ def triangular(e: Evidence) -> Measure:
     def others(frame: int) -> float:
         return 1.0 if _crossings(e, frame) else 1 - triangle_share(e.q[frame], e.links_at(frame))
 
-    def told(rest: float) -> str:
+    def note(rest: float) -> str:
         return "links cross: there are no faces" if rest == 1 else f"{1 - rest:.3f} of the faces are triangles"
 
-    return limit_of_configuration(e, 1 - DOMINANT, others, told)
+    return limit_of_configuration(e, 1 - DOMINANT, others, note)
 
 
 def little_defect(e: Evidence) -> Measure:

@@ -12,7 +12,7 @@ import numpy as np
 
 LONGEST_LIST = 1_000_000
 LONGEST_NAME = 200
-LARGEST_WHOLE = 10**9
+LARGEST_INTEGER = 10**9
 LARGEST_SEED = 2**63 - 1
 
 
@@ -69,7 +69,7 @@ def _number(value: Any) -> float:
     return result
 
 
-def _whole(low: int, high: int) -> Callable[[object], int]:
+def _integer(low: int, high: int) -> Callable[[object], int]:
     def check(value: object) -> int:
         if isinstance(value, bool) or not isinstance(value, int):
             raise RefusedError("must be a whole number")
@@ -147,7 +147,7 @@ def _values(value: Any) -> list[float | list[float]]:
 def _pair(value: Any) -> tuple[int, int]:
     if not isinstance(value, list) or len(value) != 2:
         raise RefusedError("must be a pair of agents such as [0, 1]")
-    i, j = _each(value, "agents", _whole(0, LARGEST_WHOLE))
+    i, j = _each(value, "agents", _integer(0, LARGEST_INTEGER))
     return i, j
 
 
@@ -156,7 +156,7 @@ def _pairs(value: Any) -> tuple[tuple[int, int], ...]:
 
 
 def _frames(value: object) -> int | list[float]:
-    return _numbers(value) if isinstance(value, list) else _whole(1, LONGEST_LIST)(value)
+    return _numbers(value) if isinstance(value, list) else _integer(1, LONGEST_LIST)(value)
 
 
 def _headings(value: Any) -> list[Any]:
@@ -206,10 +206,10 @@ _NUMBERS = {"type": "array", "items": {"type": "number"}}
 _ROWS = {"type": "array", "items": _NUMBERS}
 
 NUMBER = Value(_number, {"type": "number"})
-COUNT = Value(_whole(1, LARGEST_WHOLE), {"type": "integer", "minimum": 1})
-DIMENSION = Value(_whole(1, 100), {"type": "integer", "minimum": 1, "maximum": 100})
-SEED = Value(_whole(0, LARGEST_SEED), {"type": "integer", "minimum": 0})
-ORDER = Value(_whole(1, 2), {"enum": [1, 2]})
+COUNT = Value(_integer(1, LARGEST_INTEGER), {"type": "integer", "minimum": 1})
+DIMENSION = Value(_integer(1, 100), {"type": "integer", "minimum": 1, "maximum": 100})
+SEED = Value(_integer(0, LARGEST_SEED), {"type": "integer", "minimum": 0})
+ORDER = Value(_integer(1, 2), {"enum": [1, 2]})
 TRUTH = Value(_truth, {"type": "boolean"})
 NAME = Value(_name, {"type": "string", "maxLength": LONGEST_NAME})
 NUMBERS = Value(_numbers, _NUMBERS)

@@ -44,7 +44,7 @@ def number_between(low: float, high: float) -> Value:
     return Value(check, {"type": "number", "minimum": low, "maximum": high})
 
 
-def whole_between(low: int, high: int) -> Value:
+def integer_between(low: int, high: int) -> Value:
     """A whole number within bounds."""
 
     def check(value: object) -> int:

@@ -202,7 +202,7 @@ class _Reader:
         self, found: Mapping[str, Any], families: Mapping[str, Family], most_agents: int, lines: list[str]
     ) -> None:
         self._found, self._lines, self._most_agents = found, lines, most_agents
-        self._told: set[str] = set()
+        self._reported: set[str] = set()
         self._scenario = found.get("scenario")
         self._family: Family | None = None
         if isinstance(self._scenario, str):
@@ -322,8 +322,8 @@ class _Reader:
             make(seed=0, **values)
         except ScenarioFileError as error:
             # What is wrong whatever varies is told once.
-            fresh = [line for line in error.problems if line not in self._told]
-            self._told.update(fresh)
+            fresh = [line for line in error.problems if line not in self._reported]
+            self._reported.update(fresh)
             self._lines.extend(f"{place + ': ' if place else ''}scenario.{line}" for line in fresh)
         except InvalidInput as error:
             self.say(place or "scenario", f"{error.parameter} {error.rule}", None, error.fix)
@@ -335,8 +335,8 @@ class _Reader:
         for k, name in enumerate(requested):
             if name not in known:
                 fix = nearest(name, known)
-                self.say(f"measures[{k}]", "is not known", name, "" if fix in self._told else fix)
-                self._told.add(fix)
+                self.say(f"measures[{k}]", "is not known", name, "" if fix in self._reported else fix)
+                self._reported.add(fix)
             elif name in requested[:k]:
                 self.say(f"measures[{k}]", "must not be named twice", name)
         return tuple(requested)

@@ -207,7 +207,7 @@ class Clock:
             self._frame_ready.notify_all()
 
     def _run(self) -> None:
-        before = kept = time.perf_counter()
+        before = stored_at = time.perf_counter()
         while True:
             with self._wake:
                 if not self._awake:
@@ -223,8 +223,8 @@ class Clock:
             elapsed, before = min(now - before, 4 * FRAME_SECONDS), now
             if self.playing:
                 self._advance(self._behind + self.speed * elapsed)
-                if now - kept > KEEP_SECONDS:
-                    kept = now
+                if now - stored_at > KEEP_SECONDS:
+                    stored_at = now
                     for each in self.experiments:
                         each.keep()
             elif goal is not None:

@@ -25,7 +25,7 @@ FAVOURITES = ("olfati-saber-2003", "zhou-2015")
 MOST_FILES = 200
 
 
-def _crowd(n: int, dimension: int) -> Callable[[int], Scenario]:
+def _larger_group(n: int, dimension: int) -> Callable[[int], Scenario]:
     """A crowd under a bounded spring and consensus over a graph with hysteresis."""
 
     def make(seed: int) -> Scenario:
@@ -37,9 +37,9 @@ def _crowd(n: int, dimension: int) -> Callable[[int], Scenario]:
     return make
 
 
-CROWDS = {
-    "crowd-1000": _crowd(1000, 2), "crowd-10000": _crowd(10_000, 2), "crowd-100000": _crowd(100_000, 2),
-    "crowd-1000-3d": _crowd(1000, 3),
+LARGER_GROUPS = {
+    "crowd-1000": _larger_group(1000, 2), "crowd-10000": _larger_group(10_000, 2),
+    "crowd-100000": _larger_group(100_000, 2), "crowd-1000-3d": _larger_group(1000, 3),
 }  # fmt: skip
 
 
@@ -75,12 +75,12 @@ def library(folder: Folder) -> tuple[str, ...]:
     """Names of all scenarios: the papers', crowds, and the scenario files and event logs of a folder."""
     found = sorted(p.name for pattern in ("*.toml", "*.events.json") for p in folder.path.glob(pattern))
     files = [name for name in found if name != "pyproject.toml" and folder.holds(name)]
-    return (*paper_scenarios(), *CROWDS, *files[:MOST_FILES])
+    return (*paper_scenarios(), *LARGER_GROUPS, *files[:MOST_FILES])
 
 
 def is_built_in(name: str) -> bool:
     """Whether a name is that of a scenario that comes with the library."""
-    return name in CROWDS or name in paper_scenarios() or name in TITLES
+    return name in LARGER_GROUPS or name in paper_scenarios() or name in TITLES
 
 
 def scenario_of(name: str, file: Path, seed: int | None = None) -> Scenario:
@@ -100,12 +100,12 @@ def scenario_of(name: str, file: Path, seed: int | None = None) -> Scenario:
     InvalidInput
         When there is none, or the file has faults.
     """
-    if name in CROWDS:
-        return CROWDS[name](seed or 0)
+    if name in LARGER_GROUPS:
+        return LARGER_GROUPS[name](seed or 0)
     if is_built_in(name):
         return find_scenario(name, seed, None)
     if file.suffix != ".toml" and not file.is_file():
-        known = (*paper_scenarios(), *CROWDS, *TITLES)
+        known = (*paper_scenarios(), *LARGER_GROUPS, *TITLES)
         rule = "must be a name that 'flocking list' shows, or a TOML file"
         raise InvalidInput("lab", "scenario", rule, name, nearest(name, known))
     return read_scenario(file) if seed is None else read_scenario(file, seed=seed)
