@@ -6,6 +6,7 @@ import ctypes
 import functools
 import hashlib
 import inspect
+import struct
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -24,6 +25,7 @@ _C_KINDS: dict[str, object] = {
     "u4": ctypes.c_uint32, "b1": ctypes.c_bool,
 }  # fmt: skip
 _translating = threading.RLock()
+NOT_CONTIGUOUS = "Native functions take arrays stored row by row"
 _PYTHON: dict[str, Callable[[Any], Any]] = {"f": float, "i": int, "u": int, "b": bool}
 
 
@@ -50,6 +52,8 @@ class Compiled:
             types += [_C_KINDS[kind.name]] if axes is None else [ctypes.c_void_p, *[ctypes.c_int64] * axes]  # type: ignore[union-attr]
         self._entry = ctypes.CFUNCTYPE(None, *types, ctypes.c_void_p)(address)
         self._room = ctypes.c_int64 * max(len(results), 1)
+        self._found = struct.Struct("=" + "".join("d" if kind == "f8" else "q" for kind in results))
+        self._flags = [k for k, kind in enumerate(results) if kind == "b1"]
 
     def run(self, given: list[Any]) -> Any:
         """Call it with pointers, lengths and numbers; one number, or several in a tuple, or None.
@@ -64,13 +68,10 @@ class Compiled:
             return None
         room = self._room()
         self._entry(*given, ctypes.addressof(room))
-        values = []
-        for k, kind in enumerate(self.results):
-            if kind == "f8":
-                values.append(ctypes.c_double.from_buffer(room, 8 * k).value)
-            else:
-                values.append(bool(room[k]) if kind == "b1" else room[k])
-        return values[0] if len(values) == 1 else tuple(values)
+        values = self._found.unpack(room)
+        if self._flags:
+            values = tuple(bool(x) if k in self._flags else x for k, x in enumerate(values))
+        return values[0] if len(values) == 1 else values
 
 
 class NativeFunction:
@@ -88,6 +89,7 @@ class NativeFunction:
         self.py_func = py_func
         self.signature = signature
         self._compiled: dict[tuple[Argument, ...], Compiled] = {}
+        self._known: dict[tuple[object, ...], tuple[Compiled, Sequence[Callable[[Any], Any] | None]]] = {}
         functools.update_wrapper(self, py_func)
 
     @property
@@ -162,7 +164,49 @@ class NativeFunction:
         TypeError
             When an argument is not of the stated kind, or of none that native functions know.
         """
-        return Bound(self)(*values)
+        known = self._known.get(tuple([(x.dtype, x.ndim) if type(x) is np.ndarray else type(x) for x in values]))
+        if known is None:
+            known = self.accepting(values)
+        compiled, casts = known
+        given: list[Any] = []
+        for value, cast in zip(values, casts, strict=True):
+            if cast is not None:
+                given.append(cast(value))
+            elif value.flags.c_contiguous:
+                given.append(value.__array_interface__["data"][0])
+                given += value.shape
+            else:
+                raise TypeError(NOT_CONTIGUOUS)
+        return compiled.run(given)
+
+    def accepting(self, values: Sequence[Any]) -> tuple[Compiled, Sequence[Callable[[Any], Any] | None]]:
+        """The function for such arguments, and what makes each number one that C takes, None for an array.
+
+        Parameters
+        ----------
+        values
+            The arguments.
+
+        Raises
+        ------
+        TypeError
+            When one is not of the stated kind, or of none that native functions know.
+        """
+        compiled = self.compiled(self._stated(tuple(kind_of_value(value) for value in values)))
+        known = compiled, [_cast_of(kind) for kind in compiled.arguments]
+        self._known[tuple([(x.dtype, x.ndim) if type(x) is np.ndarray else type(x) for x in values])] = known
+        return known
+
+    def _stated(self, kinds: tuple[Argument, ...]) -> tuple[Argument, ...]:
+        from flocking.formula.native.kinds import Kind, arguments_of
+
+        if self.signature is None:
+            return kinds
+        stated = arguments_of(self.signature)
+        for number, (a, b) in enumerate(zip(kinds, stated, strict=True)):
+            if a != b and not (isinstance(a, Kind) and isinstance(b, Kind) and (b.real or not a.real)):
+                raise TypeError(f"Argument {number} of {self.py_func.__name__} must be {b}, not {a}")
+        return stated
 
 
 @dataclass(frozen=True)
@@ -213,26 +257,13 @@ class Bound:
         return known.compiled.run(given)
 
     def _anew(self, values: tuple[Any, ...]) -> Any:
-        kinds = tuple(kind_of_value(value) for value in values)
-        compiled = self._function.compiled(self._stated(kinds))
-        casts = [_cast_of(kind) for kind in compiled.arguments]
+        compiled, casts = self._function.accepting(values)
         parts = [
             [value.__array_interface__["data"][0], *value.shape] if cast is None else [cast(value)]
             for value, cast in zip(values, casts, strict=True)
         ]
         self._known = _Known(values, [type(value) for value in values], parts, casts, compiled)
         return compiled.run([x for part in parts for x in part])
-
-    def _stated(self, kinds: tuple[Argument, ...]) -> tuple[Argument, ...]:
-        from flocking.formula.native.kinds import Kind, arguments_of
-
-        if self._function.signature is None:
-            return kinds
-        stated = arguments_of(self._function.signature)
-        for number, (a, b) in enumerate(zip(kinds, stated, strict=True)):
-            if a != b and not (isinstance(a, Kind) and isinstance(b, Kind) and (b.real or not a.real)):
-                raise TypeError(f"Argument {number} of {self._function.py_func.__name__} must be {b}, not {a}")
-        return stated
 
 
 def kind_of_value(value: object) -> Argument:
@@ -247,7 +278,7 @@ def kind_of_value(value: object) -> Argument:
 
     if isinstance(value, np.ndarray):
         if not value.flags.c_contiguous:
-            raise TypeError("Native functions take arrays stored row by row")
+            raise TypeError(NOT_CONTIGUOUS)
         return ArrayKind(kind_of(value.dtype), value.ndim)
     if isinstance(value, np.generic):
         return kind_of(value.dtype)
