@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import sympy
+    from mpmath import mpf as Number  # noqa: N812
+    from mpmath.ctx_mp import MPContext
 
 DIGITS = 600
 LARGEST_POWER = 4096
@@ -16,13 +18,10 @@ LARGEST_POWER = 4096
 LONGEST_NUMBER = 20_000
 """Bits of an argument beyond which a function is not evaluated: its value would need all of them."""
 
-Number = Any
-"""An ``mpmath.mpf``; NaN where the expression has no real value, infinite where it is too large to write."""
-
 
 @cache
-def wide_context() -> Any:
-    """The ``mpmath`` context whose numbers have `DIGITS` digits."""
+def wide_context() -> MPContext:
+    """The ``mpmath`` context whose numbers have `DIGITS` digits, NaN where there is no real value."""
     import mpmath
 
     context = mpmath.mp.clone()
@@ -80,16 +79,16 @@ def evaluator(
             return (context.pi / 2 if name == "atan" else context.mpf(1)) * (1 if x > 0 else -1)
         return getattr(context, name)(x)
 
-    def other(function: Any, inside: list[Number]) -> Number:
+    def other(function: sympy.Basic, inside: list[Number]) -> Number:
         if any(large(x, 60) for x in inside):
             return nan
         value = function(*(sympy.Float(x, DIGITS) for x in inside)).evalf(DIGITS)
         return context.mpf(value._to_mpmath(context.prec)) if value.is_Float or value.is_Rational else nan
 
     def at(value: Number) -> Number:
-        found: dict[Any, Any] = {**given, symbol: context.mpf(value)}
+        found: dict[sympy.Basic, Number] = {**given, symbol: context.mpf(value)}
 
-        def holds(condition: Any) -> bool:
+        def holds(condition: sympy.Basic) -> bool:
             if condition in (sympy.true, sympy.false):
                 return bool(condition)
             if isinstance(condition, sympy.Rel):
@@ -103,12 +102,12 @@ def evaluator(
                 return holds(yes) if holds(test) else holds(no)
             return (all if isinstance(condition, sympy.And) else any)(holds(a) for a in condition.args)
 
-        def compute(node: Any) -> Number:
+        def compute(node: sympy.Basic) -> Number:
             if node not in found:
                 found[node] = fresh(node)
             return found[node]
 
-        def fresh(node: Any) -> Number:
+        def fresh(node: sympy.Basic) -> Number:
             if node.is_Rational:
                 return context.mpf(int(node.p)) / int(node.q)
             if node.is_number and not node.args:

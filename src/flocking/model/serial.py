@@ -247,7 +247,7 @@ def _check_fields(kind: type, given: Mapping[str, object], where: str) -> None:
             raise InvalidInput(where, name, f"must be of type {f.type}", value)
 
 
-def _array(text: Any, where: str) -> AnyArray:
+def _array(text: str | bytes, where: str) -> AnyArray:
     try:
         file = io.BytesIO(base64.b64decode(text, validate=True))
         values = np.load(file, allow_pickle=False)

@@ -6,10 +6,11 @@ import os
 from contextlib import suppress
 from pathlib import Path
 from subprocess import CalledProcessError
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
+from flocking.arrays import Indices
 from flocking.engine.interruption import interrupted
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
@@ -161,7 +162,7 @@ def film_path(path: str | Path) -> Path:
 
 @in_style
 def _film(
-    run: Run, path: Path, frames: Any, fps: int, follow: bool, size: float, dpi: int, options: dict[str, Any]
+    run: Run, path: Path, frames: Indices, fps: int, follow: bool, size: float, dpi: int, options: dict[str, Any]
 ) -> None:
     import matplotlib
     from matplotlib.animation import FFMpegWriter, PillowWriter
@@ -177,7 +178,7 @@ def _film(
     made.set_dpi(dpi)
     canvas = FigureCanvasAgg(made)
 
-    def save(target: Any, **_: Any) -> None:
+    def save(target: BinaryIO, **_: object) -> None:
         canvas.draw()
         target.write(canvas.buffer_rgba())
 

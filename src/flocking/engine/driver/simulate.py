@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 from flocking.engine.driver.keyword_options import from_keywords, unknown_option
 from flocking.engine.driver.progress import Progress, stops
@@ -31,7 +31,7 @@ GLANCE_SECONDS = 0.25
 
 
 def start(
-    scenario: Scenario, engine: str = "auto", *, plant: Law | None = None, **options: Any
+    scenario: Scenario, engine: str = "auto", *, plant: Law | None = None, **options: object
 ) -> ExactSession | TilesSession | LammpsSession:
     """Start a session: a simulation that is advanced, looked at and changed step by step.
 
@@ -131,7 +131,7 @@ def simulate(
     progress: bool = True,
     plant: Law | None = None,
     fine: bool = False,
-    **options: Any,
+    **options: object,
 ) -> Run:
     """Run a scenario to its end.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -39,7 +40,7 @@ LATE = 1e-9
 """By how much, relative to their size, two ways of telling one moment may differ."""
 
 
-def check_exact(numbers: dict[str, Any], arrays: Arrays, scenario: Scenario, plant: Law | None) -> None:
+def check_exact(numbers: Mapping[str, Any], arrays: Arrays, scenario: Scenario, plant: Law | None) -> None:
     """Refuse what cannot be a checkpoint of a session of this scenario.
 
     Parameters
@@ -126,7 +127,7 @@ class _Either(Form):
             self.two.check(value, name)
 
 
-def _arrays(scenario: Scenario, plant: Law | None, links: LinkState, numbers: dict[str, Any]) -> Names:
+def _arrays(scenario: Scenario, plant: Law | None, links: LinkState, numbers: Mapping[str, Any]) -> Names:
     n, m = scenario.start.q.shape
     laws = [plant or scenario.law] + ([] if plant is None else [scenario.law])
     places = sum(len(Layout(law, scenario.energy).places) for law in laws)
@@ -161,7 +162,7 @@ def _pairs_within(rows: int, columns: int) -> Form:
     )  # fmt: skip
 
 
-def _check_times(numbers: dict[str, Any], scenario: Scenario, base: float) -> None:
+def _check_times(numbers: Mapping[str, Any], scenario: Scenario, base: float) -> None:
     time, (t0, t1), (t, _) = numbers["time"], numbers["segment"], numbers["stepper"]
     slack = LATE * max(1.0, abs(time), abs(base))
     begin, end = scenario.start.t, scenario.t_end

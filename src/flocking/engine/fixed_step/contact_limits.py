@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -32,13 +31,13 @@ def singular_graphs(layout: Layout, dimension: int, P: Array) -> tuple[int, ...]
     return tuple(found)
 
 
-class _Resting(Mapping[str, Any]):
+class _Resting(Mapping[str, Array]):
     """Values of a pair that coincides and rests: 0 for what says where and how fast it is, 1 for parameters."""
 
-    def __getitem__(self, name: str) -> Any:
+    def __getitem__(self, name: str) -> Array:
         return np.ones(1) if name[0] in "AW" and name[1:].isdigit() else np.zeros(1)
 
-    def __iter__(self) -> Any:
+    def __iter__(self) -> Iterator[str]:
         return iter(())
 
     def __len__(self) -> int:

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.arrays import Indices, Numbers, Positions, Velocities
+from flocking.arrays import AnyArray, Indices, Numbers
 from flocking.engine.kernels.codegen import array_kernels
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.reference.control import obstacles_met
@@ -52,8 +51,8 @@ class Group:
         Centre of mass and its velocity, shape (m,); NaN where the law uses none.
     """
 
-    q: Positions
-    p: Velocities
+    q: AnyArray
+    p: AnyArray
     ids: NDArray[np.integer]
     t: float
     since: float
@@ -99,9 +98,9 @@ class Declared:
         self._layout = Layout(scenario.law, scenario.energy)
         self._module = array_kernels(self._layout, scenario.start.dimension)
 
-    def _slots(self, since: float) -> tuple[Array, list[Any], list[PairWeights]]:
+    def _slots(self, since: float) -> tuple[Array, list[float | Array], list[PairWeights]]:
         scalars: list[float] = []
-        rows: list[Any] = [self.scenario.agents.masses, self.scenario.agents.damping]
+        rows: list[float | Array] = [self.scenario.agents.masses, self.scenario.agents.damping]
         weights: list[PairWeights] = []
         for _, owned in self._layout.owners():
             for value in owned.values():
@@ -170,7 +169,7 @@ class Declared:
         return Statement(force, error, size, powers, errors)
 
     def _bodies(
-        self, group: Group, slots: tuple[Array, list[Any]], q: Array, p: Array, sums: tuple[Array, ...]
+        self, group: Group, slots: tuple[Array, list[float | Array]], q: Array, p: Array, sums: tuple[Array, ...]
     ) -> None:
         """Add what body terms and obstacles do to the judged agents."""
         P, A = slots

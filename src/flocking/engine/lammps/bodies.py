@@ -12,7 +12,8 @@ from flocking.engine.kernels.layout import DAMPING, MASS, Layout
 from flocking.engine.lammps.pairs import numbers
 from flocking.engine.lammps.printing import variable
 from flocking.model.leaders_and_obstacles.leaders import Sink
-from flocking.model.leaders_and_obstacles.obstacles import Ball
+from flocking.model.leaders_and_obstacles.obstacles import Ball, Obstacle
+from flocking.model.state import Agents
 
 if TYPE_CHECKING:
     import sympy
@@ -64,7 +65,7 @@ class _Names:
         return variable(expression, names)
 
 
-def body_deck(formulas: LawFormulas, layout: Layout, P: Array, agents: Any) -> BodyDeck:
+def body_deck(formulas: LawFormulas, layout: Layout, P: Array, agents: Agents) -> BodyDeck:
     """Translate all body terms, and the damping of the agents themselves.
 
     Parameters
@@ -175,6 +176,6 @@ def _needed(encounter: Any) -> set[str]:
     return needed_names
 
 
-def _description(obstacle: Any) -> str:
+def _description(obstacle: Obstacle) -> str:
     values = ", ".join(f"{name} = {value:g}" for name, value in obstacle.parameters.items())
     return f"{type(obstacle).__name__.lower()} with {values}"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,7 +112,7 @@ class Dimensions:
         columns = {"quantity": QUANTITIES, "measure": MEASURES, "error": ERRORS}
         return list(columns[name]) if name in columns else np.arange(self.n)
 
-    def create(self, store: Any, name: str) -> None:
+    def create(self, store: object, name: str) -> None:
         """Create one array in a store: empty along the axis that grows, coordinates with their labels."""
         import zarr
 

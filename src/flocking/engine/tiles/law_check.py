@@ -144,8 +144,8 @@ class LawCheck:
         return np.broadcast_to(masses, particles.n)[particles.ids[places]].astype(np.float64)
 
     def _compared(
-        self, particles: ParticleArrays, state: Any, places: Indices, force: Reals, rounding: Reals, moment: Moment,
-        gaps: LawGaps, *, remembered: bool,
+        self, particles: ParticleArrays, state: tuple[Reals, Reals], places: Indices, force: Reals, rounding: Reals,
+        moment: Moment, gaps: LawGaps, *, remembered: bool,
     ) -> tuple[int | None, str | None]:  # fmt: skip
         """The agent whose force is not that of the law, and the name of a power that is not; None for none."""
         scenario = self.scenario

@@ -8,8 +8,6 @@ have moved is kept at every step, and lists are rebuilt before it exceeds half t
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -72,8 +70,8 @@ class ParticleArrays:
         self.successor: Reals = np.empty((self.size, 2 * m), self.dtype)
         self.ids: NDArray[np.int32] = np.zeros(self.size, np.int32)
         self.ids[:n] = np.arange(n, dtype=np.int32)
-        self._ids_buffer: Any = np.zeros(self.size, np.int32)
-        self.tile_extremes: Any = np.zeros((self.tiles, 3), self.dtype)
+        self._ids_buffer: NDArray[np.int32] = np.zeros(self.size, np.int32)
+        self.tile_extremes: Reals = np.zeros((self.tiles, 3), self.dtype)
         self.extremes: Array = np.zeros(3)
         self.sums: Array = np.zeros((self.tiles if spec.ledger else 1, len(sums_of(spec))), np.float64)
         self.planted: Planted | None = None

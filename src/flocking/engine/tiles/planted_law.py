@@ -44,7 +44,7 @@ class PassArrays:
     n: int
     means: Array
     velocity: Reals
-    extremes: Array
+    extremes: Reals
 
 
 class Planted:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -389,7 +389,9 @@ def _array_source(stages: list[dict[str, sympy.Expr]], dimension: int, names: tu
 
     q, p = (_vector(letter, dimension) for letter in "qp")
 
-    def function(name: str, arguments: Sequence[Any], steps: Sequence[dict[str, Any]], result: str) -> str:
+    def function(
+        name: str, arguments: Sequence[sympy.Symbol], steps: Sequence[Mapping[str, sympy.Expr]], result: str
+    ) -> str:
         lines = [s for k, stage in enumerate(steps) for s in statements(stage, arrays=True, prefix=f"stage{k}_")]
         body = "".join(f"    {line}\n" for line in [*lines, f"return {result}"])
         return f"def {name}({', '.join(map(str, [*arguments, 't', *names]))}):\n{body}\n\n"

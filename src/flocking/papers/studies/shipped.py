@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from flocking.errors import InvalidInput
 
@@ -62,7 +62,7 @@ class Study:
 
         return read_sweep(Path(__file__).parent / "results" / self.name)
 
-    def run(self, out: str | Path | None = None, **arguments: Any) -> SweepTable:
+    def run(self, out: str | Path | None = None, **arguments: object) -> SweepTable:
         """Make its runs, or those that are missing in ``out``.
 
         Parameters

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flocking.formula.precise import Number, evaluator, wide_context
+from flocking.formula.precise import evaluator, wide_context
 from flocking.model.checks import Array
 from flocking.model.potentials.potential import Potential
 
 if TYPE_CHECKING:
     import sympy
+    from mpmath import mpf as Number  # noqa: N812
 
 NEAREST, FARTHEST = 1e-9, 1e9
 """Range of distances that is searched for breaks and minima."""

@@ -225,7 +225,7 @@ def scenario_to_text(scenario: Scenario) -> str:
     writer.count("energy", scenario.energy)
     for term in scenario.law.terms:
         writer.count("term", term)
-    head: dict[str, Any] = {"format": 1, "name": scenario.name}
+    head: dict[str, object] = {"format": 1, "name": scenario.name}
     if scenario.seed is not None:
         head["seed"] = scenario.seed
     head |= {"t_end": scenario.t_end, "frames": plain(scenario.frames), "tolerance": scenario.tolerance}

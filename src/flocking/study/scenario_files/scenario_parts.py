@@ -281,7 +281,7 @@ SECTIONS = {"graphs": "graph", "leaders": "leader"}
 """Sections of parts with names, and their groups."""
 
 
-def _format(value: Any) -> int:
+def _format(value: object) -> int:
     if isinstance(value, bool) or value != 1:
         raise RefusedError("must be 1, the only format there is")
     return 1

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any, Literal, NotRequired
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NotRequired
 
 from pydantic import (
     AfterValidator,
@@ -26,6 +26,9 @@ from flocking.errors import InvalidInput
 from flocking.study.scenario_files.scenario_kinds import Context, Field, Group, Kind, Nested, Short
 from flocking.study.scenario_files.scenario_parts import GROUPS, SCENARIO, SECTIONS
 from flocking.study.scenario_files.scenario_values import RefusedError, Value, nearest
+
+if TYPE_CHECKING:
+    pass
 
 MOST_TERMS = 100
 _NAME = "<name>"
@@ -66,7 +69,7 @@ def place_of(path: Iterable[str | int]) -> str:
     return text or "file"
 
 
-def shown(value: Any) -> str:
+def shown(value: object) -> str:
     """A value as text of at most 60 characters."""
     if isinstance(value, dict):
         return "a table"
@@ -181,7 +184,7 @@ def _short_type(short: Short) -> object:
     return Annotated[Any, PlainValidator(check), WithJsonSchema(dict(short.value.schema))]
 
 
-def _named(group: str) -> Any:
+def _named(group: str) -> Callable[[str, ValidationInfo], object]:
     def find(name: str, info: ValidationInfo) -> object:
         known = info.context.named[group] if isinstance(info.context, Context) else {}
         if name not in known:
@@ -243,7 +246,7 @@ def _path(steps: tuple[str | int, ...], data: Any, group: str | None) -> tuple[t
     return tuple(path), kind
 
 
-def _problem(entry: dict[str, Any], path: tuple[str | int, ...], kind: Kind | None) -> Problem:
+def _problem(entry: Mapping[str, Any], path: tuple[str | int, ...], kind: Kind | None) -> Problem:
     context = entry.get("ctx", {})
     match entry["type"]:
         case "refused":

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from flocking.errors import InvalidInput
 from flocking.study.scenario_files.scenario_kinds import Nested
 from flocking.study.scenario_files.scenario_parts import GROUPS
@@ -18,7 +16,7 @@ class PartWriter:
         self._places: dict[int, int] = {}
         self._names: dict[int, str] = {}
 
-    def count(self, group_name: str, part: Any) -> None:
+    def count(self, group_name: str, part: object) -> None:
         """Note that ``part`` of the group ``group_name`` stands in one more place."""
         kind = GROUPS[group_name].kind_of(part)
         if kind is None:
@@ -30,7 +28,7 @@ class PartWriter:
                 for value in inner if entry.holds.many else [inner]:
                     self.count(entry.holds.group, value)
 
-    def table(self, group_name: str, part: Any) -> Any:
+    def table(self, group_name: str, part: object) -> object:
         """The table of a part of the group ``group_name``, or its name.
 
         Raises
@@ -48,7 +46,7 @@ class PartWriter:
             section[name] = self._table(group_name, part)
         return self._names[id(part)]
 
-    def _table(self, group_name: str, part: Any) -> Any:
+    def _table(self, group_name: str, part: object) -> object:
         group = GROUPS[group_name]
         if group.short and isinstance(part, group.short.types):
             return plain(group.short.take(part))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Mapping, Sequence
+from types import CodeType
 from typing import Any
 
 import numpy as np
@@ -189,7 +190,7 @@ def code_of(function: Any) -> str:
     return f"{name} {hashlib.sha256(_code_text(code, inner).encode()).hexdigest()[:12]}"
 
 
-def _code_text(code: Any, function: Any = None) -> str:
+def _code_text(code: CodeType, function: Any = None) -> str:
     constants = []
     for c in code.co_consts:
         # The order of a set of texts differs from process to process.

@@ -40,7 +40,7 @@ class Task:
     """
 
     index: int
-    parameters: Mapping[str, Any]
+    parameters: Mapping[str, object]
     seed: int
 
 
@@ -137,7 +137,7 @@ class Plan:
         """Drawn values, one column per parameter."""
         return self.sample.points() if self.sample else {}
 
-    def parameters(self, point: int) -> dict[str, Any]:
+    def parameters(self, point: int) -> dict[str, object]:
         """Parameters of a point by its number."""
         lengths = [len(values) for values in self.grid.values()]
         shape = (*lengths, self.sample.count) if self.sample else tuple(lengths)
@@ -169,7 +169,7 @@ class Plan:
 
 
 def make_plan(
-    grid: Mapping[str, Iterable[Any]] | None,
+    grid: Mapping[str, Iterable[object]] | None,
     sample: Sample | None,
     seeds: int | Iterable[int],
     root: int,
@@ -186,7 +186,7 @@ def make_plan(
         raise InvalidInput("sweep", "grid", "must be a mapping of names to values", grid)
     if sample is not None and not isinstance(sample, Sample):
         raise InvalidInput("sweep", "sample", "must be a Sample", sample)
-    axes: dict[str, tuple[Any, ...]] = {}
+    axes: dict[str, tuple[object, ...]] = {}
     for name, values in (grid or {}).items():
         if isinstance(values, str | bytes) or not isinstance(values, Iterable):
             raise InvalidInput("sweep", f"grid[{name!r}]", "must be a list of values", values, f"Write [{values!r}].")
@@ -231,6 +231,6 @@ def recorded(value: Any) -> object:
     return value
 
 
-def label(value: Any) -> str:
+def label(value: object) -> str:
     """A value in one line, for coordinates and messages."""
     return value if isinstance(value, str) else json.dumps(recorded(value))

@@ -28,7 +28,10 @@ def sweep(
     grid: Mapping[str, Iterable[object]] | None = None,
     sample: Sample | None = None,
     seeds: int | Iterable[int] = 1,
-    measures: Sequence[str | Callable[[Run], Any]] | Mapping[str, Any] | str = ("flocks", "velocity_spread"),
+    measures: Sequence[str | Callable[[Run], object]] | Mapping[str, Callable[[Run], object]] | str = (
+        "flocks",
+        "velocity_spread",
+    ),
     audit: Auditing = False,
     out: str | Path | None = None,
     workers: int | None = None,
@@ -244,7 +247,7 @@ def _check_engine(engine: str) -> None:
         raise InvalidInput("sweep", "engine", f"must be one of {', '.join(ENGINES)}", engine)
 
 
-def _provenance() -> dict[str, Any]:
+def _provenance() -> dict[str, object]:
     import platform
 
     import numpy as np

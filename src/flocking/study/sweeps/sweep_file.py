@@ -81,7 +81,7 @@ class SweepFile:
     more_measures: Mapping[str, tuple[str, Measuring]] = field(default_factory=dict)
     audit: bool = False
     engine: str = "auto"
-    record: Mapping[str, Any] = field(default_factory=dict)
+    record: Mapping[str, object] = field(default_factory=dict)
 
 
 def read_sweep_file(
@@ -211,15 +211,15 @@ class _Reader:
                 self.say("scenario", "must be a family of scenarios", self._scenario, nearest(self._scenario, families))
         self.more = self._family.measures if self._family else {}
 
-    def say(self, place: str, rule: str, value: Any = None, fix: str = "") -> None:
+    def say(self, place: str, rule: str, value: object = None, fix: str = "") -> None:
         """Note a fault."""
         from flocking.study.scenario_files.scenario_schema import Problem, shown
 
         self._lines.append(str(Problem(place, rule, "" if value is None else shown(value), fix)))
 
-    def grid(self) -> dict[str, list[Any]]:
+    def grid(self) -> dict[str, list[object]]:
         """Values of every axis."""
-        axes: dict[str, list[Any]] = {}
+        axes: dict[str, list[object]] = {}
         for name, axis in self._found.get("grid", {}).items():
             if not self._is_option(f"grid.{name}", name):
                 continue
@@ -273,7 +273,7 @@ class _Reader:
             self.say(place, "must be finite", value)
         return value
 
-    def make(self, grid: Mapping[str, list[Any]], sample: Sample | None) -> Callable[..., Scenario] | None:
+    def make(self, grid: Mapping[str, list[object]], sample: Sample | None) -> Callable[..., Scenario] | None:
         """What gives the scenarios."""
         options = self._found.get("options", {})
         if self._family is not None:
@@ -296,7 +296,7 @@ class _Reader:
             return made
         return None
 
-    def _try(self, make: FileScenario, grid: Mapping[str, list[Any]], sample: Sample | None) -> None:
+    def _try(self, make: FileScenario, grid: Mapping[str, list[object]], sample: Sample | None) -> None:
         """Build the scenario of the file with every value of every axis once, all else at its first."""
         if self._lines:
             self._attempt(make, {}, "")
@@ -311,7 +311,7 @@ class _Reader:
         if not grid and sample is None:
             self._attempt(make, first, "")
 
-    def _attempt(self, make: FileScenario, values: Mapping[str, Any], place: str) -> None:
+    def _attempt(self, make: FileScenario, values: Mapping[str, object], place: str) -> None:
         try:
             for name, value in values.items():
                 try:
@@ -342,7 +342,7 @@ class _Reader:
         return tuple(requested)
 
 
-def _changes(grid: Mapping[str, list[Any]], sample: Sample | None) -> Iterator[tuple[str, dict[str, Any]]]:
+def _changes(grid: Mapping[str, list[object]], sample: Sample | None) -> Iterator[tuple[str, dict[str, object]]]:
     for name, values in grid.items():
         for k, value in enumerate(values):
             yield f"grid.{name}[{k}]", {name: value}

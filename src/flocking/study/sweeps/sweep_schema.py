@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from flocking.study.scenario_files.scenario_schema import Problem, place_of, shown
 from flocking.study.scenario_files.scenario_values import LARGEST_SEED, nearest
+
+if TYPE_CHECKING:
+    pass
 
 MOST_VALUES = 10_000
 MOST_NAMES = 50
@@ -139,7 +142,7 @@ def read_sections(data: Mapping[str, object]) -> tuple[dict[str, Any], list[Prob
 
 def _read(
     choices: Mapping[type, Any],
-    value: Any,
+    value: object,
     place: tuple[str, ...],
     found: dict[str, object],
     key: str,
@@ -159,7 +162,7 @@ def _read(
 _FIELDS = {name for model in (Spaced, Drawn, Sampling) for name in model.model_fields}
 
 
-def _problem(entry: dict[str, Any], place: tuple[str, ...]) -> Problem:
+def _problem(entry: Mapping[str, Any], place: tuple[str, ...]) -> Problem:
     # Pydantic names the branch of "int | float" that failed; the file has no such place.
     steps = tuple(step for step in entry["loc"] if step not in ("int", "constrained-float", "float"))
     where = place_of((*place, *steps))

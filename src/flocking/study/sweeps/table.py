@@ -47,7 +47,7 @@ class SweepTable:
     plan: Plan
     rows: Mapping[int, Row]
     measures: tuple[str, ...]
-    record: Mapping[str, Any] = field(default_factory=dict)
+    record: Mapping[str, object] = field(default_factory=dict)
     status: str = "finished"
 
     def __len__(self) -> int:
@@ -185,7 +185,7 @@ class SweepTable:
                 else mean_interval(column_values, level)
                 for column_values in each
             ]
-            columns: dict[str, list[object]] = {
+            columns: dict[str, list[Any]] = {
                 "": [float(column_values.mean()) if len(column_values) else np.nan for column_values in each],
                 "_low": [interval.low for interval in found],
                 "_high": [interval.high for interval in found],

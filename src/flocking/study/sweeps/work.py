@@ -14,6 +14,7 @@ from typing import Any
 
 from flocking.engine.interruption import interrupted
 from flocking.errors import FlockingError, InvalidInput
+from flocking.model.law import Scenario
 from flocking.study.sweeps.measures import Measuring, plain_measure
 from flocking.study.sweeps.plan import Task
 
@@ -39,7 +40,7 @@ class Work:
         Further arguments of `simulate`.
     """
 
-    make: Callable[..., Any]
+    make: Callable[..., Scenario]
     measures: Mapping[str, Measuring]
     audit: Callable[[Any], Any] | None = None
     options: Mapping[str, Any] = field(default_factory=dict)

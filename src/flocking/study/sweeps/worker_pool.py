@@ -10,9 +10,12 @@ from concurrent.futures import Executor, Future
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from flocking.errors import InvalidInput
+
+if TYPE_CHECKING:
+    from distributed import Scheduler
 
 IDLE_SECONDS = 30
 """Processes without work leave after this long, whatever became of the one that started them."""
@@ -24,6 +27,9 @@ LEAST_MEMORY = 2**30
 
 GROUP_LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
 """Where Linux says how much memory a container may use."""
+
+
+Result = TypeVar("Result")
 
 
 class WorkerPool:
@@ -51,7 +57,7 @@ class WorkerPool:
         """Number of workers now."""
         return 1
 
-    def submit(self, function: Callable[..., object], *arguments: Any) -> Future[Any]:
+    def submit(self, function: Callable[..., Result], *arguments: object) -> Future[Result]:
         """Have a function called by a worker."""
         raise InvalidInput("sweep", "workers", "must be workers of some kind", self)
 
@@ -68,9 +74,9 @@ class Alone(WorkerPool):
 
     elsewhere = False
 
-    def submit(self, function: Callable[..., object], *arguments: Any) -> Future[Any]:
+    def submit(self, function: Callable[..., Result], *arguments: object) -> Future[Result]:
         """Call the function now."""
-        future: Future[Any] = Future()
+        future: Future[Result] = Future()
         try:
             future.set_result(function(*arguments))
         except Exception as error:
@@ -100,7 +106,7 @@ class LocalProcesses(WorkerPool):
         """Number of workers."""
         return self._workers
 
-    def submit(self, function: Callable[..., object], *arguments: Any) -> Future[Any]:
+    def submit(self, function: Callable[..., Result], *arguments: object) -> Future[Result]:
         """Have a function called by a process; processes that died are replaced first."""
         from joblib.externals.loky import get_reusable_executor
 
@@ -109,7 +115,7 @@ class LocalProcesses(WorkerPool):
         threads = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), share)
         self._executor = get_reusable_executor(max_workers=self._workers, timeout=IDLE_SECONDS, env=threads)
         with without_interrupts():
-            future: Future[Any] = self._executor.submit(function, *arguments)
+            future: Future[Result] = self._executor.submit(function, *arguments)
         return future
 
     def lost(self, error: BaseException) -> bool:
@@ -172,7 +178,7 @@ class Cluster(WorkerPool):
         """Number of threads of all workers now."""
         return max(1, int(sum(self._client.nthreads().values())))
 
-    def submit(self, function: Callable[..., object], *arguments: Any) -> Future[Any]:
+    def submit(self, function: Callable[..., Result], *arguments: object) -> Future[Result]:
         """Have a function called by a worker of the cluster."""
         return self._executor.submit(function, *arguments)
 
@@ -217,7 +223,7 @@ def memory_share(workers: int) -> int | None:
     return max(LEAST_MEMORY, memory // workers)
 
 
-def _allowed_failures(dask_scheduler: Any) -> int:
+def _allowed_failures(dask_scheduler: Scheduler) -> int:
     return int(dask_scheduler.allowed_failures)
 
 
