@@ -75,7 +75,7 @@ class Table(Form):
     finite: bool = True
     ordered: bool = True
 
-    def check(self, value: Any, name: str) -> None:
+    def check(self, value: object, name: str) -> None:
         """Refuse another array, see `Form.check`."""
         if not isinstance(value, np.ndarray):
             raise _refuse(name, "be an array", value)
@@ -280,7 +280,7 @@ class Part(Form):
         The form of each of its fields.
     """
 
-    kind: type[Any]
+    kind: type[object]
     forms: Mapping[str, Form]
 
     def check(self, value: object, name: str) -> None:

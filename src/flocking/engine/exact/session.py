@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from typing import Any
 
 import numpy as np
 
@@ -371,7 +370,7 @@ class ExactSession:
         self._record_trace()
 
     @property
-    def about(self) -> dict[str, Any]:
+    def about(self) -> dict[str, object]:
         """Where the records come from: versions, engine, tolerance and counts."""
         return provenance(self.engine, self.scenario) | {"steps": self.steps, "tolerance": self.scenario.tolerance}
 

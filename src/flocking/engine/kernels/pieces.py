@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +50,7 @@ def held(formulas: Mapping[str, sympy.Expr], distance: str) -> tuple[dict[str, s
             str(s) == distance for _, condition in node.args for s in condition.free_symbols
         )
 
-    def changed(node: Any) -> object:
+    def changed(node: sympy.Basic) -> object:
         symbols = [s for s in node.free_symbols if str(s) == distance]
         inside = {s: sympy.Symbol("reach", **s.assumptions0) for s in symbols}
         asked = {s: sympy.Symbol("side", **s.assumptions0) for s in symbols}

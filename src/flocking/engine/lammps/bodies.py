@@ -148,7 +148,7 @@ def _encounters(deck: BodyDeck, formulas: LawFormulas, layout: Layout, P: Array,
         deck.lines.append(f"fix avoid{number} near{number} addforce {_vector(f'avoid{number}_', m)}")
 
 
-def _near(name: str, some: list[tuple[str, float, Any]]) -> list[str]:
+def _near(name: str, some: list[tuple[str, float, sympy.Expr]]) -> list[str]:
     """A dynamic group that holds all agents within range of some obstacles."""
     if all(type(obstacle) is Ball and type(obstacle.centre) is Sink for _, _, obstacle in some):
         # Regions are tested much faster than formulas; the forces themselves end exactly at the range.

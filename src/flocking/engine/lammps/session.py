@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -257,7 +256,7 @@ class LammpsSession:
         return None if agents is None else Restart(agents, self.time, self.steps, self._plan)
 
     @property
-    def about(self) -> dict[str, Any]:
+    def about(self) -> dict[str, object]:
         """Where the results come from, as the run's provenance says."""
         found = provenance(self.engine, self.scenario) | library.versions()
         return found | {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -107,7 +107,7 @@ def _check_array(name: str, data: Any, record: dict[str, object]) -> None:
         raise MalformedError(f"{name}: chunks must be of {LARGEST_CHUNK // 2**20} MiB at most")
 
 
-def _sizes(dimensions: tuple[str, ...], record: dict[str, Any]) -> Iterator[int]:
+def _sizes(dimensions: tuple[str, ...], record: Mapping[str, Any]) -> Iterator[int]:
     known = {
         "agent": record["n"], "neighbour": record["n"], "axis": record["dimension"], "quantity": len(QUANTITIES),
         "measure": len(MEASURES), "error": len(ERRORS), "part": 3 if record["links"] else 2,

@@ -87,7 +87,7 @@ class RunWriter:
         precision: str = "float64",
         observed: bool = False,
         with_errors: bool = False,
-        session: dict[str, Any] | None = None,
+        session: Mapping[str, object] | None = None,
     ) -> RunWriter:
         """Start a run in a new or empty folder; its first commit, without frames, is made at once.
 
@@ -253,7 +253,7 @@ class RunWriter:
         *,
         closest: tuple[Closest, Closest] = (Closest(), Closest()),
         accuracy: Accuracy | None = None,
-        provenance: dict[str, Any] | None = None,
+        provenance: Mapping[str, object] | None = None,
         checkpoint: bytes | Callable[[BinaryIO], None] | None = None,
     ) -> None:
         """Make everything appended so far part of the run, in one step.
@@ -334,7 +334,7 @@ def _scenario_text(scenario: Scenario, plant: Law | None) -> tuple[bytes, str | 
         return b"null", str(error)
 
 
-def _closest_data(found: Closest) -> list[Any] | None:
+def _closest_data(found: Closest) -> list[object] | None:
     return (
         [found.distance, found.time, list(found.pair), json_number(found.error)]
         if np.isfinite(found.distance)

@@ -20,7 +20,7 @@ from flocking.engine.tiles.records import Records
 from flocking.engine.tiles.session import TilesOptions, TilesSession, TilesSnapshot
 from flocking.model.law import Law, Scenario
 
-PARTS: dict[str, type[Any]] = {
+PARTS: dict[str, type[object]] = {
     "Books": LedgerSums, "Closest": Closest, "CrowdMemory": ParticleMemory, "Instability": Instability,
     "LawGaps": LawGaps, "TileLists": TileLists,
 }  # fmt: skip
@@ -83,7 +83,7 @@ def restored(data: Any, arrays: Arrays) -> Any:
     return PARTS[data["part"]](**{name: restored(x, arrays) for name, x in data["of"].items()})
 
 
-def pack_tiles(session: TilesSession) -> tuple[dict[str, Any], Arrays]:
+def pack_tiles(session: TilesSession) -> tuple[dict[str, object], Arrays]:
     """Numbers and arrays of a session, but for its scenario and the records on disk; arrays are not copied."""
     arrays: Arrays = {}
     snapshot = session.snapshot(copied=False)

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -395,7 +395,7 @@ class TilesSession:
         return sum(sums.get(name, 0.0) for name in ("pairs", "bodies", "kinetic"))
 
     @property
-    def about(self) -> dict[str, Any]:
+    def about(self) -> dict[str, object]:
         """Where the results come from, as the run's provenance says."""
         o = self.options
         found = provenance(self.engine, self.scenario) | {"steps": self.steps, "step": self.step, "scheme": o.scheme}

@@ -96,7 +96,7 @@ def _inside(value: object, step: str | int) -> object:
 
 
 def _value_type(value: Value) -> object:
-    def check(given: Any) -> object:
+    def check(given: object) -> object:
         try:
             return value.check(given)
         except RefusedError as refused:
@@ -172,7 +172,7 @@ def group_type(name: str) -> object:
 
 
 def _short_type(short: Short) -> object:
-    def check(given: Any) -> object:
+    def check(given: object) -> object:
         try:
             return short.make(short.value.check(given))
         except RefusedError as refused:
@@ -220,7 +220,7 @@ def faults(error: ValidationError, data: object, prefix: tuple[str | int, ...], 
     return found
 
 
-def _path(steps: tuple[str | int, ...], data: Any, group: str | None) -> tuple[tuple[str | int, ...], Kind | None]:
+def _path(steps: tuple[str | int, ...], data: object, group: str | None) -> tuple[tuple[str | int, ...], Kind | None]:
     """A pydantic location without the tags of unions, and the kind of table it ends in."""
     path: list[str | int] = []
     kind: Kind | None = None
@@ -321,7 +321,7 @@ def _read_list(value: object, name: str, group: str, context: Context, problems:
 
 def _read(
     expected: Any,
-    data: Any,
+    data: object,
     prefix: tuple[str | int, ...],
     group: str | None,
     context: Context,

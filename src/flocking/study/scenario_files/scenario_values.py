@@ -46,8 +46,8 @@ class Value:
         The value in JSON schema.
     """
 
-    check: Callable[[Any], Any]
-    schema: Mapping[str, Any]
+    check: Callable[[Any], object]
+    schema: Mapping[str, object]
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
@@ -116,7 +116,7 @@ def _each(value: Any, what: str, check: Callable[[object], object]) -> list[Any]
     return result
 
 
-def _numbers(value: Any) -> list[float]:
+def _numbers(value: object) -> list[float]:
     return _each(value, "numbers", _number)
 
 
@@ -140,7 +140,7 @@ def _number_or_numbers(value: Any) -> float | list[float]:
         raise RefusedError(rule if refused.rule == "must be a number" else refused.rule) from None
 
 
-def _values(value: Any) -> list[float | list[float]]:
+def _values(value: object) -> list[float | list[float]]:
     return _each(value, "numbers, or of lists of one number per agent", _number_or_numbers)
 
 

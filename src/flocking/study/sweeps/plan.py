@@ -220,7 +220,7 @@ def _bounded(values: Iterable[object], most: int, place: str) -> list[object]:
     return found
 
 
-def recorded(value: Any) -> object:
+def recorded(value: object) -> object:
     """A value as the record of a sweep holds it: itself where JSON can tell it, its text where not."""
     if isinstance(value, Sequence) and not isinstance(value, str):
         return [recorded(entry) for entry in value]

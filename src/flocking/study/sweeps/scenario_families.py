@@ -127,7 +127,7 @@ class FileScenario:
         Largest number of agents it may ask for.
     """
 
-    tables: Mapping[str, Any]
+    tables: Mapping[str, object]
     most_agents: int
 
     @property

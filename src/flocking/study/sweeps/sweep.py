@@ -19,7 +19,7 @@ from flocking.study.sweeps.store import FORMAT, open_store, read_record, read_ro
 from flocking.study.sweeps.table import SweepTable
 from flocking.study.sweeps.work import Row, Work
 
-Auditing = bool | Sequence[Claim] | Callable[[Run], Any]
+Auditing = bool | Sequence[Claim] | Callable[[Run], object]
 
 
 def sweep(
@@ -192,7 +192,7 @@ def read_sweep(folder: str | Path, *, most_runs: int = MOST_RUNS) -> SweepTable:
     return SweepTable(plan, rows, measures, record, status)
 
 
-def auditing(audit: Auditing) -> Callable[[Run], Any] | None:
+def auditing(audit: Auditing) -> Callable[[Run], object] | None:
     """The function that audits a run.
 
     Raises

@@ -262,7 +262,7 @@ class _Reader:
         self.say(place, "is no option of this family", None, nearest(name, known) if known else "")
         return False
 
-    def _checked(self, place: str, name: str, value: Any) -> object:
+    def _checked(self, place: str, name: str, value: object) -> object:
         """A value that a family's option takes, or any value at all for a scenario in the file."""
         if self._family is not None:
             try:
