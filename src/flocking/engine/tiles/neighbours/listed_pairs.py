@@ -1,18 +1,18 @@
-"""Pairs of agents read back from neighbour lists, for checks and for looking at a crowd."""
+"""Pairs of agents read back from neighbour lists, for checks and for observation."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flocking.arrays import Numbers, Reals
 from flocking.engine.tiles.neighbours.neighbour_lists import LINKED, NUMBER, WIDTH, TileLists
 from flocking.model.graphs.connectivity import Links
 
 
-def tile_pairs(lists: TileLists, tiles: Iterable[int], n: int) -> tuple[Any, Any]:
+def tile_pairs(lists: TileLists, tiles: Iterable[int], n: int) -> tuple[Numbers, Numbers]:
     """Places of the ordered pairs that the lists of some tiles hold."""
     none = np.zeros(0, np.int64)
     found = [(none, none)]
@@ -25,7 +25,7 @@ def tile_pairs(lists: TileLists, tiles: Iterable[int], n: int) -> tuple[Any, Any
     return np.concatenate([i for i, _ in found]), np.concatenate([j for _, j in found])
 
 
-def listed_pairs(lists: TileLists, n: int, *, linked: bool = False) -> tuple[Any, Any]:
+def listed_pairs(lists: TileLists, n: int, *, linked: bool = False) -> tuple[Numbers, Numbers]:
     """All ordered pairs of places in the lists, or only the linked ones, sorted by the sensing place."""
     tile = np.repeat(np.arange(len(lists.count)), lists.count)
     row = np.arange(len(tile)) - np.repeat(np.cumsum(lists.count) - lists.count, lists.count)
@@ -41,7 +41,7 @@ def listed_pairs(lists: TileLists, n: int, *, linked: bool = False) -> tuple[Any
 
 
 def nearest_pair_beyond(
-    square: float, neighbour_lists: Sequence[TileLists | None], tiles: Iterable[int], positions: Any, n: int
+    square: float, neighbour_lists: Sequence[TileLists | None], tiles: Iterable[int], positions: Reals, n: int
 ) -> tuple[int, int]:
     """Places of the nearest listed pair of some tiles at a squared distance of at least ``square``.
 
