@@ -47,6 +47,8 @@ HOMES = {
     "change what happens to work of a dead worker": "class Scheduler",
     "change the colours of pictures": "class Theme",
     "correct the reading of an equation of Zhou": "[[statement]]",
+    "say something more of every paper, such as its venue": "class Paper:",
+    "give an array type a name": "PairIndices =",
     "add an option to `flocking run`": "def run(",
     "change the layout of the report": "def write_report(",
     "fix a lamp's colour in the lab": "class Lamp",
