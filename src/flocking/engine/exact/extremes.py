@@ -9,7 +9,7 @@ import numpy as np
 
 from flocking.engine.exact.companion import StateError
 from flocking.engine.exact.crossings.band_guards import diameter, fastest
-from flocking.engine.exact.crossings.guards import FINEST, NEVER, closest, reach
+from flocking.engine.exact.crossings.guards import FINEST, NEVER, closest, reach_on
 from flocking.engine.exact.integrator.segment import Segment
 from flocking.engine.exact.origin import Origin
 from flocking.engine.runs.run import Closest, Largest
@@ -74,7 +74,7 @@ class Extremes:
         self._base = origin.time
         B = segment.positions(n, m)
         if n > 1:
-            far = reach(B)
+            far = reach_on(segment, n, m)
             value, x, i, j = diameter(B, far, self._least("diameter", error.pairs))
             if x <= 1.0 or error.lost:
                 self._take("diameter", segment, value, x, (int(i), int(j)), error.pairs)

@@ -7,7 +7,7 @@ from typing import Any
 
 from flocking.engine.exact.companion import ROUNDING, StateError
 from flocking.engine.exact.crossings.band_guards import closest_after, first_beyond, within_error
-from flocking.engine.exact.crossings.guards import reach
+from flocking.engine.exact.crossings.guards import reach_on
 from flocking.engine.exact.crossings.switching import Crossing, LinkState, slack_of
 from flocking.engine.exact.crossings.view_guards import view_crossings
 from flocking.engine.exact.integrator.segment import Segment
@@ -108,7 +108,7 @@ class Doubts:
         B = segment.positions(n, m)
         settled, ended = self._fresh(segment, B, links, error)
         found: dict[Key, tuple[float, float, float, bool]] = {}
-        far, most, nodes, size = reach(B), error.pairs, error.q, error.q_floor / ROUNDING
+        far, most, nodes, size = reach_on(segment, n, m), error.pairs, error.q, error.q_floor / ROUNDING
         for number, watch, active, view in links.watched():
             if watch.smooth:
                 continue

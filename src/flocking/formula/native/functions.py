@@ -17,6 +17,7 @@ import numpy as np
 if TYPE_CHECKING:
     from llvmlite import ir
 
+    from flocking.arrays import Array as FloatArray
     from flocking.formula.native.kinds import Argument, Number, Value
     from flocking.formula.native.primitives import Primitive
 
@@ -54,6 +55,18 @@ class Compiled:
         self._room = ctypes.c_int64 * max(len(results), 1)
         self._found = struct.Struct("=" + "".join("d" if kind == "f8" else "q" for kind in results))
         self._flags = [k for k, kind in enumerate(results) if kind == "b1"]
+
+    def into(self, given: list[Any], found: FloatArray) -> None:
+        """Call it as `run` does; the floating-point numbers it returns go to an array.
+
+        Parameters
+        ----------
+        given
+            As for `run`.
+        found
+            The array.
+        """
+        self._entry(*given, found.__array_interface__["data"][0])
 
     def run(self, given: list[Any]) -> Any:
         """Call it with pointers, lengths and numbers; one number, or several in a tuple, or None.
@@ -345,4 +358,16 @@ def by_address(signature: str) -> Primitive:
         place: Number = converted(builder, number(address), I8)
         builder.call(builder.inttoptr(place.code, shape.as_pointer()), codes)
 
-    return Primitive(build)
+    def run(address: int, *values: Any) -> None:
+        from flocking.formula.native.kinds import arguments_of
+
+        compiled = Compiled("", arguments_of(signature), address, ())
+        given: list[Any] = []
+        for value, kind in zip(values[:-1], compiled.arguments, strict=True):
+            if kind_of_value(value) != kind:
+                raise TypeError(f"{value!r} as an argument that must be {kind}")
+            cast = _cast_of(kind)
+            given += [value.__array_interface__["data"][0], *value.shape] if cast is None else [cast(value)]
+        compiled.into(given, values[-1])
+
+    return Primitive(build, run)

@@ -18,16 +18,21 @@ class Primitive:
     ----------
     build
         Given the builder and the values of the arguments it returns the value, or None.
+    python
+        What Python calls in its place.
     """
 
     build: Callable[..., Value | None]
+    python: Callable[..., Any] | None = None
 
     def __call__(self, *values: object) -> Any:
-        """Python cannot call it.
+        """Call what Python calls in its place.
 
         Raises
         ------
         TypeError
-            Always.
+            When there is no such thing.
         """
-        raise TypeError("Only native functions can call this function.")
+        if self.python is None:
+            raise TypeError("Only native functions can call this function.")
+        return self.python(*values)

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import comb
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flocking.arrays import Indices
+from flocking.engine.exact.integrator.segment import Segment
 from flocking.formula.native.functions import native
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
@@ -146,6 +148,26 @@ def reach(B: Array) -> Array:
     far = np.zeros(B.shape[1])
     _reach(B, far)
     return far
+
+
+_reaches: WeakKeyDictionary[Segment, Array] = WeakKeyDictionary()
+
+
+def reach_on(segment: Segment, n: int, m: int) -> Array:
+    """What `reach` says of the positions on a segment, shape (N,); a step is asked for it many times.
+
+    Parameters
+    ----------
+    segment
+        The segment.
+    n, m
+        Numbers of agents and axes.
+    """
+    found = _reaches.get(segment)
+    if found is None:
+        found = _reaches[segment] = reach(segment.positions(n, m))
+        found.flags.writeable = False
+    return found
 
 
 @native

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.engine.exact.crossings.guards import crossings, reach
+from flocking.engine.exact.crossings.guards import crossings, reach_on
 from flocking.engine.exact.crossings.obstacle_contacts import ObstacleContacts
 from flocking.engine.exact.crossings.view_guards import view_crossings
 from flocking.engine.exact.integrator.segment import Segment
@@ -233,7 +233,7 @@ class LinkState:
         """
         B = segment.positions(n, m)
         P = segment.velocities(n, m) if order == 2 else B[:, :0]
-        far = reach(B)
+        far = reach_on(segment, n, m)
         found: list[tuple[int, Array, NDArray[np.integer]]] = []
         size = float(np.abs(B).max(initial=0.0))
         for number, watch, active, view in self.watched():

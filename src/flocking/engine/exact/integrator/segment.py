@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import comb
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -58,6 +59,9 @@ def powers_at(places: Sequence[float]) -> Array:
     return np.asarray(weights_at(places) @ _TO_BERNSTEIN)
 
 
+_parts: WeakKeyDictionary[Segment, dict[str, Array]] = WeakKeyDictionary()
+
+
 @dataclass(frozen=True, eq=False)
 class Segment:
     """The solution on [t0, t1] as a polynomial of degree 7.
@@ -96,11 +100,19 @@ class Segment:
 
     def positions(self, n: int, m: int) -> Array:
         """Bernstein coefficients of the positions, shape (8, N, m), contiguous: kernels are compiled for such alone."""
-        return np.ascontiguousarray(self.coefficients[:, : n * m].reshape(-1, n, m))
+        return self._part_of("q", 0, n, m)
 
     def velocities(self, n: int, m: int) -> Array:
         """Those of the velocities of agents of order 2, shape (8, N, m), contiguous."""
-        return np.ascontiguousarray(self.coefficients[:, n * m : 2 * n * m].reshape(-1, n, m))
+        return self._part_of("p", n * m, n, m)
+
+    def _part_of(self, name: str, first: int, n: int, m: int) -> Array:
+        """Coefficients of N m components from ``first`` on; a step is asked for them many times."""
+        known = _parts.setdefault(self, {})
+        if name not in known:
+            known[name] = np.ascontiguousarray(self.coefficients[:, first : first + n * m].reshape(-1, n, m))
+            known[name].flags.writeable = False
+        return known[name]
 
     def at(self, t: float) -> Array:
         """State vector at time ``t``."""
