@@ -10,11 +10,11 @@ import zlib
 from pathlib import Path
 from typing import Any
 
+import tomli_w
 from hypothesis import strategies as st
 
 import flocking as fk
 from flocking.papers.scenario_families import families
-from flocking.study.scenario_files.toml_text import toml_text
 from flocking.study.sweeps.sweep_file import SweepFileError, read_sweep_file
 from tests.fuzz.formulas import FORMULAS
 from tests.fuzz.guard import files_below, fuzz, guarded
@@ -45,7 +45,7 @@ def test_sweep_files(data: Any, folder: Path) -> None:
     if data.draw(st.integers(0, 5)) == 0:
         raw = data.draw(TEXTS).encode("utf-8", "surrogateescape")
     else:
-        raw = toml_text(_changed(data, data.draw(st.sampled_from(BASES)), VALUES)).encode()
+        raw = tomli_w.dumps(_changed(data, data.draw(st.sampled_from(BASES)), VALUES)).encode()
     (folder / "case.toml").write_bytes(raw)
     before = files_below(folder)
     with guarded("sweep files"):

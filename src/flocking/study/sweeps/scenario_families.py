@@ -142,11 +142,12 @@ class FileScenario:
 
     def __call__(self, *, seed: int, **values: Any) -> Scenario:
         """The scenario with values at their paths, its draws made with the seed."""
+        import tomli_w
+
         from flocking.study.scenario_files.scenario_file import parse_scenario
-        from flocking.study.scenario_files.toml_text import toml_text
 
         data: Any = dict(self.tables)
         for path, value in values.items():
             data = with_value(data, path_steps(path), value)
-        return parse_scenario(toml_text(data), source="scenario", seed=seed if self.drawn else None,
+        return parse_scenario(tomli_w.dumps(data), source="scenario", seed=seed if self.drawn else None,
                               most_agents=self.most_agents)  # fmt: skip
