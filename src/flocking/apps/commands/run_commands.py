@@ -78,7 +78,7 @@ def run(
     }  # fmt: skip
     options = {name: value for name, value in given.items() if value is not None}
     if engine == "tiles":
-        options = {"observe": True, "tell": True, **options}
+        options = {"observe": True, **options}
     return _print_run(lambda: simulate(found, engine=engine, save=out, progress=not as_json, **options), out, as_json)
 
 

@@ -27,7 +27,9 @@ _C_KINDS: dict[str, object] = {
 }  # fmt: skip
 _translating = threading.RLock()
 NOT_CONTIGUOUS = "Native functions take arrays stored row by row"
-_PYTHON: dict[str, Callable[[Any], Any]] = {"f": float, "i": int, "u": int, "b": bool}
+Cast = Callable[[Any], float]
+"""What makes a number one that C takes."""
+_PYTHON: dict[str, Cast] = {"f": float, "i": int, "u": int, "b": bool}
 
 
 class Compiled:
@@ -56,7 +58,7 @@ class Compiled:
         self._found = struct.Struct("=" + "".join("d" if kind == "f8" else "q" for kind in results))
         self._flags = [k for k, kind in enumerate(results) if kind == "b1"]
 
-    def into(self, given: list[Any], found: FloatArray) -> None:
+    def into(self, given: list[float], found: FloatArray) -> None:
         """Call it as `run` does; the floating-point numbers it returns go to an array.
 
         Parameters
@@ -68,7 +70,7 @@ class Compiled:
         """
         self._entry(*given, found.__array_interface__["data"][0])
 
-    def run(self, given: list[Any]) -> Any:
+    def run(self, given: list[float]) -> Any:
         """Call it with pointers, lengths and numbers; one number, or several in a tuple, or None.
 
         Parameters
@@ -102,7 +104,7 @@ class NativeFunction:
         self.py_func = py_func
         self.signature = signature
         self._compiled: dict[tuple[Argument, ...], Compiled] = {}
-        self._known: dict[tuple[object, ...], tuple[Compiled, Sequence[Callable[[Any], Any] | None]]] = {}
+        self._known: dict[tuple[object, ...], tuple[Compiled, Sequence[Cast | None]]] = {}
         functools.update_wrapper(self, py_func)
 
     @property
@@ -181,7 +183,7 @@ class NativeFunction:
         if known is None:
             known = self.accepting(values)
         compiled, casts = known
-        given: list[Any] = []
+        given: list[float] = []
         for value, cast in zip(values, casts, strict=True):
             if cast is not None:
                 given.append(cast(value))
@@ -192,7 +194,7 @@ class NativeFunction:
                 raise TypeError(NOT_CONTIGUOUS)
         return compiled.run(given)
 
-    def accepting(self, values: Sequence[Any]) -> tuple[Compiled, Sequence[Callable[[Any], Any] | None]]:
+    def accepting(self, values: Sequence[Any]) -> tuple[Compiled, Sequence[Cast | None]]:
         """The function for such arguments, and what makes each number one that C takes, None for an array.
 
         Parameters
@@ -228,8 +230,8 @@ class _Known:
 
     values: Sequence[Any]
     types: Sequence[type]
-    parts: Sequence[list[Any]]
-    casts: Sequence[Callable[[Any], Any] | None]
+    parts: Sequence[list[float]]
+    casts: Sequence[Cast | None]
     compiled: Compiled
 
 
@@ -251,7 +253,7 @@ class Bound:
         known = self._known
         if known is None or len(known.values) != len(values):
             return self._anew(values)
-        given: list[Any] = []
+        given: list[float] = []
         befores, parts, types, casts = known.values, known.parts, known.types, known.casts
         for k, value in enumerate(values):
             before, cast = befores[k], casts[k]
@@ -304,7 +306,7 @@ def kind_of_value(value: object) -> Argument:
     raise TypeError(f"Native functions take numbers and arrays, not {type(value).__name__}")
 
 
-def _cast_of(kind: Argument) -> Callable[[Any], Any] | None:
+def _cast_of(kind: Argument) -> Cast | None:
     """What makes a number one that C takes; None for an array."""
     return None if hasattr(kind, "axes") else _PYTHON[kind.name[0]]
 
@@ -362,7 +364,7 @@ def by_address(signature: str) -> Primitive:
         from flocking.formula.native.kinds import arguments_of
 
         compiled = Compiled("", arguments_of(signature), address, ())
-        given: list[Any] = []
+        given: list[float] = []
         for value, kind in zip(values[:-1], compiled.arguments, strict=True):
             if kind_of_value(value) != kind:
                 raise TypeError(f"{value!r} as an argument that must be {kind}")
