@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flocking.formula.native.arithmetic import UntranslatableError
 from flocking.formula.native.functions import NativeFunction, native, native_of
-from flocking.formula.native.kinds import arguments_of
+from flocking.formula.native.kinds import UntranslatableError, arguments_of
 
 TABLE = np.array([[1.0, 2.0, 4.0], [0.5, 0.25, 0.125]])
 

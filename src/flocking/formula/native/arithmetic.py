@@ -4,19 +4,27 @@ from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 
 import numpy as np
 from llvmlite import ir
 
-from flocking.formula.native.kinds import B1, F8, I8, Array, Constant, Kind, Number, Value, joined, kind_of
+from flocking.formula.native.kinds import (
+    B1,
+    F8,
+    I8,
+    Array,
+    Constant,
+    Kind,
+    Number,
+    UntranslatableError,
+    Value,
+    joined,
+    kind_of,
+)
 
 VECTOR_FLAGS = ("contract", "reassoc", "arcp", "nsz", "afn")
 """Liberties taken with numbers side by side; none is taken with single numbers."""
-
-
-class UntranslatableError(Exception):
-    """A function holds what native functions cannot; the message says what."""
 
 
 def number(value: Value) -> Number:
@@ -34,6 +42,8 @@ def number(value: Value) -> Number:
         if isinstance(known, bool):
             return Number(B1, ir.Constant(B1.type, int(known)))
         if isinstance(known, int):
+            if not -(2**63) <= known < 2**63:
+                raise UntranslatableError(f"the whole number {known}, which has more than 64 bits")
             return Number(I8, ir.Constant(I8.type, known))
         if isinstance(known, np.generic):
             kind = kind_of(known.dtype)
@@ -79,7 +89,7 @@ def _scalar(builder: ir.IRBuilder, code: ir.Value, source: Kind, target: Kind) -
     if target.real:
         return (builder.uitofp if source.name[0] in "ub" else builder.sitofp)(code, target.type)
     if source.real:
-        return builder.fptosi(code, target.type)
+        return (builder.fptoui if target.name[0] == "u" else builder.fptosi)(code, target.type)
     if source.type.width > target.type.width:
         return builder.trunc(code, target.type)
     if source.type.width == target.type.width:
@@ -100,7 +110,7 @@ def common(builder: ir.IRBuilder, *values: Value) -> tuple[Kind, list[ir.Value]]
     UntranslatableError
         When they have none.
     """
-    numbers = [number(v) for v in values]
+    numbers = _beside_unsigned([number(v) for v in values], values)
     kind = next((x.kind for x in numbers if x.kind.lanes), None)
     if kind is None:
         kind = numbers[0].kind
@@ -109,10 +119,23 @@ def common(builder: ir.IRBuilder, *values: Value) -> tuple[Kind, list[ir.Value]]
     return kind, [converted(builder, x, kind).code for x in numbers]
 
 
+def _beside_unsigned(numbers: list[Number], values: Sequence[Value]) -> list[Number]:
+    """Known whole numbers take the kind of the unsigned ones beside them, as in NumPy."""
+    if not any(x.kind.name == "u8" for x in numbers):
+        return numbers
+    found = []
+    for x, value in zip(numbers, values, strict=True):
+        known = value.value if isinstance(value, Constant) else None
+        if isinstance(known, int) and 0 <= known < 2**64:
+            found.append(Number(Kind("u8"), ir.Constant(I8.type, int(known))))
+        else:
+            found.append(x)
+    return found
+
+
 _FLOAT = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv"}
 _WHOLE = {
     ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.BitAnd: "and_", ast.BitOr: "or_", ast.BitXor: "xor",
-    ast.LShift: "shl",
 }  # fmt: skip
 _KNOWN: dict[type[ast.operator], Callable[..., object]] = {
     ast.Add: lambda a, b: a + b, ast.Sub: lambda a, b: a - b, ast.Mult: lambda a, b: a * b, ast.Div: lambda a, b: a / b,
@@ -138,21 +161,31 @@ def binary(builder: ir.IRBuilder, operator: ast.operator, left: Value, right: Va
     kind, (a, b) = common(builder, left, right)
     if isinstance(operator, ast.Div) and not kind.real:
         kind, (a, b) = F8, [converted(builder, Number(kind, x), F8).code for x in (a, b)]
-    if isinstance(operator, ast.RShift) and not kind.real:
-        return Number(kind, (builder.lshr if kind.name[0] == "u" else builder.ashr)(a, b))
+    if kind == B1 and not isinstance(operator, ast.BitAnd | ast.BitOr | ast.BitXor):
+        kind, (a, b) = I8, [converted(builder, Number(B1, x), I8).code for x in (a, b)]
+    if isinstance(operator, ast.LShift | ast.RShift) and not kind.real:
+        return Number(kind, _shifted(builder, operator, kind, a, b, right))
     if isinstance(operator, ast.FloorDiv | ast.Mod) and kind == I8:
         return Number(kind, _floored(builder, operator, a, b))
     name = (_FLOAT if kind.real else _WHOLE).get(type(operator))
     if name is None:
         raise UntranslatableError(f"the operator {type(operator).__name__} of {kind.name}")
-    if kind == B1 and isinstance(operator, ast.Add | ast.Sub | ast.Mult | ast.LShift):
-        kind, (a, b) = I8, [converted(builder, Number(B1, x), I8).code for x in (a, b)]
     flags = VECTOR_FLAGS if kind.real and kind.lanes else ()
     return Number(kind, getattr(builder, name)(a, b, flags=flags) if flags else getattr(builder, name)(a, b))
 
 
 def _floored(builder: ir.IRBuilder, operator: ast.operator, a: ir.Value, b: ir.Value) -> ir.Value:
     """Quotient or remainder rounded down, as Python does; LLVM's are rounded towards zero."""
+    zero, one, minus = (ir.Constant(I8.type, x) for x in (0, 1, -1))
+    if isinstance(b, ir.Constant):
+        return _rounded_down(builder, operator, a, b)
+    # The processor cannot divide the least whole number by -1.
+    by_minus = builder.icmp_signed("==", b, minus)
+    found = _rounded_down(builder, operator, a, builder.select(by_minus, one, b))
+    return builder.select(by_minus, zero if isinstance(operator, ast.Mod) else builder.sub(zero, a), found)
+
+
+def _rounded_down(builder: ir.IRBuilder, operator: ast.operator, a: ir.Value, b: ir.Value) -> ir.Value:
     zero = ir.Constant(I8.type, 0)
     rest = builder.srem(a, b)
     uneven = builder.and_(builder.icmp_signed("!=", rest, zero), builder.icmp_signed("<", builder.xor(rest, b), zero))
@@ -160,6 +193,26 @@ def _floored(builder: ir.IRBuilder, operator: ast.operator, a: ir.Value, b: ir.V
         return builder.select(uneven, builder.add(rest, b), rest)
     quotient = builder.sdiv(a, b)
     return builder.select(uneven, builder.sub(quotient, ir.Constant(I8.type, 1)), quotient)
+
+
+def _shifted(
+    builder: ir.IRBuilder, operator: ast.operator, kind: Kind, a: ir.Value, b: ir.Value, times: Value
+) -> ir.Value:
+    """A shift; by as many bits as there are, or more, it leaves nothing, or the sign."""
+    left, unsigned, width = isinstance(operator, ast.LShift), kind.name[0] == "u", kind.element.width
+    known = times.value if isinstance(times, Constant) else None
+    if isinstance(known, int | np.integer):
+        if known < 0 or (left and known >= width):
+            raise UntranslatableError(f"a shift by {known} bits")
+        if known < width:
+            return builder.shl(a, b) if left else (builder.lshr if unsigned else builder.ashr)(a, b)
+    if kind.lanes:
+        return builder.shl(a, b) if left else (builder.lshr if unsigned else builder.ashr)(a, b)
+    within = builder.icmp_unsigned("<", b, ir.Constant(kind.type, width))
+    if not left and not unsigned:
+        return builder.ashr(a, builder.select(within, b, ir.Constant(kind.type, width - 1)))
+    found = (builder.shl if left else builder.lshr)(a, builder.select(within, b, ir.Constant(kind.type, 0)))
+    return builder.select(within, found, ir.Constant(kind.type, 0))
 
 
 def power(builder: ir.IRBuilder, base: Number, exponent: Value) -> Number:
@@ -171,6 +224,8 @@ def power(builder: ir.IRBuilder, base: Number, exponent: Value) -> Number:
         When whole numbers are to be raised to a power that is not known.
     """
     known = exponent.value if isinstance(exponent, Constant) else None
+    if base.kind == B1:
+        base = converted(builder, base, I8)
     if isinstance(known, int) and abs(known) < 2**16 and (base.kind.real or known >= 0):
         multiply = builder.fmul if base.kind.real else builder.mul
         one = ir.Constant(base.kind.type, [1] * base.kind.lanes if base.kind.lanes else 1)
@@ -182,6 +237,8 @@ def power(builder: ir.IRBuilder, base: Number, exponent: Value) -> Number:
             if left:
                 factor = multiply(factor, factor)
         return Number(base.kind, builder.fdiv(one, result) if known < 0 else result)
+    if not base.kind.real and not isinstance(known, int) and not number(exponent).kind.real:
+        raise UntranslatableError("a whole number raised to a whole number that is not known")
     kind, codes = common(builder, converted(builder, base, F8) if not base.kind.real else base, exponent)
     return Number(kind, _library(builder, "llvm.pow", kind, codes))
 
@@ -226,9 +283,11 @@ def unary(builder: ir.IRBuilder, operator: ast.unaryop, value: Value) -> Value:
         if isinstance(operator, ast.USub | ast.UAdd):
             return Constant(-known if isinstance(operator, ast.USub) else +known)
     x = number(value)
+    if x.kind == B1 and isinstance(operator, ast.USub | ast.UAdd):
+        x = converted(builder, x, I8)
     if isinstance(operator, ast.Not):
         return Number(B1, builder.not_(converted(builder, x, B1).code))
-    if isinstance(operator, ast.Invert) and not x.kind.real:
+    if isinstance(operator, ast.Invert) and not x.kind.real and x.kind != B1:
         return Number(x.kind, builder.not_(x.code))
     if isinstance(operator, ast.USub):
         if x.kind.real:
@@ -276,6 +335,16 @@ def _declared(builder: ir.IRBuilder, name: str, kind: Kind, count: int) -> ir.Fu
     return ir.Function(module, ir.FunctionType(kind.type, [kind.type] * count), name)
 
 
+_MOST_VALUES: dict[object, int] = {
+    min: 0, max: 0, math.atan2: 2, math.hypot: 2, math.copysign: 2, math.fmod: 2, math.pow: 2,
+}  # fmt: skip
+_BETTER: dict[str, ast.cmpop] = {"<": ast.Lt(), ">": ast.Gt()}
+
+
+def _is_known(function: object) -> bool:
+    return function in FUNCTIONS or function in (float, int, bool, abs, math.isfinite, np.isfinite)
+
+
 def called(builder: ir.IRBuilder, function: object, values: Sequence[Value]) -> Value | None:
     """Value of a function of Python or of its ``math`` module; None where it is not one of these.
 
@@ -284,12 +353,15 @@ def called(builder: ir.IRBuilder, function: object, values: Sequence[Value]) -> 
     UntranslatableError
         When the values are not what it takes.
     """
+    most = _MOST_VALUES.get(function, 1) if isinstance(function, Hashable) else 0
+    if (function in (min, max) and len(values) < 2) or (most and _is_known(function) and len(values) != most):
+        raise UntranslatableError(f"{len(values)} arguments of {getattr(function, '__name__', function)}")
     if function in (min, max):
         kind, codes = common(builder, *values)
         found = codes[0]
         for code in codes[1:]:
             sign = "<" if function is min else ">"
-            better = builder.fcmp_ordered(sign, code, found) if kind.real else builder.icmp_signed(sign, code, found)
+            better = compared(builder, _BETTER[sign], Number(kind, code), Number(kind, found)).code
             found = builder.select(better, code, found)
         return Number(kind, found)
     if function in (float, int, bool):
@@ -303,6 +375,8 @@ def called(builder: ir.IRBuilder, function: object, values: Sequence[Value]) -> 
         x = number(values[0])
         if x.kind.real:
             return Number(x.kind, _library(builder, "llvm.fabs", x.kind, [x.code]))
+        if x.kind.name[0] in "ub":
+            return converted(builder, x, I8) if x.kind == B1 else x
         negative = builder.icmp_signed("<", x.code, ir.Constant(x.kind.type, 0))
         return Number(x.kind, builder.select(negative, builder.neg(x.code), x.code))
     try:

@@ -13,6 +13,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
+
+from flocking.formula.native.faults import error_of
 
 if TYPE_CHECKING:
     from llvmlite import ir
@@ -26,10 +29,28 @@ _C_KINDS: dict[str, object] = {
     "u4": ctypes.c_uint32, "b1": ctypes.c_bool,
 }  # fmt: skip
 _translating = threading.RLock()
-NOT_CONTIGUOUS = "Native functions take arrays stored row by row"
+NOT_CONTIGUOUS = "Native functions take arrays stored row by row, and aligned"
 Cast = Callable[[Any], float]
 """What makes a number one that C takes."""
-_PYTHON: dict[str, Cast] = {"f": float, "i": int, "u": int, "b": bool}
+
+
+def _whole_of(kind: str) -> Cast:
+    """What makes a number a whole one of a kind, and refuses those that do not fit."""
+    bits, signed = 8 * int(kind[1]), kind[0] == "i"
+    low, high = (-(2 ** (bits - 1)), 2 ** (bits - 1)) if signed else (0, 2**bits)
+
+    def whole(value: float) -> int:
+        found = int(value)
+        if low <= found < high:
+            return found
+        raise OverflowError(f"{found} does not fit into a{' signed' if signed else 'n unsigned'} number of {bits} bits")
+
+    return whole
+
+
+_PYTHON: dict[str, Cast] = {
+    "f8": float, "f4": float, "b1": bool, **{kind: _whole_of(kind) for kind in ("i8", "i4", "u8", "u4")},
+}  # fmt: skip
 
 
 class Compiled:
@@ -44,7 +65,7 @@ class Compiled:
     address
         Where its machine code is.
     results
-        Kinds of the numbers it returns, ``"f8"``, ``"i8"`` or ``"b1"``.
+        Kinds of the numbers it returns, ``"f8"``, ``"i8"``, ``"u8"`` or ``"b1"``.
     """
 
     def __init__(self, name: str, arguments: tuple[Argument, ...], address: int, results: tuple[str, ...]) -> None:
@@ -53,9 +74,9 @@ class Compiled:
         for kind in arguments:
             axes = getattr(kind, "axes", None)
             types += [_C_KINDS[kind.name]] if axes is None else [ctypes.c_void_p, *[ctypes.c_int64] * axes]  # type: ignore[union-attr]
-        self._entry = ctypes.CFUNCTYPE(None, *types, ctypes.c_void_p)(address)
+        self._entry = ctypes.CFUNCTYPE(ctypes.c_int32, *types, ctypes.c_void_p)(address)
         self._room = ctypes.c_int64 * max(len(results), 1)
-        self._found = struct.Struct("=" + "".join("d" if kind == "f8" else "q" for kind in results))
+        self._found = struct.Struct("=" + "".join({"f8": "d", "u8": "Q"}.get(kind, "q") for kind in results))
         self._flags = [k for k, kind in enumerate(results) if kind == "b1"]
 
     def into(self, given: list[float], found: FloatArray) -> None:
@@ -68,7 +89,9 @@ class Compiled:
         found
             The array.
         """
-        self._entry(*given, found.__array_interface__["data"][0])
+        fault = self._entry(*given, found.__array_interface__["data"][0])
+        if fault:
+            raise error_of(fault, self.name)
 
     def run(self, given: list[float]) -> Any:
         """Call it with pointers, lengths and numbers; one number, or several in a tuple, or None.
@@ -77,12 +100,22 @@ class Compiled:
         ----------
         given
             For each argument its number, or the address of an array and the lengths of its axes.
+
+        Raises
+        ------
+        MemoryError
+            When there is no memory for an array it makes.
+        ZeroDivisionError
+            When a whole number is divided by zero.
+        OverflowError
+            When a number that is to become a whole one is NaN, infinite or too large.
         """
-        if not self.results:
-            self._entry(*given, None)
-            return None
         room = self._room()
-        self._entry(*given, ctypes.addressof(room))
+        fault = self._entry(*given, ctypes.addressof(room))
+        if fault:
+            raise error_of(fault, self.name)
+        if not self.results:
+            return None
         values = self._found.unpack(room)
         if self._flags:
             values = tuple(bool(x) if k in self._flags else x for k, x in enumerate(values))
@@ -146,6 +179,7 @@ class NativeFunction:
 
     def _key(self) -> str:
         """What fixes the code: the text of a generated module, or the files of this library."""
+        from flocking.formula.native.stated_values import state_value
         from flocking.formula.origins import generation
 
         text = self.py_func.__globals__.get("SOURCE")
@@ -153,7 +187,11 @@ class NativeFunction:
             text = generation()
         elif text is None:
             text = inspect.getsource(inspect.getmodule(self.py_func) or self.py_func)
-        return f"{self.py_func.__module__} {hashlib.sha256(text.encode()).hexdigest()}"
+        digest = hashlib.sha256(text.encode())
+        state_value("", self.py_func, (), digest.update, set())
+        code = self.py_func.__code__
+        place = f"{self.py_func.__qualname__} {code.co_firstlineno}"
+        return f"{self.py_func.__module__} {place} {digest.hexdigest()}"
 
     def _text(self, name: str, arguments: tuple[Argument, ...]) -> tuple[str, tuple[str, ...]]:
         from flocking.formula.native.scopes import source_of
@@ -179,7 +217,7 @@ class NativeFunction:
         TypeError
             When an argument is not of the stated kind, or of none that native functions know.
         """
-        known = self._known.get(tuple([(x.dtype, x.ndim) if type(x) is np.ndarray else type(x) for x in values]))
+        known = self._known.get(tuple([(x.dtype, x.ndim) if isinstance(x, np.ndarray) else type(x) for x in values]))
         if known is None:
             known = self.accepting(values)
         compiled, casts = known
@@ -187,7 +225,7 @@ class NativeFunction:
         for value, cast in zip(values, casts, strict=True):
             if cast is not None:
                 given.append(cast(value))
-            elif value.flags.c_contiguous:
+            elif value.flags.c_contiguous and value.flags.aligned:
                 given.append(value.__array_interface__["data"][0])
                 given += value.shape
             else:
@@ -209,7 +247,7 @@ class NativeFunction:
         """
         compiled = self.compiled(self._stated(tuple(kind_of_value(value) for value in values)))
         known = compiled, [_cast_of(kind) for kind in compiled.arguments]
-        self._known[tuple([(x.dtype, x.ndim) if type(x) is np.ndarray else type(x) for x in values])] = known
+        self._known[tuple([(x.dtype, x.ndim) if isinstance(x, np.ndarray) else type(x) for x in values])] = known
         return known
 
     def _stated(self, kinds: tuple[Argument, ...]) -> tuple[Argument, ...]:
@@ -265,7 +303,7 @@ class Bound:
                 given.append(cast(value))
             else:
                 array: Any = value
-                if array.dtype is not before.dtype or array.ndim != before.ndim or not array.flags.c_contiguous:
+                if array.dtype is not before.dtype or array.ndim != before.ndim or not _in_rows(array):
                     return self._anew(values)
                 given.append(array.__array_interface__["data"][0])
                 given += array.shape
@@ -281,6 +319,11 @@ class Bound:
         return compiled.run([x for part in parts for x in part])
 
 
+def _in_rows(array: NDArray[np.generic]) -> bool:
+    flags = array.flags
+    return flags.c_contiguous and flags.aligned
+
+
 def kind_of_value(value: object) -> Argument:
     """Kind of an argument.
 
@@ -292,7 +335,7 @@ def kind_of_value(value: object) -> Argument:
     from flocking.formula.native.kinds import ArrayKind, Kind, kind_of
 
     if isinstance(value, np.ndarray):
-        if not value.flags.c_contiguous:
+        if not _in_rows(value):
             raise TypeError(NOT_CONTIGUOUS)
         return ArrayKind(kind_of(value.dtype), value.ndim)
     if isinstance(value, np.generic):
@@ -308,7 +351,7 @@ def kind_of_value(value: object) -> Argument:
 
 def _cast_of(kind: Argument) -> Cast | None:
     """What makes a number one that C takes; None for an array."""
-    return None if hasattr(kind, "axes") else _PYTHON[kind.name[0]]
+    return None if hasattr(kind, "axes") else _PYTHON[kind.name]
 
 
 def native(function: Callable[..., object]) -> NativeFunction:
@@ -337,11 +380,11 @@ def by_address(signature: str) -> Primitive:
     """
     from flocking.formula.native.primitives import Primitive
 
-    def build(builder: ir.IRBuilder, address: Value, *values: Value) -> None:
+    def build(builder: ir.IRBuilder, address: Value, *values: Value) -> Number:
         from llvmlite import ir
 
-        from flocking.formula.native.arithmetic import UntranslatableError, converted, number
-        from flocking.formula.native.kinds import I8, Array, Kind, arguments_of
+        from flocking.formula.native.arithmetic import converted, number
+        from flocking.formula.native.kinds import I4, I8, Array, Kind, Number, UntranslatableError, arguments_of
 
         kinds = arguments_of(signature)
         codes: list[ir.Value] = []
@@ -356,9 +399,9 @@ def by_address(signature: str) -> Primitive:
         if not isinstance(found, Array):
             raise UntranslatableError("results that go to no array")
         codes.append(builder.bitcast(found.data, I8.type.as_pointer()))
-        shape = ir.FunctionType(ir.VoidType(), [code.type for code in codes])
+        shape = ir.FunctionType(I4.type, [code.type for code in codes])
         place: Number = converted(builder, number(address), I8)
-        builder.call(builder.inttoptr(place.code, shape.as_pointer()), codes)
+        return Number(I4, builder.call(builder.inttoptr(place.code, shape.as_pointer()), codes))
 
     def run(address: int, *values: Any) -> None:
         from flocking.formula.native.kinds import arguments_of
@@ -372,4 +415,4 @@ def by_address(signature: str) -> Primitive:
             given += [value.__array_interface__["data"][0], *value.shape] if cast is None else [cast(value)]
         compiled.into(given, values[-1])
 
-    return Primitive(build, run)
+    return Primitive(build, run, gives_fault=True)

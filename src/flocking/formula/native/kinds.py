@@ -12,6 +12,10 @@ from llvmlite import ir
 from flocking.errors import CacheError
 
 
+class UntranslatableError(Exception):
+    """A function holds what native functions cannot; the message says what."""
+
+
 @dataclass(frozen=True)
 class Kind:
     """A number, or several side by side in one vector register.
@@ -127,11 +131,14 @@ class Array:
         Pointer to its first number.
     shape
         Lengths of its axes.
+    passing
+        Whether it was made in a loop, so that its place is taken by the next one made there.
     """
 
     kind: ArrayKind
     data: ir.Value
     shape: tuple[ir.Value, ...]
+    passing: bool = False
 
 
 @dataclass(frozen=True)
@@ -195,6 +202,11 @@ def joined(a: Kind, b: Kind) -> Kind:
     ----------
     a, b
         Kinds of single numbers.
+
+    Raises
+    ------
+    UntranslatableError
+        When no kind holds both: whole numbers of 64 bits, one signed and one not.
     """
     if a == b:
         return a
@@ -203,4 +215,8 @@ def joined(a: Kind, b: Kind) -> Kind:
         whole = [k for k in (a, b) if not k.real]
         # A whole number of 32 or 64 bits does not fit into 24 bits of a float32.
         return F4 if all(k == F4 for k in reals) and all(k == B1 for k in whole) else F8
-    return U8 if {a.name, b.name} <= {"u8", "u4", "b1"} else I8
+    if {a.name, b.name} <= {"u8", "u4", "b1"}:
+        return U8
+    if U8 in (a, b):
+        raise UntranslatableError(f"numbers of the kinds {a.name} and {b.name} where one kind is needed")
+    return I8

@@ -21,8 +21,14 @@ _engines: list[Any] = []
 
 @cache
 def processor() -> tuple[str, str]:
-    """Name and features of the processor that code is made for; ``NUMBA_CPU_NAME`` and ``_FEATURES`` choose another."""
-    name, features = os.environ.get("NUMBA_CPU_NAME"), os.environ.get("NUMBA_CPU_FEATURES")
+    """Name and features of the processor that code is made for.
+
+    ``FLOCKING_CPU_NAME`` and ``FLOCKING_CPU_FEATURES`` choose another, as do ``NUMBA_CPU_NAME`` and ``_FEATURES``, by
+    which clusters of unlike processors are told apart for Numba.
+    """
+    name, features = (
+        os.environ.get(f"FLOCKING_CPU_{what}") or os.environ.get(f"NUMBA_CPU_{what}") for what in ("NAME", "FEATURES")
+    )
     if name is None:
         found = binding.get_host_cpu_features()
         return binding.get_host_cpu_name(), features if features is not None else found.flatten()

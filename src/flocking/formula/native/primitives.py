@@ -20,10 +20,13 @@ class Primitive:
         Given the builder and the values of the arguments it returns the value, or None.
     python
         What Python calls in its place.
+    gives_fault
+        Whether the value is the number of a fault, see `flocking.formula.native.faults`, to be passed on.
     """
 
     build: Callable[..., Value | None]
     python: Callable[..., Any] | None = None
+    gives_fault: bool = False
 
     def __call__(self, *values: object) -> Any:
         """Call what Python calls in its place.

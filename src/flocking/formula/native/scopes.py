@@ -5,13 +5,14 @@ from __future__ import annotations
 import ast
 import inspect
 import textwrap
+import types
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 
 from llvmlite import ir
 
-from flocking.formula.native.kinds import Array, Kind, Value
+from flocking.formula.native.kinds import Array, Kind, UntranslatableError, Value
 
 
 @dataclass(frozen=True)
@@ -40,17 +41,72 @@ def source_of(function: Callable[..., object]) -> Source:
     ----------
     function
         The function; generated modules hold their text by the name ``SOURCE``.
+
+    Raises
+    ------
+    UntranslatableError
+        When the function is more than its text says, or the text is not that of the function.
     """
-    known = function.__globals__
+    if not isinstance(function, types.FunctionType):
+        raise UntranslatableError(f"{function}, which is no function of Python")
+    known, code = function.__globals__, function.__code__
+    if code.co_freevars:
+        raise UntranslatableError(f"{function.__name__}, which uses variables of the function around it")
+    if hasattr(function, "__wrapped__"):
+        raise UntranslatableError(f"{function.__name__}, which a decorator made of another function")
     text = known.get("SOURCE")
     functions = _functions(text if isinstance(text, str) else textwrap.dedent(inspect.getsource(function)))
-    plain = {name: node for name, node in functions.items() if not node.decorator_list and isinstance(text, str)}
-    return Source(functions[function.__name__], known, plain)
+    plain = {
+        name: node for (name, line), node in functions.items()
+        if isinstance(text, str) and not node.decorator_list and _begins(known.get(name), line)
+    }  # fmt: skip
+    node = functions.get((code.co_name, code.co_firstlineno if isinstance(text, str) else 1))
+    if node is None:
+        raise UntranslatableError(f"{function.__name__}, which is no function of the text it came from")
+    if not isinstance(text, str) and not _says_the_same(function):
+        raise UntranslatableError(f"{function.__name__}, whose file has been changed since it was imported")
+    return Source(node, known, plain)
+
+
+def _says_the_same(function: types.FunctionType) -> bool:
+    """Whether a file still says what a function was made of: it may have been changed since."""
+    code = function.__code__
+    anew = _codes(inspect.getsource(inspect.getmodule(function) or function)).get((code.co_name, code.co_firstlineno))
+    return anew is not None and all(
+        getattr(anew, part) == getattr(code, part) for part in ("co_code", "co_names", "co_varnames")
+    ) and [repr(x) for x in anew.co_consts] == [repr(x) for x in code.co_consts]  # fmt: skip
 
 
 @cache
-def _functions(text: str) -> dict[str, ast.FunctionDef]:
-    return {node.name: node for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)}
+def _codes(text: str) -> dict[tuple[str, int], types.CodeType]:
+    """Functions of a file by name and first line, as Python compiles them."""
+    found: dict[tuple[str, int], types.CodeType] = {}
+    waiting = [compile(text, "<text>", "exec", dont_inherit=True)]
+    while waiting:
+        for part in waiting.pop().co_consts:
+            if isinstance(part, types.CodeType):
+                found[part.co_name, part.co_firstlineno] = part
+                waiting.append(part)
+    return found
+
+
+def _names_bound(node: ast.FunctionDef) -> frozenset[str]:
+    stored = {x.id for x in ast.walk(node) if isinstance(x, ast.Name) and isinstance(x.ctx, ast.Store)}
+    return frozenset(stored | {a.arg for a in node.args.args})
+
+
+def _begins(function: object, line: int) -> bool:
+    return isinstance(function, types.FunctionType) and function.__code__.co_firstlineno == line
+
+
+@cache
+def _functions(text: str) -> dict[tuple[str, int], ast.FunctionDef]:
+    """Functions by name and first line, that of the first decorator where there is one."""
+    return {
+        (node.name, min([node.lineno, *(d.lineno for d in node.decorator_list)])): node
+        for node in ast.parse(text).body
+        if isinstance(node, ast.FunctionDef)
+    }
 
 
 class WiderError(Exception):
@@ -65,10 +121,14 @@ class Loop:
     ----------
     again, after
         Where ``continue`` and ``break`` lead.
+    left, turned
+        For each ``break``, and for each ``continue`` and the end of the body, the names that have values there.
     """
 
     again: ir.Block
     after: ir.Block
+    left: list[set[str]] = field(default_factory=list)
+    turned: list[set[str]] = field(default_factory=list)
 
 
 @dataclass
@@ -93,6 +153,8 @@ class Scope:
         What the function returns, where that is not a number or several.
     results
         How many numbers it returns; they are variables by the names of `result_name`.
+    assigned
+        Names that have values where the translation is, whichever way led there.
     """
 
     path: str
@@ -104,6 +166,13 @@ class Scope:
     loops: list[Loop] = field(default_factory=list)
     returned: Value | None = None
     results: int | None = None
+    assigned: set[str] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        given = self.source.node.args
+        if given.defaults or given.kwonlyargs or given.vararg or given.kwarg or given.posonlyargs:
+            raise UntranslatableError("arguments of other forms than a plain name")
+        self.bound = _names_bound(self.source.node)
 
 
 def result_name(number: int) -> str:

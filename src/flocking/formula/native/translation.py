@@ -4,7 +4,13 @@ The part of Python that is understood: assignments, ``for`` over ``range``, ``wh
 ``return`` of numbers, arithmetic, comparisons, ``and``, ``or``, ``not``, conditional expressions, indices of arrays,
 their ``shape``, ``np.empty`` and ``np.zeros`` of small arrays that are not returned, and calls of the functions of
 `arithmetic`, of `Primitive` and of plain functions, which are put in place. It computes bit for bit what Python does,
-except that a power with a known whole exponent is a product, and that whole numbers have 64 bits.
+except that a power with a known whole exponent is a product; that whole numbers have 64 bits and wrap; that numbers of
+several kinds are joined as NumPy joins arrays of them; that a float divided by zero, or a function of ``math`` outside
+its domain, gives what IEEE 754 says; that ``hypot``, ``gamma`` and ``lgamma`` are those of the C library; and that an
+index is not checked and does not count from the end. Numbers and arrays of a module are those of the first call.
+
+What else would differ is refused: a name that may have no value where it is read, a return that may be left out, ``or``
+for a value, a name for an array that a loop makes anew, closures, arguments with defaults.
 """
 
 from __future__ import annotations
@@ -14,16 +20,31 @@ from collections.abc import Sequence
 
 from llvmlite import ir
 
-from flocking.formula.native.arithmetic import UntranslatableError, binary, converted, number
+from flocking.formula.native.arithmetic import converted, number
 from flocking.formula.native.expressions import Expressions
-from flocking.formula.native.kinds import B1, F8, I8, Argument, Array, Constant, Kind, Number, Several, Value
+from flocking.formula.native.kinds import (
+    B1,
+    F8,
+    I4,
+    I8,
+    U8,
+    Argument,
+    Array,
+    Constant,
+    Kind,
+    Number,
+    Several,
+    UntranslatableError,
+    Value,
+)
 from flocking.formula.native.scopes import Loop, Scope, Source, WiderError, result_name
 
 
 def translate(name: str, source: Source, arguments: Sequence[Argument]) -> tuple[str, tuple[Kind, ...]]:
     """Text of an LLVM module with the function, and the kinds of what it returns.
 
-    The function takes a pointer behind its last argument, to eight bytes for each number it returns.
+    The function takes a pointer behind its last argument, to eight bytes for each number it returns. It returns the
+    number of a fault, see `flocking.formula.native.faults`.
 
     Parameters
     ----------
@@ -58,11 +79,12 @@ class _Translator(Expressions):
         types: list[ir.Type] = []
         for kind in arguments:
             types += [stored(kind)] if isinstance(kind, Kind) else [kind.stored.as_pointer(), *[I8.type] * kind.axes]
-        shape = ir.FunctionType(ir.VoidType(), [*types, I8.type.as_pointer()])
+        shape = ir.FunctionType(I4.type, [*types, I8.type.as_pointer()])
         function = ir.Function(module, shape, name)
         entry = function.append_basic_block("entry")
         begin, leave = function.append_basic_block("begin"), function.append_basic_block("leave")
         super().__init__(module, entry, ir.IRBuilder(begin), wider)
+        self.failed = leave
         self.scope = Scope("", source, leave)
         given = list(function.args)
         names = [a.arg for a in source.node.args.args]
@@ -75,9 +97,7 @@ class _Translator(Expressions):
             else:
                 self.store(text, Array(kind, given[0], tuple(given[1 : 1 + kind.axes])))
                 del given[: 1 + kind.axes]
-        self._body(source.node.body)
-        if not self.builder.block.is_terminated:
-            self.builder.branch(leave)
+        self._whole_body(source)
         self.builder.position_at_end(leave)
         self.found = self._finish(given[0])
         ir.IRBuilder(entry).branch(begin)
@@ -89,14 +109,22 @@ class _Translator(Expressions):
         for k in range(self.scope.results or 0):
             x = self.load(result_name(k))
             assert isinstance(x, Number)
-            kind = F8 if x.kind.real else I8
+            kind = F8 if x.kind.real else U8 if x.kind == U8 else I8
             at = self.builder.gep(place, [ir.Constant(I8.type, k)])
             code = converted(self.builder, x, kind).code
             self.builder.store(code, self.builder.bitcast(at, kind.type.as_pointer()))
             found.append(kind if x.kind != B1 else B1)
         self.free_all()
-        self.builder.ret_void()
+        self.builder.ret(self.builder.load(self.fault))
         return tuple(found)
+
+    def _whole_body(self, source: Source) -> None:
+        self._body(source.node.body)
+        if not self.builder.block.is_terminated:
+            if self.scope.results:
+                raise UntranslatableError(f"{source.node.name}, which may end without the return of a value")
+            self.builder.branch(self.scope.leave)
+        self.scope.assigned |= {result_name(k) for k in range(self.scope.results or 0)}
 
     def in_place(self, source: object, values: Sequence[Value]) -> Value:
         """What a function gives, translated where it is called."""
@@ -112,9 +140,7 @@ class _Translator(Expressions):
             raise UntranslatableError(f"{source.node.name} with {len(values)} arguments")
         for argument, value in zip(source.node.args.args, values, strict=True):
             self.store(argument.arg, value)
-        self._body(source.node.body)
-        if not self.builder.block.is_terminated:
-            self.builder.branch(leave)
+        self._whole_body(source)
         self.builder.position_at_end(leave)
         found = scope.returned
         if found is None:
@@ -142,7 +168,8 @@ class _Translator(Expressions):
             self.value(node.value)
 
     def _return(self, node: ast.Return) -> None:
-        value = Several(()) if node.value is None else self.value(node.value)
+        nothing = node.value is None or (isinstance(node.value, ast.Constant) and node.value.value is None)
+        value = Several(()) if node.value is None or nothing else self.value(node.value)
         values = value.values if isinstance(value, Several) else (value,)
         scope = self.scope
         if any(isinstance(x, Array) or (isinstance(x, Number) and x.kind.lanes) for x in values):
@@ -154,7 +181,7 @@ class _Translator(Expressions):
                 raise UntranslatableError("returns of different numbers of values")
             scope.results = len(values)
             for k, x in enumerate(values):
-                self.store(result_name(k), x)
+                self.store(result_name(k), number(x))
         self.builder.branch(scope.leave)
 
     def _assign(self, node: ast.Assign) -> None:
@@ -170,10 +197,10 @@ class _Translator(Expressions):
         if isinstance(node.target, ast.Subscript):
             data, kind = self.place(node.target)
             before = self.element(data, kind)
-            self.assign(data, kind, binary(self.builder, node.op, before, self.value(node.value)))
+            self.assign(data, kind, self.combined(node.op, before, self.value(node.value)))
         elif isinstance(node.target, ast.Name):
             before = self.load(node.target.id)  # type: ignore[assignment]
-            self.store(node.target.id, binary(self.builder, node.op, before, self.value(node.value)))
+            self.store(node.target.id, self.combined(node.op, before, self.value(node.value)))
         else:
             raise UntranslatableError("an assignment to an attribute")
 
@@ -192,11 +219,15 @@ class _Translator(Expressions):
 
     def _for(self, node: ast.For) -> None:
         call = node.iter
-        if not (isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "range"):
+        if not (isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "range") or (
+            "range" in self.scope.bound or "range" in self.scope.source.known or call.keywords
+        ):
             raise UntranslatableError("a loop over anything but a range")
         if not isinstance(node.target, ast.Name) or node.orelse:
             raise UntranslatableError("a loop of another form than 'for name in range(...)'")
         bounds = [self.value(a) for a in call.args]
+        if not 1 <= len(bounds) <= 3 or any(number(x).kind.real for x in bounds):
+            raise UntranslatableError(f"the range {ast.unparse(call)}")
         first, last = (Constant(0), bounds[0]) if len(bounds) == 1 else bounds[:2]
         step = bounds[2] if len(bounds) == 3 else Constant(1)
         if not isinstance(step, Constant) or not isinstance(step.value, int) or not step.value:
@@ -212,50 +243,76 @@ class _Translator(Expressions):
         now = b.load(counter)
         b.cbranch(b.icmp_signed("<" if step.value > 0 else ">", now, end), body, after)
         b.position_at_end(body)
+        before = set(self.scope.assigned)
         self.store(node.target.id, Number(I8, now))
-        self._repeated(node.body, Loop(again, after))
+        loop = Loop(again, after)
+        self._repeated(node.body, loop)
+        known = [x.value for x in (first, last, step) if isinstance(x, Constant)]
+        ways = loop.left + loop.turned
+        self.scope.assigned = set.intersection(*ways) if len(known) == 3 and range(*known) and ways else before
         b.position_at_end(again)
         b.store(b.add(b.load(counter), ir.Constant(I8.type, step.value), flags=("nsw",)), counter)
         b.branch(test)
         b.position_at_end(after)
 
     def _while(self, node: ast.While) -> None:
+        if node.orelse:
+            raise UntranslatableError("a loop with an else")
         b = self.builder
         test, body, after = (b.append_basic_block(name) for name in ("test", "body", "after"))
         b.branch(test)
         b.position_at_end(test)
-        b.cbranch(self.truth(node.test), body, after)
+        endless = isinstance(node.test, ast.Constant) and bool(node.test.value)
+        before, loop = set(self.scope.assigned), Loop(test, after)
+        if endless:
+            b.branch(body)
+        else:
+            b.cbranch(self.truth(node.test), body, after)
         b.position_at_end(body)
-        self._repeated(node.body, Loop(test, after))
+        self._repeated(node.body, loop)
+        self.scope.assigned = before if not endless else set.intersection(*loop.left) if loop.left else before
         b.position_at_end(after)
+        if endless and not loop.left:
+            b.unreachable()
 
     def _repeated(self, statements: Sequence[ast.stmt], loop: Loop) -> None:
         self.scope.loops.append(loop)
+        self.loops += 1
         self._body(statements)
         if not self.builder.block.is_terminated:
+            loop.turned.append(set(self.scope.assigned))
             self.builder.branch(loop.again)
+        self.loops -= 1
         self.scope.loops.pop()
 
     def _break(self, node: ast.Break) -> None:
+        self.scope.loops[-1].left.append(set(self.scope.assigned))
         self.builder.branch(self.scope.loops[-1].after)
 
     def _continue(self, node: ast.Continue) -> None:
+        self.scope.loops[-1].turned.append(set(self.scope.assigned))
         self.builder.branch(self.scope.loops[-1].again)
 
     def _if(self, node: ast.If) -> None:
-        test = self.value(node.test)
+        test = self.test(node.test)
         if isinstance(test, Constant):
             self._body(node.body if test.value else node.orelse)
             return
         b = self.builder
         yes, no, after = (b.append_basic_block(name) for name in ("yes", "no", "after"))
         b.cbranch(converted(b, number(test), B1).code, yes, no)
+        before, left = self.scope.assigned, []
         for block, statements in ((yes, node.body), (no, node.orelse)):
             b.position_at_end(block)
+            self.scope.assigned = set(before)
             self._body(statements)
             if not b.block.is_terminated:
+                left.append(self.scope.assigned)
                 b.branch(after)
+        self.scope.assigned = set.intersection(*left) if left else before
         b.position_at_end(after)
+        if not left:
+            b.unreachable()
 
 
 def stored(kind: Kind) -> ir.Type:

@@ -11,8 +11,8 @@ from collections.abc import Callable
 from llvmlite import ir
 
 from flocking.engine.tiles.simd.vectors import WIDTH, array, index, vector
-from flocking.formula.native.arithmetic import UntranslatableError, converted, number
-from flocking.formula.native.kinds import Array, Kind, Number, Several, Value
+from flocking.formula.native.arithmetic import converted, number
+from flocking.formula.native.kinds import Array, Kind, Number, Several, UntranslatableError, Value
 from flocking.formula.native.primitives import Primitive
 
 _U4, _U8 = ir.IntType(32), ir.IntType(64)

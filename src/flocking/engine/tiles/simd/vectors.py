@@ -10,8 +10,8 @@ from collections.abc import Callable, Mapping
 
 from llvmlite import ir
 
-from flocking.formula.native.arithmetic import VECTOR_FLAGS, UntranslatableError, called, converted, number, spread_out
-from flocking.formula.native.kinds import F8, I8, Array, Constant, Kind, Number, Value
+from flocking.formula.native.arithmetic import VECTOR_FLAGS, called, converted, number, spread_out
+from flocking.formula.native.kinds import F8, I8, Array, Constant, Kind, Number, UntranslatableError, Value
 from flocking.formula.native.primitives import Primitive
 
 WIDTH = 16

@@ -1,0 +1,26 @@
+"""Faults of a run: native functions return the number of one, which becomes an error of Python."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+NONE, NO_MEMORY, DIVISION_BY_ZERO, NO_WHOLE_NUMBER = range(4)
+
+_ERRORS: dict[int, Callable[[str], Exception]] = {
+    NO_MEMORY: lambda name: MemoryError(f"{name} found no memory for its arrays"),
+    DIVISION_BY_ZERO: lambda name: ZeroDivisionError(f"division of a whole number by zero in {name}"),
+    NO_WHOLE_NUMBER: lambda name: OverflowError(f"a number in {name} is NaN or infinite, or has more than 64 bits"),
+}
+
+
+def error_of(fault: int, name: str) -> Exception:
+    """The error that a fault is.
+
+    Parameters
+    ----------
+    fault
+        Its number.
+    name
+        The function it came up in.
+    """
+    return _ERRORS[fault](name)
