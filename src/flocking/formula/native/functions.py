@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flocking.formula.native.entries import OTHER, Entry
 from flocking.formula.native.faults import error_of
 
 if TYPE_CHECKING:
@@ -66,9 +67,13 @@ class Compiled:
         Where its machine code is.
     results
         Kinds of the numbers it returns, ``"f8"``, ``"i8"``, ``"u8"`` or ``"b1"``.
+    entry
+        Where its entry for Python is, see `flocking.formula.native.entries`; 0 for none.
     """
 
-    def __init__(self, name: str, arguments: tuple[Argument, ...], address: int, results: tuple[str, ...]) -> None:
+    def __init__(
+        self, name: str, arguments: tuple[Argument, ...], address: int, results: tuple[str, ...], entry: int = 0
+    ) -> None:
         self.name, self.arguments, self.address, self.results = name, arguments, address, results
         types: list[Any] = []
         for kind in arguments:
@@ -76,6 +81,7 @@ class Compiled:
             types += [_C_KINDS[kind.name]] if axes is None else [ctypes.c_void_p, *[ctypes.c_int64] * axes]  # type: ignore[union-attr]
         self._entry = ctypes.CFUNCTYPE(ctypes.c_int32, *types, ctypes.c_void_p)(address)
         self._room = ctypes.c_int64 * max(len(results), 1)
+        self.entry = Entry(entry, arguments) if entry else None
         self._found = struct.Struct("=" + "".join({"f8": "d", "u8": "Q"}.get(kind, "q") for kind in results))
         self._flags = [k for k, kind in enumerate(results) if kind == "b1"]
 
@@ -114,6 +120,32 @@ class Compiled:
         fault = self._entry(*given, ctypes.addressof(room))
         if fault:
             raise error_of(fault, self.name)
+        return self._read(room)
+
+    def attempt(self, values: Sequence[Any]) -> Any:
+        """What it returns for arguments as Python has them; `NotImplemented` where they are not what it takes.
+
+        Parameters
+        ----------
+        values
+            The arguments.
+
+        Raises
+        ------
+        MemoryError, ZeroDivisionError, OverflowError
+            As for `run`.
+        """
+        if self.entry is None:
+            return NotImplemented
+        room = self._room()
+        fault = self.entry(values, room)
+        if fault == OTHER:
+            return NotImplemented
+        if fault:
+            raise error_of(fault, self.name)
+        return self._read(room)
+
+    def _read(self, room: ctypes.Array[ctypes.c_int64]) -> Any:
         if not self.results:
             return None
         values = self._found.unpack(room)
@@ -138,6 +170,7 @@ class NativeFunction:
         self.signature = signature
         self._compiled: dict[tuple[Argument, ...], Compiled] = {}
         self._known: dict[tuple[object, ...], tuple[Compiled, Sequence[Cast | None]]] = {}
+        self._latest: Compiled | None = None
         functools.update_wrapper(self, py_func)
 
     @property
@@ -171,11 +204,12 @@ class NativeFunction:
         return found
 
     def _made(self, arguments: tuple[Argument, ...]) -> Compiled:
-        from flocking.formula.native.objects import address_of
+        from flocking.formula.native.objects import addresses_of
 
         name = self.py_func.__name__
-        address, results = address_of(name, f"{self._key()} {arguments!r}", lambda: self._text(name, arguments))
-        return Compiled(name, arguments, address, results)
+        key = f"{self._key()} {arguments!r}"
+        address, entry, results = addresses_of(name, key, lambda: self._text(name, arguments))
+        return Compiled(name, arguments, address, results, entry)
 
     def _key(self) -> str:
         """What fixes the code: the text of a generated module, or the files of this library."""
@@ -217,10 +251,16 @@ class NativeFunction:
         TypeError
             When an argument is not of the stated kind, or of none that native functions know.
         """
+        latest = self._latest
+        if latest is not None:
+            found = latest.attempt(values)
+            if found is not NotImplemented:
+                return found
         known = self._known.get(tuple([(x.dtype, x.ndim) if isinstance(x, np.ndarray) else type(x) for x in values]))
         if known is None:
             known = self.accepting(values)
         compiled, casts = known
+        self._latest = compiled
         given: list[float] = []
         for value, cast in zip(values, casts, strict=True):
             if cast is not None:
@@ -291,6 +331,9 @@ class Bound:
         known = self._known
         if known is None or len(known.values) != len(values):
             return self._anew(values)
+        found = known.compiled.attempt(values)
+        if found is not NotImplemented:
+            return found
         given: list[float] = []
         befores, parts, types, casts = known.values, known.parts, known.types, known.casts
         for k, value in enumerate(values):

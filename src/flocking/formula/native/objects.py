@@ -14,6 +14,7 @@ from llvmlite import binding
 
 from flocking.errors import CacheError
 from flocking.formula.cache import MACHINE, cache_folder, read_sealed, sealing
+from flocking.formula.native.entries import HEAD, SUFFIX
 
 _engines: list[Any] = []
 """What holds the loaded code, which functions of it need as long as the process lives."""
@@ -77,8 +78,12 @@ def object_code(text: str) -> bytes:
     return bytes(target.emit_object(module))
 
 
-def address_of(name: str, key: str, make: Callable[[], tuple[str, tuple[str, ...]]]) -> tuple[int, tuple[str, ...]]:
-    """Address of a compiled function and kinds of its results, from the cache folder where it is there and whole.
+def addresses_of(
+    name: str, key: str, make: Callable[[], tuple[str, tuple[str, ...]]]
+) -> tuple[int, int, tuple[str, ...]]:
+    """Addresses of a compiled function and of its entry, and kinds of its results.
+
+    They are from the cache folder where they are there and whole.
 
     Parameters
     ----------
@@ -102,12 +107,12 @@ def address_of(name: str, key: str, make: Callable[[], tuple[str, tuple[str, ...
         with sealing(path) as file:
             file.write(kept)
     head, _, code = kept.partition(b"\n")
-    return _loaded(name, code), tuple(head.decode().split())
+    return *_loaded(name, code), tuple(head.decode().split())
 
 
 def _path(name: str, key: str) -> Path:
     versions = ".".join(map(str, binding.llvm_version_info))
-    stated = "\0".join((key, name, _translator(), *processor(), versions, llvmlite.__version__))
+    stated = "\0".join((key, name, _translator(), str(HEAD), *processor(), versions, llvmlite.__version__))
     return cache_folder() / MACHINE / "native" / f"{hashlib.sha256(stated.encode()).hexdigest()[:32]}.o"
 
 
@@ -120,17 +125,17 @@ def _translator() -> str:
     return digest.hexdigest()
 
 
-def _loaded(name: str, code: bytes) -> int:
+def _loaded(name: str, code: bytes) -> tuple[int, int]:
     # An engine owns its target machine, so that each is given one of its own.
     machine()
     engine = binding.create_mcjit_compiler(binding.parse_assembly(""), _machine_of_an_engine())
     engine.add_object_file(binding.ObjectFileRef.from_data(code))
     engine.finalize_object()
-    address = int(engine.get_function_address(name))
-    if not address:
+    address, entry = (int(engine.get_function_address(known)) for known in (name, name + SUFFIX))
+    if not address or not entry:
         raise CacheError(f"Compiled code of {name} cannot be loaded. Clear the cache folder (flocking cache --clear).")
     _engines.append(engine)
-    return address
+    return address, entry
 
 
 def _machine_of_an_engine() -> Any:

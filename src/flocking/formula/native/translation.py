@@ -21,6 +21,7 @@ from collections.abc import Sequence
 from llvmlite import ir
 
 from flocking.formula.native.arithmetic import converted, number
+from flocking.formula.native.entries import add_entry
 from flocking.formula.native.expressions import Expressions
 from flocking.formula.native.kinds import (
     B1,
@@ -101,6 +102,7 @@ class _Translator(Expressions):
         self.builder.position_at_end(leave)
         self.found = self._finish(given[0])
         ir.IRBuilder(entry).branch(begin)
+        add_entry(module, function, arguments)
 
     def _finish(self, place: ir.Value) -> tuple[Kind, ...]:
         if self.scope.returned is not None:

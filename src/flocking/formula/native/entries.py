@@ -1,0 +1,169 @@
+"""The entry of a native function that Python calls: it takes NumPy's arrays as they are, and looks into them itself.
+
+To ask an array in Python for its address and lengths takes longer than most native functions run. NumPy states where
+they lie within an array's object (its C interface, ``PyArrayObject``); `Entry.usable` looks whether that is so.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from llvmlite import ir
+
+    from flocking.formula.native.kinds import Argument
+
+SUFFIX = ".entry"
+"""What the name of an entry ends with."""
+
+OTHER = -1
+"""What an entry returns where an argument is not an array of the kind it was compiled for, aligned and row by row."""
+
+HEAD = object.__basicsize__
+"""Bytes of an object before what NumPy keeps in an array; the object's type comes last in them."""
+DATA, AXES, LENGTHS, KIND, FLAGS = HEAD, HEAD + 8, HEAD + 16, HEAD + 40, HEAD + 48
+"""Where an array keeps the address of its numbers, the number of its axes, their lengths, its dtype and its flags."""
+IN_ROWS = 0x0001 | 0x0100
+"""NumPy's flags of an array that is stored row by row, and aligned."""
+
+_SCALARS = {"f8": (float, np.float64), "i8": (int,), "b1": (bool,)}
+
+
+def add_entry(module: ir.Module, function: ir.Function, arguments: Sequence[Argument]) -> None:
+    """Add the entry of a function to its module.
+
+    It takes an object for each array and numbers as they are, then the addresses of what the types of its arrays must
+    be, see `Entry`, and the room for results.
+
+    Parameters
+    ----------
+    module
+        The module.
+    function
+        The function.
+    arguments
+        Kinds of its arguments.
+    """
+    from llvmlite import ir
+
+    from flocking.formula.native.kinds import I4, I8, Kind
+
+    function.attributes.add("noinline")
+    pointer = ir.IntType(8).as_pointer()
+    given = list(function.args)
+    types: list[ir.Type] = []
+    at = 0
+    for kind in arguments:
+        types.append(given[at].type if isinstance(kind, Kind) else pointer)
+        at += 1 if isinstance(kind, Kind) else 1 + kind.axes
+    shape = ir.FunctionType(I4.type, [*types, I8.type.as_pointer(), given[-1].type])
+    entry = ir.Function(module, shape, function.name + SUFFIX)
+    *values, expected, room = entry.args
+    b = ir.IRBuilder(entry.append_basic_block("look"))
+
+    def field(value: ir.Value, offset: int, type_: ir.Type) -> ir.Value:
+        place = b.gep(value, [ir.Constant(I8.type, offset)])
+        return b.load(b.bitcast(place, type_.as_pointer()))
+
+    def stated(number: int) -> ir.Value:
+        return b.load(b.gep(expected, [ir.Constant(I8.type, number)]))
+
+    fits = ir.Constant(ir.IntType(1), 1)
+    number = 0
+    for value, kind in zip(values, arguments, strict=True):
+        if isinstance(kind, Kind):
+            continue
+        number += 1
+        for found, wanted in (
+            (field(value, HEAD - 8, I8.type), stated(0)),
+            (field(value, KIND, I8.type), stated(number)),
+            (field(value, AXES, I4.type), ir.Constant(I4.type, kind.axes)),
+            (b.and_(field(value, FLAGS, I4.type), ir.Constant(I4.type, IN_ROWS)), ir.Constant(I4.type, IN_ROWS)),
+        ):
+            fits = b.and_(fits, b.icmp_signed("==", found, wanted))
+    good, bad = entry.append_basic_block("good"), entry.append_basic_block("bad")
+    b.cbranch(fits, good, bad)
+    b.position_at_end(bad)
+    b.ret(ir.Constant(I4.type, OTHER))
+    b.position_at_end(good)
+    codes: list[ir.Value] = []
+    for value, kind in zip(values, arguments, strict=True):
+        if isinstance(kind, Kind):
+            codes.append(value)
+            continue
+        codes.append(field(value, DATA, kind.stored.as_pointer()))
+        lengths = field(value, LENGTHS, I8.type.as_pointer())
+        codes += [b.load(b.gep(lengths, [ir.Constant(I8.type, axis)])) for axis in range(kind.axes)]
+    b.ret(b.call(function, [*codes, room]))
+
+
+class Entry:
+    """The entry of a compiled function.
+
+    Parameters
+    ----------
+    address
+        Where it is.
+    arguments
+        Kinds of the arguments.
+    """
+
+    def __init__(self, address: int, arguments: Sequence[Argument]) -> None:
+        kinds = [getattr(kind, "axes", None) for kind in arguments]
+        names = [getattr(kind, "name", "") for kind in arguments]
+        self.count = len(arguments)
+        self._scalars = [(k, _SCALARS.get(names[k], ())) for k in range(self.count) if kinds[k] is None]
+        whole = {"f8": ctypes.c_double, "i8": ctypes.c_int64, "b1": ctypes.c_bool}
+        types = [ctypes.py_object if kinds[k] is not None else whole.get(names[k]) for k in range(self.count)]
+        arrays = [np.dtype(kind.element.name) for kind in arguments if not hasattr(kind, "name")]
+        self._call = None
+        if usable() and None not in types:
+            self._call = ctypes.CFUNCTYPE(ctypes.c_int32, *types, ctypes.c_void_p, ctypes.c_void_p)(address)  # type: ignore[arg-type]
+        self._expected = (ctypes.c_int64 * (1 + len(arrays)))(id(np.ndarray), *map(id, arrays))
+        self._dtypes = arrays
+
+    def __call__(self, values: Sequence[object], room: ctypes.Array[ctypes.c_int64]) -> int:
+        """Number of the fault of the function, 0 where there is none, or `OTHER` where it was not called.
+
+        Parameters
+        ----------
+        values
+            The arguments.
+        room
+            Where the results go.
+        """
+        if self._call is None or len(values) != self.count:
+            return OTHER
+        for k, types in self._scalars:
+            value = values[k]
+            if type(value) not in types or (type(value) is int and not -(2**63) <= value < 2**63):
+                return OTHER
+        return int(self._call(*values, self._expected, room))
+
+
+@cache
+def usable() -> bool:
+    """Whether arrays keep their addresses, lengths, dtypes and flags where NumPy's C interface states."""
+    array = np.zeros((3, 5))[1:]
+    address = id(array)
+
+    def at(offset: int, kind: type[ctypes.c_int64] | type[ctypes.c_int32]) -> int:
+        return int(kind.from_address(address + offset).value)
+
+    long, short = ctypes.c_int64, ctypes.c_int32
+    lengths = at(LENGTHS, long)
+    return (
+        ctypes.sizeof(ctypes.c_void_p) == 8
+        and at(HEAD - 8, long) == id(np.ndarray)
+        and at(DATA, long) == array.__array_interface__["data"][0]
+        and at(AXES, short) == 2
+        and (long.from_address(lengths).value, long.from_address(lengths + 8).value) == (2, 5)
+        and at(KIND, long) == id(np.dtype("f8"))
+        and at(FLAGS, short) & IN_ROWS == IN_ROWS
+        and np.zeros((3, 5)).T.flags.num & IN_ROWS != IN_ROWS
+    )
