@@ -164,7 +164,7 @@ class Several:
         The values.
     """
 
-    values: tuple[Any, ...]
+    values: tuple[Value, ...]
 
 
 Value = Number | Array | Constant | Several

@@ -16,7 +16,7 @@ from flocking.errors import CacheError
 from flocking.formula.cache import MACHINE, cache_folder, read_sealed, sealing
 from flocking.formula.native.entries import HEAD, SUFFIX
 
-_engines: list[Any] = []
+_engines: list[object] = []
 """What holds the loaded code, which functions of it need as long as the process lives."""
 
 
