@@ -6,13 +6,13 @@ scenario's own parameters: neither the kernels of an engine nor the numbers it h
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.arrays import AnyArray, Indices, Numbers
+from flocking.arrays import AnyArray, Indices, Mask
 from flocking.engine.kernels.codegen import array_kernels
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.reference.control import obstacles_met
@@ -20,6 +20,9 @@ from flocking.model.checks import Array
 from flocking.model.graphs.weights import HashedWeights, PairWeights, pair_uniform
 from flocking.model.law import Scenario
 from flocking.model.terms.schedules import Schedule
+
+LinkedPairs = tuple[NDArray[np.integer], NDArray[np.integer], Mask]
+"""Sensing and sensed agents of pairs, and whether it is certain that they are linked."""
 
 SAFETY = 64.0
 """So many times the rounding of the formulas, measured in single precision, an engine may be off."""
@@ -114,7 +117,7 @@ class Declared:
         P = np.concatenate([np.array(scalars, dtype=np.float64), self._layout.obstacle_rows().ravel()])
         return P, rows, weights
 
-    def state(self, group: Group, judged: Indices, pairs: list[tuple[Numbers, Numbers, Numbers]]) -> Statement:
+    def state(self, group: Group, judged: Indices, pairs: Sequence[LinkedPairs]) -> Statement:
         """What the law says of the agents at the places ``judged``, shape (S,).
 
         Parameters

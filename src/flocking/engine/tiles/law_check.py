@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from flocking.arrays import Indices, Numbers, Reals
-from flocking.engine.fixed_step.declared_law import POWERS, Declared, Group
+from flocking.arrays import Indices, Reals
+from flocking.engine.fixed_step.declared_law import POWERS, Declared, Group, LinkedPairs
 from flocking.engine.fixed_step.law_gaps import LawGaps
 from flocking.engine.tiles.kernels.tile_sums import SUMS
 from flocking.engine.tiles.neighbours.neighbour_lists import NUMBER, WIDTH
@@ -184,7 +184,7 @@ class LawCheck:
 
     def _pairs(
         self, particles: ParticleArrays, number: int, q: Reals, places: Indices, remembered: bool
-    ) -> tuple[Numbers, Numbers, Numbers]:
+    ) -> LinkedPairs:
         """Linked pairs of the judged agents under a graph: number of the judged one, place of the other, certainty."""
         lists, kind = particles.lists[number], particles.spec.graphs[number]
         assert lists is not None

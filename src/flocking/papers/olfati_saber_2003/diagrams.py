@@ -188,7 +188,8 @@ def beta_agent(_: Run) -> Picture:
             )
         direction = np.asarray(system.DESIRED_VELOCITY) / np.linalg.norm(system.DESIRED_VELOCITY)
         start, end_point = places["gamma"] + direction, places["gamma"] + 6 * direction
-        axes.annotate("", end_point, start, arrowprops={"arrowstyle": "->", "color": theme().ink})
-        axes.annotate(r"$n_d$", end_point, xytext=(2, -3), textcoords="offset points")
+        tip, foot = (float(end_point[0]), float(end_point[1])), (float(start[0]), float(start[1]))
+        axes.annotate("", tip, foot, arrowprops={"arrowstyle": "->", "color": theme().ink})
+        axes.annotate(r"$n_d$", tip, xytext=(2, -3), textcoords="offset points")
 
     return sheet([draw], columns=1, width=0.6 * PAGE, ratio=0.85)
