@@ -97,11 +97,10 @@ class Ledger:
         motion = (state.t, np.ascontiguousarray(state.q), np.ascontiguousarray(state.p))
         given = (*motion, (senders, sensed, offsets, *free_pieces(len(senders))), (P, A, W), functionals)
         u, powers = np.empty((n, state.dimension)), np.empty(len(RATES))
-        try:
-            kernels.control(*given, u, powers)
-            links, bodies, kinetic = kernels.energies(*given)
-        except ZeroDivisionError:
-            raise NotFinite("Some agents are where a potential is infinite.", time=state.t) from None
+        kernels.control(*given, u, powers)
+        links, bodies, kinetic = kernels.energies(*given)
+        if not np.isfinite([links, bodies]).all() or not np.isfinite(u).all():
+            raise NotFinite("Some agents are where a potential is infinite.", time=state.t)
         unlinked = 0.5 * (n * (n - 1.0) - count) * self.scenario.energy.unlinked
         return float(links + bodies + unlinked), float(kinetic), powers
 
