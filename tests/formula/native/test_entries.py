@@ -70,3 +70,15 @@ def test_the_careful_way_gives_the_same():
     with pytest.raises(TypeError, match="row by row"):
         function(array.T, 0.5, 3)
     assert function(array, 0.5, 3) == (7.5, 3)
+
+
+def scaled(values, factor):
+    return values[2] * factor
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64, np.int32, np.int64, np.uint32, np.uint64, np.bool_])
+def test_numbers_of_numpy_are_taken_as_they_are(kind):
+    function = NativeFunction(scaled)
+    assert function(np.arange(3.0), kind(1)) == 2.0
+    assert function._latest.attempt((np.arange(3.0), kind(1))) == 2.0
+    assert function._latest.attempt((np.arange(3.0), "1")) is NotImplemented

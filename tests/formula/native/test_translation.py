@@ -173,21 +173,21 @@ def first_argument(a, b):
     return a * b[0]
 
 
-def test_a_bound_function_notices_every_other_array():
-    bound = native(first_argument).bound()
+def test_a_function_notices_every_other_array():
+    function = native(first_argument)
     arrays = [np.array([float(k)]) for k in range(5)]
     for k in (0, 1, 1, 4, 2, 4):
-        assert bound(3.0, arrays[k]) == 3.0 * k
-    assert bound(2.0, np.array([7], np.int64)) == 14.0
-    assert bound(2.0, arrays[3]) == 6.0
+        assert function(3.0, arrays[k]) == 3.0 * k
+    assert function(2.0, np.array([7], np.int64)) == 14.0
+    assert function(2.0, arrays[3]) == 6.0
 
 
-def test_threads_share_a_bound_function():
-    bound, wrong = native(first_argument).bound(), []
+def test_threads_share_a_function():
+    function, wrong = native(first_argument), []
 
     def many(k):
         own = np.array([float(k)])
-        wrong.extend(1 for _ in range(2000) if bound(2.0, own) != 2.0 * k)
+        wrong.extend(1 for _ in range(2000) if function(2.0, own) != 2.0 * k)
 
     threads = [threading.Thread(target=many, args=(k,)) for k in range(4)]
     for thread in threads:

@@ -170,8 +170,6 @@ def _interpret(module: str) -> None:
     """Let native functions of a module run in Python: machine code that is loaded knows of no fault."""
     known = vars(sys.modules[module]) if module in sys.modules else {}
     plain = [x for x in known.values() if isinstance(x, NativeFunction) and x.__module__ == module]
-    for function in plain:
-        function.bound = lambda function=function: function.py_func  # type: ignore[method-assign,misc]
     call = NativeFunction.__call__
     NativeFunction.__call__ = lambda self, *values: (  # type: ignore[method-assign]
         self.py_func(*values) if self in plain else call(self, *values)

@@ -116,9 +116,6 @@ class LawKernels:
         self.order = order
         self.name = module.__name__
         self._address = int(module.control.address)
-        self._control = module.control.bound()
-        self._energies = module.energies.bound()
-        self._stages = stages.bound()
 
     def control(
         self, t: float, q: Array, p: Array, pairs: Pairs, slots: Slots, functionals: Array, u: Array, rates: Array
@@ -136,7 +133,7 @@ class LawKernels:
         u, rates
             Take the forces and the rates.
         """
-        self._control(t, q, p, *pairs, *slots, functionals, u, rates)
+        self.module.control(t, q, p, *pairs, *slots, functionals, u, rates)
 
     def energies(
         self, t: float, q: Array, p: Array, pairs: Pairs, slots: Slots, functionals: Array
@@ -148,7 +145,7 @@ class LawKernels:
         pairs, slots, functionals
             As for `control`.
         """
-        found: tuple[float, float, float] = self._energies(t, q, p, *pairs, *slots, functionals)
+        found: tuple[float, float, float] = self.module.energies(t, q, p, *pairs, *slots, functionals)
         return found
 
     def stages(
@@ -166,7 +163,7 @@ class LawKernels:
         """
         found = np.empty(len(y))
         given = first, last, kept, t, y, h, K, nodes, weights, n, m
-        self._stages(self._address, self.order, *given, *pairs, *slots, functionals, found)
+        stages(self._address, self.order, *given, *pairs, *slots, functionals, found)
         return found
 
     def shape(self, name: str) -> Callable[..., Sequence[float]] | None:

@@ -6,8 +6,6 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
-from flocking.formula.native.functions import Bound, NativeFunction
-
 SMALLEST_SHARE = 64
 """Ranges shorter than this are not worth a second thread."""
 
@@ -26,7 +24,6 @@ class Workers:
 
     def __init__(self, threads: int | None = None) -> None:
         self.threads = threads or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else threads or 1
-        self._bound: dict[int, Bound] = {}
         self._pool = ThreadPoolExecutor(self.threads - 1) if self.threads > 1 else None
 
     def each(self, kernel: Callable[..., object], count: int, *arguments: object) -> None:
@@ -39,8 +36,6 @@ class Workers:
         self._split(kernel, count, min(self.threads, count), arguments)
 
     def _split(self, kernel: Callable[..., object], count: int, parts: int, arguments: tuple[object, ...]) -> None:
-        if isinstance(kernel, NativeFunction):
-            kernel = self._bound.setdefault(id(kernel), kernel.bound())
         if parts <= 1 or self._pool is None:
             kernel(0, count, *arguments)
             return

@@ -4,19 +4,37 @@ from __future__ import annotations
 
 import ctypes
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from flocking.formula.native.entries import OTHER, Entry
+from flocking.formula.native.entries import C_TYPES, OTHER, Entry, usable
 from flocking.formula.native.faults import error_of
 
 if TYPE_CHECKING:
     from flocking.arrays import Array
     from flocking.formula.native.kinds import Argument
 
-_C_KINDS: dict[str, object] = {
-    "f8": ctypes.c_double, "f4": ctypes.c_float, "i8": ctypes.c_int64, "i4": ctypes.c_int32, "u8": ctypes.c_uint64,
-    "u4": ctypes.c_uint32, "b1": ctypes.c_bool,
+_NOT_IN_ROWS = "Native functions take arrays stored row by row, and aligned"
+Cast = Callable[[Any], float]
+"""What makes a number one that C takes."""
+
+
+def _whole_of(kind: str) -> Cast:
+    """What makes a number a whole one of a kind, and refuses those that do not fit."""
+    bits, signed = 8 * int(kind[1]), kind[0] == "i"
+    low, high = (-(2 ** (bits - 1)), 2 ** (bits - 1)) if signed else (0, 2**bits)
+
+    def whole(value: float) -> int:
+        found = int(value)
+        if low <= found < high:
+            return found
+        raise OverflowError(f"{found} does not fit into a{' signed' if signed else 'n unsigned'} number of {bits} bits")
+
+    return whole
+
+
+_CASTS: dict[str, Cast] = {
+    "f8": float, "f4": float, "b1": bool, **{kind: _whole_of(kind) for kind in ("i8", "i4", "u8", "u4")},
 }  # fmt: skip
 
 
@@ -42,48 +60,65 @@ class Compiled:
     ) -> None:
         self.name, self.arguments, self.address, self.results = name, arguments, address, results
         types: list[Any] = []
+        self._casts: list[Cast | None] = []
+        """What makes each number one that C takes; None for an array."""
         for kind in arguments:
             axes = getattr(kind, "axes", None)
-            types += [_C_KINDS[kind.name]] if axes is None else [ctypes.c_void_p, *[ctypes.c_int64] * axes]  # type: ignore[union-attr]
-        self._entry = ctypes.CFUNCTYPE(ctypes.c_int32, *types, ctypes.c_void_p)(address)
+            types += [C_TYPES[kind.name]] if axes is None else [ctypes.c_void_p, *[ctypes.c_int64] * axes]  # type: ignore[union-attr]
+            self._casts.append(_CASTS[kind.name] if axes is None else None)  # type: ignore[union-attr]
+        self._function = ctypes.CFUNCTYPE(ctypes.c_int32, *types, ctypes.c_void_p)(address)
         self._room = ctypes.c_int64 * max(len(results), 1)
-        self.entry = Entry(entry, arguments) if entry else None
+        self.entry = Entry(entry, arguments) if entry and usable() else None
         self._found = struct.Struct("=" + "".join({"f8": "d", "u8": "Q"}.get(kind, "q") for kind in results))
         self._flags = [k for k, kind in enumerate(results) if kind == "b1"]
 
-    def into(self, given: list[float], found: Array) -> None:
+    def _passed(self, values: Sequence[Any]) -> list[float]:
+        """Arguments as C takes them: numbers, and the addresses of arrays with the lengths of their axes."""
+        given: list[float] = []
+        for value, cast in zip(values, self._casts, strict=True):
+            if cast is not None:
+                given.append(cast(value))
+            elif value.flags.c_contiguous and value.flags.aligned:
+                given += [value.__array_interface__["data"][0], *value.shape]
+            else:
+                raise TypeError(_NOT_IN_ROWS)
+        return given
+
+    def into(self, values: Sequence[Any], found: Array) -> None:
         """Call it as `run` does; the floating-point numbers it returns go to an array.
 
         Parameters
         ----------
-        given
+        values
             As for `run`.
         found
             The array.
         """
-        fault = self._entry(*given, found.__array_interface__["data"][0])
+        fault = self._function(*self._passed(values), found.__array_interface__["data"][0])
         if fault:
             raise error_of(fault, self.name)
 
-    def run(self, given: list[float]) -> Any:
-        """Call it with pointers, lengths and numbers; one number, or several in a tuple, or None.
+    def run(self, values: Sequence[Any]) -> Any:
+        """Call it with arguments of its kinds; one number, or several in a tuple, or None.
 
         Parameters
         ----------
-        given
-            For each argument its number, or the address of an array and the lengths of its axes.
+        values
+            The arguments.
 
         Raises
         ------
+        TypeError
+            When an array is not stored row by row.
         MemoryError
             When there is no memory for an array it makes.
         ZeroDivisionError
             When a whole number is divided by zero.
         OverflowError
-            When a number that is to become a whole one is NaN, infinite or too large.
+            When a number does not fit its kind, or one that is to become a whole one is NaN, infinite or too large.
         """
         room = self._room()
-        fault = self._entry(*given, ctypes.addressof(room))
+        fault = self._function(*self._passed(values), ctypes.addressof(room))
         if fault:
             raise error_of(fault, self.name)
         return self._read(room)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -31,7 +31,17 @@ DATA, AXES, LENGTHS, KIND, FLAGS = HEAD, HEAD + 8, HEAD + 16, HEAD + 40, HEAD + 
 IN_ROWS = 0x0001 | 0x0100
 """NumPy's flags of an array that is stored row by row, and aligned."""
 
-_SCALARS = {"f8": (float, np.float64), "i8": (int,), "b1": (bool,)}
+C_TYPES: dict[str, object] = {
+    "f8": ctypes.c_double, "f4": ctypes.c_float, "i8": ctypes.c_int64, "i4": ctypes.c_int32, "u8": ctypes.c_uint64,
+    "u4": ctypes.c_uint32, "b1": ctypes.c_bool,
+}  # fmt: skip
+"""C's types of numbers, by kind."""
+
+_TAKEN: dict[str, tuple[type, ...]] = {
+    "f8": (float, np.float64), "f4": (np.float32,), "i8": (int, np.int64), "i4": (np.int32,), "u8": (np.uint64,),
+    "u4": (np.uint32,), "b1": (bool, np.bool_),
+}  # fmt: skip
+"""Types of the numbers that an entry takes as one of a kind."""
 
 
 def add_entry(module: ir.Module, function: ir.Function, arguments: Sequence[Argument]) -> None:
@@ -114,18 +124,14 @@ class Entry:
     """
 
     def __init__(self, address: int, arguments: Sequence[Argument]) -> None:
-        kinds = [getattr(kind, "axes", None) for kind in arguments]
-        names = [getattr(kind, "name", "") for kind in arguments]
+        from flocking.formula.native.kinds import Kind
+
         self.count = len(arguments)
-        self._scalars = [(k, _SCALARS.get(names[k], ())) for k in range(self.count) if kinds[k] is None]
-        whole = {"f8": ctypes.c_double, "i8": ctypes.c_int64, "b1": ctypes.c_bool}
-        types = [ctypes.py_object if kinds[k] is not None else whole.get(names[k]) for k in range(self.count)]
-        arrays = [np.dtype(kind.element.name) for kind in arguments if not hasattr(kind, "name")]
-        self._call = None
-        if usable() and None not in types:
-            self._call = ctypes.CFUNCTYPE(ctypes.c_int32, *types, ctypes.c_void_p, ctypes.c_void_p)(address)  # type: ignore[arg-type]
-        self._expected = (ctypes.c_int64 * (1 + len(arrays)))(id(np.ndarray), *map(id, arrays))
-        self._dtypes = arrays
+        self._numbers = [(k, _TAKEN[kind.name]) for k, kind in enumerate(arguments) if isinstance(kind, Kind)]
+        types: list[Any] = [C_TYPES[kind.name] if isinstance(kind, Kind) else ctypes.py_object for kind in arguments]
+        self._call = ctypes.CFUNCTYPE(ctypes.c_int32, *types, ctypes.c_void_p, ctypes.c_void_p)(address)
+        self._dtypes = [np.dtype(kind.element.name) for kind in arguments if not isinstance(kind, Kind)]
+        self._expected = (ctypes.c_int64 * (1 + len(self._dtypes)))(id(np.ndarray), *map(id, self._dtypes))
 
     def __call__(self, values: Sequence[object], room: ctypes.Array[ctypes.c_int64]) -> int:
         """Number of the fault of the function, 0 where there is none, or `OTHER` where it was not called.
@@ -137,12 +143,14 @@ class Entry:
         room
             Where the results go.
         """
-        if self._call is None or len(values) != self.count:
+        if len(values) != self.count:
             return OTHER
-        for k, types in self._scalars:
+        for k, types in self._numbers:
             value = values[k]
             if type(value) not in types or (type(value) is int and not -(2**63) <= value < 2**63):
                 return OTHER
+            if isinstance(value, np.generic) and not isinstance(value, float):
+                values = [*values[:k], value.item(), *values[k + 1 :]]
         return int(self._call(*values, self._expected, room))
 
 
