@@ -240,7 +240,7 @@ def power(builder: ir.IRBuilder, base: Number, exponent: Value) -> Number:
     if not base.kind.real and not isinstance(known, int) and not number(exponent).kind.real:
         raise UntranslatableError("a whole number raised to a whole number that is not known")
     kind, codes = common(builder, converted(builder, base, F8) if not base.kind.real else base, exponent)
-    return Number(kind, _library(builder, "llvm.pow", kind, codes))
+    return Number(kind, library(builder, "llvm.pow", kind, codes))
 
 
 _SIGNS: dict[type[ast.cmpop], str] = {
@@ -311,28 +311,46 @@ FUNCTIONS = {getattr(math, name): name for name in _NAMES if hasattr(math, name)
 """Functions of Python's ``math`` module that native functions may call."""
 
 
-def _library(builder: ir.IRBuilder, name: str, kind: Kind, codes: Sequence[ir.Value]) -> ir.Value:
-    """Call of a function of LLVM, or of the library of mathematics; of numbers side by side one by one."""
+def library(
+    builder: ir.IRBuilder, name: str, kind: Kind, codes: Sequence[ir.Value], flags: Sequence[str] = ()
+) -> ir.Value:
+    """Call of a function of LLVM, or of the library of mathematics; the latter's of numbers side by side one by one.
+
+    Parameters
+    ----------
+    name
+        The function, ``"llvm.sqrt"`` or ``"tan"``.
+    kind
+        Kind of its arguments, and of what it gives.
+    codes
+        The arguments.
+    flags
+        Liberties that LLVM's function may take.
+    """
     if name.startswith("llvm."):
         name += "." + (f"v{kind.lanes}" if kind.lanes else "") + {"f8": "f64", "f4": "f32"}[kind.name]
-        return builder.call(_declared(builder, name, kind, len(codes)), codes)
-    if kind.lanes:
+    elif kind.lanes:
         result = ir.Constant(kind.type, ir.Undefined)
         for lane in range(kind.lanes):
             at = ir.Constant(ir.IntType(32), lane)
             parts = [builder.extract_element(code, at) for code in codes]
-            result = builder.insert_element(result, _library(builder, name, Kind(kind.name), parts), at)
+            result = builder.insert_element(result, library(builder, name, Kind(kind.name), parts), at)
         return result
-    if kind.name == "f4":
+    elif kind.name == "f4":
         name += "f"
-    return builder.call(_declared(builder, name, kind, len(codes)), codes)
+    return builder.call(declared(builder, name, kind.type, [kind.type] * len(codes)), codes, fastmath=flags)
 
 
-def _declared(builder: ir.IRBuilder, name: str, kind: Kind, count: int) -> ir.Function:
-    module = builder.module
-    if name in module.globals:
-        return module.globals[name]
-    return ir.Function(module, ir.FunctionType(kind.type, [kind.type] * count), name)
+def declared(builder: ir.IRBuilder, name: str, gives: ir.Type, takes: Sequence[ir.Type]) -> ir.Function:
+    """A function from outside the module that is written, declared in it once.
+
+    Parameters
+    ----------
+    gives, takes
+        Types of what it gives and of its arguments.
+    """
+    known = builder.module.globals
+    return known[name] if name in known else ir.Function(builder.module, ir.FunctionType(gives, takes), name)
 
 
 _MOST_VALUES: dict[object, int] = {
@@ -374,7 +392,7 @@ def called(builder: ir.IRBuilder, function: object, values: Sequence[Value]) -> 
     if function is abs:
         x = number(values[0])
         if x.kind.real:
-            return Number(x.kind, _library(builder, "llvm.fabs", x.kind, [x.code]))
+            return Number(x.kind, library(builder, "llvm.fabs", x.kind, [x.code]))
         if x.kind.name[0] in "ub":
             return converted(builder, x, I8) if x.kind == B1 else x
         negative = builder.icmp_signed("<", x.code, ir.Constant(x.kind.type, 0))
@@ -388,7 +406,7 @@ def called(builder: ir.IRBuilder, function: object, values: Sequence[Value]) -> 
     kind, codes = common(builder, *values)
     if not kind.real:
         kind, codes = F8, [converted(builder, Number(kind, code), F8).code for code in codes]
-    found = _library(builder, _NAMES[name], kind, codes)
+    found = library(builder, _NAMES[name], kind, codes)
     if name in ("floor", "ceil") and not kind.lanes:
         return converted(builder, Number(kind, found), I8)
     return Number(kind, found)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import math
 import types
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -28,7 +29,7 @@ from flocking.formula.native.kinds import (
     joined,
 )
 from flocking.formula.native.primitives import Primitive
-from flocking.formula.native.scopes import source_of
+from flocking.formula.native.scopes import Source, source_of
 from flocking.formula.native.variables import CASTS, Variables
 
 _OF_NUMPY: dict[object, object] = {
@@ -204,7 +205,7 @@ class Expressions(Variables):
         local = self.scope.source.functions
         if isinstance(node.func, ast.Name) and node.func.id in local and node.func.id not in self.scope.bound:
             source = self.scope.source
-            return self.in_place(type(source)(local[node.func.id], source.known, local), self._values(node))
+            return self.in_place(Source(local[node.func.id], source.known, local), self._values(node))
         found = self.value(node.func)
         if not isinstance(found, Constant):
             raise UntranslatableError(f"the call {ast.unparse(node)}")
@@ -258,7 +259,8 @@ class Expressions(Variables):
             return Number(kind, ir.Constant(kind.type, float(np.float32(known)) if kind == F4 else known))
         return converted(self.builder, number(value), kind)
 
-    def in_place(self, source: object, values: Sequence[Value]) -> Value:
+    @abstractmethod
+    def in_place(self, source: Source, values: Sequence[Value]) -> Value:
         """What a function gives, translated where it is called.
 
         Parameters
@@ -268,4 +270,3 @@ class Expressions(Variables):
         values
             Values of its arguments.
         """
-        raise NotImplementedError

@@ -46,6 +46,11 @@ class Kind:
         """LLVM's type of the value."""
         return ir.VectorType(self.element, self.lanes) if self.lanes else self.element
 
+    @property
+    def stored(self) -> ir.Type:
+        """LLVM's type of one number in memory, or as an argument, where a flag takes a byte."""
+        return ir.IntType(8) if self.name == "b1" else self.element
+
 
 _ELEMENTS: dict[str, ir.Type] = {
     "f8": ir.DoubleType(), "f4": ir.FloatType(), "i8": ir.IntType(64), "u8": ir.IntType(64),
@@ -73,7 +78,7 @@ class ArrayKind:
     @property
     def stored(self) -> ir.Type:
         """LLVM's type of one number in memory, where a flag takes a byte."""
-        return ir.IntType(8) if self.element.name == "b1" else self.element.type
+        return self.element.stored
 
     @property
     def bytes(self) -> int:

@@ -36,9 +36,8 @@ def processor() -> tuple[str, str]:
     return name, features or ""
 
 
-@cache
-def machine() -> Any:
-    """LLVM's target machine for this processor."""
+def _machine() -> Any:
+    """A new target machine of LLVM for this processor."""
     binding.initialize_native_target()
     binding.initialize_native_asmprinter()
     name, features = processor()
@@ -66,7 +65,7 @@ def object_code(text: str) -> bytes:
     text
         The module in LLVM's language.
     """
-    target = machine()
+    target = _machine()
     module = binding.parse_assembly(text)
     module.triple = binding.get_default_triple()
     module.data_layout = str(target.target_data)
@@ -127,8 +126,7 @@ def _translator() -> str:
 
 def _loaded(name: str, code: bytes) -> tuple[int, int]:
     # An engine owns its target machine, so that each is given one of its own.
-    machine()
-    engine = binding.create_mcjit_compiler(binding.parse_assembly(""), _machine_of_an_engine())
+    engine = binding.create_mcjit_compiler(binding.parse_assembly(""), _machine())
     engine.add_object_file(binding.ObjectFileRef.from_data(code))
     engine.finalize_object()
     address, entry = (int(engine.get_function_address(known)) for known in (name, name + SUFFIX))
@@ -136,10 +134,3 @@ def _loaded(name: str, code: bytes) -> tuple[int, int]:
         raise CacheError(f"Compiled code of {name} cannot be loaded. Clear the cache folder (flocking cache --clear).")
     _engines.append(engine)
     return address, entry
-
-
-def _machine_of_an_engine() -> Any:
-    name, features = processor()
-    return binding.Target.from_default_triple().create_target_machine(
-        cpu=name, features=features, opt=3, reloc="pic", codemodel="jitdefault", jit=True
-    )

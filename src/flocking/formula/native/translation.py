@@ -79,7 +79,7 @@ class _Translator(Expressions):
         module = ir.Module(name)
         types: list[ir.Type] = []
         for kind in arguments:
-            types += [stored(kind)] if isinstance(kind, Kind) else [kind.stored.as_pointer(), *[I8.type] * kind.axes]
+            types += [kind.stored] if isinstance(kind, Kind) else [kind.stored.as_pointer(), *[I8.type] * kind.axes]
         shape = ir.FunctionType(I4.type, [*types, I8.type.as_pointer()])
         function = ir.Function(module, shape, name)
         entry = function.append_basic_block("entry")
@@ -128,9 +128,8 @@ class _Translator(Expressions):
             self.builder.branch(self.scope.leave)
         self.scope.assigned |= {result_name(k) for k in range(self.scope.results or 0)}
 
-    def in_place(self, source: object, values: Sequence[Value]) -> Value:
+    def in_place(self, source: Source, values: Sequence[Value]) -> Value:
         """What a function gives, translated where it is called."""
-        assert isinstance(source, Source)
         self.calls += 1
         outer = self.scope
         path = f"{outer.path}/{source.node.name}{self.calls}"
@@ -146,7 +145,7 @@ class _Translator(Expressions):
         self.builder.position_at_end(leave)
         found = scope.returned
         if found is None:
-            numbers = tuple(self.load(result_name(k)) for k in range(abs(scope.results or 0)))
+            numbers = tuple(self.load(result_name(k)) for k in range(scope.results or 0))
             found = numbers[0] if scope.results == 1 else Several(numbers)
         self.scope = outer
         return found
@@ -315,8 +314,3 @@ class _Translator(Expressions):
         b.position_at_end(after)
         if not left:
             b.unreachable()
-
-
-def stored(kind: Kind) -> ir.Type:
-    """LLVM's type of an argument, where a flag takes a byte."""
-    return ir.IntType(8) if kind == B1 else kind.type

@@ -5,13 +5,13 @@ from __future__ import annotations
 import ast
 import builtins
 import math
-from collections.abc import Sequence
+from abc import ABC, abstractmethod
 
 import numpy as np
 from llvmlite import ir
 
 from flocking.formula.native import faults
-from flocking.formula.native.arithmetic import converted, number
+from flocking.formula.native.arithmetic import converted, declared, number
 from flocking.formula.native.kinds import (
     B1,
     F4,
@@ -41,7 +41,7 @@ LARGEST_ON_STACK = 512
 """Numbers an array of known size may have to be kept on the stack."""
 
 
-class Variables:
+class Variables(ABC):
     """Variables, arrays and faults of a function that is translated; see `flocking.formula.native.translation`.
 
     Parameters
@@ -263,8 +263,8 @@ class Variables:
                 held = b.alloca(pointer)
                 b.store(ir.Constant(pointer, None), held)
             self.allocated.append(held)
-            b.call(self._outside("free", ir.VoidType(), [pointer]), [b.load(held)])
-            fresh = b.call(self._outside("malloc", pointer, [I8.type]), [b.add(size, ir.Constant(I8.type, 1))])
+            b.call(declared(b, "free", ir.VoidType(), [pointer]), [b.load(held)])
+            fresh = b.call(declared(b, "malloc", pointer, [I8.type]), [b.add(size, ir.Constant(I8.type, 1))])
             b.store(fresh, held)
             self.require(b.icmp_unsigned("!=", fresh, ir.Constant(pointer, None)), faults.NO_MEMORY)
             data = b.bitcast(fresh, kind.stored.as_pointer())
@@ -276,18 +276,14 @@ class Variables:
         self.made = data
         return Array(kind, data, lengths, self.loops > 0)
 
-    def _outside(self, name: str, gives: ir.Type, takes: Sequence[ir.Type]) -> ir.Function:
-        if name in self.module.globals:
-            return self.module.globals[name]
-        return ir.Function(self.module, ir.FunctionType(gives, takes), name)
-
     def free_all(self) -> None:
         """Give back the memory of all arrays."""
         pointer = ir.IntType(8).as_pointer()
         for held in self.allocated:
-            free = self._outside("free", ir.VoidType(), [pointer])
+            free = declared(self.builder, "free", ir.VoidType(), [pointer])
             self.builder.call(free, [self.builder.load(held)])
 
+    @abstractmethod
     def value(self, node: ast.expr) -> Value:
         """Value of an expression.
 
@@ -296,4 +292,3 @@ class Variables:
         node
             The expression.
         """
-        raise NotImplementedError

@@ -18,6 +18,7 @@ from flocking.engine.exact.crossings.guards import (
     add_row,
     all_rows,
     halve_interval,
+    halve_top,
     places_and_pairs,
     squared_distance,
 )
@@ -32,12 +33,12 @@ def first_all_above(g: Array) -> float:
     Returns `NEVER` when there is none. A stretch shorter than 1e-15 on which they do may be missed.
     """
     count, size = g.shape[0], g.shape[1]
-    stack = np.empty((_DEPTH, count, size))
+    stack = np.empty((count, _DEPTH, size))
     begin = np.empty(_DEPTH)
     width = np.empty(_DEPTH)
     for k in range(count):
         for b in range(size):
-            stack[0, k, b] = g[k, b]
+            stack[k, 0, b] = g[k, b]
     begin[0], width[0] = 0.0, 1.0
     top = 0
     while top >= 0:
@@ -45,10 +46,10 @@ def first_all_above(g: Array) -> float:
         for k in range(count):
             above, number = False, True
             for b in range(size):
-                above = above or stack[top, k, b] > 0.0
-                number = number and stack[top, k, b] == stack[top, k, b]
+                above = above or stack[k, top, b] > 0.0
+                number = number and stack[k, top, b] == stack[k, top, b]
             possible = possible and above and number
-            holds = holds and stack[top, k, 0] > 0.0
+            holds = holds and stack[k, top, 0] > 0.0
         if holds:
             return float(begin[top])
         if not possible:
@@ -57,17 +58,13 @@ def first_all_above(g: Array) -> float:
         if width[top] < 1e-15 or top + 2 >= _DEPTH:
             at_end = True
             for k in range(count):
-                at_end = at_end and stack[top, k, size - 1] > 0.0
+                at_end = at_end and stack[k, top, size - 1] > 0.0
             if at_end:
                 return float(begin[top])
             top -= 1
             continue
         for k in range(count):
-            # As halve_top does for one polynomial.
-            for b in range(size):
-                stack[top + 1, k, b] = stack[top, k, 0]
-                for a in range(size - 1 - b):
-                    stack[top, k, a] = 0.5 * (stack[top, k, a] + stack[top, k, a + 1])
+            halve_top(stack[k], top)
         halve_interval(begin, width, top)
         top += 1
     return NEVER

@@ -5,7 +5,7 @@ from __future__ import annotations
 from llvmlite import ir
 
 from flocking.engine.tiles.simd.vectors import WIDTH
-from flocking.formula.native.arithmetic import number
+from flocking.formula.native.arithmetic import declared, library, number
 from flocking.formula.native.kinds import Number, Value
 from flocking.formula.native.objects import has_feature
 from flocking.formula.native.primitives import Primitive
@@ -21,7 +21,7 @@ def _estimates(builder: ir.IRBuilder, value: ir.Value) -> ir.Value:
     count = 16 if single else 8
     vector, bits = ir.VectorType(element, count), ir.IntType(count)
     name = f"llvm.x86.avx512.rsqrt14.{'ps' if single else 'pd'}.512"
-    function = _declared(builder, name, ir.FunctionType(vector, [vector, vector, bits]))
+    function = declared(builder, name, vector, [vector, vector, bits])
     every = [ir.Constant(vector, None), ir.Constant(bits, 2**count - 1)]
     if single:
         return builder.call(function, [value, *every])
@@ -60,13 +60,8 @@ def _inverse_root(builder: ir.IRBuilder, value: Value) -> Number:
     x = number(value)
     if x.kind.lanes and has_feature("avx512f"):
         return Number(x.kind, _by_estimates(builder, x.code))
-    name = f"llvm.sqrt.{f'v{WIDTH}' if x.kind.lanes else ''}{'f64' if x.kind.name == 'f8' else 'f32'}"
-    rooted = builder.call(_declared(builder, name, ir.FunctionType(x.kind.type, [x.kind.type])), [x.code])
+    rooted = library(builder, "llvm.sqrt", x.kind, [x.code])
     return Number(x.kind, builder.fdiv(ir.Constant(x.kind.type, [1.0] * WIDTH if x.kind.lanes else 1.0), rooted))
-
-
-def _declared(builder: ir.IRBuilder, name: str, shape: ir.FunctionType) -> ir.Function:
-    return builder.module.globals.get(name) or ir.Function(builder.module, shape, name)
 
 
 inverse_root = Primitive(_inverse_root)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 
 from llvmlite import ir
 
-from flocking.formula.native.arithmetic import VECTOR_FLAGS, called, converted, number, spread_out
+from flocking.formula.native.arithmetic import VECTOR_FLAGS, called, converted, library, number, spread_out
 from flocking.formula.native.kinds import F8, I8, Array, Constant, Kind, Number, UntranslatableError, Value
 from flocking.formula.native.primitives import Primitive
 
@@ -92,10 +92,7 @@ def _select(builder: ir.IRBuilder, condition: Value, yes: Value, no: Value) -> N
 def _of_llvm(name: str) -> Callable[[ir.IRBuilder, Value], Number]:
     def build(builder: ir.IRBuilder, value: Value) -> Number:
         x = number(value)
-        full = f"llvm.{name}." + ("v16" if x.kind.lanes else "") + {"f8": "f64", "f4": "f32"}[x.kind.name]
-        known = builder.module.globals
-        function = known.get(full) or ir.Function(builder.module, ir.FunctionType(x.kind.type, [x.kind.type]), full)
-        return Number(x.kind, builder.call(function, [x.code], fastmath=VECTOR_FLAGS))
+        return Number(x.kind, library(builder, f"llvm.{name}", x.kind, [x.code], VECTOR_FLAGS))
 
     return build
 
