@@ -31,7 +31,7 @@ HEAVY = (
 )
 FLOORS = ("arrays", "errors", "formula", "model", "engine", "study", "show", "papers", "apps")
 LONGEST = 420
-MOST_LINES_OF_ANY_TYPE = 431
+MOST_LINES_OF_ANY_TYPE = 429
 MOST_FILES = 20
 ENGINE = (
     {"memory_shortage"}, {"interruption"}, {"runs", "archives"}, {"kernels"}, {"reference"}, {"fixed_step"},

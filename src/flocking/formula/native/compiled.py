@@ -118,10 +118,7 @@ class Compiled:
             When a number does not fit its kind, or one that is to become a whole one is NaN, infinite or too large.
         """
         room = self._room()
-        fault = self._function(*self._passed(values), ctypes.addressof(room))
-        if fault:
-            raise error_of(fault, self.name)
-        return self._read(room)
+        return self._outcome(self._function(*self._passed(values), ctypes.addressof(room)), room)
 
     def attempt(self, values: Sequence[object]) -> object:
         """What it returns for arguments as Python has them; `NotImplemented` where they are not what it takes.
@@ -140,13 +137,12 @@ class Compiled:
             return NotImplemented
         room = self._room()
         fault = self.entry(values, room)
-        if fault == OTHER:
-            return NotImplemented
+        return NotImplemented if fault == OTHER else self._outcome(fault, room)
+
+    def _outcome(self, fault: int, room: ctypes.Array[ctypes.c_int64]) -> Any:
+        """The error that a fault is, or the numbers in the room."""
         if fault:
             raise error_of(fault, self.name)
-        return self._read(room)
-
-    def _read(self, room: ctypes.Array[ctypes.c_int64]) -> Any:
         if not self.results:
             return None
         values = self._found.unpack(room)
