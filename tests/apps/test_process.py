@@ -91,11 +91,14 @@ def test_unknown_options_are_called_unknown() -> None:
         fk.simulate(scenario(), engine="exact", step=0.1)
 
 
-def long_run(folder: Path, file: Path) -> subprocess.Popen[str]:
-    """A long run that has begun and committed something."""
+def long_run(folder: Path, file: Path, *, background: bool = False) -> subprocess.Popen[str]:
+    """A long run that has begun and committed something; a shell would have started it in the background."""
     fk.write_scenario(scenario().with_(t_end=1e5, frames=200_001), file)
     words = [*COMMAND.split(), "run", str(file), "--out", str(folder)]
-    process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        preexec_fn=(lambda: signal.signal(signal.SIGINT, signal.SIG_IGN)) if background else None,
+    )  # fmt: skip
     while not list(folder.glob("checkpoint-*.npz")):
         assert process.poll() is None, process.communicate()
         time.sleep(0.05)
@@ -114,6 +117,15 @@ def test_signals_end_a_run_with_everything_kept(tmp_path: Path, number: signal.S
     assert list(run.t) == [0.5 * k for k in range(len(run.t))]
     assert run.t[-1] <= until
     assert len(run.t) > 1 or until < 100.0, "frames follow the steps at some distance"
+
+
+def test_a_job_in_the_background_hears_sigterm_alone(tmp_path: Path) -> None:
+    process = long_run(tmp_path / "run", tmp_path / "long.toml", background=True)
+    process.send_signal(signal.SIGINT)  # had it been heard, the next one would be the second
+    process.send_signal(signal.SIGTERM)
+    said = process.communicate(timeout=120)
+    assert process.returncode == 130, said
+    assert fk.read_run(tmp_path / "run").status.startswith("interrupted at t = ")
 
 
 HOLDING = """

@@ -39,7 +39,9 @@ import zarr  # noqa: F401
 
 import flocking
 import flocking as fk
+from flocking import __main__ as command
 from flocking.apps import cli
+from flocking.apps.reproduction import film
 from flocking.apps.reproduction import reproduce as reproduction
 from flocking.engine.driver import session_writer as saving
 from tests.engine.storage.stored_runs import scenario
@@ -106,6 +108,7 @@ def begin(
     folder: str,
     environment: dict[str, str | None],
     commit: float | None = None,
+    film_seconds: float = 0.0,
     file_size: int = 0,
     room: int = 0,
     user: int | None = None,
@@ -120,6 +123,8 @@ def begin(
     ----------
     commit
         Seconds between two commits, where others than usual.
+    film_seconds
+        Length of the film of a reproduction, where another than usual.
     file_size
         Size in bytes that a file may have; 0 for any.
     room
@@ -174,8 +179,10 @@ def begin(
         _streams(closed, encoding)
         if commit is not None:
             saving.COMMIT_SECONDS = commit
+        film.SECONDS = film_seconds or film.SECONDS
+        tempfile.tempdir = None
         sys.argv = ["flocking", *words]
-        code = cli.main()
+        code = command.main()
         sys.stdout.flush()
         threading._shutdown()  # type: ignore[attr-defined]
         atexit._run_exitfuncs()

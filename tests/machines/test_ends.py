@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -10,6 +11,7 @@ from pathlib import Path
 import pytest
 
 import flocking as fk
+from flocking.apps.early_signals import SENTENCE
 from tests.engine.storage.stored_runs import finished
 
 BUSY = """
@@ -49,22 +51,25 @@ def test_an_interrupt_that_falls_into_a_destructor_is_not_lost() -> None:
 
 
 DEAF = """
-import signal, threading
+import os, signal, threading
 from flocking.apps.process import ended_by_signals
 from flocking.study.sweeps.worker_pool import without_interrupts
 with ended_by_signals():
     try:
         with without_interrupts():
-            signal.raise_signal(signal.SIGTERM)
+            os.kill(os.getpid(), signal.{number})
+            print("begun")
         threading.Event().wait(60)
     except KeyboardInterrupt:
         print("interrupted")
 """
 
 
-def test_sigterm_while_worker_processes_begin_is_not_lost() -> None:
-    found = subprocess.run([sys.executable, "-c", DEAF], capture_output=True, text=True, check=False)
-    assert (found.returncode, found.stdout, found.stderr) == (0, "interrupted\n", "")
+@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM"])
+def test_a_signal_while_worker_processes_begin_waits_until_they_have(number: str) -> None:
+    program = [sys.executable, "-c", DEAF.format(number=number)]
+    found = subprocess.run(program, capture_output=True, text=True, check=False)
+    assert (found.returncode, found.stdout, found.stderr) == (0, "begun\ninterrupted\n", "")
 
 
 HALF = """
@@ -90,6 +95,56 @@ with ended_by_signals(for_good=True):
 def test_what_an_interrupt_left_half_made_goes_quietly(when: str) -> None:
     found = subprocess.run([sys.executable, "-c", HALF, when], capture_output=True, text=True, check=False)
     assert (found.returncode, found.stdout, found.stderr) == (0, "interrupted\n", "")
+
+
+LAST = """
+import os, signal
+
+def last(kill=os.kill, process=os.getpid(), number=signal.{number}):
+    kill(process, number)
+
+{act}
+"""
+
+TEXT = """
+import sys
+
+class Struck:
+    def find_spec(self, name, path=None, target=None):
+        if name == "flocking.papers.showcases.files":
+            # As where a class of records is made.
+            exec("last()\\nfor k in range(1000): pass", {"last": last})
+
+sys.meta_path.insert(0, Struck())
+"""
+
+AT_THE_END = """
+import sys
+
+class Late:
+    def __del__(self, last=last):
+        last()
+
+sys.late = Late()
+"""
+
+
+@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM"])
+@pytest.mark.parametrize(
+    ("act", "words", "code"),
+    [(TEXT, ["list"], 130), (AT_THE_END, ["schema"], 0)],
+    ids=["amid text that is executed", "while Python takes itself down"],
+)
+def test_the_exit_code_is_that_of_the_command(
+    tmp_path: Path, number: str, act: str, words: list[str], code: int
+) -> None:
+    (tmp_path / "sitecustomize.py").write_text(LAST.format(number=number, act=act))
+    found = subprocess.run(
+        [sys.executable, "-m", "flocking", *words], capture_output=True, text=True, check=False,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *filter(None, sys.path)])},
+    )  # fmt: skip
+    assert found.returncode == code, found.stderr
+    assert found.stderr == (f"{SENTENCE}\n" if code else "")
 
 
 AFTER = """

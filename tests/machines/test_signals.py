@@ -1,13 +1,8 @@
-"""SIGTERM and SIGINT at drawn moments of every long command: it ends soon, and what it had committed goes on.
-
-A moment is so much that the command has written, and then so much processor time: it falls into the same part of the
-work however busy the machine is.
-"""
+"""SIGTERM and SIGINT at drawn moments of every command that computes: it ends soon, and what it had done goes on."""
 
 from __future__ import annotations
 
 import json
-import math
 import os
 import shutil
 import signal
@@ -20,26 +15,19 @@ import pytest
 
 import flocking as fk
 from flocking.engine.storage.stored_runs import read_run
+from flocking.study.sweeps.table import SweepTable
 from tests.counting import count
 from tests.engine.storage.stored_runs import assert_same, finished, scenario
-from tests.machines.starting import Ended, Machines
+from tests.machines.starting import Machines
+from tests.machines.striking import LongCommand, moments
 
 LONG = 6.0
 """End of the runs that are signalled."""
 
-SOON = 2.0
-"""Seconds of processor time that a command may go on after a signal."""
-
-Seen = Callable[[], int]
+RECORDS = ("t", "q", "p", "links", "switches", "trace")
 
 
-def moments(number: int, default: int = 1) -> pytest.MarkDecorator:
-    """So many drawn moments, a few of them in the default tests; each is a test of its own."""
-    slow = [pytest.param(k, marks=pytest.mark.slow) for k in range(default, number)]
-    return pytest.mark.parametrize("moment", [*range(default), *slow])
-
-
-def commits(folder: Path) -> Seen:
+def commits(folder: Path) -> Callable[[], int]:
     """How many commits a run on disk has."""
 
     def seen() -> int:
@@ -49,49 +37,6 @@ def commits(folder: Path) -> Seen:
             return -1
 
     return seen
-
-
-def files(folder: Path, pattern: str) -> Seen:
-    """How many files there are."""
-    return lambda: len(list(folder.rglob(pattern)))
-
-
-def struck(
-    machines: Machines, words: tuple[object, ...], seen: Seen, rng: np.random.Generator, most: int, after: float
-) -> tuple[Ended, bool]:
-    """Signal a command once it has done something, and some processor time later; how it ended, and whether it met it.
-
-    Parameters
-    ----------
-    most
-        Up to how much is waited for, of what ``seen`` tells.
-    after
-        Up to how many seconds of processor time are waited for after that.
-    """
-    least, further = int(rng.integers(0, most + 1)), rng.uniform(0.0, after)
-    number = signal.SIGTERM if rng.integers(2) else signal.SIGINT
-    running = machines.begin(*words, commit=0.01)
-    while running.processor_time() < 0.03 or (seen() < least and running.processor_time() < math.inf):
-        time.sleep(0.002)
-    reached = running.processor_time()
-    while running.processor_time() < reached + further:
-        time.sleep(0.002)
-    met = running.processor_time() < math.inf
-    used = running.processor_time_of_all()
-    if met:
-        os.kill(running.process, number)
-    ended = running.end()
-    said = f"{words[0]} {number.name} at {least} and {further:.3f} s"
-    done = (0, 1) if words[0] in ("reproduce", "showcase") else (0,)
-    ended.check(*((130, *done) if met else done))
-    assert ended.code != 130 or ended.seconds - used < SOON, said
-    early = "interrupted" in ended.err
-    assert not early or ended.code == 130, said
-    if not early:  # its work was done, and it has said so
-        assert ended.err == "", said
-        assert "--json" not in words or json.loads(ended.out), said
-    count(f"odd machines: signals to {words[0]}, " + ("ended early" if early else "at its end"))
-    return ended, early
 
 
 @pytest.fixture(scope="module")
@@ -114,75 +59,98 @@ def begun_long(machines: Machines, long: Path, place: Path) -> Path:
     return folder
 
 
-@moments(70)
-def test_a_run_goes_on(machines: Machines, long: Path, memory: Path, moment: int) -> None:
-    folder = memory / "run"
-    rng = np.random.default_rng((31, moment))
-    struck(machines, ("run", long, "--out", folder, "--json"), commits(folder), rng, 2, 0.05)
+@pytest.fixture(scope="module")
+def run(machines: Machines, long: Path) -> LongCommand:
+    """A run that is saved."""
+    return LongCommand(machines, 31, lambda at: ("run", long, "--out", at / "run", "--json"), how={"commit": 0.01})
+
+
+@moments()
+def test_a_run_goes_on(run: LongCommand, memory: Path, moment: int) -> None:
+    folder = memory / "struck" / "run"
+    struck = run.struck(memory, moment, commits(folder))
     if folder.exists():
-        check_run(folder)
-    assert not list(memory.glob("*.partial"))
+        check_run(folder, struck.before)
+    else:
+        assert struck.early
+        assert struck.before < 0
 
 
-def check_run(folder: Path) -> None:
-    """What is stored is the beginning of the whole run, and what is made of it is the whole."""
+def check_run(folder: Path, least: int) -> None:
+    """What is stored is the beginning of the whole run, and what is made of it is the whole.
+
+    Parameters
+    ----------
+    least
+        Commits that it had before the signal.
+    """
+    assert commits(folder)() >= least
     stored = read_run(folder)
-    for table in ("t", "q", "p", "links", "switches", "trace"):
+    for table in RECORDS:
         part, all_of_it = getattr(stored, table), getattr(finished(LONG), table)
         assert part.tobytes() == all_of_it[: len(part)].tobytes(), table
     assert_same(fk.resume(folder, progress=False), finished(LONG))
     count("odd machines: interrupted runs that went on to the same bits")
 
 
-@moments(60)
-def test_going_on_goes_on(machines: Machines, begun_long: Path, memory: Path, moment: int) -> None:
-    folder = memory / "run"
-    shutil.copytree(begun_long, folder)
-    rng, first = np.random.default_rng((33, moment)), commits(begun_long)()
-    struck(machines, ("resume", folder, "--json"), lambda: commits(folder)() - first, rng, 1, 0.05)
-    check_run(folder)
+@pytest.fixture(scope="module")
+def resume(machines: Machines, begun_long: Path) -> LongCommand:
+    """A run that is gone on with."""
+
+    def begun(at: Path) -> None:
+        shutil.copytree(begun_long, at / "run")
+
+    return LongCommand(machines, 33, lambda at: ("resume", at / "run", "--json"), how={"commit": 0.01}, ready=begun)
 
 
-spreads: list[np.ndarray] = []
-"""What the first of the sweeps came to."""
+@moments()
+def test_going_on_goes_on(resume: LongCommand, memory: Path, moment: int) -> None:
+    folder = memory / "struck" / "run"
+    check_run(folder, resume.struck(memory, moment, commits(folder)).before)
 
 
-@moments(40)
-def test_a_sweep_goes_on(machines: Machines, sweep: Path, memory: Path, moment: int) -> None:
-    words = ("sweep", sweep, "--workers", str(1 + (moment % 10 == 9)), "--out", memory / "sweep", "--json")
-    results = memory / "sweep" / "results"
-    struck(machines, words, files(results, "*.json"), np.random.default_rng((23, moment)), 4, 0.2)
-    kept = fk.read_sweep(results).rows if (results / "sweep.json").exists() else {}
-    machines.call(*words).check(0)
+@pytest.fixture(scope="module")
+def sweeps(machines: Machines, sweep: Path) -> list[LongCommand]:
+    """A sweep in one process, and by two."""
+    return [
+        LongCommand(
+            machines, 22 + workers,
+            lambda at, workers=workers: ("sweep", sweep, "--workers", workers, "--out", at / "sweep", "--json"),
+        )
+        for workers in (1, 2)
+    ]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def whole_sweep(machines: Machines, sweep: Path, place: Path) -> SweepTable:
+    """The sweep that nobody interrupts."""
+    machines.call("sweep", sweep, "--workers", "1", "--out", place / "whole-sweep").check(0)
+    return fk.read_sweep(place / "whole-sweep" / "results")
+
+
+@moments()
+def test_a_sweep_goes_on(
+    machines: Machines, sweeps: list[LongCommand], whole_sweep: SweepTable, memory: Path, moment: int
+) -> None:
+    command = sweeps[moment % 4 == 3]
+    results = memory / "struck" / "sweep" / "results"
+    struck = command.struck(memory, moment, lambda: rows(results))
+    kept = rows(results)
+    assert {index: kept[index] for index in struck.before} == struck.before
+    machines.call(*sweeps[0].words(memory / "struck")).check(0)
     table = fk.read_sweep(results)
     assert table.complete
     assert {index: table.rows[index] for index in kept} == kept, "what was kept is not made again"
-    spreads.append(table.values("velocity_spread"))
-    assert np.array_equal(spreads[-1], spreads[0])
+    assert np.array_equal(table.values("velocity_spread"), whole_sweep.values("velocity_spread"))
     count("odd machines: interrupted sweeps that went on to the same values")
 
 
-@moments(14)
-def test_a_film_is_whole_or_not_there(machines: Machines, whole: Path, memory: Path, moment: int) -> None:
-    film = memory / "film.gif"
-    words = ("animate", whole, "--out", film, "--seconds", "0.3")
-    rng = np.random.default_rng((24, moment))
-    _, early = struck(machines, words, files(memory, "*.gif"), rng, 0, 1.5)
-    assert film.exists() != early
-    assert [p for p in memory.iterdir() if "partial" in p.name] == []
+def rows(results: Path) -> dict[int, object]:
+    """Rows of a sweep on disk so far."""
+    return dict(fk.read_sweep(results).rows) if (results / "sweep.json").exists() else {}
 
 
-@moments(8, 0)
-def test_a_reproduction_leaves_whole_files(machines: Machines, memory: Path, moment: int) -> None:
-    out = memory / "out"
-    words = ("reproduce", "tanner-2003-fixed", "--seeds", "1", "--workers", "1", "--out", out)
-    struck(machines, words, files(out, "*.*"), np.random.default_rng((25, moment)), 6, 1.0)
-    for path in out.rglob("*.json"):
-        json.loads(path.read_text())
-    assert [p for p in out.rglob("*") if "partial" in p.name] == []
-
-
-NOISE = ("showcase", "flock-from-noise", "--agents", "300", "--until", "6", "--threads", "1", "--json")
+NOISE = ("showcase", "flock-from-noise", "--agents", "100", "--until", "2", "--threads", "1", "--json")
 
 
 @pytest.fixture(scope="module")
@@ -192,12 +160,21 @@ def particles(machines: Machines, place: Path) -> fk.Run:
     return read_run(place / "noise" / "run")
 
 
-@moments(8, 0)
-def test_a_showcase_goes_on(machines: Machines, particles: fk.Run, memory: Path, moment: int) -> None:
-    words = (*NOISE, "--out", memory)
-    struck(machines, words, commits(memory / "run"), np.random.default_rng((26, moment)), 8, 0.3)
-    machines.call(*words).check(0, 1)
-    run = read_run(memory / "run")
-    for name in ("t", "q", "p", "links", "switches", "trace"):
+@pytest.fixture(scope="module")
+def showcase(machines: Machines) -> LongCommand:
+    """A small showcase."""
+    return LongCommand(machines, 26, lambda at: (*NOISE, "--out", at), (0, 1), how={"commit": 0.01})
+
+
+@moments(default=0)
+def test_a_showcase_goes_on(
+    machines: Machines, showcase: LongCommand, particles: fk.Run, memory: Path, moment: int
+) -> None:
+    folder = memory / "struck" / "run"
+    least = showcase.struck(memory, moment, commits(folder)).before
+    assert commits(folder)() >= least
+    machines.call(*showcase.words(memory / "struck")).check(0, 1)
+    run = read_run(folder)
+    for name in RECORDS:
         assert getattr(run, name).tobytes() == getattr(particles, name).tobytes(), name
     count("odd machines: interrupted runs that went on to the same bits")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from contextlib import suppress
 from types import FrameType
 
@@ -25,3 +26,10 @@ def end_now(number: int, frame: FrameType | None) -> None:
     with suppress(OSError):
         os.write(2, f"{SENTENCE}\n".encode())
     os._exit(INTERRUPTED)
+
+
+def ignore_from_now_on() -> None:
+    """Let signals go by while Python takes itself down: there is nothing to keep, and no handler would be called."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if callable(signal.getsignal(number)):
+            signal.signal(number, signal.SIG_IGN)

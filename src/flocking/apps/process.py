@@ -105,18 +105,16 @@ def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
 
 
 AGAIN = 0.01
-"""Seconds until an interrupt that no code could raise is raised again."""
+"""Seconds until a signal that no code could answer is sent again."""
 
 
-def _interrupt_soon() -> None:
-    """Interrupt the main thread after a moment, once interrupts are no longer ignored."""
+def _send_soon(number: int) -> None:
+    """Send a signal to the main thread after a moment."""
 
     def wait() -> None:
         time.sleep(AGAIN)
-        while signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-            time.sleep(AGAIN)
         # Only a signal to the main thread ends what it waits for.
-        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+        signal.pthread_kill(threading.main_thread().ident or 0, number)
 
     threading.Thread(target=wait, daemon=True).start()
 
@@ -124,6 +122,8 @@ def _interrupt_soon() -> None:
 @contextmanager
 def ended_by_signals(*, for_good: bool = False) -> Iterator[None]:
     """Within it SIGTERM does what Ctrl-C does, and a second one of them ends the process at once.
+
+    Where Ctrl-C is ignored, as in a job that a shell has started in the background, it stays so.
 
     Parameters
     ----------
@@ -133,41 +133,48 @@ def ended_by_signals(*, for_good: bool = False) -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    owner = os.getpid()
+    owner, under_way = os.getpid(), False
 
     def interrupt(number: int, frame: FrameType | None) -> None:
-        interruption.RAISED = True
-        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        nonlocal under_way
+        under_way = interruption.RAISED = True
+        if signal.SIGINT in before:
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
         raise KeyboardInterrupt
 
     def terminate(number: int, frame: FrameType | None) -> None:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        if os.getpid() != owner:
-            # A process that was forked from this one ends as it is told to.
+        if under_way or interruption.noted() or os.getpid() != owner:
+            # The second one; or a process that was forked from this one, which ends as it is told to.
             signal.raise_signal(signal.SIGTERM)
-        elif signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-            # As while worker processes begin, which inherit it.
-            _interrupt_soon()
-        else:
-            signal.raise_signal(signal.SIGINT)
+        elif not interruption.note():
+            interrupt(number, frame)
 
     def unraisable(lost: sys.UnraisableHookArgs) -> None:
+        nonlocal under_way
         # Python drops what is raised while it calls a destructor or is called by compiled code.
         if not issubclass(lost.exc_type, KeyboardInterrupt):
             # What was interrupted while it was made complains when it is destroyed.
             if not interruption.RAISED:
                 hook(lost)
         elif threading.current_thread() is threading.main_thread():
-            signal.signal(signal.SIGINT, interrupt)
-            _interrupt_soon()
+            under_way = False
+            for number in before:
+                signal.signal(number, handlers[number])
+            _send_soon(next(iter(before)))
 
+    handlers = {signal.SIGINT: interrupt, signal.SIGTERM: terminate}
     hook = sys.unraisablehook
     before: dict[signal.Signals, Any] = {}
-    if signal.getsignal(signal.SIGINT) in (signal.default_int_handler, end_now):
-        sys.unraisablehook = unraisable
+    own = (signal.default_int_handler, end_now)
+    if signal.getsignal(signal.SIGINT) in own:
         before[signal.SIGINT] = signal.signal(signal.SIGINT, interrupt)
-        if signal.getsignal(signal.SIGTERM) in (signal.SIG_DFL, end_now):
-            before[signal.SIGTERM] = signal.signal(signal.SIGTERM, terminate)
+    if (before or signal.getsignal(signal.SIGINT) is signal.SIG_IGN) and (
+        signal.getsignal(signal.SIGTERM) in (signal.SIG_DFL, end_now)
+    ):
+        before[signal.SIGTERM] = signal.signal(signal.SIGTERM, terminate)
+    if before:
+        sys.unraisablehook = unraisable
     ends, interruption.SECOND_ENDS, interruption.RAISED = interruption.SECOND_ENDS, True, False
     try:
         yield
@@ -177,6 +184,10 @@ def ended_by_signals(*, for_good: bool = False) -> Iterator[None]:
             sys.unraisablehook, interruption.RAISED = hook, False
         for number, handler in before.items():
             signal.signal(number, _end_silently if for_good else handler)
+        if for_good:
+            # Python remembers that an interrupt went through text that was executed, as it makes classes of records,
+            # and ends by SIGINT though it was caught; text that goes well makes it forget.
+            exec("")
 
 
 def _end_silently(number: int, frame: FrameType | None) -> None:

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import signal
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType, TracebackType
 from typing import Any
 
@@ -15,6 +17,7 @@ from flocking.engine.memory_shortage import causes
 from flocking.errors import FlockingError
 
 _asked = threading.Event()
+_deferred = False
 
 SECOND_ENDS = False
 """Whether a second Ctrl-C ends the process, even within compiled code: right for a command, not for a notebook."""
@@ -58,36 +61,77 @@ class Noted(KeyboardInterrupt):
 class Deferred:
     """While it lasts, Ctrl-C is noted, and raised where `check` is called; a second one is raised at once.
 
-    Outside the main thread, where signals cannot be handled, it does nothing.
+    Outside the main thread, where signals cannot be handled, it does nothing. Where Ctrl-C is ignored it stays so.
+    Within another one it leaves what was noted to that.
     """
 
     late: bool = False
     """Whether Ctrl-C was noted and nobody has looked since."""
 
     def __enter__(self) -> Deferred:
+        global _deferred
         self._before: Any = None
-        _asked.clear()
+        self._outer = _deferred
+        if not self._outer:
+            _asked.clear()
         if threading.current_thread() is threading.main_thread():
+            _deferred = True
             self._before = signal.getsignal(signal.SIGINT)
-            if self._before is not None:
+            if self._before not in (None, signal.SIG_IGN):
                 signal.signal(signal.SIGINT, _note)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._before is not None:
+        global _deferred
+        if self._before not in (None, signal.SIG_IGN):
             signal.signal(signal.SIGINT, self._before)
-        self.late = _asked.is_set()
-        _asked.clear()
+        _deferred = self._outer
+        if not self._outer:
+            self.late = _asked.is_set()
+            _asked.clear()
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """What is done in it is done whole: Ctrl-C waits for its end; a second one does not.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        At the end, when Ctrl-C was pressed meanwhile.
+    """
+    with Deferred() as deferred:
+        yield
+    if deferred.late:
+        raise KeyboardInterrupt
 
 
 def _note(number: int, frame: FrameType | None) -> None:
     if _asked.is_set():
         raise KeyboardInterrupt
     _asked.set()
-    if SECOND_ENDS:
+    if SECOND_ENDS and signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def noted() -> bool:
+    """Whether Ctrl-C was noted and waits for a `check`."""
+    return _asked.is_set()
+
+
+def note() -> bool:
+    """Do what Ctrl-C does where it is deferred, on behalf of another signal.
+
+    Returns
+    -------
+    bool
+        Whether it is deferred now; nothing was done where it is not.
+    """
+    if _deferred:
+        _note(signal.SIGINT, None)
+    return _deferred
 
 
 def check() -> None:

@@ -161,10 +161,21 @@ def test_a_sweep_killed_outright_goes_on_where_it_was(tmp_path):
 
 def test_a_process_that_begins_without_interrupts_never_hears_of_ctrl_c():
     before = signal.getsignal(signal.SIGINT)
-    code = "import os, signal; os.kill(os.getpid(), signal.SIGINT); print(signal.getsignal(2) == signal.SIG_IGN)"
+    code = "import os, signal; os.kill(os.getpid(), signal.SIGINT); print('goes on')"
     with pool.without_interrupts():
         inside = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert (inside.stdout.strip(), inside.stderr) == ("True", "")
+    assert (inside.stdout.strip(), inside.stderr) == ("goes on", "")
     assert signal.getsignal(signal.SIGINT) is before
     outside = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert "KeyboardInterrupt" in outside.stderr
+
+
+def test_workers_are_stopped_while_much_waits_for_them(tmp_path, monkeypatch):
+    raised, begun = [], tmp_path / "begun"
+    monkeypatch.setattr(threading, "excepthook", lambda lost: raised.append(lost.exc_value))
+    with pool.LocalProcesses(1) as everyone:
+        for _ in range(20):
+            everyone.submit(exec, f"import time; open({str(begun)!r}, 'w').close(); time.sleep(60)")
+        while not begun.exists():
+            time.sleep(0.01)
+    assert raised == []

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from flocking.apps.reproduction.claim_pictures import draw_pictures, picture_of
 from flocking.apps.reproduction.film import write_film
@@ -24,9 +24,7 @@ from flocking.study.claims.claim import Basis, Claim, Result, Verdict
 from flocking.study.claims.judgement import FEWEST_SEEDS, Judgement
 from flocking.study.claims.settled_run import settled_runs
 from flocking.study.equation_table import Fault, RowData
-
-if TYPE_CHECKING:
-    from joblib import Parallel
+from flocking.study.sweeps.worker_pool import WorkerPool, pool
 
 MOST_SEEDS = 10_000
 """Largest number of seeds: more is a slip of the hand."""
@@ -129,8 +127,6 @@ def reproduce(
     """
     import time
 
-    from joblib import Parallel, delayed
-
     begin = time.monotonic()
     papers = {key: paper(key) for key in keys}
     if integer("reproduce", "seeds", seeds, least=1) > MOST_SEEDS:
@@ -146,17 +142,17 @@ def reproduce(
     found = _Found({}, {})
     first = range(first_seed, first_seed + seeds)
     tasks = _seed_tasks(papers, first) + _counterexample_tasks(papers)
-    with Parallel(n_jobs=count, return_as="generator") as parallel, _bar(progress, len(tasks) + drawings) as step:
-        found.examine(parallel, tasks, step)
+    with pool(count, None) as everyone, _bar(progress, len(tasks) + drawings) as step:
+        found.examine(everyone, tasks, step)
         while further := _further_seed_tasks(papers, found, first):
             step.more(len(further))
-            found.examine(parallel, further, step)
+            found.examine(everyone, further, step)
         again = _runs_to_draw(papers, found)
         step.more(len(again))
-        found.examine(parallel, again, step)
-        errata = dict(zip(papers, parallel(delayed(_errata)(key) for key in papers), strict=True))
+        found.examine(everyone, again, step)
+        errata = dict(zip(papers, everyone.results(_errata, ((key,) for key in papers)), strict=True))
         if out is not None:
-            for drawn in parallel(delayed(draw)(*job) for job in _drawings(papers, found.runs, out)):
+            for drawn in everyone.results(draw, _drawings(papers, found.runs, out)):
                 figures += drawn
                 step()
     judgements = {name: found.judgements(p, name) for p in papers.values() for name in p.scenarios()}
@@ -213,11 +209,9 @@ class _Found:
     verdicts: dict[str, dict[int | str, Verdicts]]
     runs: dict[str, Run]
 
-    def examine(self, parallel: Parallel, tasks: Sequence[Task], step: _Steps) -> None:
+    def examine(self, everyone: WorkerPool, tasks: Sequence[Task], step: _Steps) -> None:
         """Examine some runs and keep what comes of them."""
-        from joblib import delayed
-
-        for task, (verdicts, run) in zip(tasks, parallel(delayed(examine)(t) for t in tasks), strict=True):
+        for task, (verdicts, run) in zip(tasks, everyone.results(examine, ((t,) for t in tasks)), strict=True):
             if task.judged:
                 self.verdicts.setdefault(task.name, {})[task.claim or task.seed] = verdicts
             if run is not None:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from flocking.arrays import AnyArray, Array, Mask, Reals, Records, Times
+from flocking.engine.interruption import uninterrupted
 from flocking.engine.runs.columns import (
     FRAME_ERROR,
     GROWING,
@@ -119,7 +120,8 @@ class RunWriter:
         check_free(folder)
         size = Dimensions(scenario.start.n, scenario.start.dimension, with_links, precision, observed, with_errors)
         fresh = partial_folder(folder)
-        with storage_errors(folder, "create the run", full=NOTHING_WRITTEN):
+        # Zarr writes in a thread of its own, which an interrupt of this one does not stop.
+        with uninterrupted(), storage_errors(folder, "create the run", full=NOTHING_WRITTEN):
             remove_left_over(folder.parent)
             try:
                 fresh.mkdir(parents=True)

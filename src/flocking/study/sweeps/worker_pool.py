@@ -5,13 +5,15 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from queue import Empty
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from flocking.engine.interruption import uninterrupted
 from flocking.errors import InvalidInput
 
 if TYPE_CHECKING:
@@ -61,6 +63,24 @@ class WorkerPool:
         """Have a function called by a worker."""
         raise InvalidInput("sweep", "workers", "must be workers of some kind", self)
 
+    def results(self, function: Callable[..., Result], calls: Iterable[tuple[object, ...]]) -> Iterator[Result]:
+        """Have a function called several times; what it returns comes in the order of the calls.
+
+        Parameters
+        ----------
+        function
+            What is called.
+        calls
+            The arguments of each call.
+
+        Raises
+        ------
+        Exception
+            What the function raised.
+        """
+        for future in [self.submit(function, *arguments) for arguments in calls]:
+            yield future.result()
+
     def lost(self, error: BaseException) -> bool:
         """Whether an error says that the worker died, and not that the function failed."""
         return False
@@ -82,6 +102,11 @@ class Alone(WorkerPool):
         except Exception as error:
             future.set_exception(error)
         return future
+
+    def results(self, function: Callable[..., Result], calls: Iterable[tuple[object, ...]]) -> Iterator[Result]:
+        """Call a ``function`` once for every tuple of ``calls``, each when its result is asked for."""
+        for arguments in calls:
+            yield function(*arguments)
 
 
 class LocalProcesses(WorkerPool):
@@ -113,8 +138,8 @@ class LocalProcesses(WorkerPool):
         # Threads of all workers together are no more than cores.
         share = str(max(1, (os.cpu_count() or 1) // self._workers))
         threads = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), share)
-        self._executor = get_reusable_executor(max_workers=self._workers, timeout=IDLE_SECONDS, env=threads)
         with without_interrupts():
+            self._executor = get_reusable_executor(max_workers=self._workers, timeout=IDLE_SECONDS, env=threads)
             future: Future[Result] = self._executor.submit(function, *arguments)
         return future
 
@@ -128,8 +153,13 @@ class LocalProcesses(WorkerPool):
 
     def leave(self) -> None:
         """Stop the processes."""
-        if self._executor is not None:
-            self._executor.shutdown(wait=True, kill_workers=True)
+        if self._executor is None:
+            return
+        with suppress(Empty, AttributeError):
+            # The thread that hands out work stumbles over what was not yet handed out when the workers are killed.
+            while True:
+                self._executor._work_ids.get_nowait()
+        self._executor.shutdown(wait=True, kill_workers=True)
 
 
 class Cluster(WorkerPool):
@@ -196,19 +226,29 @@ class Cluster(WorkerPool):
 
 @contextmanager
 def without_interrupts() -> Iterator[None]:
-    """Let processes that begin meanwhile never hear of Ctrl-C.
+    """Let processes that begin meanwhile never hear of Ctrl-C; one that comes to this process waits for the end of it.
 
     A terminal sends it to workers, too, which would say so at length while they start; the parent stops them.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        At the end, when Ctrl-C was pressed meanwhile.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    # Of all ways to meet a signal only this one goes over to a new program.
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
+    from joblib.externals.loky.backend.resource_tracker import ensure_running
+
+    # Once it runs: it unblocks signals when it begins.
+    ensure_running()
+    with uninterrupted():
+        # What is blocked stays so in a new program, as what is ignored does, and comes to this process afterwards.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def memory_share(workers: int) -> int | None:
