@@ -32,9 +32,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib.pyplot  # noqa: F401 - imported before forking, so that a command starts at once
+import matplotlib.backends.backend_svg
+import matplotlib.pyplot  # noqa: F401
+import PIL.GifImagePlugin  # noqa: F401
 import rich.table  # noqa: F401
+import scipy.linalg  # noqa: F401
 import sympy  # noqa: F401
+import xarray  # noqa: F401
 import zarr  # noqa: F401
 
 import flocking
@@ -265,6 +269,11 @@ def open_to_all() -> None:
             mount(f"{held}/{k}", places[k], None, BIND)
 
 
+def load(name: str) -> None:
+    """Import a module, so that commands begin with it."""
+    importlib.import_module(name)
+
+
 def remember(words: list[str]) -> int:
     """Run a reproduction and keep what its runs came to: those that are started later compute nothing."""
     known: dict[Any, Any] = {}
@@ -274,7 +283,7 @@ def remember(words: list[str]) -> int:
         return cli.main(words)
 
 
-ORDERS = {f.__name__: f for f in (disk, room, only_writable, open_to_all, copy, tree, begin, end, remember)}
+ORDERS = {f.__name__: f for f in (disk, room, only_writable, open_to_all, copy, tree, begin, end, load, remember)}
 
 
 def obey() -> None:
@@ -310,7 +319,10 @@ def main() -> None:
     for found in pkgutil.walk_packages(flocking.__path__, "flocking."):
         if not re.search(r"\.(lab|lammps|olfati|shi_|zhou|tanner_2003_d|tiles)", found.name):
             importlib.import_module(found.name)
-    fk.simulate(scenario(t_end=0.1), progress=False)
+    with tempfile.TemporaryDirectory() as folder:
+        short = Path(folder, "short.toml")
+        fk.write_scenario(scenario(t_end=0.1), short)
+        fk.simulate(fk.read_scenario(short), progress=False)
     gc.freeze()
     print(json.dumps({"error": None, "value": "ready"}), flush=True)
     obey()

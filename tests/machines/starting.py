@@ -181,6 +181,10 @@ class Running:
         """Whether it has ended."""
         return _about(self.process)[0] == "Z"
 
+    def said(self) -> str:
+        """What it has said so far."""
+        return _text(self.out)
+
     def hears(self) -> bool:
         """Whether it has come so far that it catches SIGTERM."""
         caught = re.search(r"^SigCgt:\s*(\w+)", Path(f"/proc/{self.process}/status").read_text(), re.MULTILINE)

@@ -12,7 +12,7 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -34,6 +34,12 @@ GONE = 60.0
 
 PAST_THE_END = 1.05
 """Moments are drawn up to so many lives of a command that nobody interrupts: some come while it ends, or too late."""
+
+PAST_THE_OPENING = 1.5
+"""The same where a command never ends by itself: a third of the moments come while it waits."""
+
+WAITING = 0.1
+"""Up to so many seconds pass until the signal, where a command waits for it."""
 
 GLANCE = 0.001
 
@@ -78,6 +84,8 @@ class LongCommand:
     how: dict[str, Any] = field(default_factory=dict)
     named: str = ""
     ready: Callable[[Path], object] = lambda _: None
+    waits: str = ""
+    """What it says before it waits for a signal and does nothing else; empty where it comes to an end by itself."""
     _lives: dict[bool, float] = field(default_factory=dict)
 
     def life(self, folder: Path, fresh: bool) -> float:
@@ -93,6 +101,11 @@ class LongCommand:
             place.mkdir()
             self.ready(place)
             with self._started(place, fresh) as running:
+                while self.waits and not self._waits(running):
+                    assert not running.ended
+                    time.sleep(GLANCE)
+                if self.waits:
+                    os.kill(running.process, signal.SIGTERM)
                 self._lives[fresh] = running.end().check(*self.ends).seconds
         return self._lives[fresh]
 
@@ -110,13 +123,16 @@ class LongCommand:
         """
         rng = np.random.default_rng((self.number, moment))
         fresh = moment % 5 == 4
-        at = rng.uniform(0.0, PAST_THE_END * self.life(folder, fresh))
+        at = rng.uniform(0.0, (PAST_THE_OPENING if self.waits else PAST_THE_END) * self.life(folder, fresh))
         number, send = KINDS[int(rng.integers(len(KINDS)))]
         place = folder / "struck"
         place.mkdir()
         self.ready(place)
         with self._started(place, fresh) as running:
             while not running.ended and (running.processor_time() < at or not running.hears()):
+                if self._waits(running):
+                    time.sleep(rng.uniform(0.0, WAITING))
+                    break
                 time.sleep(GLANCE)
             before, used, met = seen(), running.processor_time(), not running.ended
             if met:
@@ -129,13 +145,16 @@ class LongCommand:
         early = "interrupted" in ended.err
         assert not early or ended.code == 130, said
         if not early:  # its work was done, and it has said so
-            assert not met or ended.seconds - used < AT_THE_END[fresh], f"it did not hear: {said}"
+            assert not met or self.waits or ended.seconds - used < AT_THE_END[fresh], f"it did not hear: {said}"
             self._lives[fresh] = min(ended.seconds, self._lives[fresh])
             assert ended.err == "", said
             assert "--json" not in words or json.loads(ended.out), said
         name = self.named or words[0]
         count(f"odd machines: signals to {name}, " + ("ended early" if early else "at its end"))
         return Struck(ended, early, before)
+
+    def _waits(self, running: Running) -> bool:
+        return bool(self.waits) and self.waits in running.said()
 
     @contextmanager
     def _started(self, folder: Path, fresh: bool) -> Iterator[Running]:
@@ -144,7 +163,12 @@ class LongCommand:
         scratch.mkdir()
         how = {"environment": {"TMPDIR": str(scratch)}, **self.how, "fresh": fresh}
         running = self.machines.begin(*self.words(folder), **how)
-        yield running
+        try:
+            yield running
+        except BaseException:
+            with suppress(ProcessLookupError):
+                os.killpg(running.process, signal.SIGKILL)
+            raise
         begin = time.monotonic()
         while left := running.left():
             assert time.monotonic() - begin < GONE, f"{self.words(folder)} left processes: {left}"

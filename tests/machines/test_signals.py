@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
-import signal
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,12 +14,9 @@ import flocking as fk
 from flocking.engine.storage.stored_runs import read_run
 from flocking.study.sweeps.table import SweepTable
 from tests.counting import count
-from tests.engine.storage.stored_runs import assert_same, finished, scenario
+from tests.engine.storage.stored_runs import assert_same, finished
 from tests.machines.starting import Machines
 from tests.machines.striking import LongCommand, moments
-
-LONG = 6.0
-"""End of the runs that are signalled."""
 
 RECORDS = ("t", "q", "p", "links", "switches", "trace")
 
@@ -40,29 +34,9 @@ def commits(folder: Path) -> Callable[[], int]:
 
 
 @pytest.fixture(scope="module")
-def long(place: Path) -> Path:
-    """A scenario file: ten agents, for longer."""
-    path = place / "long.toml"
-    fk.write_scenario(scenario(LONG), path)
-    return path
-
-
-@pytest.fixture(scope="module")
-def begun_long(machines: Machines, long: Path, place: Path) -> Path:
-    """A run of it that was interrupted at its first commit."""
-    folder = place / "long"
-    running = machines.begin("run", long, "--out", folder, "--json", commit=0.0)
-    while commits(folder)() < 1:
-        time.sleep(0.002)
-    os.kill(running.process, signal.SIGTERM)
-    running.end().check(130)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def run(machines: Machines, long: Path) -> LongCommand:
+def run(machines: Machines, file: Path) -> LongCommand:
     """A run that is saved."""
-    return LongCommand(machines, 31, lambda at: ("run", long, "--out", at / "run", "--json"), how={"commit": 0.01})
+    return LongCommand(machines, 31, lambda at: ("run", file, "--out", at / "run", "--json"), how={"commit": 0.01})
 
 
 @moments()
@@ -87,20 +61,20 @@ def check_run(folder: Path, least: int) -> None:
     assert commits(folder)() >= least
     stored = read_run(folder)
     for table in RECORDS:
-        part, all_of_it = getattr(stored, table), getattr(finished(LONG), table)
+        part, all_of_it = getattr(stored, table), getattr(finished(), table)
         assert part.tobytes() == all_of_it[: len(part)].tobytes(), table
-    assert_same(fk.resume(folder, progress=False), finished(LONG))
+    assert_same(fk.resume(folder, progress=False), finished())
     count("odd machines: interrupted runs that went on to the same bits")
 
 
 @pytest.fixture(scope="module")
-def resume(machines: Machines, begun_long: Path) -> LongCommand:
+def resume(machines: Machines, begun: Path) -> LongCommand:
     """A run that is gone on with."""
 
-    def begun(at: Path) -> None:
-        shutil.copytree(begun_long, at / "run")
+    def ready(at: Path) -> None:
+        shutil.copytree(begun, at / "run")
 
-    return LongCommand(machines, 33, lambda at: ("resume", at / "run", "--json"), how={"commit": 0.01}, ready=begun)
+    return LongCommand(machines, 33, lambda at: ("resume", at / "run", "--json"), how={"commit": 0.01}, ready=ready)
 
 
 @moments()

@@ -15,8 +15,10 @@ from typing import Any
 
 import pytest
 
+import flocking as fk
 from flocking.formula.cache import cache_folder
 from tests.counting import count
+from tests.engine.storage.stored_runs import scenario
 from tests.machines.starting import Ended, Machines
 
 NOBODY = 65534
@@ -29,11 +31,11 @@ HOW = pytest.mark.parametrize("fresh", [False, pytest.param(True, marks=pytest.m
 
 
 @pytest.fixture(scope="module")
-def commons(file: Path, whole: Path) -> Iterator[Path]:
+def commons(whole: Path) -> Iterator[Path]:
     """A folder that everybody may read, with a scenario, a run, a cache of theirs and a folder they may write."""
     with tempfile.TemporaryDirectory(prefix="flocking-commons-") as made:
         place = Path(made)
-        shutil.copy(file, place / "ten.toml")
+        fk.write_scenario(scenario(0.2), place / "ten.toml")
         shutil.copytree(whole, place / "whole")
         shutil.copytree(cache_folder(), place / "cache", ignore=lambda _, names: [n for n in names if ".tmp" in n])
         (place / "mine").mkdir()

@@ -291,7 +291,7 @@ def read_tables(data: Mapping[str, object], context: Context) -> tuple[dict[str,
             problems.append(Problem(section, "must be a table of parts with names", shown(tables)))
             continue
         for name, table in tables.items():
-            context.named[group][name] = _read(group_type(group), table, (section, name), group, context, problems)
+            context.named[group][name] = _read(_part_reader(group), table, (section, name), group, context, problems)
     for name in data:
         if name not in SCENARIO and name not in SECTIONS:
             problems.append(Problem(name, "is not known here", "", nearest(name, [*SCENARIO, *SECTIONS])))
@@ -302,11 +302,11 @@ def read_tables(data: Mapping[str, object], context: Context) -> tuple[dict[str,
             continue
         value, holds = data[name], field.holds
         if isinstance(holds, Value):
-            parts[name] = _read(_value_type(holds), value, (name,), None, context, problems)
+            parts[name] = _read(_value_reader(name), value, (name,), None, context, problems)
         elif holds.many:
             parts[name] = _read_list(value, name, holds.group, context, problems)
         else:
-            parts[name] = _read(group_type(holds.group), value, (name,), holds.group, context, problems)
+            parts[name] = _read(_part_reader(holds.group), value, (name,), holds.group, context, problems)
         if name == "graph":
             context.law_graph = parts[name]
     return parts, problems
@@ -316,11 +316,27 @@ def _read_list(value: object, name: str, group: str, context: Context, problems:
     if not isinstance(value, list) or not 1 <= len(value) <= MOST_TERMS:
         problems.append(Problem(name, f"must be a list of 1 to {MOST_TERMS} tables", shown(value)))
         return None
-    return [_read(group_type(group), x, (name, k), group, context, problems) for k, x in enumerate(value)]
+    return [_read(_part_reader(group), x, (name, k), group, context, problems) for k, x in enumerate(value)]
+
+
+def _reader(expected: Any) -> TypeAdapter[object]:
+    return TypeAdapter(expected)
+
+
+@cache
+def _part_reader(group: str) -> TypeAdapter[object]:
+    return _reader(group_type(group))
+
+
+@cache
+def _value_reader(name: str) -> TypeAdapter[object]:
+    holds = SCENARIO[name].holds
+    assert isinstance(holds, Value)
+    return _reader(_value_type(holds))
 
 
 def _read(
-    expected: Any,
+    expected: TypeAdapter[object],
     data: object,
     prefix: tuple[str | int, ...],
     group: str | None,
@@ -328,7 +344,7 @@ def _read(
     problems: list[Problem],
 ) -> object:
     try:
-        return TypeAdapter(expected).validate_python(data, context=context)
+        return expected.validate_python(data, context=context)
     except ValidationError as error:
         problems += faults(error, data, prefix, group)
         return None
