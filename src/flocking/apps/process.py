@@ -177,7 +177,8 @@ def ended_by_signals(*, for_good: bool = False) -> Iterator[None]:
         sys.unraisablehook = unraisable
     ends, interruption.SECOND_ENDS, interruption.RAISED = interruption.SECOND_ENDS, True, False
     try:
-        yield
+        with interruption.parts_wanted(False):
+            yield
     finally:
         interruption.SECOND_ENDS = ends
         if not (for_good and interruption.RAISED):

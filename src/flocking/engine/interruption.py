@@ -22,6 +22,12 @@ _deferred = False
 SECOND_ENDS = False
 """Whether a second Ctrl-C ends the process, even within compiled code: right for a command, not for a notebook."""
 
+PARTS_WANTED = True
+"""Whether a simulation that Ctrl-C ends gives the part that it has computed: right for a notebook.
+
+A command says where it wants it, see `parts_wanted`: whatever else it computes of a run, it computes of a whole one.
+"""
+
 RAISED = False
 """Whether a signal has raised ``KeyboardInterrupt`` in a command, wherever that was."""
 
@@ -91,6 +97,23 @@ class Deferred:
         if not self._outer:
             self.late = _asked.is_set()
             _asked.clear()
+
+
+@contextmanager
+def parts_wanted(wanted: bool = True) -> Iterator[None]:
+    """Within it simulations that Ctrl-C ends give the part that they have computed; where not, they raise it on.
+
+    Parameters
+    ----------
+    wanted
+        Whether they do.
+    """
+    global PARTS_WANTED
+    before, PARTS_WANTED = PARTS_WANTED, wanted
+    try:
+        yield
+    finally:
+        PARTS_WANTED = before
 
 
 @contextmanager

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 
 import pytest
 
+import flocking as fk
 from flocking.apps.cli import main
+from flocking.engine.exact.session import ExactSession
 from flocking.engine.storage.stored_runs import write_run
 from flocking.show.plot import KINDS
-from tests.engine.storage.stored_runs import finished
+from tests.engine.storage.stored_runs import finished, scenario
 
 FALL = """
 t_end = 100
@@ -134,3 +137,22 @@ def test_bad_input_is_told_in_a_line(
     assert message in shown.err
     assert shown.out == ""
     assert names(tmp_path) == ["file", "same.toml", "taken.gif"]
+
+
+@pytest.mark.parametrize("words", [("plot", "ten.toml"), ("animate", "ten.toml"), ("equations", "tanner-2003-fixed")])
+def test_nothing_is_made_of_a_run_that_was_interrupted(
+    words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(session: ExactSession, *given: float) -> None:
+        signal.raise_signal(signal.SIGINT)
+        return advance(session, *given)
+
+    monkeypatch.chdir(tmp_path)
+    fk.write_scenario(scenario(), tmp_path / "ten.toml")
+    advance = ExactSession.advance
+    monkeypatch.setattr(ExactSession, "advance", interrupted)
+    assert main([*words]) == 130
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert "interrupted" in shown.err
+    assert [path.name for path in tmp_path.iterdir()] == ["ten.toml"]

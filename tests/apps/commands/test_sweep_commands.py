@@ -57,6 +57,18 @@ def test_a_sweep_without_a_grid_and_one_of_drawn_points(file, tmp_path, capsys):
     assert len(lines) == 3
 
 
+def test_an_interrupt_after_the_last_run_is_one(file, capsys, monkeypatch):
+    def stop(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("flocking.study.sweeps.worker_pool.WorkerPool.leave", stop)
+    assert main(["sweep", str(file), "--workers", "1", "--json"]) == 130
+    shown = capsys.readouterr()
+    assert json.loads(shown.out)["status"] == "interrupted"
+    assert "interrupted; 4 of 4 runs are kept" in shown.err
+    assert main(["sweep", str(file), "--workers", "1"]) == 0
+
+
 def test_a_file_that_changed_is_not_mixed_with_its_earlier_results(file, capsys):
     assert main(["sweep", str(file), "--workers", "1"]) == 0
     file.write_text(FILE.replace("1.0]", "2.0]"))

@@ -102,11 +102,13 @@ def resume(folder: Path, *, threads: int | None = None, as_json: Json = False) -
 def _print_run(make: Callable[[], Run], out: Path | None, as_json: bool) -> int:
     from flocking.apps.commands.run_summary import facts, summary
     from flocking.apps.tables import print_facts
+    from flocking.engine.interruption import parts_wanted
     from flocking.errors import SimulationError
 
     stopped, begin = False, time.monotonic()
     try:
-        result = make()
+        with parts_wanted():
+            result = make()
         if result.provenance.get("rank", 0):
             return FINE  # the first rank of the job speaks for all
     except SimulationError as error:

@@ -48,6 +48,7 @@ def showcase(
     as_json
         Print JSON.
     """
+    from flocking.engine.interruption import parts_wanted
     from flocking.engine.storage.atomic_files import write_file
     from flocking.papers.auditing import audit
     from flocking.papers.showcases.shipped import showcase as showcase_named
@@ -57,7 +58,8 @@ def showcase(
     chosen = showcase_named(name)
     folder = out or Path("out") / "showcases" / name
     scenario = chosen.scenario(agents=agents, until=until)
-    run = chosen.run(folder / "run", scenario, engine=engine, progress=not as_json, threads=threads)
+    with parts_wanted():
+        run = chosen.run(folder / "run", scenario, engine=engine, progress=not as_json, threads=threads)
     if run.provenance.get("rank", 0):
         return FINE  # the first rank of the job speaks for all
     if run.status.startswith("interrupted"):

@@ -70,7 +70,7 @@ def sweep(
         print(f"flocking: interrupted; what {folder} holds is whole, and the same command goes on.", file=sys.stderr)
         return INTERRUPTED
     _print(table, file, folder, written, level, time.monotonic() - begin, as_json)
-    if not table.complete:
+    if table.status == "interrupted":
         kept = f"{len(table)} of {table.plan.size} runs are kept in {folder}; the same command goes on."
         print(f"flocking: interrupted; {kept}", file=sys.stderr)
         return INTERRUPTED
@@ -129,7 +129,7 @@ def write_results(table: SweepTable, folder: Path, name: str, level: float) -> l
     if find_spec("pyarrow") is not None:
         written.append(table.to_parquet(folder / "runs.parquet"))
     written.append(write_csv(folder / "summary.csv", _summary_rows(table, level)))
-    if name in STUDIES and table.complete:
+    if name in STUDIES and table.status == "finished":
         from flocking.show.style import save
 
         written += save(STUDIES[name].draw(table), folder / name)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from flocking.engine import interruption
 from flocking.engine.driver.progress import Progress, stops
 from flocking.engine.lammps import library
 from flocking.engine.lammps.options import LammpsOptions
@@ -189,7 +190,7 @@ def _drive(session: LammpsSession, writing: _Writing | None, progress: bool) -> 
         if writing is not None:
             writing.finish(status)
     except KeyboardInterrupt:
-        if session.ranks.size > 1:
+        if session.ranks.size > 1 or not interruption.PARTS_WANTED:
             raise
         status = f"interrupted at t = {session.time:.9g}"
     except SimulationError as error:

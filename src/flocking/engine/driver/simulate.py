@@ -8,6 +8,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
+from flocking.engine import interruption
 from flocking.engine.driver.keyword_options import from_keywords, unknown_option
 from flocking.engine.driver.progress import Progress, stops
 from flocking.engine.exact.session import ExactSession
@@ -237,6 +238,8 @@ def drive(session: ExactSession | TilesSession, *, progress: bool, saving: Sessi
             except StorageError as fault:
                 fault.run = _available(session, saving, status)
                 raise
+        if not interruption.PARTS_WANTED:
+            raise
     except SimulationError as error:
         if saving is not None:
             try:
