@@ -81,8 +81,9 @@ class Half:
     def __del__(self):
         self.handle
 kept = []
-with ended_by_signals(for_good=True):
+with ended_by_signals(for_good=True) as progress:
     try:
+        progress.begun = True
         Half()
     except KeyboardInterrupt as error:
         print("interrupted")
@@ -142,6 +143,44 @@ def test_the_exit_code_is_that_of_the_command(tmp_path: Path, number: str, act: 
     )  # fmt: skip
     assert found.returncode == code, found.stderr
     assert found.stderr == (f"{SENTENCE}\n" if code else "")
+
+
+BETWEEN = """
+import os, signal, sys
+from flocking.__main__ import main
+from flocking.apps import cli, early_signals, process
+sys.argv = ["flocking", "cache"]
+change = signal.signal
+for moment in range(2, 9):  # once SIGTERM has a handler
+    calls = 0
+
+    def changed(*given):
+        global calls
+        found = change(*given)
+        calls += 1
+        if calls == moment:
+            os.kill(os.getpid(), signal.{number})
+        return found
+
+    child = os.fork()
+    if child == 0:
+        signal.signal = changed
+        code = main()
+        sys.stdout.flush()
+        os._exit(code)
+    print("code", os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+"""
+
+
+@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM"])
+def test_a_signal_while_handlers_are_changed_ends_quietly(number: str) -> None:
+    words = [sys.executable, "-c", BETWEEN.format(number=number)]
+    found = subprocess.run(words, capture_output=True, text=True, check=False)
+    codes = [line for line in found.stdout.splitlines() if line.startswith("code")]
+    early = codes.count("code 130")
+    assert codes.count("code 0") + early == 7, found.stdout + found.stderr
+    assert early >= 3
+    assert set(found.stderr.splitlines()) == {SENTENCE}
 
 
 AFTER = """

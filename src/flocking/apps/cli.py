@@ -88,9 +88,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     alone = arguments is None
     if alone:
         quiet_warnings()
-    with ended_by_signals(for_good=alone):
+    with ended_by_signals(for_good=alone) as progress:
         try:
-            return _run(words)
+            progress.begun = True
+            code = _run(words)
+            progress.done = True
+            return code
         except (KeyboardInterrupt, Exception) as error:
             if not interruption.interrupted(error):
                 raise

@@ -12,6 +12,7 @@ import time
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from types import FrameType
 from typing import Any
 
@@ -119,8 +120,24 @@ def _send_soon(number: int) -> None:
     threading.Thread(target=wait, daemon=True).start()
 
 
+@dataclass
+class Progress:
+    """How far a command is whose process ends with it: what a signal does depends on it.
+
+    Parameters
+    ----------
+    begun
+        Whether there is anything to clean up; before, a signal ends the process.
+    done
+        Whether nothing is left to do but to end, so that a signal need do nothing.
+    """
+
+    begun: bool = False
+    done: bool = False
+
+
 @contextmanager
-def ended_by_signals(*, for_good: bool = False) -> Iterator[None]:
+def ended_by_signals(*, for_good: bool = False) -> Iterator[Progress]:
     """Within it SIGTERM does what Ctrl-C does, and a second one of them ends the process at once.
 
     Where Ctrl-C is ignored, as in a job that a shell has started in the background, it stays so.
@@ -128,19 +145,24 @@ def ended_by_signals(*, for_good: bool = False) -> Iterator[None]:
     Parameters
     ----------
     for_good
-        Whether nothing but the end of the process comes after it: a signal that comes then has nothing to keep.
+        Whether nothing but the end of the process comes after it: a signal that comes then has nothing to keep. The
+        caller says in what it is given when it has begun and when it is done, within whatever catches an interrupt.
     """
+    progress = Progress()
     if threading.current_thread() is not threading.main_thread():
-        yield
+        yield progress
         return
     owner, under_way = os.getpid(), False
 
     def interrupt(number: int, frame: FrameType | None) -> None:
         nonlocal under_way
-        under_way = interruption.RAISED = True
+        if for_good and not progress.begun:
+            end_now(number, frame)
         if signal.SIGINT in before:
             signal.signal(signal.SIGINT, signal.SIG_DFL)
-        raise KeyboardInterrupt
+        if not (for_good and progress.done):
+            under_way = interruption.RAISED = True
+            raise KeyboardInterrupt
 
     def terminate(number: int, frame: FrameType | None) -> None:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
@@ -178,7 +200,7 @@ def ended_by_signals(*, for_good: bool = False) -> Iterator[None]:
     ends, interruption.SECOND_ENDS, interruption.RAISED = interruption.SECOND_ENDS, True, False
     try:
         with interruption.parts_wanted(False):
-            yield
+            yield progress
     finally:
         interruption.SECOND_ENDS = ends
         if not (for_good and interruption.RAISED):
