@@ -91,6 +91,10 @@ class Tab:
     def press(self, name):
         self.tab.get_by_role("button", name=name, exact=True).click()
 
+    def buttons(self, name):
+        """How many buttons of a name the page has."""
+        return self.tab.get_by_role("button", name=name, exact=True).count()
+
     def choose(self, label, option):
         self.tab.get_by_role("combobox", name=label).click()
         self.tab.get_by_role("option", name=option, exact=True).click()

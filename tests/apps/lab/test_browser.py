@@ -177,6 +177,10 @@ def test_agents_obstacles_terms_and_links_come_and_go(page, tab):
     tab.go("Law")
     tab.tab.get_by_role("button", name="Remove obstacle 1", exact=True).click()
     wait(lambda: len(obstacles(page)) == 1, "one obstacle goes")
+    # The controls are made anew: a button that stands from before would send its press to nobody.
+    for _ in range(2):
+        tab.wait(lambda: (tab.buttons("Remove obstacle 2"), tab.buttons("Remove consensus")) == (0, 2), "new controls")
+        tab.drawn()
     tab.tab.get_by_role("button", name="Remove consensus", exact=True).last.click()
     wait(lambda: len(page.experiment.scenario.law.terms) == 3, "the term goes")
     page.clock.step(0.3)

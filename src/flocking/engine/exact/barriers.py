@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flocking.engine.exact.crossings.guards import deepest_dip, reach_on
+from flocking.engine.exact.crossings.guards import deepest_dip
 from flocking.engine.exact.dynamics import LEDGER, Dynamics
 from flocking.engine.exact.integrator.segment import Segment
 from flocking.model.checks import Array
@@ -51,8 +51,8 @@ def jumps_barrier(dynamics: Dynamics, segment: Segment, ledger: LedgerState) -> 
         return True
     if not dynamics.singular:
         return False
-    B = segment.positions(dynamics.n, dynamics.m)
-    x = deepest_dip(B, reach_on(segment, dynamics.n, dynamics.m), dynamics.pairs[0], dynamics.pairs[1])
+    motion = segment.motion(dynamics.n, dynamics.m, dynamics.order)
+    x = deepest_dip(motion.positions, motion.far, dynamics.pairs[0], dynamics.pairs[1])
     if x > 1.0:
         return False
     inside = segment.cut(x)

@@ -17,17 +17,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flocking.engine.exact.dynamics import Dynamics
-from flocking.engine.exact.integrator.method import halves
-from flocking.engine.exact.integrator.segment import Segment, powers_at, weights_at
+from flocking.engine.exact.integrator.method import halves, powers, tableau
+from flocking.engine.exact.integrator.segment import ROUNDING, Segment, powers_at, weights_at
 from flocking.formula.native.functions import native
 from flocking.model.checks import Array
 
 SAFETY = 4.0
 """Errors reported are this many times the differences found. Observed on random small systems, chaotic and grazing
 ones included: see `tests/engine/exact/test_error_estimate.py`."""
-
-ROUNDING = 16 * float(np.finfo(float).eps)
-"""Error of a position and a velocity from rounding, relative to the largest of the group."""
 
 LOST = 0.1
 """An error of this share of the group's size, or of the shortest reach of a graph, leaves nothing of a solution: what
@@ -43,8 +40,13 @@ PLACES = (0.5, 0.625, 0.8125, 0.9)
 least near its middle."""
 
 NODES = len(PLACES) + 2
-_INSIDE = weights_at(PLACES)
-_SECOND = powers_at([2 * x - 1 for x in PLACES[1:]])
+INSIDE = weights_at(PLACES)
+"""Weights of the coefficients of a step in the solution at these places."""
+SECOND = powers_at([2 * x - 1 for x in PLACES[1:]])
+"""Weights of the powers of the companion's second half step in the companion at those of them that lie in it."""
+
+SLOWER = 0.9
+"""Factor of the rate of the fastest change with each step on which it was not looked at."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,12 +119,10 @@ class Companion:
             span, rate = segment.t1 - segment.t0, before.rate
             if len(self._dynamics.pairs[0]) <= FEW_PAIRS or span * rate > 6 * SHORT:
                 y = segment.coefficients[0] + start
-                middle, end, later = halves(self._dynamics.stages, segment.t0, y, span)
+                middle, end, K = halves(self._dynamics.stages, segment.t0, y, span)
                 nodes = np.empty((NODES, len(y)))
-                nodes[0], nodes[1], nodes[-1] = start, middle, end - segment.coefficients[-1]
-                nodes[2:-1] = middle + _SECOND @ later
-                nodes[1:-1] -= _INSIDE @ segment.coefficients
-                rate *= 0.9
+                compare(segment.coefficients, start, middle, end, K, 0.5 * span, tableau().dense, INSIDE, SECOND, nodes)
+                rate *= SLOWER
             else:
                 nodes, rate = self._corrected(segment, start)
         self.difference = Difference(nodes, rate, np.inf)
@@ -187,14 +187,53 @@ class Companion:
         if known is not None and known[0] is segment and known[1] is self.difference:
             return known[2]
         n, m = self._dynamics.n, self._dynamics.m
-        numbers = _summary(self.difference.nodes, segment.coefficients, n, m, self._dynamics.order)
-        error = StateError(self.difference.nodes, n, m, self.difference.lost < np.inf, *numbers)
+        numbers = summary(self.difference.nodes, segment.coefficients, n, m, self._dynamics.order)
+        error = StateError(self.difference.nodes, n, m, self._dynamics.order, self.difference.lost < np.inf, *numbers)
         self._known = (segment, self.difference, error)
         return error
 
 
 @native
-def _summary(
+def compare(
+    coefficients: Array, start: Array, middle: Array, end: Array, K: Array, half: float, dense: Array, inside: Array,
+    second: Array, nodes: Array,
+) -> None:  # fmt: skip
+    """Differences of the companion from the solution at the start of a step, at `PLACES` and at its end.
+
+    Parameters
+    ----------
+    coefficients
+        Of the step, shape (8, size).
+    start
+        The difference at its start, shape (size,).
+    middle, end, K, half
+        The companion there, the slopes of its second half step, shape (16, size), and the length of that.
+    dense
+        See `flocking.engine.exact.integrator.method.Tableau`.
+    inside, second
+        `INSIDE` and `SECOND`.
+    nodes
+        Takes the differences, shape (6, size).
+    """
+    size, last = start.shape[0], nodes.shape[0] - 1
+    later = powers(K, half, middle, end, dense)
+    for c in range(size):
+        nodes[0, c], nodes[1, c] = start[c], middle[c]
+        nodes[last, c] = end[c] - coefficients[coefficients.shape[0] - 1, c]
+    for k in range(second.shape[0]):
+        for c in range(size):
+            nodes[2 + k, c] = middle[c]
+        for power in range(second.shape[1]):
+            for c in range(size):
+                nodes[2 + k, c] += second[k, power] * later[power, c]
+    for k in range(inside.shape[0]):
+        for a in range(inside.shape[1]):
+            for c in range(size):
+                nodes[1 + k, c] -= inside[k, a] * coefficients[a, c]
+
+
+@native
+def summary(
     nodes: Array, coefficients: Array, n: int, m: int, order: int
 ) -> tuple[bool, float, float, float, float, float, float]:
     """Sizes of a difference and of the step it belongs to, in the order of the fields of `StateError`."""
@@ -243,6 +282,8 @@ class StateError:
         Difference of the companion from the solution, shape (6, size).
     n, m
         Numbers of agents and axes.
+    order
+        Order of the agents.
     lost
         Whether nothing is known.
     finite
@@ -258,6 +299,7 @@ class StateError:
     nodes: Array
     n: int
     m: int
+    order: int
     lost: bool
     finite: bool
     positions: float

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from flocking.engine.exact.crossings.guards import reach_on
 from flocking.engine.exact.crossings.switching import LinkState
 from flocking.engine.exact.integrator.segment import Segment
 from flocking.engine.exact.narrow_features import allowed_by_obstacles, allowed_share, zones_of
@@ -139,11 +138,10 @@ class Dynamics:
             Links and obstacles in range during it.
         """
         share = 1.0
-        B = segment.positions(self.n, self.m)
+        motion = segment.motion(self.n, self.m, self.order)
+        B = motion.positions
         if len(self.zones):
-            share = float(
-                allowed_share(B, reach_on(segment, self.n, self.m), *self.pairs[:3], self.zones, self.zone_graphs)
-            )
+            share = float(allowed_share(B, motion.far, *self.pairs[:3], self.zones, self.zone_graphs))
         if any(map(len, self._obstacle_zones)):
             found = self._obstacle_zones
             share = min(share, allowed_by_obstacles(segment, B, links.encounters, links.active(), found, self.base))

@@ -9,7 +9,7 @@ import numpy as np
 
 from flocking.engine.exact.companion import StateError
 from flocking.engine.exact.crossings.band_guards import diameter, fastest
-from flocking.engine.exact.crossings.guards import FINEST, NEVER, closest, reach_on
+from flocking.engine.exact.crossings.guards import FINEST, NEVER, closest
 from flocking.engine.exact.integrator.segment import Segment
 from flocking.engine.exact.origin import Origin
 from flocking.engine.runs.run import Closest, Largest
@@ -72,15 +72,15 @@ class Extremes:
         """
         n, m = self.n, self.m
         self._base = origin.time
-        B = segment.positions(n, m)
+        motion = segment.motion(n, m, self._order)
+        B, far = motion.positions, motion.far
         if n > 1:
-            far = reach_on(segment, n, m)
             value, x, i, j = diameter(B, far, self._least("diameter", error.pairs))
             if x <= 1.0 or error.lost:
                 self._take("diameter", segment, value, x, (int(i), int(j)), error.pairs)
             self._approach(segment, B, far, linked, error.pairs)
         if self._order == 2:
-            P = segment.velocities(n, m)
+            P = motion.velocities
             P = P if origin.rests else P + origin.velocity
             _, off = origin.rounded(segment.t1, 0.0, error.velocity)
             speed, spread = self._least("speed", off), self._least("spread", 2 * off)

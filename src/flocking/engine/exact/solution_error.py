@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from flocking.engine.exact.companion import ROUNDING, SAFETY, Companion, Difference, StateError
+from flocking.engine.exact.companion import SAFETY, Companion, Difference, StateError
 from flocking.engine.exact.crossings.switching import Crossing, LinkState, slack_of
 from flocking.engine.exact.dynamics import LEDGER, Dynamics
 from flocking.engine.exact.extremes import Extremes
-from flocking.engine.exact.integrator.segment import Segment
+from flocking.engine.exact.integrator.segment import ROUNDING, Segment
 from flocking.engine.exact.origin import Origin
 from flocking.engine.exact.recorder import Recorder
 from flocking.engine.exact.uncertain_switches import Doubts, Settled

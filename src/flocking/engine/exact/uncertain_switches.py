@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-from flocking.engine.exact.companion import ROUNDING, StateError
+from flocking.engine.exact.companion import StateError
 from flocking.engine.exact.crossings.band_guards import closest_after, first_beyond, within_error
-from flocking.engine.exact.crossings.guards import reach_on
 from flocking.engine.exact.crossings.switching import Crossing, LinkState, slack_of
 from flocking.engine.exact.crossings.view_guards import view_crossings
-from flocking.engine.exact.integrator.segment import Segment
+from flocking.engine.exact.integrator.segment import ROUNDING, Segment
 from flocking.model.checks import Array
 
 Key = tuple[int, int, int]
@@ -105,10 +104,11 @@ class Doubts:
         if error.lost:
             return []
         n, m = error.n, error.m
-        B = segment.positions(n, m)
+        motion = segment.motion(n, m, error.order)
+        B, far = motion.positions, motion.far
         settled, ended = self._fresh(segment, B, links, error)
         found: dict[Key, tuple[float, float, float, bool]] = {}
-        far, most, nodes, size = reach_on(segment, n, m), error.pairs, error.q, error.q_floor / ROUNDING
+        most, nodes, size = error.pairs, error.q, error.q_floor / ROUNDING
         for number, watch, active, view in links.watched():
             if watch.smooth:
                 continue

@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import comb
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flocking.arrays import Indices
-from flocking.engine.exact.integrator.segment import Segment
+from flocking.engine.exact.integrator.segment import bound_excursions
 from flocking.formula.native.functions import native
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
@@ -150,43 +149,9 @@ def reach(B: Array) -> Array:
     return far
 
 
-_reaches: WeakKeyDictionary[Segment, Array] = WeakKeyDictionary()
-
-
-def reach_on(segment: Segment, n: int, m: int) -> Array:
-    """What `reach` says of the positions on a segment, shape (N,); a step is asked for it many times.
-
-    Parameters
-    ----------
-    segment
-        The segment.
-    n, m
-        Numbers of agents and axes.
-    """
-    found = _reaches.get(segment)
-    if found is None:
-        found = _reaches[segment] = reach(segment.positions(n, m))
-        found.flags.writeable = False
-    return found
-
-
 @native
 def _reach(B: Array, far: Array) -> None:
-    n, m = B.shape[1], B.shape[2]
-    mean = np.empty(m)
-    for a in range(1, 8):
-        for k in range(m):
-            total = 0.0
-            for i in range(n):
-                total += B[a, i, k] - B[0, i, k]
-            mean[k] = total / n
-        for i in range(n):
-            square = 0.0
-            for k in range(m):
-                square += (B[a, i, k] - B[0, i, k] - mean[k]) ** 2
-            far[i] = max(far[i], square)
-    for i in range(n):
-        far[i] = np.sqrt(far[i]) * (1.0 + 1e-14)
+    bound_excursions(B, far)
 
 
 def part_from(g: Array, x: float) -> Array:

@@ -9,10 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.engine.exact.crossings.guards import crossings, reach_on
+from flocking.engine.exact.crossings.guards import crossings
 from flocking.engine.exact.crossings.obstacle_contacts import ObstacleContacts
 from flocking.engine.exact.crossings.view_guards import view_crossings
-from flocking.engine.exact.integrator.segment import Segment
+from flocking.engine.exact.integrator.segment import ROUNDING, Segment
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import Graph
@@ -90,7 +90,7 @@ class Crossing:
 def slack_of(watch: Watch, size: float) -> float:
     """How far a pair must pass the distance of a watch to have crossed it, where coordinates have this ``size``."""
     graze = GRAZE if watch.smooth else 1e-13
-    return graze * watch.farthest + 16 * np.finfo(float).eps * size
+    return graze * watch.farthest + ROUNDING * size
 
 
 class LinkState:
@@ -231,11 +231,9 @@ class LinkState:
         order
             Order of the agents: only those of order 2 have velocities.
         """
-        B = segment.positions(n, m)
-        P = segment.velocities(n, m) if order == 2 else B[:, :0]
-        far = reach_on(segment, n, m)
+        motion = segment.motion(n, m, order)
+        B, P, far, size = motion.positions, motion.velocities, motion.far, motion.size
         found: list[tuple[int, Array, NDArray[np.integer]]] = []
-        size = float(np.abs(B).max(initial=0.0))
         for number, watch, active, view in self.watched():
             directed, slack = self.graphs[watch.graph].directed, slack_of(watch, size)
             if view is not None and watch.kind == "link":

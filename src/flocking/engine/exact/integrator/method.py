@@ -1,33 +1,84 @@
-"""The method of Dormand and Prince of order 8, driven by functions that compute several stages at once."""
+"""The method of Dormand and Prince of order 8 (DOP853): error of a step, length of the next one, and its polynomial.
+
+Coefficients are those of SciPy, after Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, 1993.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any
+from math import comb
+from typing import NamedTuple
 
 import numpy as np
 
-from flocking.engine import interruption
+from flocking.formula.native.functions import native
 from flocking.model.checks import Array
 
 STAGES = 12
 """Stages of a step; the slope at its end comes next, then three more stages for the polynomial."""
 
+DEGREE = 7
+"""Degree of the polynomial of a step."""
+
+RELATIVE = 1e-13
+"""Relative tolerance; the absolute tolerances carry the accuracy."""
+
+SAFETY, SHORTER, LONGER = 0.9, 0.2, 10.0
+"""By how much less than the error allows a step is changed, and the factors it is changed by at least and at most."""
+
+EXPONENT = -1 / 8
+"""Exponent of the error in the length of the next step, for an estimate of order 7."""
+
 Stages = Callable[[int, int, int, float, Array, float, Array, Array, Array], Array]
 """What computes stages, see `flocking.engine.exact.dynamics.Dynamics.stages`."""
 
 
+class Tableau(NamedTuple):
+    """Coefficients of the method.
+
+    Parameters
+    ----------
+    nodes, weights
+        Nodes c, shape (16,), and matrix a, shape (16, 16); row 12 is the end of a step.
+    third, fifth
+        Weights of the slopes in its two error estimates, shape (13,).
+    dense
+        Weights of the slopes in the last four powers of its polynomial, shape (4, 16).
+    """
+
+    nodes: Array
+    weights: Array
+    third: Array
+    fifth: Array
+    dense: Array
+
+
 @cache
-def tableau() -> tuple[Array, Array]:
-    """Nodes c, shape (16,), and matrix a, shape (16, 16), of the method; row 12 is its end."""
+def tableau() -> Tableau:
+    """Coefficients of the method."""
     from scipy.integrate._ivp import dop853_coefficients as known
 
-    return np.ascontiguousarray(known.C), np.ascontiguousarray(known.A)
+    return Tableau(*map(np.ascontiguousarray, (known.C, known.A, known.E3, known.E5, known.D)))
+
+
+def _dense_to_bernstein() -> Array:
+    """The polynomial is y0 + sum over k of F[k] x^a (1 - x)^b: Bernstein coefficients of these, shape (8, 7)."""
+    columns = np.zeros((DEGREE + 1, DEGREE))
+    for power in range(DEGREE):
+        a, b = power // 2 + 1, (power + 1) // 2
+        rest = DEGREE - a - b
+        for j in range(rest + 1):
+            columns[a + j, power] = comb(rest, j) / comb(DEGREE, a + j)
+    return columns
+
+
+TO_BERNSTEIN = _dense_to_bernstein()
+"""Weights of the powers of a step's polynomial in its Bernstein coefficients, shape (8, 7)."""
 
 
 def halves(stages: Stages, t: float, y: Array, h: float) -> tuple[Array, Array, Array]:
-    """States at the middle and at the end of a step taken in two halves, and the powers of the second half.
+    """States at the middle and at the end of a step taken in two halves, and the slopes of the second half.
 
     Parameters
     ----------
@@ -36,16 +87,70 @@ def halves(stages: Stages, t: float, y: Array, h: float) -> tuple[Array, Array, 
     t, y, h
         Where the step begins, and its length.
     """
-    nodes, weights = tableau()
+    nodes, weights = tableau()[:2]
     K = np.empty((len(nodes), len(y)))
     middle = stages(0, STAGES + 1, STAGES, t, y, 0.5 * h, K, nodes, weights)
     K[0] = K[STAGES]
     end = stages(1, len(nodes), STAGES, t + 0.5 * h, middle, 0.5 * h, K, nodes, weights)
-    return middle, end, powers(K, 0.5 * h, middle, end)
+    return middle, end, K
 
 
-def powers(K: Array, h: float, before: Array, after: Array) -> Array:
-    """Coefficients of the polynomial of a step, shape (7, size), as in SciPy's dense output.
+@native
+def error_norm(
+    K: Array, h: float, before: Array, after: Array, tolerance: Array, third: Array, fifth: Array
+) -> float:
+    """Error of a step in units of what is allowed.
+
+    Parameters
+    ----------
+    K
+        Slopes at its stages, shape (16, size).
+    h
+        Its length.
+    before, after
+        States at its ends, shape (size,).
+    tolerance
+        Absolute tolerance of each component, shape (size,).
+    third, fifth
+        See `Tableau`.
+    """
+    size = before.shape[0]
+    low, high = np.zeros(size), np.zeros(size)
+    for s in range(third.shape[0]):
+        for c in range(size):
+            low[c] += third[s] * K[s, c]
+            high[c] += fifth[s] * K[s, c]
+    three, five = 0.0, 0.0
+    for c in range(size):
+        scale = tolerance[c] + max(abs(before[c]), abs(after[c])) * RELATIVE
+        three += (low[c] / scale) ** 2
+        five += (high[c] / scale) ** 2
+    if three == 0.0 and five == 0.0:
+        return 0.0
+    return float(abs(h) * five / np.sqrt((five + 0.01 * three) * size))
+
+
+@native
+def next_length(length: float, error: float, rejected: bool) -> float:
+    """Length of the step after one of this error: the next one where it is below 1, else another trial of the same.
+
+    Parameters
+    ----------
+    length
+        Length of the step.
+    error
+        Its error, see `error_norm`.
+    rejected
+        Whether it was tried with another length before.
+    """
+    if not error < 1.0:
+        return length * max(SHORTER, SAFETY * error**EXPONENT)
+    factor = min(LONGER, SAFETY * error**EXPONENT) if error > 0.0 else LONGER
+    return length * (min(1.0, factor) if rejected else factor)
+
+
+def powers(K: Array, h: float, before: Array, after: Array, dense: Array) -> Array:
+    """Coefficients of the powers in the polynomial of a step, shape (7, size); for native functions.
 
     Parameters
     ----------
@@ -55,74 +160,48 @@ def powers(K: Array, h: float, before: Array, after: Array) -> Array:
         Length of the step.
     before, after
         States at its ends, shape (size,).
+    dense
+        See `Tableau`.
     """
-    from scipy.integrate._ivp import dop853_coefficients as known
+    size = after.shape[0]
+    found = np.zeros((DEGREE, size))
+    for c in range(size):
+        change = after[c] - before[c]
+        found[0, c] = change
+        found[1, c] = h * K[0, c] - change
+        found[2, c] = 2.0 * change - h * (K[STAGES, c] + K[0, c])
+    for k in range(dense.shape[0]):
+        for s in range(dense.shape[1]):
+            if dense[k, s] != 0.0:
+                factor = h * dense[k, s]
+                for c in range(size):
+                    found[3 + k, c] += factor * K[s, c]
+    return found
 
-    F = np.empty((7, len(after)))
-    F[0] = after - before
-    F[1] = h * K[0] - F[0]
-    F[2] = 2 * F[0] - h * (K[STAGES] + K[0])
-    F[3:] = h * np.dot(known.D, K)
-    return F
 
+@native
+def polynomial(
+    K: Array, h: float, before: Array, after: Array, dense: Array, to_bernstein: Array, coefficients: Array
+) -> None:
+    """Bernstein coefficients of the polynomial of a step.
 
-@cache
-def solver_type() -> Any:
-    """SciPy's DOP853 with the stages of a step computed at once; the steps it chooses are the same."""
-    from scipy.integrate import DOP853
-    from scipy.integrate._ivp.rk import MAX_FACTOR, MIN_FACTOR, SAFETY
-
-    base: Any = DOP853
-
-    class Solver(base):  # type: ignore[misc]
-        stages: Stages
-        t: Any
-        y: Any
-        f: Any
-        h_abs: Any
-        asked = 0.0
-        """Length of the step wanted last, which may have been too short to be tried."""
-        tried = 0.0
-        """Length of the step tried last."""
-
-        def _step_impl(self) -> tuple[bool, str | None]:
-            t, y = self.t, self.y
-            shortest = 10 * abs(float(np.nextafter(t, np.inf)) - t)
-            length: float = min(max(self.h_abs, shortest), self.max_step)
-            nodes, weights = tableau()
-            rejected = False
-            while True:
-                interruption.check()
-                self.asked = length
-                if length < shortest:
-                    return False, self.TOO_SMALL_STEP
-                end = min(t + length, self.t_bound)
-                h = length = self.tried = end - t
-                self.K[0] = self.f
-                new = self.stages(1, STAGES + 1, STAGES, t, y, h, self.K_extended, nodes, weights)
-                scale = self.atol + np.maximum(np.abs(y), np.abs(new)) * self.rtol
-                error = self._estimate_error_norm(self.K, h, scale)
-                if error < 1:
-                    factor = min(MAX_FACTOR, SAFETY * error**self.error_exponent) if error > 0 else MAX_FACTOR
-                    break
-                length *= max(MIN_FACTOR, SAFETY * error**self.error_exponent)
-                rejected = True
-            self.h_previous, self.y_old = h, y
-            self.t, self.y, self.f = end, new, self.K[STAGES].copy()
-            self.h_abs = length * (min(1, factor) if rejected else factor)
-            return True, None
-
-        def errors_tried(self) -> Array:
-            """Estimated error of each component on the step tried last, in units of its tolerance, shape (size,)."""
-            with np.errstate(all="ignore"):
-                scale = self.atol + np.abs(self.y) * self.rtol
-                return np.asarray(np.abs(self.tried * np.dot(self.K.T, self.E5)) / scale)
-
-        def polynomial(self) -> Array:
-            """Coefficients of the polynomial of the last step, see `powers`."""
-            h, K = self.h_previous, self.K_extended
-            nodes, weights = tableau()
-            self.stages(STAGES + 1, len(nodes), STAGES, self.t_old, self.y_old, h, K, nodes, weights)
-            return powers(K, h, self.y_old, self.y)
-
-    return Solver
+    Parameters
+    ----------
+    K, h, before, after, dense
+        As for `powers`.
+    to_bernstein
+        `TO_BERNSTEIN`.
+    coefficients
+        Takes them, shape (8, size).
+    """
+    F = powers(K, h, before, after, dense)
+    last = coefficients.shape[0] - 1
+    for c in range(after.shape[0]):
+        coefficients[0, c], coefficients[last, c] = before[c], after[c]
+    for a in range(1, last):
+        for c in range(after.shape[0]):
+            coefficients[a, c] = before[c]
+        for k in range(F.shape[0]):
+            if to_bernstein[a, k] != 0.0:
+                for c in range(after.shape[0]):
+                    coefficients[a, c] += to_bernstein[a, k] * F[k, c]

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import comb
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from flocking.engine.exact.integrator.method import DEGREE, TO_BERNSTEIN
 from flocking.formula.native.functions import native
 from flocking.model.checks import Array
 
-DEGREE = 7
-"""Degree of DOP853's dense output."""
+ROUNDING = 16 * float(np.finfo(float).eps)
+"""Error of a position and a velocity from rounding, relative to the largest of the group."""
 
 
 def _part(coefficients: Array, x: float) -> Array:
@@ -35,20 +35,6 @@ def _fill_part(coefficients: Array, x: float, left: Array) -> None:
                 work[a] += x * (work[a + 1] - work[a])
 
 
-def _dense_to_bernstein() -> Array:
-    """DOP853's dense output is y0 + sum over k of F[k] x^a (1 - x)^b: Bernstein coefficients of these, shape (8, 7)."""
-    columns = np.zeros((DEGREE + 1, DEGREE))
-    for power in range(DEGREE):
-        a, b = power // 2 + 1, (power + 1) // 2
-        rest = DEGREE - a - b
-        for j in range(rest + 1):
-            columns[a + j, power] = comb(rest, j) / comb(DEGREE, a + j)
-    return columns
-
-
-_TO_BERNSTEIN = _dense_to_bernstein()
-
-
 def weights_at(places: Sequence[float]) -> Array:
     """Weights of the Bernstein coefficients in the values at some places in [0, 1], shape (places, 8)."""
     return np.array([[comb(DEGREE, k) * x**k * (1 - x) ** (DEGREE - k) for k in range(DEGREE + 1)] for x in places])
@@ -56,10 +42,83 @@ def weights_at(places: Sequence[float]) -> Array:
 
 def powers_at(places: Sequence[float]) -> Array:
     """Weights of DOP853's powers in what is added to the start at some places in [0, 1], shape (places, 7)."""
-    return np.asarray(weights_at(places) @ _TO_BERNSTEIN)
+    return np.asarray(weights_at(places) @ TO_BERNSTEIN)
 
 
-_parts: WeakKeyDictionary[Segment, dict[str, Array]] = WeakKeyDictionary()
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """How the agents move on a segment.
+
+    Parameters
+    ----------
+    positions
+        Bernstein coefficients of the positions, shape (8, N, m).
+    velocities
+        Those of the velocities, shape (8, N, m); agents of order 1 have none, shape (8, 0, m).
+    far
+        Bound on how far each agent strays from its start, seen from the group's mean, shape (N,).
+    size
+        The largest coefficient of a position, without its sign.
+    """
+
+    positions: Array
+    velocities: Array
+    far: Array
+    size: float
+
+
+@native
+def split_motion(coefficients: Array, B: Array, P: Array, far: Array) -> float:
+    """Fill what a `Motion` holds from the coefficients of a segment, and return its size.
+
+    Parameters
+    ----------
+    coefficients
+        Those of the state vector, shape (8, size).
+    B, P, far
+        Take the positions, the velocities and the bounds.
+    """
+    count, n, m = B.shape[0], B.shape[1], B.shape[2]
+    size = 0.0
+    for a in range(count):
+        for i in range(n):
+            for k in range(m):
+                B[a, i, k] = coefficients[a, i * m + k]
+                size = max(size, abs(B[a, i, k]))
+        for i in range(P.shape[1]):
+            for k in range(m):
+                P[a, i, k] = coefficients[a, (n + i) * m + k]
+    bound_excursions(B, far)
+    return size
+
+
+def bound_excursions(B: Array, far: Array) -> None:
+    """Fill the bounds on how far agents stray, see `Motion`; for native functions.
+
+    Parameters
+    ----------
+    B
+        Bernstein coefficients of the positions, shape (8, N, m).
+    far
+        Takes them, shape (N,).
+    """
+    n, m = B.shape[1], B.shape[2]
+    mean = np.empty(m)
+    for i in range(n):
+        far[i] = 0.0
+    for a in range(1, B.shape[0]):
+        for k in range(m):
+            total = 0.0
+            for i in range(n):
+                total += B[a, i, k] - B[0, i, k]
+            mean[k] = total / n
+        for i in range(n):
+            square = 0.0
+            for k in range(m):
+                square += (B[a, i, k] - B[0, i, k] - mean[k]) ** 2
+            far[i] = max(far[i], square)
+    for i in range(n):
+        far[i] = np.sqrt(far[i]) * (1.0 + 1e-14)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,42 +136,31 @@ class Segment:
     t0: float
     t1: float
     coefficients: Array
-
-    @classmethod
-    def from_dense_output(cls, t0: float, t1: float, y0: Array, y1: Array, powers: Array) -> Segment:
-        """Convert the dense output of a step from ``y0`` to ``y1``: SciPy's array F, shape (7, size).
-
-        Parameters
-        ----------
-        t0, t1
-            Ends of the step.
-        powers
-            SciPy's array F of the dense output, shape (7, size).
-        """
-        coefficients = y0 + _TO_BERNSTEIN @ powers
-        coefficients[0], coefficients[-1] = y0, y1
-        return cls(t0, t1, coefficients)
+    _motion: dict[tuple[int, int, int], Motion] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def resting(cls, t: float, y: Array) -> Segment:
         """The segment of no length at ``y``."""
         return cls(t, t, np.repeat(y[None], DEGREE + 1, axis=0))
 
-    def positions(self, n: int, m: int) -> Array:
-        """Bernstein coefficients of the positions, shape (8, N, m), contiguous: kernels are compiled for such alone."""
-        return self._part_of("q", 0, n, m)
+    def motion(self, n: int, m: int, order: int) -> Motion:
+        """How the agents move on it; it is found once.
 
-    def velocities(self, n: int, m: int) -> Array:
-        """Those of the velocities of agents of order 2, shape (8, N, m), contiguous."""
-        return self._part_of("p", n * m, n, m)
-
-    def _part_of(self, name: str, first: int, n: int, m: int) -> Array:
-        """Coefficients of N m components from ``first`` on; a step is asked for them many times."""
-        known = _parts.setdefault(self, {})
-        if name not in known:
-            known[name] = np.ascontiguousarray(self.coefficients[:, first : first + n * m].reshape(-1, n, m))
-            known[name].flags.writeable = False
-        return known[name]
+        Parameters
+        ----------
+        n, m
+            Numbers of agents and axes.
+        order
+            Order of the agents: only those of order 2 have velocities.
+        """
+        found = self._motion.get((n, m, order))
+        if found is None:
+            B, P, far = np.empty((DEGREE + 1, n, m)), np.empty((DEGREE + 1, n * (order - 1), m)), np.empty(n)
+            size = split_motion(self.coefficients, B, P, far)
+            found = self._motion[n, m, order] = Motion(B, P, far, size)
+            for array in (B, P, far):
+                array.flags.writeable = False
+        return found
 
     def at(self, t: float) -> Array:
         """State vector at time ``t``."""

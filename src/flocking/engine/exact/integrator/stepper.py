@@ -1,21 +1,31 @@
-"""SciPy's DOP853 driven one step at a time; every step becomes a polynomial segment."""
+"""Steps of the method with their error under control; every step becomes a polynomial segment."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from flocking.engine.exact.integrator.method import Stages, solver_type
+from flocking.engine import interruption
+from flocking.engine.exact.integrator.method import (
+    DEGREE,
+    RELATIVE,
+    STAGES,
+    TO_BERNSTEIN,
+    Stages,
+    error_norm,
+    next_length,
+    polynomial,
+    tableau,
+)
 from flocking.engine.exact.integrator.segment import Segment
 from flocking.engine.exact.integrator.step_lengths import most_strained
 from flocking.errors import NotFinite, StepTooSmall
 from flocking.model.checks import Array
 
-RELATIVE = 1e-13
-"""Relative tolerance handed to SciPy; the absolute tolerances carry the accuracy."""
+SPACINGS = 10
+"""Steps are at least so many spacings of neighbouring numbers long at the time they begin."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +77,10 @@ class Stepper:
         self._slope = slope
         self._stages = stages
         self.tolerance = tolerance
-        self._solver: Any = None
+        self.slopes = np.empty((len(tableau().nodes), len(memory.y)))
+        """Slopes at the stages of the step tried last, shape (16, size)."""
+        self.tried: tuple[float, Array] = (0.0, memory.y)
+        """Length of the step tried last, and where it began."""
         self.memory = memory
 
     def restart(self, t: float, y: Array) -> None:
@@ -87,29 +100,24 @@ class Stepper:
     @property
     def strained(self) -> tuple[int, ...]:
         """The agents whose errors made the step tried last no longer than it was; none before the first."""
-        solver = self._solver
-        if solver is None or not solver.tried:
+        length, before = self.tried
+        if not length:
             return ()
-        errors = solver.errors_tried()[: int(np.prod(self._shape))].reshape(self._shape)
-        return most_strained(errors.max(axis=(0, 2)))
+        with np.errstate(all="ignore"):
+            scale = self.tolerance + np.abs(before) * RELATIVE
+            errors = np.abs(length * np.dot(self.slopes[: STAGES + 1].T, tableau().fifth)) / scale
+        each = errors[: int(np.prod(self._shape))].reshape(self._shape)
+        return most_strained(each.max(axis=(0, 2)))
 
-    def _prepared(self, bound: float, longest: float) -> Any:
-        """SciPy's solver, put where the memory is; all it keeps between steps is in there."""
+    def _first_length(self, bound: float, longest: float) -> float:
+        """Length to begin with, as SciPy chooses it (Hairer et al., section II.4)."""
+        from scipy.integrate import DOP853
+
         before = self.memory
-        if self._solver is None or before.step == 0.0:
-            remaining = bound - before.t
-            first = min(before.step, remaining) if before.step > 0 else None
-            self._solver = solver_type()(
-                self._slope, before.t, before.y, bound,
-                max_step=longest, rtol=RELATIVE, atol=self.tolerance, first_step=first,
-            )  # fmt: skip
-            self._solver.stages = self._stages
-        solver = self._solver
-        solver.t, solver.y, solver.f = before.t, before.y, before.slope
-        solver.t_bound, solver.max_step, solver.status = bound, longest, "running"
-        if before.step > 0:
-            solver.h_abs = before.step
-        return solver
+        solver = DOP853(
+            self._slope, before.t, before.y, bound, max_step=longest, rtol=RELATIVE, atol=self.tolerance
+        )  # fmt: skip
+        return float(solver.h_abs)
 
     def step(self, bound: float, longest: float = np.inf) -> Segment:
         """Take one step, not beyond time ``bound`` nor longer than ``longest``.
@@ -122,23 +130,37 @@ class Stepper:
             When the state becomes infinite or NaN.
         """
         before = self.memory
+        t, y, K = before.t, before.y, self.slopes
+        nodes, weights, third, fifth, dense = tableau()
+        shortest = SPACINGS * abs(float(np.nextafter(t, np.inf)) - t)
         with np.errstate(all="ignore"):
-            solver = self._prepared(bound, longest)
-            message = solver.step()
-        if solver.status == "failed":
-            raise StepTooSmall(
-                f"The step shrank to {solver.asked:.2g} ({message}). The motion meets a singularity of the law: "
-                "raise the start distances, soften the potential or lower the gains.",
-                time=before.t + self._base, agents=self.strained,
-            )  # fmt: skip
-        if not np.isfinite(solver.y).all():
-            raise NotFinite("The state became infinite or NaN.", time=before.t + self._base)
-        with np.errstate(all="ignore"):
-            powers = solver.polynomial()
-        segment = Segment.from_dense_output(before.t, float(solver.t), before.y, solver.y, powers)
-        proposed = float(solver.h_abs)
-        if solver.t == bound:
-            # The last step before a bound is cut short; it says nothing about the next one.
-            proposed = max(proposed, before.step)
-        self.memory = StepperMemory(float(solver.t), solver.y, solver.f, proposed)
-        return segment
+            wanted = before.step or self._first_length(bound, longest)
+            length = min(max(wanted, shortest), longest)
+            error = np.inf
+            for trial in range(1, 2**30):
+                interruption.check()
+                if length < shortest:
+                    raise StepTooSmall(
+                        f"The step shrank to {length:.2g} (less than the spacing of numbers allows). The motion meets "
+                        "a singularity of the law: raise the start distances, soften the potential or lower the gains.",
+                        time=t + self._base, agents=self.strained,
+                    )  # fmt: skip
+                end = min(t + length, bound)
+                h = length = end - t
+                K[0] = before.slope
+                new = self._stages(1, STAGES + 1, STAGES, t, y, h, K, nodes, weights)
+                self.tried = h, y
+                error = error_norm(K, h, y, new, self.tolerance, third, fifth)
+                length = next_length(length, error, trial > 1)
+                if error < 1.0:
+                    break
+            if not np.isfinite(new).all():
+                raise NotFinite("The state became infinite or NaN.", time=t + self._base)
+            slope = K[STAGES].copy()
+            self._stages(STAGES + 1, len(nodes), STAGES, t, y, h, K, nodes, weights)
+            coefficients = np.empty((DEGREE + 1, len(y)))
+            polynomial(K, h, y, new, dense, TO_BERNSTEIN, coefficients)
+        # The last step before a bound is cut short; it says nothing about the next one.
+        proposed = max(length, before.step) if end == bound else length
+        self.memory = StepperMemory(end, new, slope, proposed)
+        return Segment(t, end, coefficients)
