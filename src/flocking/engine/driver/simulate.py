@@ -221,7 +221,8 @@ def drive(session: ExactSession | TilesSession, *, progress: bool, saving: Sessi
     try:
         with deferred, Progress(progress, scenario, lines=True) as bar:
             begin = session.steps
-            for t in stops(scenario, session.time, often=saving is not None):
+            # What is saved can be committed at every frame; else the clock alone says when to look.
+            for t in [scenario.t_end] if saving is None else stops(scenario, session.time, often=True):
                 while before(session, t):
                     session.advance(t, GLANCE_SECONDS)
                     note = "" if session.shrunk is None else str(session.shrunk)

@@ -52,7 +52,7 @@ def jumps_barrier(dynamics: Dynamics, segment: Segment, ledger: LedgerState) -> 
     if not dynamics.singular:
         return False
     motion = segment.motion(dynamics.n, dynamics.m, dynamics.order)
-    x = deepest_dip(motion.positions, motion.far, dynamics.pairs[0], dynamics.pairs[1])
+    x = deepest_dip(motion.positions, motion.far, *dynamics.linked_pairs())
     if x > 1.0:
         return False
     inside = segment.cut(x)

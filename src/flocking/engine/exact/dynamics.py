@@ -165,6 +165,23 @@ class Dynamics:
         self._functionals = links.functionals()
         self._linked = int(np.count_nonzero(links.links[0]))
 
+    @property
+    def unlinked(self) -> float:
+        """Energy of all pairs without a link."""
+        return 0.5 * (self.n * (self.n - 1) - self._linked) * self.scenario.energy.unlinked
+
+    @property
+    def compiled(self) -> tuple[int | Array, ...] | None:
+        """The law in force, as native functions take it: addresses, order, sizes, pairs, parameters and functionals.
+
+        None where a step needs more: leaders without a closed form, the ledger of another law, or obstacles whose
+        potentials have narrow features.
+        """
+        if self._places or self._ledger is not None or any(map(len, self._obstacle_zones)):
+            return None
+        sizes = self.order, self.n, self.m
+        return (*self._kernels.addresses, *sizes, *self.pairs, *self._slots, self._functionals)
+
     def places(self, t: float) -> Array:
         """Coordinates at time ``t`` of the leaders whose position has no closed form."""
         return np.array([place.at(t + self.base) for _, place in self._places])
@@ -255,8 +272,7 @@ class Dynamics:
         q, p, _ = self.split(y)
         given = t + self.base, q, p, self._declared_pairs, slots, self._functionals
         pairs, bodies, kinetic = module.energies(*given)
-        unlinked = 0.5 * (self.n * (self.n - 1) - self._linked) * self.scenario.energy.unlinked
-        found = float(pairs + bodies + kinetic + unlinked), float(kinetic)
+        found = float(pairs + bodies + kinetic + self.unlinked), float(kinetic)
         while len(self._energies) >= KNOWN_ENERGIES:
             del self._energies[next(iter(self._energies))]
         self._energies[key] = found

@@ -3,21 +3,29 @@
 from __future__ import annotations
 
 import copy
-from dataclasses import replace
+from collections.abc import Mapping
 
 import numpy as np
 
 from flocking.engine.exact.companion import StateError
-from flocking.engine.exact.crossings.band_guards import diameter, fastest
-from flocking.engine.exact.crossings.guards import FINEST, NEVER, closest
+from flocking.engine.exact.crossings.band_guards import diameter, find_fastest
+from flocking.engine.exact.crossings.guards import FINEST, NEVER, find_closest
 from flocking.engine.exact.integrator.segment import Segment
 from flocking.engine.exact.origin import Origin
 from flocking.engine.runs.run import Closest, Largest
+from flocking.formula.native.functions import native
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 
-SPEEDS = ("speed", "spread", "relative speed")
-NOTHING = Largest()
+NAMES = ("diameter", "speed", "spread", "relative speed", "ledger")
+"""What the largest values are kept of, in the order of their rows; those of the closest pairs follow."""
+
+DIAMETER, SPEED, LEDGER = 0, 1, 4
+CLOSEST = len(NAMES)
+"""Row of the closest linked pair; that of the closest pair without a link is the next one."""
+
+VALUE, TIME, ERROR, FIRST, SECOND, KNOWN = range(6)
+"""What a row holds: the value, when, how far off it may be, whose it was, and 1 where there is one."""
 
 FARTHEST = 1e150
 """Distances beyond it are taken for it: its square, 1e300, is still a number in double precision."""
@@ -43,18 +51,51 @@ class Extremes:
 
     def __init__(self, masses: Array, dimension: int, order: int, goal: Array | None) -> None:
         self.n, self.m, self._order = len(masses), dimension, order
-        self._shares = masses / masses.sum()
-        self._base = 0.0
-        self._goal = np.zeros(dimension) if goal is None else np.array(goal)
-        self._names = SPEEDS if goal is not None else SPEEDS[:2]
-        self.largest: dict[str, Largest] = {}
+        self.shares = masses / masses.sum()
+        """Share of each agent in the mass of all, shape (N,)."""
+        self.goal = np.zeros(dimension) if goal is None else np.array(goal)
+        self.has_goal = goal is not None
+        self.rows = np.zeros((len(NAMES) + 2, 6))
+        """What is known, a row for each quantity."""
+        self.largest = {}
         self.closest = (Closest(), Closest())
 
     def copy(self) -> Extremes:
         """One that goes on by itself."""
         other = copy.copy(self)
-        other.largest = dict(self.largest)
+        other.rows = self.rows.copy()
         return other
+
+    @property
+    def largest(self) -> dict[str, Largest]:
+        """Largest values by name."""
+        found = {}
+        for name, row in zip(NAMES, self.rows.tolist(), strict=False):
+            if row[KNOWN]:
+                agents = tuple(int(i) for i in row[FIRST : SECOND + 1] if i >= 0)
+                found[name] = Largest(row[VALUE], row[TIME], agents, row[ERROR])
+        return found
+
+    @largest.setter
+    def largest(self, known: Mapping[str, Largest]) -> None:
+        for number, name in enumerate(NAMES):
+            x = known.get(name, Largest())
+            first, second = (*x.agents, -1, -1)[:2]
+            self.rows[number] = x.value, x.time, x.error, first, second, name in known
+
+    @property
+    def closest(self) -> tuple[Closest, Closest]:
+        """The closest linked pair, and the closest one without a link."""
+        one, two = (
+            Closest(row[VALUE], row[TIME], (int(row[FIRST]), int(row[SECOND])), row[ERROR])
+            for row in self.rows[CLOSEST:].tolist()
+        )
+        return one, two
+
+    @closest.setter
+    def closest(self, known: tuple[Closest, Closest]) -> None:
+        for number, x in enumerate(known):
+            self.rows[CLOSEST + number] = x.distance, x.time, x.error, *x.pair, 1.0
 
     def follow(self, segment: Segment, linked: Links, error: StateError, origin: Origin) -> None:
         """Take in a step.
@@ -70,27 +111,14 @@ class Extremes:
         origin
             What its time and coordinates are relative to.
         """
-        n, m = self.n, self.m
-        self._base = origin.time
-        motion = segment.motion(n, m, self._order)
-        B, far = motion.positions, motion.far
-        if n > 1:
-            value, x, i, j = diameter(B, far, self._least("diameter", error.pairs))
-            if x <= 1.0 or error.lost:
-                self._take("diameter", segment, value, x, (int(i), int(j)), error.pairs)
-            self._approach(segment, B, far, linked, error.pairs)
-        if self._order == 2:
-            P = motion.velocities
-            P = P if origin.rests else P + origin.velocity
-            _, off = origin.rounded(segment.t1, 0.0, error.velocity)
-            speed, spread = self._least("speed", off), self._least("spread", 2 * off)
-            relative = self._least("relative speed", off) if len(self._names) == 3 else np.inf
-            rows = fastest(P, self._shares, self._goal, speed, spread, relative).tolist()
-            for name, (value, x, i) in zip(self._names, rows, strict=False):
-                if x <= 1.0 or error.lost:
-                    self._take(name, segment, value, x, (int(i),), 2 * off if name == "spread" else off)
+        motion = segment.motion(self.n, self.m, self._order)
+        _, off = origin.rounded(segment.t1, 0.0, error.velocity)
+        follow_extremes(
+            motion.positions, motion.velocities, motion.far, linked, self.shares, self.goal, self.has_goal,
+            origin.velocity, segment.t0, segment.t1, origin.time, error.lost, error.pairs, off, self.rows,
+        )  # fmt: skip
 
-    def add_to_ledger(self, segment: Segment, unexplained: float) -> None:
+    def add_to_ledger(self, segment: Segment, unexplained: float, base: float) -> None:
         """Add what the integration error leaves the energy ledger unable to explain on a step.
 
         Parameters
@@ -99,54 +127,127 @@ class Extremes:
             The step.
         unexplained
             Energy by which the ledger of this step may be open for that reason alone.
+        base
+            The time at which the segment's own time is 0.
         """
-        value = self.largest.get("ledger", Largest(0.0)).value + unexplained
-        self.largest["ledger"] = Largest(value, segment.t1 + self._base)
-
-    def _least(self, name: str, error: float) -> float:
-        """Above which value a step has something to say of a quantity."""
-        known = self.largest.get(name, NOTHING)
-        return known.value if error == np.inf else min(known.value, known.value + known.error - error)
-
-    def _take(self, name: str, segment: Segment, value: float, x: float, agents: tuple[int, ...], error: float) -> None:
-        known = self.largest.get(name, NOTHING)
-        if x > 1.0:
-            self.largest[name] = replace(known, error=error)
-            return
-        ceiling = max(known.value + known.error, value + error)
-        if value > known.value:
-            known = Largest(value, segment.t0 + x * (segment.t1 - segment.t0) + self._base, agents)
-        self.largest[name] = replace(known, error=ceiling - known.value)
-
-    def _approach(self, segment: Segment, B: Array, far: Array, linked: Links, error: float) -> None:
-        margin = 0.0 if error == np.inf else error
-        at_most = [min(max(c.distance, c.distance - _known(c) + margin), FARTHEST) for c in self.closest]
-        rows = closest(B, far, linked, *at_most).tolist()
-        if rows[0][1] >= NEVER and rows[1][1] >= NEVER and error < np.inf:
-            return
-        found = []
-        for row, old in zip(rows, self.closest, strict=True):
-            if row[1] >= NEVER:
-                found.append(replace(old, error=error) if error == np.inf and old.pair[0] >= 0 else old)
-                continue
-            distance = float(np.sqrt(row[0]))
-            floor = min(old.distance - _known(old), distance - error - _coarse(B, row))
-            if distance < old.distance:
-                when = segment.t0 + row[1] * (segment.t1 - segment.t0) + self._base
-                old = Closest(distance, when, (int(row[2]), int(row[3])))
-            found.append(replace(old, error=old.distance - floor))
-        self.closest = (found[0], found[1])
+        add_unexplained(self.rows, unexplained, segment.t1 + base)
 
 
-def _coarse(B: Array, row: list[float]) -> float:
-    """How far off a smallest distance inside a step may be because it was sought, and squared, in floating point."""
-    square, x, i, j = row
-    rough = FINEST * square
-    if 0.0 < x < 1.0:
-        offsets = B[:, int(j)] - B[:, int(i)]
-        rough += SQUARED * float((offsets**2).sum(axis=1).max())
-    return float(np.sqrt(square) - np.sqrt(max(square - rough, 0.0)))
+@native
+def add_unexplained(rows: Array, unexplained: float, time: float) -> None:
+    """Add to the row of the ledger, see `Extremes.add_to_ledger`.
+
+    Parameters
+    ----------
+    rows
+        What is known, shape (7, 6).
+    """
+    known = rows[LEDGER, VALUE] if rows[LEDGER, KNOWN] > 0.0 else 0.0
+    rows[LEDGER, VALUE], rows[LEDGER, TIME], rows[LEDGER, KNOWN] = known + unexplained, time, 1.0
 
 
-def _known(found: Closest) -> float:
-    return found.error if found.error == found.error else 0.0
+@native
+def follow_extremes(
+    B: Array, P: Array, far: Array, linked: Links, shares: Array, goal: Array, has_goal: bool, moving: Array,
+    t0: float, t1: float, base: float, lost: bool, pairs: float, velocity: float, rows: Array,
+) -> None:  # fmt: skip
+    """Take in a step.
+
+    Parameters
+    ----------
+    B, P, far
+        How the agents move on it, see `flocking.engine.exact.integrator.segment.Motion`.
+    linked
+        Links during the step, shape (N, N).
+    shares, goal, has_goal
+        Shares of the agents in the mass, and velocity of the leader, where there is one.
+    moving
+        Velocity that all velocities are relative to, shape (m,).
+    t0, t1, base
+        When it begins and ends, and the time at which these would be 0.
+    lost
+        Whether nothing is known of the solution.
+    pairs, velocity
+        Errors of the distance of two agents and of a velocity.
+    rows
+        What is known, shape (7, 6).
+    """
+    if B.shape[1] > 1:
+        value, x, i, j = diameter(B, far, _least(rows, DIAMETER, pairs))
+        if x <= 1.0 or lost:
+            _take(rows, DIAMETER, t0, t1, base, value, x, i, j, pairs)
+        _approach(B, far, linked, t0, t1, base, pairs, rows)
+    if P.shape[1] == 0:
+        return
+    shifted = np.empty(P.shape)
+    for a in range(P.shape[0]):
+        for i in range(P.shape[1]):
+            for k in range(P.shape[2]):
+                shifted[a, i, k] = P[a, i, k] + moving[k]
+    found = np.empty((3, 3))
+    relative = _least(rows, SPEED + 2, velocity) if has_goal else np.inf
+    speed, spread = _least(rows, SPEED, velocity), _least(rows, SPEED + 1, 2 * velocity)
+    find_fastest(shifted, shares, goal, speed, spread, relative, found)
+    for row in range(3 if has_goal else 2):
+        if found[row, 1] <= 1.0 or lost:
+            off = 2 * velocity if row == 1 else velocity
+            _take(rows, SPEED + row, t0, t1, base, found[row, 0], found[row, 1], found[row, 2], -1.0, off)
+
+
+def _least(rows: Array, row: int, error: float) -> float:
+    """Above which value a step has something to say of a quantity."""
+    value = rows[row, VALUE]
+    return float(value if error == np.inf else min(value, value + rows[row, ERROR] - error))
+
+
+def _take(
+    rows: Array, row: int, t0: float, t1: float, base: float, value: float, x: float, i: float, j: float, error: float
+) -> None:
+    """Take in the largest value of a step; none above what is known where ``x`` is beyond 1."""
+    rows[row, KNOWN] = 1.0
+    if x > 1.0:
+        rows[row, ERROR] = error
+        return
+    ceiling = max(rows[row, VALUE] + rows[row, ERROR], value + error)
+    if value > rows[row, VALUE]:
+        rows[row, VALUE], rows[row, TIME] = value, t0 + x * (t1 - t0) + base
+        rows[row, FIRST], rows[row, SECOND] = i, j
+    rows[row, ERROR] = ceiling - rows[row, VALUE]
+
+
+def _approach(B: Array, far: Array, linked: Links, t0: float, t1: float, base: float, error: float, rows: Array) -> None:
+    """Take in how close pairs come on a step."""
+    margin = 0.0 if error == np.inf else error
+    known = np.empty(2)
+    most = np.empty(2)
+    for row in range(2):
+        distance, off = rows[CLOSEST + row, VALUE], rows[CLOSEST + row, ERROR]
+        known[row] = off if off == off else 0.0
+        most[row] = min(max(distance, distance - known[row] + margin), FARTHEST)
+    found = np.empty((2, 4))
+    find_closest(B, far, linked, most[0], most[1], found)
+    for row in range(2):
+        at = CLOSEST + row
+        square, x = found[row, 0], found[row, 1]
+        if x >= NEVER:
+            if error == np.inf and rows[at, FIRST] >= 0.0:
+                rows[at, ERROR] = error
+            continue
+        distance = np.sqrt(square)
+        # The smallest distance inside a step was sought, and squared, in floating point.
+        rough = FINEST * square
+        if 0.0 < x < 1.0:
+            widest = 0.0
+            i, j = int(found[row, 2]), int(found[row, 3])
+            for a in range(B.shape[0]):
+                size = 0.0
+                for k in range(B.shape[2]):
+                    size += (B[a, j, k] - B[a, i, k]) ** 2
+                widest = max(widest, size)
+            rough += SQUARED * widest
+        coarse = distance - np.sqrt(max(square - rough, 0.0))
+        floor = min(rows[at, VALUE] - known[row], distance - error - coarse)
+        if distance < rows[at, VALUE]:
+            rows[at, VALUE], rows[at, TIME] = distance, t0 + x * (t1 - t0) + base
+            rows[at, FIRST], rows[at, SECOND] = found[row, 2], found[row, 3]
+        rows[at, ERROR] = rows[at, VALUE] - floor

@@ -34,12 +34,14 @@ class Precision:
         self._dynamics = dynamics
         self._origin = origin
         law = dynamics.layout.law
-        self._timed = bool(law.body_terms)
+        self.timed = bool(law.body_terms)
+        """Whether times matter."""
         finest = [np.inf]
         for graph in law.graphs:
             enter, leave = (np.asarray(r, dtype=np.float64).ravel() for r in (graph.appear_radius, graph.break_radius))
             finest += [float(x) for x in (*enter, *leave, *np.abs(leave - enter)) if 0 < x < np.inf]
-        self._finest = min(finest)
+        self.finest = min(finest)
+        """The finest distance that links tell apart."""
 
     def check(self, own: float, y: Array) -> None:
         """Check a state vector at the session's own time.
@@ -56,11 +58,11 @@ class Precision:
         """
         q, p, _ = self._dynamics.split(y)
         far = EPSILON * float(np.abs(q).max(initial=0.0))
-        if far > COARSEST * self._tolerance or 4 * far > self._finest:
+        if far > COARSEST * self._tolerance or 4 * far > self.finest:
             self._check_places(own, q)
         time = self._origin.time_at(own)
         late = EPSILON * abs(time)
-        if self._timed and late > COARSEST * self._tolerance:
+        if self.timed and late > COARSEST * self._tolerance:
             late *= max(1.0, float(np.abs(p).max(initial=0.0)))
             if late > COARSEST * self._tolerance * max(1.0, _spread(q)):
                 raise OutOfPrecision(
@@ -80,11 +82,11 @@ class Precision:
             )  # fmt: skip
         i, j = self._dynamics.linked_pairs()
         outer = EPSILON * np.maximum(size[i], size[j])
-        if len(i) and 4 * float(outer.max()) > self._finest:
+        if len(i) and 4 * float(outer.max()) > self.finest:
             k = int(np.argmax(outer))
             raise OutOfPrecision(
                 f"Positions are told apart only by {outer[k]:.2g}, too coarse for links that differ by "
-                f"{self._finest:.2g} of distance. Start near the origin, or make the links coarser.",
+                f"{self.finest:.2g} of distance. Start near the origin, or make the links coarser.",
                 time=self._origin.time_at(own), agents=(int(i[k]), int(j[k])),
             )  # fmt: skip
 

@@ -86,6 +86,10 @@ class Recorder:
         count = int(np.searchsorted(own, until, side="right"))
         return [(float(s), float(t)) for s, t in zip(own[:count], todo[:count], strict=True)]
 
+    def to_come(self, base: float) -> Array:
+        """Times of the frames not yet stored, from the time ``base`` on."""
+        return self.frame_times[len(self.t) :] - base
+
     frame_bytes = 0.0
     waiting = 0.0
     """Records of small groups stay in memory: none waits to be let go."""

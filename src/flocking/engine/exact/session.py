@@ -17,6 +17,7 @@ from flocking.engine.exact.integrator.stepper import Stepper, StepperMemory
 from flocking.engine.exact.jump_times import JumpTimes
 from flocking.engine.exact.origin import may_have, momentum, origin_of
 from flocking.engine.exact.precision import Precision
+from flocking.engine.exact.quiet.taking import QuietSteps, take_quiet_steps
 from flocking.engine.exact.recorder import Recorder
 from flocking.engine.exact.snapshot import Snapshot as Snapshot
 from flocking.engine.exact.solution_error import SolutionError
@@ -66,7 +67,7 @@ class ExactSession:
         law = plant or scenario.law
         self._begin(own, LinkState(law, own.q, own.links, own.t, scenario.agents.headings, self._origin.time))
         self._record_frames(own.t)
-        self._record_trace()
+        self._record_trace(self._segment.t1, self._segment.coefficients[-1])
 
     def _prepare(self, n: int, m: int) -> None:
         """Kernels and parameters: all that depends on the law but not on the state."""
@@ -162,7 +163,9 @@ class ExactSession:
             while self._segment.t1 < own:
                 interruption.check()
                 self._leave_segment()
-                self._take_step()
+                quiet = self._take_quiet_steps(own)
+                if quiet is None or quiet.segment is None:
+                    self._take_step(None if quiet is None else quiet.tried)
                 if self._segment.t1 < own and time.monotonic() >= stop:
                     self.time = max(self.time, self._origin.latest(self._segment.t1))
                     self._record_frames(self._own_now)
@@ -175,12 +178,43 @@ class ExactSession:
             error.run = self.run(str(error))
             raise
 
-    def _take_step(self) -> None:
+    def _bound(self) -> float:
+        """Where the next step must end."""
+        return self._jumps.bound(self._segment.t1, self._origin.own_time(self.scenario.t_end))
+
+    def _take_quiet_steps(self, until: float) -> QuietSteps | None:
+        """Take steps on which nothing switches and nothing is in doubt, and record all but one still to be left."""
+        recorder = self.recorder
+        if recorder.fine is not None:
+            return None
+        found = take_quiet_steps(
+            self._dynamics, self._links, self._stepper, self._error, recorder.extremes, self._precision, self._origin,
+            (self.energy, self.kinetic), (until, self._bound()), recorder.to_come(self._origin.time),
+        )  # fmt: skip
+        if found is None:
+            return None
+        for row, y in zip(found.steps.tolist(), found.states, strict=False):
+            self._tail = y[self._dynamics.order * self.n * self.m :]
+            self.energy, self.kinetic = row[1:3]
+            self._record_trace(row[0], y)
+        for y, errors in zip(*found.frames, strict=True):
+            t = float(recorder.frame_times[len(recorder.t)])
+            self._record_frame(self._origin.own_time(t), t, y, *errors)
+        for row in found.steps.tolist():
+            self._lengths.add(row[3])
+        self.steps += len(found.steps)
+        if found.recorded:
+            self.time = self._origin.time_at(float(found.steps[found.recorded - 1, 0]))
+            self._segment = Segment.resting(float(found.steps[found.recorded - 1, 0]), found.states[-1])
+        if found.segment is not None:
+            self._segment = found.segment
+        return found
+
+    def _take_step(self, tried: tuple[Segment, StepperMemory] | None) -> None:
         before, known = self._stepper.memory, self._error.difference
         try:
-            bound = self._jumps.bound(self._segment.t1, self._origin.own_time(self.scenario.t_end))
             ledger = LedgerState(self._tail, self.energy, self.kinetic) if self.plant is None else None
-            segment, pending = found_step(self._stepper, self._links, self._dynamics, bound, ledger)
+            segment, pending = found_step(self._stepper, self._links, self._dynamics, self._bound(), ledger, tried)
             self._precision.check(segment.t1, segment.coefficients[-1])
             self._error.follow(segment)
         except BaseException:
@@ -202,7 +236,7 @@ class ExactSession:
             self.energy, self.kinetic = self._dynamics.energy(t, y)
             self.time = self._origin.time_at(t)
             self._record_frames(t)
-            self._record_trace()
+            self._record_trace(self._segment.t1, self._segment.coefficients[-1])
         error = self._switch() if self._pending else None
         after = float(np.nextafter(t, np.inf))
         if after == self._jumps.following(t):
@@ -243,7 +277,7 @@ class ExactSession:
             ):
                 error = infinite_at_once(self.time, tuple(map(int, crossings[0].pairs[0])))
             self.jumped += self.energy - before
-            self._record_trace()
+            self._record_trace(self._segment.t1, self._segment.coefficients[-1])
         self._stepper.restart(t, np.array(y))
         self._error.switched(self._stepper.memory.slope)
         return error
@@ -253,14 +287,18 @@ class ExactSession:
         if due:
             error = self._error.over(self._segment)
         for own, t in due:
-            q, p, _ = self._dynamics.split(self._segment.at(own))
-            errors = self._origin.rounded(own, error.position, error.velocity)
-            self.recorder.frame(t, *self._origin.outwards(own, q, p), self._links.links[0], errors)
+            self._record_frame(own, t, self._segment.at(own), error.position, error.velocity)
 
-    def _record_trace(self) -> None:
-        kinetic, work, supplied = self._added(self._segment.coefficients[-1])
+    def _record_frame(self, own: float, t: float, y: Array, position: float, velocity: float) -> None:
+        q, p, _ = self._dynamics.split(y)
+        errors = self._origin.rounded(own, position, velocity)
+        self.recorder.frame(t, *self._origin.outwards(own, q, p), self._links.links[0], errors)
+
+    def _record_trace(self, own: float, y: Array) -> None:
+        """Write the row of the ledger at the session's own time, when ``y`` is the state vector."""
+        kinetic, work, supplied = self._added(y)
         ledger = self._tail[:LEDGER] + np.array([work, 0.0, supplied])
-        row = (self._origin.time_at(self._segment.t1), self.energy + kinetic, self.kinetic + kinetic)
+        row = (self._origin.time_at(own), self.energy + kinetic, self.kinetic + kinetic)
         self.recorder.trace.append((*row, *map(float, ledger), self.jumped))
 
     def _added(self, y: Array) -> tuple[float, float, float]:
@@ -367,7 +405,7 @@ class ExactSession:
         error.abandon(own, saved["_links"])
         self._error.take_over(error, exact=state is not None)
         self.jumped += self.energy + self._added(self._segment.coefficients[-1])[0] - before
-        self._record_trace()
+        self._record_trace(self._segment.t1, self._segment.coefficients[-1])
 
     @property
     def about(self) -> dict[str, object]:

@@ -61,9 +61,10 @@ class SolutionError:
         self._dynamics = dynamics
         self._recorder = recorder
         law = dynamics.layout.law
-        reach = min((float(np.min(np.asarray(g.break_radius))) for g in law.graphs), default=np.inf)
+        self.reach = min((float(np.min(np.asarray(g.break_radius))) for g in law.graphs), default=np.inf)
+        """Shortest reach of a graph."""
         difference = Difference.none(size) if memory is None else memory.difference
-        self._companion = Companion(dynamics, difference, reach)
+        self._companion = Companion(dynamics, difference, self.reach)
         self._doubts = Doubts()
         if memory is not None:
             self._doubts.recall(memory.doubts)
@@ -82,6 +83,11 @@ class SolutionError:
     @difference.setter
     def difference(self, value: Difference) -> None:
         self._companion.difference = value
+
+    @property
+    def in_doubt(self) -> bool:
+        """Whether a pair is within the error of a switch."""
+        return bool(self._doubts.approaches or self._doubts.fresh)
 
     @property
     def known_until(self) -> float:
@@ -118,7 +124,7 @@ class SolutionError:
         """
         error = self.over(segment)
         self._recorder.extremes.follow(segment, links.links[0], error, origin)
-        self._recorder.extremes.add_to_ledger(segment, self._unexplained(segment))
+        self._recorder.extremes.add_to_ledger(segment, self._unexplained(segment), origin.time)
         self._settle(self._doubts.follow(segment, links, error), segment, links)
 
     def _unexplained(self, segment: Segment) -> float:

@@ -10,7 +10,7 @@ from flocking.engine.exact.crossings.switching import Crossing, LinkState
 from flocking.engine.exact.dynamics import Dynamics
 from flocking.engine.exact.failures import link_lost
 from flocking.engine.exact.integrator.segment import Segment
-from flocking.engine.exact.integrator.stepper import Stepper
+from flocking.engine.exact.integrator.stepper import Stepper, StepperMemory
 
 SHORTENED = 0.25
 """What a step that cannot be right is shortened to."""
@@ -20,7 +20,12 @@ RETRIES = 30
 
 
 def found_step(
-    stepper: Stepper, links: LinkState, dynamics: Dynamics, bound: float, ledger: LedgerState | None
+    stepper: Stepper,
+    links: LinkState,
+    dynamics: Dynamics,
+    bound: float,
+    ledger: LedgerState | None,
+    tried: tuple[Segment, StepperMemory] | None = None,
 ) -> tuple[Segment, list[Crossing]]:
     """The next segment, up to the first crossing, with what crosses at its end.
 
@@ -36,6 +41,8 @@ def found_step(
         Where the step must end.
     ledger
         The ledger at its begin; none where the agents obey another law than the ledger holds.
+    tried
+        The whole step, where it is known, with the memory of the stepper at its end.
 
     Raises
     ------
@@ -50,7 +57,12 @@ def found_step(
     longest = np.inf
     for _ in range(RETRIES):
         interruption.check()
-        complete = stepper.step(bound, longest)
+        if tried is None:
+            complete = stepper.step(bound, longest)
+        else:
+            complete = tried[0]
+            stepper.recall(tried[1])
+            tried = None
         where, crossings = links.next_crossings(complete, dynamics.n, dynamics.m, dynamics.order)
         segment = complete.cut(where) if crossings else complete
         lost = links.lost_link(crossings, dynamics.barriers)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from types import ModuleType
 
 import numpy as np
@@ -13,6 +14,7 @@ from flocking.formula.native.functions import by_address, native
 from flocking.model.checks import Array
 
 _control = by_address(ARGUMENTS + CONTROL_RESULTS)
+_energies = by_address(ARGUMENTS)
 _RATES = len(RATES)
 
 Pairs = tuple[Array | NDArray[np.int64] | NDArray[np.int32], ...]
@@ -100,6 +102,30 @@ def stages(
             )  # fmt: skip
 
 
+def state_energies(
+    address: int, order: int, t: float, y: Array, n: int, m: int, senders: Array, sensed: Array, offsets: Array,
+    pieces: Array, spans: Array, P: Array, A: Array, W: Array, S: Array, found: Array,
+) -> None:  # fmt: skip
+    """Pair storage, body storage and kinetic energy of a state vector ``y``, for native functions.
+
+    Parameters
+    ----------
+    address
+        Address of the compiled function of the energies of the law.
+    order, S
+        As for `slope`.
+    found
+        Takes the three, shape (3,).
+    """
+    q, p = np.empty((n, m)), np.zeros((n, m))
+    for i in range(n):
+        for k in range(m):
+            q[i, k] = y[i * m + k]
+            if order == 2:
+                p[i, k] = y[(n + i) * m + k]
+    _energies(address, t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S, found)
+
+
 class LawKernels:
     """Functions of one law.
 
@@ -116,6 +142,11 @@ class LawKernels:
         self.order = order
         self.name = module.__name__
         self._address = int(module.control.address)
+
+    @cached_property
+    def addresses(self) -> tuple[int, int]:
+        """Where the compiled functions of the forces and of the energies are."""
+        return self._address, int(self.module.energies.address)
 
     def control(
         self, t: float, q: Array, p: Array, pairs: Pairs, slots: Slots, functionals: Array, u: Array, rates: Array

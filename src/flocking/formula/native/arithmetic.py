@@ -301,7 +301,7 @@ def unary(builder: ir.IRBuilder, operator: ast.unaryop, value: Value) -> Value:
 _BY_LLVM = ("sqrt", "exp", "log", "sin", "cos", "log2", "log10", "exp2", "fabs", "floor", "ceil")
 _BY_LIBRARY = (
     "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "log1p", "expm1", "erf", "erfc",
-    "lgamma", "cbrt", "atan2", "hypot", "copysign", "fmod",
+    "lgamma", "cbrt", "atan2", "hypot", "copysign", "fmod", "nextafter",
 )  # fmt: skip
 _NAMES = {
     **{name: f"llvm.{name}" for name in _BY_LLVM}, **{name: name for name in _BY_LIBRARY}, "gamma": "tgamma",
@@ -355,6 +355,7 @@ def declared(builder: ir.IRBuilder, name: str, gives: ir.Type, takes: Sequence[i
 
 _MOST_VALUES: dict[object, int] = {
     min: 0, max: 0, math.atan2: 2, math.hypot: 2, math.copysign: 2, math.fmod: 2, math.pow: 2,
+    math.nextafter: 2,
 }  # fmt: skip
 _BETTER: dict[str, ast.cmpop] = {"<": ast.Lt(), ">": ast.Gt()}
 

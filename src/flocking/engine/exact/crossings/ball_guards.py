@@ -76,11 +76,11 @@ def ball_crossings(
         Positions in [0, 1], shape (k,), and pairs (agent, ball), shape (k, 2).
     """
     given = B, centres, radii, near, active, level, slack
-    return places_and_pairs(all_rows(lambda found: int(_ball_crossings(*given, found)), 3))
+    return places_and_pairs(all_rows(lambda found: int(find_ball_crossings(*given, found)), 3))
 
 
 @native
-def _ball_crossings(
+def find_ball_crossings(
     B: Array, centres: Array, radii: Array, near: Links, active: Links, level: float, slack: float, found: Array
 ) -> int:
     n, m = B.shape[1], B.shape[2]

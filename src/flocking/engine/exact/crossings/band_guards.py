@@ -64,11 +64,11 @@ def within_error(
         is within the error at the end; shape (k, 6).
     """
     given = B, far, near, active, enter, leave, directed, nodes, most, floor
-    return all_rows(lambda found: int(_within_error(*given, found)), 6)
+    return all_rows(lambda found: int(find_within_error(*given, found)), 6)
 
 
 @native
-def _within_error(
+def find_within_error(
     B: Array, far: Array, near: Links, active: Links, enter: Array, leave: Array, directed: bool,
     nodes: Array, most: float, floor: float, found: Array,
 ) -> int:  # fmt: skip
@@ -213,7 +213,10 @@ def diameter(B: Array, far: Array, least: float) -> tuple[float, float, int, int
     return np.sqrt(max(best, 0.0)), where, one, two
 
 
-def fastest(P: Array, shares: Array, goal: Array, speed: float, spread: float, relative: float) -> Array:
+@native
+def find_fastest(
+    P: Array, shares: Array, goal: Array, speed: float, spread: float, relative: float, rows: Array
+) -> None:
     """Largest speed, distance of a velocity from the mean one, and speed relative to a goal, on the segment.
 
     Parameters
@@ -225,20 +228,10 @@ def fastest(P: Array, shares: Array, goal: Array, speed: float, spread: float, r
     goal
         Constant velocity, shape (m,).
     speed, spread, relative
-        What each of the three is looked for above.
-
-    Returns
-    -------
-    Array
-        A row for each: value, where in [0, 1] or `NEVER`, and whose; shape (3, 3).
+        What each of the three is looked for above; what is infinite is not looked for.
+    rows
+        Takes a row for each: value, where in [0, 1] or `NEVER`, and whose; shape (3, 3).
     """
-    rows = np.empty((3, 3))
-    _fastest(P, shares, goal, speed, spread, relative, rows)
-    return rows
-
-
-@native
-def _fastest(P: Array, shares: Array, goal: Array, speed: float, spread: float, relative: float, rows: Array) -> None:
     n, m = P.shape[1], P.shape[2]
     extended = np.zeros((P.shape[0], n + 3, m))
     for a in range(P.shape[0]):

@@ -274,11 +274,11 @@ def crossings(
         Crossing positions in [0, 1], shape (k,), and ordered pairs, shape (k, 2).
     """
     given = B, far, near, active, enter, leave, directed, slack, P
-    return places_and_pairs(all_rows(lambda found: int(_crossings(*given, found)), 3))
+    return places_and_pairs(all_rows(lambda found: int(find_crossings(*given, found)), 3))
 
 
 @native
-def _crossings(
+def find_crossings(
     B: Array, far: Array, near: Links, active: Links, enter: Array, leave: Array, directed: bool, slack: float,
     P: Array, found: Array,
 ) -> int:  # fmt: skip
@@ -327,12 +327,19 @@ def closest(B: Array, far: Array, linked: Links, best_linked: float, best_free: 
         Rows (linked, free): squared distance, position in [0, 1] or `NEVER`, and the pair; shape (2, 4).
     """
     found = np.empty((2, 4))
-    _closest(B, far, linked, best_linked, best_free, found)
+    find_closest(B, far, linked, best_linked, best_free, found)
     return found
 
 
 @native
-def _closest(B: Array, far: Array, linked: Links, best_linked: float, best_free: float, found: Array) -> None:
+def find_closest(B: Array, far: Array, linked: Links, best_linked: float, best_free: float, found: Array) -> None:
+    """Fill the rows of `closest`.
+
+    Parameters
+    ----------
+    found
+        Takes them, shape (2, 4).
+    """
     n = B.shape[1]
     for row in range(2):
         found[row, 0] = best_free**2 if row else best_linked**2

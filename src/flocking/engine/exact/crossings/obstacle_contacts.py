@@ -9,7 +9,7 @@ watched by `ball_guards`, which misses nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from flocking.engine.exact.crossings.ball_guards import ball_crossings, centre_paths, uniform_balls
 from flocking.engine.exact.crossings.guards import NEVER
+from flocking.engine.exact.integrator.method import DEGREE
 from flocking.engine.exact.integrator.segment import Segment
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 from flocking.formula.compiled import Reading
@@ -97,7 +98,6 @@ class ObstacleContacts(ObstacleDistances):
     def _crossings(
         self, segment: Segment, B: Array, near: list[Links], active: list[Links]
     ) -> list[tuple[int, Array, Indices]]:
-        excursion = np.sqrt(((B - B[0]) ** 2).sum(axis=2).max(axis=0))
         slack = 1e-13 + 16 * np.finfo(float).eps * float(np.abs(B).max(initial=0.0))
         length = segment.t1 - segment.t0
         found = []
@@ -105,6 +105,7 @@ class ObstacleContacts(ObstacleDistances):
             if self._balls[g]:
                 found += self._ball_crossings(g, segment, B, near, active, slack)
                 continue
+            excursion = np.sqrt(((B - B[0]) ** 2).sum(axis=2).max(axis=0))
             clear = self.distances(g, B[0], segment.t0)
             moved = length * np.array([_speed_bound(x, segment.t0, segment.t1) for x in group.obstacles])
             parts = []
@@ -127,6 +128,32 @@ class ObstacleContacts(ObstacleDistances):
                     hit = (when <= 1.0) & (levels == number)
                     found.append((int(number), when[hit], np.stack([i[hit], o[hit]], axis=1)))
         return found
+
+    def tables(self, near: list[Links], active: list[Links]) -> tuple[Array, ...] | None:
+        """Distances from balls at rest that are watched, level by level; None where there are other obstacles.
+
+        The balls, shape (levels, 8, K, m), their radii, shape (levels, K), which agents are within the level and which
+        pairs are looked at, shape (levels, N, K), and the levels. K is the largest number of balls of a group.
+
+        Parameters
+        ----------
+        near, active
+            As for `next_crossings`.
+        """
+        if not all(balls and _rest(group.obstacles) for balls, group in zip(self._balls, self.groups, strict=True)):
+            return None
+        paths = [centre_paths(g.obstacles, 0.0, 0.0) for g in self.groups]  # type: ignore[arg-type]
+        count, most, (n, m) = len(self.levels), max(p.shape[1] for p in paths), (len(near[0]), paths[0].shape[2])
+        centres, radii = np.zeros((count, DEGREE + 1, most, m)), np.zeros((count, most))
+        inside, watched = np.zeros((count, n, most), dtype=bool), np.zeros((count, n, most), dtype=bool)
+        for number, level in enumerate(self.levels):
+            path = paths[level.group]
+            balls = slice(path.shape[1])
+            centres[number, :, balls] = path
+            radii[number, balls] = self._rows[level.group][list(self.groups[level.group].rows).index("radius")]
+            inside[number, :, balls] = near[number]
+            watched[number, :, balls] = active[level.group] if level.kind == "rim" else True
+        return centres, radii, inside, watched, np.array([level.distance for level in self.levels])
 
     def _ball_crossings(
         self, g: int, segment: Segment, B: Array, near: list[Links], active: list[Links], slack: float
@@ -154,6 +181,10 @@ class ObstacleContacts(ObstacleDistances):
             return np.asarray(sign[which] * (values - border[which]))
 
         return above
+
+
+def _rest(obstacles: Sequence[Obstacle]) -> bool:
+    return all(x.mover is None or type(x.mover) is Sink for x in obstacles)
 
 
 def _speed_bound(obstacle: Obstacle, t0: float, t1: float) -> float:

@@ -33,6 +33,13 @@ TIE = 1e-12
 """Crossings closer than this fraction of a step count as one instant."""
 
 
+NO_BALLS = (
+    np.zeros((0, 8, 0, 1)), np.zeros((0, 0)), np.zeros((0, 1, 0), dtype=bool), np.zeros((0, 1, 0), dtype=bool),
+    np.zeros(0),
+)  # fmt: skip
+"""What `ObstacleContacts.tables` gives of a law without obstacles."""
+
+
 @dataclass(frozen=True)
 class Watch:
     """One family of distances to watch: the links of a graph, or a kink of its formulas.
@@ -206,6 +213,32 @@ class LinkState:
         for number, watch in enumerate(self.watches[: self._first_level]):
             active = self.links[watch.graph] if watch.kind == "kink" else self._allowed[watch.graph]
             yield number, watch, active, self._views[watch.graph]
+
+    def tables(self) -> tuple[Array, ...] | None:
+        """What is watched, watch by watch; None where there are fields of view, or obstacles other than balls at rest.
+
+        Of pairs of agents which are within their distance and which are looked at, shape (watches, N, N); the distances
+        at which they enter and leave, shape (watches, N); how far beyond these a pair has crossed but for rounding;
+        whether pairs are ordered; whether the force is continuous there. Then the balls, see `ObstacleContacts.tables`.
+        """
+        if any(view is not None for view in self._views):
+            return None
+        balls: tuple[Array, ...] | None = NO_BALLS
+        if self.encounters.levels:
+            balls = self.encounters.tables(self.near[self._first_level :], self.active())
+        if balls is None:
+            return None
+        n = len(self._allowed[0])
+        found = list(self.watched())
+        near = np.array([self.near[number] for number, *_ in found], dtype=bool).reshape(-1, n, n)
+        active = np.array([pairs for _, _, pairs, _ in found], dtype=bool).reshape(-1, n, n)
+        watches = [watch for _, watch, _, _ in found]
+        enter = np.array([w.enter for w in watches]).reshape(-1, n)
+        leave = np.array([w.leave for w in watches]).reshape(-1, n)
+        graze = np.array([slack_of(w, 0.0) for w in watches])
+        directed = np.array([self.graphs[w.graph].directed for w in watches], dtype=bool)
+        smooth = np.array([w.smooth for w in watches], dtype=bool)
+        return near, active, enter, leave, graze, directed, smooth, *balls
 
     def would(self, number: int, i: int, j: int) -> str:
         """Kind of the switch that a pair would make next, as in `SWITCH_FIELDS`.

@@ -17,14 +17,22 @@ ROUNDING = 16 * float(np.finfo(float).eps)
 
 
 def _part(coefficients: Array, x: float) -> Array:
-    """Coefficients of the first fraction ``x`` of a segment; the last row is its end (de Casteljau)."""
     left = np.empty(coefficients.shape)
-    _fill_part(coefficients, x, left)
+    fill_part(coefficients, x, left)
     return left
 
 
 @native
-def _fill_part(coefficients: Array, x: float, left: Array) -> None:
+def fill_part(coefficients: Array, x: float, left: Array) -> None:
+    """Fill the coefficients of the first fraction ``x`` of a segment; the last row is its end (de Casteljau).
+
+    Parameters
+    ----------
+    coefficients
+        Those of the segment, shape (8, size).
+    left
+        Takes them, of the same shape.
+    """
     work = np.empty(coefficients.shape[0])
     for c in range(coefficients.shape[1]):
         for k in range(work.shape[0]):

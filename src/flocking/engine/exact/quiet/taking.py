@@ -1,0 +1,160 @@
+"""Quiet steps of a session: what the native loop is given, and what comes of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+
+from flocking.engine.exact.companion import FEW_PAIRS, INSIDE, SECOND, Difference
+from flocking.engine.exact.crossings.switching import LinkState
+from flocking.engine.exact.dynamics import Dynamics
+from flocking.engine.exact.extremes import Extremes
+from flocking.engine.exact.integrator.method import DEGREE, STAGES, TO_BERNSTEIN, tableau
+from flocking.engine.exact.integrator.segment import Segment
+from flocking.engine.exact.integrator.stepper import Stepper, StepperMemory
+from flocking.engine.exact.origin import Origin
+from flocking.engine.exact.precision import Precision
+from flocking.engine.exact.quiet.steps import (
+    BASE,
+    BEGIN,
+    BOUND,
+    END,
+    ENERGY,
+    FINEST,
+    KINETIC,
+    LENGTH,
+    LIMITS,
+    NOW,
+    OPEN,
+    PROPOSED,
+    RATE,
+    REACH,
+    REFUSED,
+    STOP,
+    TIME,
+    TOLERANCE,
+    TRIED,
+    UNLINKED,
+    VELOCITY_ROUNDING,
+    quiet_steps,
+)
+from flocking.engine.exact.solution_error import SolutionError
+from flocking.model.checks import Array
+
+MOST_STEPS = 64
+"""Most steps of one native call."""
+
+MOST_FRAMES = 64
+"""Most frames of one native call."""
+
+WORK = 200_000
+"""Pairs looked at in one native call, about: Ctrl-C and a clock wait for its end, some hundredths of a second."""
+
+
+@dataclass(frozen=True, eq=False)
+class QuietSteps:
+    """Steps that were taken.
+
+    Parameters
+    ----------
+    recorded
+        How many of them are on record: all, or all but the last.
+    steps
+        Time, energy and kinetic energy at the end of each, and its length, shape (steps, 4).
+    states
+        State vectors at the ends of those on record, shape (recorded, size).
+    frames
+        State vectors of the frames that fell into those, and the errors of positions and velocities.
+    segment
+        The last step where it is not on record yet.
+    tried
+        The step after it where that was tried and is not quiet, with the memory of the stepper at its end.
+    """
+
+    recorded: int
+    steps: Array
+    states: Array
+    frames: tuple[Array, Array]
+    segment: Segment | None
+    tried: tuple[Segment, StepperMemory] | None
+
+
+def take_quiet_steps(
+    dynamics: Dynamics,
+    links: LinkState,
+    stepper: Stepper,
+    error: SolutionError,
+    extremes: Extremes,
+    precision: Precision,
+    origin: Origin,
+    energies: tuple[float, float],
+    until: tuple[float, float],
+    frame_times: Array,
+) -> QuietSteps | None:
+    """Take steps as long as they are quiet; None where such a system is not known here.
+
+    Parameters
+    ----------
+    dynamics, links
+        The law in force and the links.
+    stepper
+        Stands where the last step ended, which is on record, and at the end of the last one afterwards.
+    error
+        The estimate of the error, at the same place, and afterwards too.
+    extremes
+        Takes in those on record.
+    precision
+        The bounds of what numbers can tell apart.
+    origin
+        What times and coordinates are relative to.
+    energies
+        Energy and kinetic energy at the start.
+    until
+        The own times after which to stop, and at which a step must end.
+    frame_times
+        The own times of the frames to come.
+    """
+    law, watched, memory = dynamics.compiled, links.tables(), stepper.memory
+    known = error.difference
+    if law is None or watched is None or memory.step == 0.0 or known.lost < np.inf:
+        return None
+    n, m, pairs = dynamics.n, dynamics.m, len(dynamics.pairs[0])
+    if pairs > FEW_PAIRS:
+        return None
+    room = max(1, min(MOST_STEPS, WORK // (n * n + 8 * pairs + 1)))
+    size = len(memory.y)
+    now, limits = np.zeros(NOW), np.zeros(LIMITS)
+    now[TIME], now[LENGTH], now[RATE] = memory.t, memory.step, known.rate
+    now[ENERGY], now[KINETIC] = energies
+    limits[END], limits[BOUND] = until
+    limits[BASE], limits[TOLERANCE], limits[REACH] = dynamics.base, dynamics.scenario.tolerance, error.reach
+    limits[FINEST], limits[UNLINKED] = precision.finest, dynamics.unlinked
+    limits[VELOCITY_ROUNDING] = origin.rounded(memory.t, 0.0, 0.0)[1]
+    y, slope = memory.y.copy(), memory.slope.copy()
+    coefficients, difference = np.empty((DEGREE + 1, size)), known.nodes.copy()
+    frames, frame_errors = np.empty((MOST_FRAMES, size)), np.empty((MOST_FRAMES, 2))
+    steps, states = np.empty((room, 4)), np.empty((room, size))
+    with np.errstate(all="ignore"):
+        found = quiet_steps(
+            *law, *tableau(), TO_BERNSTEIN, INSIDE, SECOND, *watched, dynamics.zones, dynamics.zone_graphs,
+            *dynamics.linked_pairs(), dynamics.singular, precision.timed, not error.in_doubt, stepper.tolerance, limits, links.links[0], extremes.shares,
+            extremes.goal, extremes.has_goal, origin.velocity, now, y, slope, stepper.slopes, coefficients, difference,
+            extremes.rows, frame_times[: MOST_FRAMES + 1], frames, frame_errors, steps, states,
+        )  # fmt: skip
+    taken, recorded, shown, ending = cast(tuple[int, int, int, int], found)
+    t, stop, length, proposed = now[[TIME, STOP, LENGTH, PROPOSED]].tolist()
+    if now[TRIED]:
+        stepper.tried = float(now[TRIED]), y
+    if taken:
+        stepper.recall(StepperMemory(t, y, slope, length))
+        error.difference = Difference(difference, float(now[RATE]), np.inf)
+    segment = tried = None
+    if ending == OPEN:
+        segment = Segment(float(now[BEGIN]), t, coefficients)
+    elif ending == REFUSED:
+        after = StepperMemory(stop, coefficients[-1].copy(), stepper.slopes[STAGES].copy(), proposed)
+        tried = Segment(t, stop, coefficients), after
+    made = frames[:shown], frame_errors[:shown]
+    return QuietSteps(recorded, steps[:taken], states[:recorded], made, segment, tried)
