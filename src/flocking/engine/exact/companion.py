@@ -12,6 +12,7 @@ along the polynomial of the step, in steps short enough for four slopes each.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -175,6 +176,20 @@ class Companion:
         nodes[-1] += kick
         self.difference = replace(self.difference, nodes=nodes)
 
+    def know(self, segment: Segment, numbers: Sequence[float]) -> None:
+        """Take in the `summary` of the difference on a step.
+
+        Parameters
+        ----------
+        segment
+            The step.
+        """
+        dynamics, (finite, *sizes) = self._dynamics, numbers
+        lost = self.difference.lost < np.inf
+        shape = dynamics.n, dynamics.m, dynamics.order
+        error = StateError(self.difference.nodes, *shape, lost, bool(finite), *sizes)
+        self._known = (segment, self.difference, error)
+
     def over(self, segment: Segment) -> StateError:
         """Errors of positions and velocities on a step that was followed.
 
@@ -186,11 +201,10 @@ class Companion:
         known = self._known
         if known is not None and known[0] is segment and known[1] is self.difference:
             return known[2]
-        n, m = self._dynamics.n, self._dynamics.m
-        numbers = summary(self.difference.nodes, segment.coefficients, n, m, self._dynamics.order)
-        error = StateError(self.difference.nodes, n, m, self._dynamics.order, self.difference.lost < np.inf, *numbers)
-        self._known = (segment, self.difference, error)
-        return error
+        dynamics = self._dynamics
+        sizes = dynamics.n, dynamics.m, dynamics.order
+        self.know(segment, summary(self.difference.nodes, segment.coefficients, *sizes))
+        return self.over(segment)
 
 
 @native

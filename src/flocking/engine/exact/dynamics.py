@@ -273,10 +273,14 @@ class Dynamics:
         given = t + self.base, q, p, self._declared_pairs, slots, self._functionals
         pairs, bodies, kinetic = module.energies(*given)
         found = float(pairs + bodies + kinetic + self.unlinked), float(kinetic)
+        self.know_energy(t, y, found)
+        return found
+
+    def know_energy(self, t: float, y: Array, found: tuple[float, float]) -> None:
+        """Remember energy and kinetic energy of a state vector, see `energy`."""
         while len(self._energies) >= KNOWN_ENERGIES:
             del self._energies[next(iter(self._energies))]
-        self._energies[key] = found
-        return found
+        self._energies[t, y.tobytes()] = found
 
     def split(self, y: Array) -> tuple[Array, Array, Array]:
         """Positions, velocities and the integrated quantities of a state vector; views, where there are velocities.

@@ -215,7 +215,9 @@ def _take(
     rows[row, ERROR] = ceiling - rows[row, VALUE]
 
 
-def _approach(B: Array, far: Array, linked: Links, t0: float, t1: float, base: float, error: float, rows: Array) -> None:
+def _approach(
+    B: Array, far: Array, linked: Links, t0: float, t1: float, base: float, error: float, rows: Array
+) -> None:
     """Take in how close pairs come on a step."""
     margin = 0.0 if error == np.inf else error
     known = np.empty(2)

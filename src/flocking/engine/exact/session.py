@@ -8,6 +8,7 @@ import numpy as np
 
 from flocking.engine import interruption
 from flocking.engine.exact.barriers import LedgerState
+from flocking.engine.exact.blocks.block import StepBlock, take_block
 from flocking.engine.exact.crossings.switching import Crossing, LinkState
 from flocking.engine.exact.dynamics import LEDGER, Dynamics
 from flocking.engine.exact.failures import infinite_at_once, sliding
@@ -17,7 +18,6 @@ from flocking.engine.exact.integrator.stepper import Stepper, StepperMemory
 from flocking.engine.exact.jump_times import JumpTimes
 from flocking.engine.exact.origin import may_have, momentum, origin_of
 from flocking.engine.exact.precision import Precision
-from flocking.engine.exact.quiet.taking import QuietSteps, take_quiet_steps
 from flocking.engine.exact.recorder import Recorder
 from flocking.engine.exact.snapshot import Snapshot as Snapshot
 from flocking.engine.exact.solution_error import SolutionError
@@ -163,7 +163,7 @@ class ExactSession:
             while self._segment.t1 < own:
                 interruption.check()
                 self._leave_segment()
-                quiet = self._take_quiet_steps(own)
+                quiet = self._take_block(own)
                 if quiet is None or quiet.segment is None:
                     self._take_step(None if quiet is None else quiet.tried)
                 if self._segment.t1 < own and time.monotonic() >= stop:
@@ -182,12 +182,12 @@ class ExactSession:
         """Where the next step must end."""
         return self._jumps.bound(self._segment.t1, self._origin.own_time(self.scenario.t_end))
 
-    def _take_quiet_steps(self, until: float) -> QuietSteps | None:
-        """Take steps on which nothing switches and nothing is in doubt, and record all but one still to be left."""
+    def _take_block(self, until: float) -> StepBlock | None:
+        """Take steps up to the first that ends in a switch or leaves something in doubt, and record those before."""
         recorder = self.recorder
         if recorder.fine is not None:
             return None
-        found = take_quiet_steps(
+        found = take_block(
             self._dynamics, self._links, self._stepper, self._error, recorder.extremes, self._precision, self._origin,
             (self.energy, self.kinetic), (until, self._bound()), recorder.to_come(self._origin.time),
         )  # fmt: skip
@@ -207,7 +207,7 @@ class ExactSession:
             self.time = self._origin.time_at(float(found.steps[found.recorded - 1, 0]))
             self._segment = Segment.resting(float(found.steps[found.recorded - 1, 0]), found.states[-1])
         if found.segment is not None:
-            self._segment = found.segment
+            self._segment, self._pending = found.segment, found.pending
         return found
 
     def _take_step(self, tried: tuple[Segment, StepperMemory] | None) -> None:

@@ -69,6 +69,7 @@ class SolutionError:
         if memory is not None:
             self._doubts.recall(memory.doubts)
         self._jump: tuple[float, Array] | None = None
+        self._explained: tuple[Segment, float] | None = None
 
     @property
     def memory(self) -> ErrorMemory:
@@ -88,6 +89,20 @@ class SolutionError:
     def in_doubt(self) -> bool:
         """Whether a pair is within the error of a switch."""
         return bool(self._doubts.approaches or self._doubts.fresh)
+
+    def know(self, segment: Segment, errors: Array) -> None:
+        """Take in what the native loop found of the step followed last, see `leave`.
+
+        Parameters
+        ----------
+        segment
+            The step.
+        errors
+            See `flocking.engine.exact.blocks.loop.step_block`.
+        """
+        *numbers, unexplained = errors.tolist()
+        self._companion.know(segment, numbers)
+        self._explained = (segment, unexplained)
 
     @property
     def known_until(self) -> float:
@@ -135,6 +150,8 @@ class SolutionError:
         """
         if self.known_until < np.inf:
             return np.inf
+        if self._explained is not None and self._explained[0] is segment:
+            return self._explained[1]
         nodes, gaps = self.difference.nodes, []
         integrated = self._dynamics.order * self._dynamics.n * self._dynamics.m
         ends = (segment.t0, segment.coefficients[0], nodes[0]), (segment.t1, segment.coefficients[-1], nodes[-1])

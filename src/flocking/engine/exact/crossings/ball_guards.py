@@ -83,6 +83,13 @@ def ball_crossings(
 def find_ball_crossings(
     B: Array, centres: Array, radii: Array, near: Links, active: Links, level: float, slack: float, found: Array
 ) -> int:
+    """Fill the rows (place, agent, ball) of `ball_crossings`, as many as there is room for; how many there are.
+
+    Parameters
+    ----------
+    found
+        Takes them, shape (room, 3).
+    """
     n, m = B.shape[1], B.shape[2]
     count = 0
     relative = np.empty((8, m))

@@ -72,6 +72,13 @@ def find_within_error(
     B: Array, far: Array, near: Links, active: Links, enter: Array, leave: Array, directed: bool,
     nodes: Array, most: float, floor: float, found: Array,
 ) -> int:  # fmt: skip
+    """Fill the rows of `within_error`, as many as there is room for; how many there are.
+
+    Parameters
+    ----------
+    found
+        Takes them, shape (room, 6).
+    """
     n = B.shape[1]
     count = 0
     square = np.empty(15)

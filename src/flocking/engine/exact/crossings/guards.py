@@ -282,6 +282,13 @@ def find_crossings(
     B: Array, far: Array, near: Links, active: Links, enter: Array, leave: Array, directed: bool, slack: float,
     P: Array, found: Array,
 ) -> int:  # fmt: skip
+    """Fill the rows (place, i, j) of `crossings`, as many as there is room for; how many there are.
+
+    Parameters
+    ----------
+    found
+        Takes them, shape (room, 3).
+    """
     n = B.shape[1]
     count = 0
     square = np.empty(15)

@@ -240,6 +240,16 @@ class LinkState:
         smooth = np.array([w.smooth for w in watches], dtype=bool)
         return near, active, enter, leave, graze, directed, smooth, *balls
 
+    def barred(self, barriers: Sequence[bool]) -> Array:
+        """Of each watch of pairs of agents, whether a link that crosses it outwards is lost, see `lost_link`.
+
+        Parameters
+        ----------
+        barriers
+            As for `lost_link`.
+        """
+        return np.array([w.kind == "link" and barriers[w.graph] for _, w, _, _ in self.watched()], dtype=bool)
+
     def would(self, number: int, i: int, j: int) -> str:
         """Kind of the switch that a pair would make next, as in `SWITCH_FIELDS`.
 

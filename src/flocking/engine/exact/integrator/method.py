@@ -96,9 +96,7 @@ def halves(stages: Stages, t: float, y: Array, h: float) -> tuple[Array, Array, 
 
 
 @native
-def error_norm(
-    K: Array, h: float, before: Array, after: Array, tolerance: Array, third: Array, fifth: Array
-) -> float:
+def error_norm(K: Array, h: float, before: Array, after: Array, tolerance: Array, third: Array, fifth: Array) -> float:
     """Error of a step in units of what is allowed.
 
     Parameters

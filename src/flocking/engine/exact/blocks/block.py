@@ -1,4 +1,4 @@
-"""Quiet steps of a session: what the native loop is given, and what comes of it."""
+"""A block of steps of a session: what the native loop is given, and what comes of it."""
 
 from __future__ import annotations
 
@@ -7,21 +7,13 @@ from typing import cast
 
 import numpy as np
 
-from flocking.engine.exact.companion import FEW_PAIRS, INSIDE, SECOND, Difference
-from flocking.engine.exact.crossings.switching import LinkState
-from flocking.engine.exact.dynamics import Dynamics
-from flocking.engine.exact.extremes import Extremes
-from flocking.engine.exact.integrator.method import DEGREE, STAGES, TO_BERNSTEIN, tableau
-from flocking.engine.exact.integrator.segment import Segment
-from flocking.engine.exact.integrator.stepper import Stepper, StepperMemory
-from flocking.engine.exact.origin import Origin
-from flocking.engine.exact.precision import Precision
-from flocking.engine.exact.quiet.steps import (
+from flocking.engine.exact.blocks.loop import (
     BASE,
     BEGIN,
     BOUND,
     END,
     ENERGY,
+    ERRORS,
     FINEST,
     KINETIC,
     LENGTH,
@@ -38,13 +30,25 @@ from flocking.engine.exact.quiet.steps import (
     TRIED,
     UNLINKED,
     VELOCITY_ROUNDING,
-    quiet_steps,
+    step_block,
 )
+from flocking.engine.exact.companion import FEW_PAIRS, INSIDE, SECOND, Difference
+from flocking.engine.exact.crossings.switching import Crossing, LinkState
+from flocking.engine.exact.dynamics import Dynamics
+from flocking.engine.exact.extremes import Extremes
+from flocking.engine.exact.integrator.method import DEGREE, STAGES, TO_BERNSTEIN, tableau
+from flocking.engine.exact.integrator.segment import Segment
+from flocking.engine.exact.integrator.stepper import Stepper, StepperMemory
+from flocking.engine.exact.origin import Origin
+from flocking.engine.exact.precision import Precision
 from flocking.engine.exact.solution_error import SolutionError
 from flocking.model.checks import Array
 
 MOST_STEPS = 64
 """Most steps of one native call."""
+
+MOST_CROSSINGS = 256
+"""Most crossings of one step."""
 
 MOST_FRAMES = 64
 """Most frames of one native call."""
@@ -54,7 +58,7 @@ WORK = 200_000
 
 
 @dataclass(frozen=True, eq=False)
-class QuietSteps:
+class StepBlock:
     """Steps that were taken.
 
     Parameters
@@ -67,10 +71,10 @@ class QuietSteps:
         State vectors at the ends of those on record, shape (recorded, size).
     frames
         State vectors of the frames that fell into those, and the errors of positions and velocities.
-    segment
-        The last step where it is not on record yet.
+    segment, pending
+        The last step where it is not on record yet, and what crosses at its end.
     tried
-        The step after it where that was tried and is not quiet, with the memory of the stepper at its end.
+        The step after it where that was tried and needs a closer look, with the memory of the stepper at its end.
     """
 
     recorded: int
@@ -78,10 +82,11 @@ class QuietSteps:
     states: Array
     frames: tuple[Array, Array]
     segment: Segment | None
+    pending: list[Crossing]
     tried: tuple[Segment, StepperMemory] | None
 
 
-def take_quiet_steps(
+def take_block(
     dynamics: Dynamics,
     links: LinkState,
     stepper: Stepper,
@@ -92,8 +97,8 @@ def take_quiet_steps(
     energies: tuple[float, float],
     until: tuple[float, float],
     frame_times: Array,
-) -> QuietSteps | None:
-    """Take steps as long as they are quiet; None where such a system is not known here.
+) -> StepBlock | None:
+    """Take steps, up to the first that ends in a switch or leaves something in doubt; None for what needs more.
 
     Parameters
     ----------
@@ -120,7 +125,7 @@ def take_quiet_steps(
     known = error.difference
     if law is None or watched is None or memory.step == 0.0 or known.lost < np.inf:
         return None
-    n, m, pairs = dynamics.n, dynamics.m, len(dynamics.pairs[0])
+    n, pairs = dynamics.n, len(dynamics.pairs[0])
     if pairs > FEW_PAIRS:
         return None
     room = max(1, min(MOST_STEPS, WORK // (n * n + 8 * pairs + 1)))
@@ -133,28 +138,38 @@ def take_quiet_steps(
     limits[FINEST], limits[UNLINKED] = precision.finest, dynamics.unlinked
     limits[VELOCITY_ROUNDING] = origin.rounded(memory.t, 0.0, 0.0)[1]
     y, slope = memory.y.copy(), memory.slope.copy()
-    coefficients, difference = np.empty((DEGREE + 1, size)), known.nodes.copy()
+    coefficients, whole, difference = np.empty((DEGREE + 1, size)), np.empty(size), known.nodes.copy()
+    errors, crossed = np.empty(ERRORS), np.empty((MOST_CROSSINGS, 4))
     frames, frame_errors = np.empty((MOST_FRAMES, size)), np.empty((MOST_FRAMES, 2))
     steps, states = np.empty((room, 4)), np.empty((room, size))
     with np.errstate(all="ignore"):
-        found = quiet_steps(
-            *law, *tableau(), TO_BERNSTEIN, INSIDE, SECOND, *watched, dynamics.zones, dynamics.zone_graphs,
-            *dynamics.linked_pairs(), dynamics.singular, precision.timed, not error.in_doubt, stepper.tolerance, limits, links.links[0], extremes.shares,
-            extremes.goal, extremes.has_goal, origin.velocity, now, y, slope, stepper.slopes, coefficients, difference,
+        found = step_block(
+            *law, *tableau(), TO_BERNSTEIN, INSIDE, SECOND, links.barred(dynamics.barriers), *watched, dynamics.zones,
+            dynamics.zone_graphs, *dynamics.linked_pairs(), dynamics.singular, precision.timed, not error.in_doubt,
+            stepper.tolerance, limits, links.links[0], extremes.shares, extremes.goal, extremes.has_goal,
+            origin.velocity, now, y, slope, stepper.slopes, coefficients, whole, difference, errors, crossed,
             extremes.rows, frame_times[: MOST_FRAMES + 1], frames, frame_errors, steps, states,
         )  # fmt: skip
-    taken, recorded, shown, ending = cast(tuple[int, int, int, int], found)
+    taken, recorded, shown, ending, count = cast(tuple[int, int, int, int, int], found)
     t, stop, length, proposed = now[[TIME, STOP, LENGTH, PROPOSED]].tolist()
     if now[TRIED]:
         stepper.tried = float(now[TRIED]), y
-    if taken:
-        stepper.recall(StepperMemory(t, y, slope, length))
-        error.difference = Difference(difference, float(now[RATE]), np.inf)
     segment = tried = None
+    if taken:
+        # Where a step was cut, the stepper has gone on to its whole end.
+        there = (stop, whole) if ending == OPEN else (t, y)
+        stepper.recall(StepperMemory(*there, slope, length))
+        error.difference = Difference(difference, float(now[RATE]), np.inf)
     if ending == OPEN:
         segment = Segment(float(now[BEGIN]), t, coefficients)
+        error.know(segment, errors)
+        dynamics.know_energy(t, y, (float(now[ENERGY]), float(now[KINETIC])))
     elif ending == REFUSED:
         after = StepperMemory(stop, coefficients[-1].copy(), stepper.slopes[STAGES].copy(), proposed)
         tried = Segment(t, stop, coefficients), after
+    pending = [
+        Crossing(w, crossed[:count][crossed[:count, 0] == w, 2:].astype(np.int64))
+        for w in sorted({int(w) for w in crossed[:count, 0]})
+    ]
     made = frames[:shown], frame_errors[:shown]
-    return QuietSteps(recorded, steps[:taken], states[:recorded], made, segment, tried)
+    return StepBlock(recorded, steps[:taken], states[:recorded], made, segment, pending, tried)
