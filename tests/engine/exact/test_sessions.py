@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.engine.exact.dynamics import Dynamics
+from flocking.engine.exact.blocks.block import take_block
 from flocking.engine.exact.session import ExactSession
 from flocking.engine.runs.run_errors import accuracy_data
 from flocking.errors import InvalidInput, NotFinite, StepTooSmall
@@ -139,22 +139,25 @@ def test_a_bad_replacement_leaves_the_session_as_it_was() -> None:
     assert same(one.run(), two.run())
 
 
-class Stop:
-    """What computes the stages of steps, interrupted after so many calls."""
+def pressed_after(monkeypatch: pytest.MonkeyPatch, calls: int) -> None:
+    """Ctrl-C while what computes a block of steps is called for the so-many-th time, or after it has."""
+    left = calls
 
-    def __init__(self, stages: Any, calls: int) -> None:
-        self.stages, self.calls = stages, calls
-
-    def __call__(self, dynamics: Dynamics, *given: Any) -> Any:
-        self.calls -= 1
-        if self.calls == 0:
+    def block(*given: Any, **how: Any) -> Any:
+        nonlocal left
+        left -= 1
+        if left == 0:
             raise KeyboardInterrupt
-        return self.stages(dynamics, *given)
+        found = take_block(*given, **{**how, "seconds": 0.0})
+        if left == -calls:
+            raise KeyboardInterrupt
+        return found
+
+    monkeypatch.setattr("flocking.engine.exact.session.take_block", block)
 
 
 def test_ctrl_c_keeps_what_was_computed(monkeypatch: pytest.MonkeyPatch) -> None:
-    stop = Stop(Dynamics.stages, 90)
-    monkeypatch.setattr(Dynamics, "stages", lambda self, *given: stop(self, *given))
+    pressed_after(monkeypatch, 30)
     run = fk.simulate(particles(), progress=False)
     monkeypatch.undo()
     whole = fk.simulate(particles(), progress=False)
@@ -166,11 +169,11 @@ def test_ctrl_c_keeps_what_was_computed(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_an_interrupted_session_goes_on_bit_for_bit(monkeypatch: pytest.MonkeyPatch) -> None:
-    stop = Stop(Dynamics.stages, 90)
-    monkeypatch.setattr(Dynamics, "stages", lambda self, *given: stop(self, *given))
+    pressed_after(monkeypatch, 10)
     session = fk.start(particles())
-    with pytest.raises(KeyboardInterrupt):
-        session.advance(4.0)
+    for _ in range(2):
+        with pytest.raises(KeyboardInterrupt):
+            session.advance(4.0)
     session.advance(4.0)
     monkeypatch.undo()
     assert same(session.run(), fk.simulate(particles(), progress=False))

@@ -25,8 +25,8 @@ from flocking.engine.archives.data_checks import (
 from flocking.engine.exact.companion import NODES
 from flocking.engine.exact.crossings.switching import LinkState
 from flocking.engine.exact.dynamics import LEDGER
-from flocking.engine.exact.extremes import SPEEDS
-from flocking.engine.exact.integrator.segment import DEGREE
+from flocking.engine.exact.extremes import NAMES
+from flocking.engine.exact.integrator.method import DEGREE
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.runs.columns import KINDS
 from flocking.engine.runs.run import DOUBT_FIELDS
@@ -97,7 +97,7 @@ def _numbers(scenario: Scenario, links: LinkState) -> Names:
     extreme = Row([ANY, ANY, Many(agent), ANY])
     near = Row([pair, Row([ANY, ANY, ANY, ANY])])
     fresh = Row([pair, Row([ANY, ANY, ANY, Flag(), what, ANY, Flag()])])
-    extremes = dict.fromkeys((*SPEEDS, "diameter", "ledger"), extreme)
+    extremes = dict.fromkeys(NAMES, extreme)
     return Names(
         {
             "engine": Text(("exact",)), "time": Real(), "energy": Real(), "jumped": Real(), "steps": Integer(),

@@ -179,7 +179,7 @@ def follow_extremes(
         _approach(B, far, linked, t0, t1, base, pairs, rows)
     if P.shape[1] == 0:
         return
-    shifted = np.empty(P.shape)
+    shifted = np.empty((P.shape[0], P.shape[1], P.shape[2]))
     for a in range(P.shape[0]):
         for i in range(P.shape[1]):
             for k in range(P.shape[2]):

@@ -17,10 +17,12 @@ class JumpTimes:
         The law in force.
     origin
         What the session's own time is relative to.
+    end
+        When the run ends, in the user's time; a session that goes on beyond it has no end.
     """
 
-    def __init__(self, law: Law, origin: Origin) -> None:
-        self._law = law
+    def __init__(self, law: Law, origin: Origin, end: float) -> None:
+        self._law, self._end = law, origin.own_time(end)
         self._origin = origin
         self._next = -np.inf
 
@@ -33,15 +35,15 @@ class JumpTimes:
             self._next = self._origin.own_time(min(later, default=np.inf))
         return self._next
 
-    def bound(self, now: float, end: float) -> float:
+    def bound(self, now: float) -> float:
         """Where a step from ``now`` on must end: the end of the run, or the last moment before a term switches.
 
         Parameters
         ----------
-        now, end
-            Where the step begins, and where the run ends; a session that goes on beyond its end has none.
+        now
+            Where the step begins.
         """
-        end = end if now < end else np.inf
+        end = self._end if now < self._end else np.inf
         jump = self.following(now)
         before = float(np.nextafter(jump, -np.inf))
         return before if jump < end and before > now else end

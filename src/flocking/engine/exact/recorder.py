@@ -69,6 +69,26 @@ class Recorder:
         self.errors[count:] = [errors]
         self.t.append(t)
 
+    def frame_at(
+        self,
+        own: float,
+        t: float,
+        motion: tuple[Array, Array],
+        links: Links,
+        error: tuple[float, float],
+        origin: Origin,
+    ) -> None:
+        """Store a frame from positions and velocities, and their errors, relative to an origin.
+
+        Parameters
+        ----------
+        own, t
+            The session's own time and the user's.
+        motion
+            Positions and velocities, shape (N, m) each.
+        """
+        self.frame(t, *origin.outwards(own, *motion), links, origin.rounded(own, *error))
+
     def due(self, until: float, base: float) -> list[tuple[float, float]]:
         """Frame times not yet stored, up to ``until``: each in the session's own time and in the user's.
 

@@ -16,9 +16,10 @@ from flocking.engine.exact.integrator.segment import Segment
 from flocking.engine.exact.integrator.step_lengths import Shrunk, StepLengths
 from flocking.engine.exact.integrator.stepper import Stepper, StepperMemory
 from flocking.engine.exact.jump_times import JumpTimes
-from flocking.engine.exact.origin import may_have, momentum, origin_of
+from flocking.engine.exact.origin import momentum, origin_of
 from flocking.engine.exact.precision import Precision
 from flocking.engine.exact.recorder import Recorder
+from flocking.engine.exact.replacement import replacement
 from flocking.engine.exact.snapshot import Snapshot as Snapshot
 from flocking.engine.exact.solution_error import SolutionError
 from flocking.engine.exact.step_search import found_step
@@ -67,13 +68,13 @@ class ExactSession:
         law = plant or scenario.law
         self._begin(own, LinkState(law, own.q, own.links, own.t, scenario.agents.headings, self._origin.time))
         self._record_frames(own.t)
-        self._record_trace(self._segment.t1, self._segment.coefficients[-1])
+        self._record_trace()
 
     def _prepare(self, n: int, m: int) -> None:
         """Kernels and parameters: all that depends on the law but not on the state."""
         self.n, self.m = n, m
         self._dynamics = Dynamics(self.scenario, self.plant, n, m, self._origin.time)
-        self._jumps = JumpTimes(self._dynamics.layout.law, self._origin)
+        self._jumps = JumpTimes(self._dynamics.layout.law, self._origin, self.scenario.t_end)
         self._lengths = StepLengths(self.scenario.t_end - self.scenario.start.t)
 
     def _begin(self, state: State, links: LinkState) -> None:
@@ -163,9 +164,9 @@ class ExactSession:
             while self._segment.t1 < own:
                 interruption.check()
                 self._leave_segment()
-                quiet = self._take_block(own)
-                if quiet is None or quiet.segment is None:
-                    self._take_step(None if quiet is None else quiet.tried)
+                block = self._take_block(own, stop)
+                if block is None or block.segment is None:
+                    self._take_step(None if block is None else block.tried)
                 if self._segment.t1 < own and time.monotonic() >= stop:
                     self.time = max(self.time, self._origin.latest(self._segment.t1))
                     self._record_frames(self._own_now)
@@ -178,43 +179,46 @@ class ExactSession:
             error.run = self.run(str(error))
             raise
 
-    def _bound(self) -> float:
-        """Where the next step must end."""
-        return self._jumps.bound(self._segment.t1, self._origin.own_time(self.scenario.t_end))
-
-    def _take_block(self, until: float) -> StepBlock | None:
+    def _take_block(self, until: float, stop: float) -> StepBlock | None:
         """Take steps up to the first that ends in a switch or leaves something in doubt, and record those before."""
-        recorder = self.recorder
+        recorder, dynamics, origin = self.recorder, self._dynamics, self._origin
         if recorder.fine is not None:
             return None
         found = take_block(
-            self._dynamics, self._links, self._stepper, self._error, recorder.extremes, self._precision, self._origin,
-            (self.energy, self.kinetic), (until, self._bound()), recorder.to_come(self._origin.time),
+            dynamics, self._links, self._stepper, self._error, recorder.extremes, self._precision, origin,
+            (self.energy, self.kinetic), (until, self._jumps.bound(self._segment.t1)), recorder.to_come(origin.time),
+            seconds=stop - time.monotonic(),
         )  # fmt: skip
-        if found is None:
-            return None
-        for row, y in zip(found.steps.tolist(), found.states, strict=False):
-            self._tail = y[self._dynamics.order * self.n * self.m :]
-            self.energy, self.kinetic = row[1:3]
-            self._record_trace(row[0], y)
-        for y, errors in zip(*found.frames, strict=True):
+        if found is None or not len(found.steps):
+            return found
+        steps = found.steps.tolist()
+        recorder.trace += [self._trace_row(t, e, k, y) for (t, e, k, _), y in zip(steps, found.states, strict=False)]
+        for y, error in zip(found.frames[0], found.frames[1].tolist(), strict=True):
             t = float(recorder.frame_times[len(recorder.t)])
-            self._record_frame(self._origin.own_time(t), t, y, *errors)
-        for row in found.steps.tolist():
+            recorder.frame_at(origin.own_time(t), t, dynamics.split(y)[:2], self._links.links[0], error, origin)
+        self._stepper.recall(found.memory)
+        self._error.difference, recorder.extremes.rows = found.difference, found.extremes
+        self.steps += len(steps)
+        for row in steps:
             self._lengths.add(row[3])
-        self.steps += len(found.steps)
         if found.recorded:
-            self.time = self._origin.time_at(float(found.steps[found.recorded - 1, 0]))
-            self._segment = Segment.resting(float(found.steps[found.recorded - 1, 0]), found.states[-1])
+            own, self.energy, self.kinetic, _ = steps[found.recorded - 1]
+            self._tail = found.states[-1][dynamics.order * self.n * self.m :]
+            self.time = origin.time_at(own)
+            self._segment = Segment.resting(own, found.states[-1])
         if found.segment is not None:
             self._segment, self._pending = found.segment, found.pending
+            self._error.know(found.segment, found.errors)
+            dynamics.know_energy(found.segment.t1, found.segment.coefficients[-1], (steps[-1][1], steps[-1][2]))
         return found
 
     def _take_step(self, tried: tuple[Segment, StepperMemory] | None) -> None:
         before, known = self._stepper.memory, self._error.difference
         try:
             ledger = LedgerState(self._tail, self.energy, self.kinetic) if self.plant is None else None
-            segment, pending = found_step(self._stepper, self._links, self._dynamics, self._bound(), ledger, tried)
+            segment, pending = found_step(
+                self._stepper, self._links, self._dynamics, self._jumps.bound(self._segment.t1), ledger, tried
+            )
             self._precision.check(segment.t1, segment.coefficients[-1])
             self._error.follow(segment)
         except BaseException:
@@ -236,7 +240,7 @@ class ExactSession:
             self.energy, self.kinetic = self._dynamics.energy(t, y)
             self.time = self._origin.time_at(t)
             self._record_frames(t)
-            self._record_trace(self._segment.t1, self._segment.coefficients[-1])
+            self._record_trace()
         error = self._switch() if self._pending else None
         after = float(np.nextafter(t, np.inf))
         if after == self._jumps.following(t):
@@ -277,7 +281,7 @@ class ExactSession:
             ):
                 error = infinite_at_once(self.time, tuple(map(int, crossings[0].pairs[0])))
             self.jumped += self.energy - before
-            self._record_trace(self._segment.t1, self._segment.coefficients[-1])
+            self._record_trace()
         self._stepper.restart(t, np.array(y))
         self._error.switched(self._stepper.memory.slope)
         return error
@@ -287,19 +291,19 @@ class ExactSession:
         if due:
             error = self._error.over(self._segment)
         for own, t in due:
-            self._record_frame(own, t, self._segment.at(own), error.position, error.velocity)
+            motion, found = self._dynamics.split(self._segment.at(own))[:2], (error.position, error.velocity)
+            self.recorder.frame_at(own, t, motion, self._links.links[0], found, self._origin)
 
-    def _record_frame(self, own: float, t: float, y: Array, position: float, velocity: float) -> None:
-        q, p, _ = self._dynamics.split(y)
-        errors = self._origin.rounded(own, position, velocity)
-        self.recorder.frame(t, *self._origin.outwards(own, q, p), self._links.links[0], errors)
+    def _record_trace(self) -> None:
+        y = self._segment.coefficients[-1]
+        self.recorder.trace.append(self._trace_row(self._segment.t1, self.energy, self.kinetic, y))
 
-    def _record_trace(self, own: float, y: Array) -> None:
-        """Write the row of the ledger at the session's own time, when ``y`` is the state vector."""
-        kinetic, work, supplied = self._added(y)
-        ledger = self._tail[:LEDGER] + np.array([work, 0.0, supplied])
-        row = (self._origin.time_at(own), self.energy + kinetic, self.kinetic + kinetic)
-        self.recorder.trace.append((*row, *map(float, ledger), self.jumped))
+    def _trace_row(self, own: float, energy: float, kinetic: float, y: Array) -> tuple[float, ...]:
+        """The row of the ledger at the session's own time, when ``y`` is the state vector."""
+        more, work, supplied = self._added(y)
+        first = self._dynamics.order * self.n * self.m
+        ledger = y[first : first + LEDGER] + np.array([work, 0.0, supplied])
+        return (self._origin.time_at(own), energy + more, kinetic + more, *map(float, ledger), self.jumped)
 
     def _added(self, y: Array) -> tuple[float, float, float]:
         """What kinetic energy, work and supply are more in the user's coordinates than in the session's own."""
@@ -361,40 +365,22 @@ class ExactSession:
         own = self._own_now
         if own == self._segment.t1:
             self._leave_segment()
-        old = self.state
-        new = State(old.q, old.p, self.time) if state is None else State(state.q, state.p, self.time, state.links)
-        if new.q.shape != old.q.shape:
-            raise InvalidInput("ExactSession", "state", f"must have the shape {old.q.shape}", new.q.shape)
-        declared = law or self.scenario.law
-        end = max(self.scenario.t_end, self.time)
-        self.scenario.with_(law=declared, start=new, t_end=end, frames=1)
-        plant = self.plant if law is None else None
-        acting = plant or declared
-        segment = self._segment.until(own)
-        y = segment.coefficients[-1]
-        scenario = self.scenario.with_(law=declared, t_end=end)
-        if state is None and may_have(scenario, plant, self._origin):
-            # The session's own coordinates hold more digits than the user's.
-            q, p, _ = self._dynamics.split(y)
-            origin, begin = self._origin, State(q, p, own)
-        else:
-            origin = origin_of(scenario, plant, new, self._origin.time)
-            begin = origin.inwards(new)
-        links = LinkState(acting, begin.q, new.links, own, self.scenario.agents.headings, origin.time)
-        if state is None and acting.graphs == self._links.graphs:
-            for matrix, kept_links in zip(links.links, self._links.links, strict=True):
-                matrix[:] = kept_links
+        new = replacement(
+            self.scenario, self.plant, law, state, old=self.state, own=own, segment=self._segment, links=self._links,
+            origin=self._origin, split=self._dynamics.split,
+        )  # fmt: skip
+        segment, y = new.segment, new.segment.coefficients[-1]
         error = self._error
         error.follow(segment, again=True)
         kinetic, work, supplied = self._added(y)
         before = self._dynamics.energy(own, y)[0] + kinetic
         saved = dict(vars(self))
         try:
-            self.plant, self.scenario, self._origin = plant, scenario, origin
+            self.plant, self.scenario, self._origin = new.plant, new.scenario, new.origin
             self._tail = np.array(y[self._dynamics.order * self.n * self.m :])
             self._tail[:LEDGER] += (work, 0.0, supplied)
             self._prepare(self.n, self.m)
-            self._begin(begin, links)
+            self._begin(new.begin, new.links)
         except Exception:
             vars(self).update(saved)
             error.follow(self._segment, again=True)
@@ -405,7 +391,7 @@ class ExactSession:
         error.abandon(own, saved["_links"])
         self._error.take_over(error, exact=state is not None)
         self.jumped += self.energy + self._added(self._segment.coefficients[-1])[0] - before
-        self._record_trace(self._segment.t1, self._segment.coefficients[-1])
+        self._record_trace()
 
     @property
     def about(self) -> dict[str, object]:

@@ -57,6 +57,10 @@ WORK = 200_000
 """Pairs looked at in one native call, about: Ctrl-C and a clock wait for its end, some hundredths of a second."""
 
 
+SHORT_SLICE = 0.05
+"""Where less wall time is left than this, steps are taken one by one."""
+
+
 @dataclass(frozen=True, eq=False)
 class StepBlock:
     """Steps that were taken.
@@ -71,8 +75,12 @@ class StepBlock:
         State vectors at the ends of those on record, shape (recorded, size).
     frames
         State vectors of the frames that fell into those, and the errors of positions and velocities.
+    memory, difference, extremes
+        What the stepper, the estimate of the error and the largest values are after them.
     segment, pending
-        The last step where it is not on record yet, and what crosses at its end.
+        The last step, not on record yet, and what crosses at its end; none where the next one is more than this can do.
+    errors
+        What is known of the error on that step, see `flocking.engine.exact.solution_error.SolutionError.know`.
     tried
         The step after it where that was tried and needs a closer look, with the memory of the stepper at its end.
     """
@@ -81,7 +89,11 @@ class StepBlock:
     steps: Array
     states: Array
     frames: tuple[Array, Array]
+    memory: StepperMemory
+    difference: Difference
+    extremes: Array
     segment: Segment | None
+    errors: Array
     pending: list[Crossing]
     tried: tuple[Segment, StepperMemory] | None
 
@@ -97,19 +109,23 @@ def take_block(
     energies: tuple[float, float],
     until: tuple[float, float],
     frame_times: Array,
+    *,
+    seconds: float,
 ) -> StepBlock | None:
     """Take steps, up to the first that ends in a switch or leaves something in doubt; None for what needs more.
+
+    Nothing that is given is changed, but for what the stepper says of the step tried last.
 
     Parameters
     ----------
     dynamics, links
         The law in force and the links.
     stepper
-        Stands where the last step ended, which is on record, and at the end of the last one afterwards.
+        Stands where the last step ended, which is on record.
     error
-        The estimate of the error, at the same place, and afterwards too.
+        The estimate of the error, at the same place.
     extremes
-        Takes in those on record.
+        The largest values so far.
     precision
         The bounds of what numbers can tell apart.
     origin
@@ -120,6 +136,8 @@ def take_block(
         The own times after which to stop, and at which a step must end.
     frame_times
         The own times of the frames to come.
+    seconds
+        Wall time that is left.
     """
     law, watched, memory = dynamics.compiled, links.tables(), stepper.memory
     known = error.difference
@@ -128,7 +146,7 @@ def take_block(
     n, pairs = dynamics.n, len(dynamics.pairs[0])
     if pairs > FEW_PAIRS:
         return None
-    room = max(1, min(MOST_STEPS, WORK // (n * n + 8 * pairs + 1)))
+    room = 1 if seconds < SHORT_SLICE else max(1, min(MOST_STEPS, WORK // (n * n + 8 * pairs + 1)))
     size = len(memory.y)
     now, limits = np.zeros(NOW), np.zeros(LIMITS)
     now[TIME], now[LENGTH], now[RATE] = memory.t, memory.step, known.rate
@@ -141,6 +159,7 @@ def take_block(
     coefficients, whole, difference = np.empty((DEGREE + 1, size)), np.empty(size), known.nodes.copy()
     errors, crossed = np.empty(ERRORS), np.empty((MOST_CROSSINGS, 4))
     frames, frame_errors = np.empty((MOST_FRAMES, size)), np.empty((MOST_FRAMES, 2))
+    rows = extremes.rows.copy()
     steps, states = np.empty((room, 4)), np.empty((room, size))
     with np.errstate(all="ignore"):
         found = step_block(
@@ -148,28 +167,27 @@ def take_block(
             dynamics.zone_graphs, *dynamics.linked_pairs(), dynamics.singular, precision.timed, not error.in_doubt,
             stepper.tolerance, limits, links.links[0], extremes.shares, extremes.goal, extremes.has_goal,
             origin.velocity, now, y, slope, stepper.slopes, coefficients, whole, difference, errors, crossed,
-            extremes.rows, frame_times[: MOST_FRAMES + 1], frames, frame_errors, steps, states,
+            rows, frame_times[: MOST_FRAMES + 1], frames, frame_errors, steps, states,
         )  # fmt: skip
     taken, recorded, shown, ending, count = cast(tuple[int, int, int, int, int], found)
     t, stop, length, proposed = now[[TIME, STOP, LENGTH, PROPOSED]].tolist()
     if now[TRIED]:
         stepper.tried = float(now[TRIED]), y
     segment = tried = None
-    if taken:
-        # Where a step was cut, the stepper has gone on to its whole end.
-        there = (stop, whole) if ending == OPEN else (t, y)
-        stepper.recall(StepperMemory(*there, slope, length))
-        error.difference = Difference(difference, float(now[RATE]), np.inf)
     if ending == OPEN:
         segment = Segment(float(now[BEGIN]), t, coefficients)
-        error.know(segment, errors)
-        dynamics.know_energy(t, y, (float(now[ENERGY]), float(now[KINETIC])))
     elif ending == REFUSED:
         after = StepperMemory(stop, coefficients[-1].copy(), stepper.slopes[STAGES].copy(), proposed)
         tried = Segment(t, stop, coefficients), after
+    if taken:
+        # Where a step was cut, the stepper has gone on to its whole end.
+        memory = StepperMemory(*((stop, whole) if ending == OPEN else (t, y)), slope, length)
+        known = Difference(difference, float(now[RATE]), np.inf)
     pending = [
         Crossing(w, crossed[:count][crossed[:count, 0] == w, 2:].astype(np.int64))
         for w in sorted({int(w) for w in crossed[:count, 0]})
     ]
-    made = frames[:shown], frame_errors[:shown]
-    return StepBlock(recorded, steps[:taken], states[:recorded], made, segment, pending, tried)
+    return StepBlock(
+        recorded, steps[:taken], states[:recorded], (frames[:shown], frame_errors[:shown]), memory, known, rows,
+        segment, errors, pending, tried,
+    )  # fmt: skip

@@ -12,13 +12,13 @@ import math
 import numpy as np
 
 from flocking.engine.exact.barriers import LEDGER_GAP
-from flocking.engine.exact.companion import LOST, SAFETY, SLOWER, compare, summary
+from flocking.engine.exact.companion import LOST, NODES, SAFETY, SLOWER, compare, summary
 from flocking.engine.exact.crossings.ball_guards import find_ball_crossings
 from flocking.engine.exact.crossings.band_guards import find_within_error
 from flocking.engine.exact.crossings.guards import NEVER, deepest_dip, find_crossings
 from flocking.engine.exact.crossings.switching import TIE
 from flocking.engine.exact.extremes import add_unexplained, follow_extremes
-from flocking.engine.exact.integrator.method import STAGES, error_norm, next_length, polynomial
+from flocking.engine.exact.integrator.method import DEGREE, STAGES, error_norm, next_length, polynomial
 from flocking.engine.exact.integrator.segment import ROUNDING, fill_part, split_motion
 from flocking.engine.exact.integrator.stepper import SPACINGS
 from flocking.engine.exact.narrow_features import allowed_share
@@ -34,9 +34,9 @@ before it was cut, and the length proposed for the one after it."""
 
 NOW = PROPOSED + 1
 
-AT_REST, OPEN, REFUSED, FAILED = range(4)
-"""How it ends: every step is on record; the last one is not yet; the next step was tried and needs a closer look; no
-step could be tried."""
+OPEN, REFUSED, FAILED = range(3)
+"""How it ends: with a step that is not on record yet; or, all being on record, before a step that was tried and needs a
+closer look, or that could not be tried."""
 
 END, BOUND, BASE, TOLERANCE, REACH, FINEST, UNLINKED, VELOCITY_ROUNDING = range(8)
 """What ``limits`` holds: where to stop, where a step must end, the time at which the own time is 0, the tolerance of
@@ -44,6 +44,8 @@ the scenario, the shortest reach of a graph, the finest difference of radii, the
 the rounding of velocities by that of the origin."""
 
 LIMITS = VELOCITY_ROUNDING + 1
+
+LAST = NODES - 1
 
 ERRORS = 8
 """How many numbers are known of the error of the step taken last."""
@@ -123,20 +125,20 @@ def step_block(
     Returns
     -------
     tuple
-        How many steps were taken and how many are on record, how many frames were made, how it ends, see `AT_REST`, and
+        How many steps were taken and how many are on record, how many frames were made, how it ends, see `OPEN`, and
         how many pairs cross at the end. Of a step that was refused ``coefficients`` holds the polynomial.
     """
     size, tail = y.shape[0], order * n * m
     taken, left, shown = 0, 0, 0
     base = limits[BASE]
-    companion, found = np.empty(K.shape), np.empty(3)
+    companion, found = np.empty((K.shape[0], size)), np.empty(3)
     new, fresh, other, middle, end = np.empty(size), np.empty(size), np.empty(size), np.empty(size), np.empty(size)
-    C, e = np.empty(coefficients.shape), np.empty(difference.shape)
-    B, V, far = np.empty((C.shape[0], n, m)), np.empty((C.shape[0], n * (order - 1), m)), np.empty(n)
-    off, none, part = np.empty((e.shape[0], n, m)), np.empty((0, 6)), np.empty(C.shape)
+    C, e = np.empty((DEGREE + 1, size)), np.empty((NODES, size))
+    B, V, far = np.empty((DEGREE + 1, n, m)), np.empty((DEGREE + 1, n * (order - 1), m)), np.empty(n)
+    off, none, part = np.empty((NODES, n, m)), np.empty((0, 6)), np.empty((DEGREE + 1, size))
     hits = np.empty((crossed.shape[0], 3))
     for c in range(size):
-        other[c] = y[c] + difference[e.shape[0] - 1, c]
+        other[c] = y[c] + difference[LAST, c]
     state_energies(
         energies, order, now[TIME] + base, other, n, m, senders, sensed, offsets, pieces, spans, P, A, W, S, found
     )
@@ -145,8 +147,8 @@ def step_block(
         energies, order, now[TIME] + base, y, n, m, senders, sensed, offsets, pieces, spans, P, A, W, S, found
     )
     gap -= found[0] + found[1] + found[2] + limits[UNLINKED]
-    now[GAP] = gap + difference[e.shape[0] - 1, tail + 1] - difference[e.shape[0] - 1, tail + 2]
-    while taken < steps.shape[0]:
+    now[GAP] = gap + difference[LAST, tail + 1] - difference[LAST, tail + 2]
+    while True:
         # A step is tried until its error is small enough.
         t = now[TIME]
         shortest = SPACINGS * abs(math.nextafter(t, np.inf) - t)
@@ -182,7 +184,7 @@ def step_block(
         now[STOP] = stop
         for c in range(size):
             whole[c] = new[c]
-        for a in range(C.shape[0]):
+        for a in range(DEGREE + 1):
             for c in range(size):
                 coefficients[a, c] = C[a, c]
         # The last step before a bound is cut short; it says nothing about the next one.
@@ -224,7 +226,7 @@ def step_block(
             fill_part(coefficients, first, C)
             split_motion(C, B, V, far)
             for c in range(size):
-                new[c] = C[C.shape[0] - 1, c]
+                new[c] = C[DEGREE, c]
             h = stop - t
         # It may not jump over a feature or a barrier of a potential, nor lose its digits.
         sound = True
@@ -251,7 +253,7 @@ def step_block(
             return taken, left, shown, REFUSED, 0
         # The companion takes two half steps.
         for c in range(size):
-            other[c] = y[c] + difference[e.shape[0] - 1, c]
+            other[c] = y[c] + difference[LAST, c]
         stages(
             control, order, 0, STAGES + 1, STAGES, t + base, other, 0.5 * h, companion, nodes, weights, n, m, senders,
             sensed, offsets, pieces, spans, P, A, W, S, middle,
@@ -262,18 +264,18 @@ def step_block(
             control, order, 1, nodes.shape[0], STAGES, t + 0.5 * h + base, middle, 0.5 * h, companion, nodes, weights,
             n, m, senders, sensed, offsets, pieces, spans, P, A, W, S, end,
         )  # fmt: skip
-        compare(C, difference[e.shape[0] - 1], middle, end, companion, 0.5 * h, dense, inside, second, e)
+        compare(C, difference[LAST], middle, end, companion, 0.5 * h, dense, inside, second, e)
         known, position, velocity, pairs, q_floor, p_floor, spread = summary(e, C, n, m, order)
         if not known or position > LOST * min(spread, limits[REACH]) > 0.0:
             return taken, left, shown, REFUSED, 0
         # The step is taken.
         for c in range(size):
-            other[c] = new[c] + e[e.shape[0] - 1, c]
+            other[c] = new[c] + e[LAST, c]
             y[c], slope[c] = new[c], fresh[c]
-        for a in range(C.shape[0]):
+        for a in range(DEGREE + 1):
             for c in range(size):
                 coefficients[a, c] = C[a, c]
-        for a in range(e.shape[0]):
+        for a in range(NODES):
             for c in range(size):
                 difference[a, c] = e[a, c]
         now[BEGIN], now[TIME], now[LENGTH] = t, stop, now[PROPOSED]
@@ -283,7 +285,7 @@ def step_block(
             energies, order, stop + base, other, n, m, senders, sensed, offsets, pieces, spans, P, A, W, S, found
         )
         gap = found[0] + found[1] + found[2] + limits[UNLINKED] - energy
-        gap = gap + e[e.shape[0] - 1, tail + 1] - e[e.shape[0] - 1, tail + 2]
+        gap = gap + e[LAST, tail + 1] - e[LAST, tail + 2]
         unexplained = abs(gap - now[GAP])
         unexplained = unexplained if np.isfinite(unexplained) else np.inf
         now[GAP] = gap
@@ -292,10 +294,11 @@ def step_block(
         steps[taken, STEP_END], steps[taken, STEP_ENERGY], steps[taken, STEP_KINETIC] = stop, energy, kinetic
         steps[taken, STEP_LENGTH] = stop - t
         taken += 1
-        if count > 0 or stop >= limits[END] or stop == limits[BOUND] or not recording:
+        last = taken == steps.shape[0] or not recording
+        if last or count > 0 or stop >= limits[END] or stop == limits[BOUND]:
             return taken, left, shown, OPEN, count
         # It is put on record, unless a pair came within the error of a distance, or there is no room for its frames.
-        for k in range(e.shape[0]):
+        for k in range(NODES):
             for i in range(n):
                 for c in range(m):
                     off[k, i, c] = SAFETY * e[k, i * m + c]
@@ -323,10 +326,9 @@ def step_block(
             else:
                 fill_part(C, (frame_times[f] - t) / (stop - t), part)
                 for c in range(size):
-                    frames[f, c] = part[part.shape[0] - 1, c]
+                    frames[f, c] = part[DEGREE, c]
             frame_errors[f, 0], frame_errors[f, 1] = position, velocity
         shown = due
         for c in range(size):
             states[left, c] = new[c]
         left += 1
-    return taken, left, shown, AT_REST, 0

@@ -142,9 +142,9 @@ def next_length(length: float, error: float, rejected: bool) -> float:
         Whether it was tried with another length before.
     """
     if not error < 1.0:
-        return length * max(SHORTER, SAFETY * error**EXPONENT)
+        return float(length * max(SHORTER, SAFETY * error**EXPONENT))
     factor = min(LONGER, SAFETY * error**EXPONENT) if error > 0.0 else LONGER
-    return length * (min(1.0, factor) if rejected else factor)
+    return float(length * (min(1.0, factor) if rejected else factor))
 
 
 def powers(K: Array, h: float, before: Array, after: Array, dense: Array) -> Array:

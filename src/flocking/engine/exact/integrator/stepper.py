@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
@@ -113,10 +114,8 @@ class Stepper:
         """Length to begin with, as SciPy chooses it (Hairer et al., section II.4)."""
         from scipy.integrate import DOP853
 
-        before = self.memory
-        solver = DOP853(
-            self._slope, before.t, before.y, bound, max_step=longest, rtol=RELATIVE, atol=self.tolerance
-        )  # fmt: skip
+        before, tolerance = self.memory, cast(float, self.tolerance)  # as SciPy's types have it, which takes arrays too
+        solver = DOP853(self._slope, before.t, before.y, bound, max_step=longest, rtol=RELATIVE, atol=tolerance)
         return float(solver.h_abs)
 
     def step(self, bound: float, longest: float = np.inf) -> Segment:
