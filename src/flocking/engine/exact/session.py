@@ -182,9 +182,7 @@ class ExactSession:
     def _take_block(self, until: float, stop: float) -> StepBlock | None:
         """Take steps up to the first that ends in a switch or leaves something in doubt, and record those before."""
         recorder, dynamics, origin = self.recorder, self._dynamics, self._origin
-        if recorder.fine is not None:
-            return None
-        found = take_block(
+        found = None if recorder.fine is not None else take_block(
             dynamics, self._links, self._stepper, self._error, recorder.extremes, self._precision, origin,
             (self.energy, self.kinetic), (until, self._jumps.bound(self._segment.t1)), recorder.to_come(origin.time),
             seconds=stop - time.monotonic(),
