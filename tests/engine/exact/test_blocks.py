@@ -13,7 +13,7 @@ from flocking.engine.exact import barriers, session
 from flocking.engine.exact.blocks import block
 from flocking.engine.runs.run_errors import accuracy_data
 from flocking.errors import LinkLost
-from tests.engine.exact.groups import spring, zhou
+from tests.engine.exact.groups import flight, spring, zhou
 
 TABLES = ("t", "q", "p", "links", "switches", "trace")
 
@@ -58,6 +58,10 @@ def cases() -> dict[str, fk.Scenario]:
         ),
         "balls": fk.Scenario(obstacles(), start(6, 9), t_end=5.0, frames=11),
         "a leader": fk.Scenario(led(), start(6, 10), t_end=5.0, frames=11),
+        "a near miss": fk.Scenario(
+            spring(fk.Proximity(2.0)),
+            flight([[-3.0, 0.0], [0.0, 2.0], [1.0, 4.5]], [[1.0, 0.0], [0.0, 0.0], [0.0, 0.0]]), t_end=6.0, frames=11,
+        ),
         "late": fk.Scenario(spring(fk.Proximity(2.0)), dataclasses.replace(start(8, 3), t=1e6), t_end=1e6 + 2.0),
     }  # fmt: skip
 
@@ -102,6 +106,9 @@ def test_blocks_give_the_bits_of_single_steps(name: str, monkeypatch: pytest.Mon
     expected = one_by_one(monkeypatch, scenario)
     sizes = counted(monkeypatch)
     assert_same(run(scenario), expected)
+    if name == "a near miss":
+        assert expected.accuracy is not None
+        assert len(expected.accuracy.doubts) > 0
     # All but the first step, whose length is still to be found, and those that need a closer look.
     assert sum(sizes) >= 0.9 * expected.provenance["steps"] - 1
     assert max(sizes) > 1
@@ -111,7 +118,7 @@ def test_blocks_give_the_bits_of_single_steps(name: str, monkeypatch: pytest.Mon
 def test_buffers_that_are_full_lose_nothing(bound: str, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = cases()["springs that break"]
     corners = [[x, y] for x in (-1.0, 1.0) for y in (-1.0, 1.0)]
-    ring = fk.State(np.array(corners) * 0.3, np.array(corners))
+    ring = fk.State(np.array(corners) * 0.3 + [0.1, 0.7], np.array(corners))
     at_once = fk.Scenario(spring(fk.Proximity(2.0), gain=0.0, k=0.1), ring, t_end=4.0, frames=41)
     expected = one_by_one(monkeypatch, scenario), one_by_one(monkeypatch, at_once)
     assert len(np.unique(expected[1].switches["time"])) < len(expected[1].switches)
