@@ -20,7 +20,7 @@ import numpy as np
 from flocking.engine.exact.dynamics import Dynamics
 from flocking.engine.exact.integrator.method import halves, powers, tableau
 from flocking.engine.exact.integrator.segment import ROUNDING, Segment, powers_at, weights_at
-from flocking.formula.native.functions import native
+from flocking.formula.native.functions import native_apart
 from flocking.model.checks import Array
 
 SAFETY = 4.0
@@ -207,7 +207,7 @@ class Companion:
         return self.over(segment)
 
 
-@native
+@native_apart
 def compare(
     coefficients: Array, start: Array, middle: Array, end: Array, K: Array, half: float, dense: Array, inside: Array,
     second: Array, nodes: Array,
@@ -246,7 +246,7 @@ def compare(
                 nodes[1 + k, c] -= inside[k, a] * coefficients[a, c]
 
 
-@native
+@native_apart
 def summary(
     nodes: Array, coefficients: Array, n: int, m: int, order: int
 ) -> tuple[bool, float, float, float, float, float, float]:

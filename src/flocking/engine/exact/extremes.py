@@ -13,7 +13,7 @@ from flocking.engine.exact.crossings.guards import FINEST, NEVER, find_closest
 from flocking.engine.exact.integrator.segment import Segment
 from flocking.engine.exact.origin import Origin
 from flocking.engine.runs.run import Closest, Largest
-from flocking.formula.native.functions import native
+from flocking.formula.native.functions import native, native_apart
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 
@@ -146,7 +146,7 @@ def add_unexplained(rows: Array, unexplained: float, time: float) -> None:
     rows[LEDGER, VALUE], rows[LEDGER, TIME], rows[LEDGER, KNOWN] = known + unexplained, time, 1.0
 
 
-@native
+@native_apart
 def follow_extremes(
     B: Array, P: Array, far: Array, linked: Links, shares: Array, goal: Array, has_goal: bool, moving: Array,
     t0: float, t1: float, base: float, lost: bool, pairs: float, velocity: float, rows: Array,

@@ -21,7 +21,7 @@ from flocking.engine.exact.integrator.segment import Segment
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 from flocking.engine.kernels.pieces import MARGIN
 from flocking.formula.interval_jets import Jet, on_jets
-from flocking.formula.native.functions import native
+from flocking.formula.native.functions import native_apart
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 
@@ -210,7 +210,7 @@ def _value(g: Array, x: float, work: Array) -> float:
     return float(work[0])
 
 
-@native
+@native_apart
 def allowed_share(
     B: Array, far: Array, senders: Indices, sensed: Indices, offsets: Numbers, found: Array, owners: Indices
 ) -> float:

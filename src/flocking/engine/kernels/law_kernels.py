@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.engine.kernels.codegen import ARGUMENTS, CONTROL_RESULTS, RATES
-from flocking.formula.native.functions import by_address, native
+from flocking.formula.native.functions import by_address, native_apart
 from flocking.model.checks import Array
 
 _control = by_address(ARGUMENTS + CONTROL_RESULTS)
@@ -57,7 +57,7 @@ def slope(
         out[n * m * order + k] = rates[k]
 
 
-@native
+@native_apart
 def stages(
     address: int, order: int, first: int, last: int, kept: int, t: float, y: Array, h: float, K: Array, nodes: Array,
     weights: Array, n: int, m: int, senders: Array, sensed: Array, offsets: Array, pieces: Array, spans: Array,

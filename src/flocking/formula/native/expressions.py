@@ -12,13 +12,14 @@ import numpy as np
 from llvmlite import ir
 
 from flocking.formula.native import faults
-from flocking.formula.native.arithmetic import binary, called, compared, converted, number, unary
+from flocking.formula.native.arithmetic import binary, called, compared, converted, declared, number, unary
 from flocking.formula.native.kinds import (
     B1,
     F4,
     F8,
     I4,
     I8,
+    Argument,
     Array,
     Constant,
     Kind,
@@ -28,7 +29,7 @@ from flocking.formula.native.kinds import (
     Value,
     joined,
 )
-from flocking.formula.native.primitives import Primitive
+from flocking.formula.native.primitives import Callee, Primitive
 from flocking.formula.native.scopes import Source, source_of
 from flocking.formula.native.variables import CASTS, Variables
 
@@ -209,6 +210,8 @@ class Expressions(Variables):
         found = self.value(node.func)
         if not isinstance(found, Constant):
             raise UntranslatableError(f"the call {ast.unparse(node)}")
+        if isinstance(found.value, Callee) and found.value.apart:
+            return self._called_apart(found.value, self._values(node))
         function = getattr(found.value, "py_func", found.value)
         if function in (np.empty, np.zeros):
             return self._made(node, function)
@@ -235,6 +238,39 @@ class Expressions(Variables):
         if result is None:
             raise UntranslatableError(f"the function {ast.unparse(node.func)}")
         return result
+
+    def _called_apart(self, function: Callee, values: Sequence[Value]) -> Value:
+        """What a native function gives that is compiled by itself."""
+        b = self.builder
+        kinds: list[Argument] = []
+        codes: list[ir.Value] = []
+        for value in values:
+            if isinstance(value, Array):
+                kinds.append(value.kind)
+                codes += [value.data, *value.shape]
+                continue
+            x = number(value)
+            if x.kind.lanes:
+                raise UntranslatableError("lanes as an argument of a native function")
+            kinds.append(x.kind)
+            codes.append(b.zext(x.code, x.kind.stored) if x.kind == B1 else x.code)
+        callee = function.outside(tuple(kinds))
+        self.called[callee.reference] = None
+        with b.goto_block(self.entry):
+            room = b.alloca(I8.type, size=ir.Constant(I8.type, max(len(callee.results), 1)))
+        outside = declared(b, callee.symbol, I4.type, [*(code.type for code in codes), I8.type.as_pointer()])
+        fault = b.call(outside, [*codes, room])
+        self._leave_unless(b.icmp_signed("==", fault, ir.Constant(I4.type, faults.NONE)), fault)
+        found: list[Number] = []
+        for k, name in enumerate(callee.results):
+            at = b.gep(room, [ir.Constant(I8.type, k)])
+            if name == "f8":
+                found.append(Number(F8, b.load(b.bitcast(at, F8.type.as_pointer()))))
+            else:
+                whole = b.load(at)
+                truth = b.icmp_unsigned("!=", whole, ir.Constant(I8.type, 0))
+                found.append(Number(B1, truth) if name == "b1" else Number(Kind(name), whole))
+        return found[0] if len(found) == 1 else Several(tuple(found))
 
     def _values(self, node: ast.Call) -> list[Value]:
         return [self.value(a) for a in node.args]

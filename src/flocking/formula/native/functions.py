@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import importlib
 import inspect
 import threading
 from collections.abc import Callable
@@ -12,17 +13,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flocking.formula.native.compiled import Compiled
+from flocking.formula.native.primitives import Callee, Outside, Primitive
 
 if TYPE_CHECKING:
     from llvmlite import ir
 
     from flocking.formula.native.kinds import Argument, Number, Value
-    from flocking.formula.native.primitives import Primitive
 
 _translating = threading.RLock()
 
 
-class NativeFunction:
+class NativeFunction(Callee):
     """A function compiled when it is first used, once for each list of kinds its arguments have.
 
     Parameters
@@ -31,11 +32,14 @@ class NativeFunction:
         The function itself, which Python may call as well.
     signature
         Kinds of the arguments, see `flocking.formula.native.kinds.arguments_of`; those of each call when absent.
+    apart
+        Whether native functions call it, instead of having it put in place: long functions are compiled once so.
     """
 
-    def __init__(self, py_func: Callable[..., object], signature: str | None = None) -> None:
+    def __init__(self, py_func: Callable[..., object], signature: str | None = None, *, apart: bool = False) -> None:
         self.py_func = py_func
         self.signature = signature
+        self.apart = apart
         self._compiled: dict[tuple[Argument, ...], Compiled] = {}
         self._latest: Compiled | None = None
         functools.update_wrapper(self, py_func)
@@ -75,8 +79,20 @@ class NativeFunction:
 
         name = self.py_func.__name__
         key = f"{self._key()} {arguments!r}"
-        address, entry, results = addresses_of(name, key, lambda: self._text(name, arguments))
+        address, entry, results = addresses_of(name, key, lambda: self._text(name, arguments), provide)
         return Compiled(name, arguments, address, results, entry)
+
+    def outside(self, arguments: tuple[Argument, ...]) -> Outside:
+        """The function compiled by itself, for native functions to call.
+
+        Parameters
+        ----------
+        arguments
+            Kinds of its arguments.
+        """
+        kinds = ", ".join(map(str, arguments))
+        reference = f"{self.py_func.__module__}:{self.py_func.__qualname__}:{kinds}"
+        return Outside(reference, _symbol(reference), self.compiled(arguments).results)
 
     def _key(self) -> str:
         """What fixes the code: the text of a generated module, or the files of this library."""
@@ -94,12 +110,12 @@ class NativeFunction:
         place = f"{self.py_func.__qualname__} {code.co_firstlineno}"
         return f"{self.py_func.__module__} {place} {digest.hexdigest()}"
 
-    def _text(self, name: str, arguments: tuple[Argument, ...]) -> tuple[str, tuple[str, ...]]:
+    def _text(self, name: str, arguments: tuple[Argument, ...]) -> tuple[str, tuple[str, ...], tuple[str, ...]]:
         from flocking.formula.native.scopes import source_of
         from flocking.formula.native.translation import translate
 
-        text, results = translate(name, source_of(self.py_func), arguments)
-        return text, tuple(kind.name for kind in results)
+        text, results, called = translate(name, source_of(self.py_func), arguments)
+        return text, tuple(kind.name for kind in results), called
 
     def __call__(self, *values: Any) -> Any:
         """Call the function.
@@ -161,6 +177,30 @@ def native(function: Callable[..., object]) -> NativeFunction:
     return NativeFunction(function)
 
 
+def native_apart(function: Callable[..., object]) -> NativeFunction:
+    """Make a function a native one that other native functions call."""
+    return NativeFunction(function, apart=True)
+
+
+def provide(reference: str) -> tuple[str, int]:
+    """The symbol and the address of a function that compiled code calls.
+
+    Parameters
+    ----------
+    reference
+        What it is known by, see `flocking.formula.native.primitives.Outside`.
+    """
+    from flocking.formula.native.kinds import arguments_of
+
+    module, name, kinds = reference.split(":", 2)
+    function = getattr(importlib.import_module(module), name)
+    return _symbol(reference), int(function.compiled(arguments_of(kinds)).address)
+
+
+def _symbol(reference: str) -> str:
+    return f"native_{hashlib.sha256(reference.encode()).hexdigest()[:32]}"
+
+
 def native_of(signature: str) -> Callable[[Callable[..., object]], NativeFunction]:
     """Make a function a native one whose arguments have stated kinds, so that it has an `NativeFunction.address`.
 
@@ -180,7 +220,6 @@ def by_address(signature: str) -> Primitive:
     signature
         Kinds of the arguments; ``found`` is the array that takes the floating-point numbers it returns.
     """
-    from flocking.formula.native.primitives import Primitive
 
     def build(builder: ir.IRBuilder, address: Value, *values: Value) -> Number:
         from llvmlite import ir

@@ -31,6 +31,9 @@ class Kind:
     name: str
     lanes: int = 0
 
+    def __str__(self) -> str:
+        return self.name
+
     @property
     def real(self) -> bool:
         """Whether it is a floating-point number."""
@@ -74,6 +77,9 @@ class ArrayKind:
 
     element: Kind
     axes: int
+
+    def __str__(self) -> str:
+        return f"{self.element}[{','.join(':' * self.axes)}]"
 
     @property
     def stored(self) -> ir.Type:

@@ -78,7 +78,10 @@ def object_code(text: str) -> bytes:
 
 
 def addresses_of(
-    name: str, key: str, make: Callable[[], tuple[str, tuple[str, ...]]]
+    name: str,
+    key: str,
+    make: Callable[[], tuple[str, tuple[str, ...], tuple[str, ...]]],
+    provide: Callable[[str], tuple[str, int]],
 ) -> tuple[int, int, tuple[str, ...]]:
     """Addresses of a compiled function and of its entry, and kinds of its results.
 
@@ -91,7 +94,9 @@ def addresses_of(
     key
         What fixes its code, beside the processor and the version of LLVM.
     make
-        Gives the text of its module, and the kinds of its results.
+        Gives the text of its module, the kinds of its results, and the references of the functions it calls.
+    provide
+        Gives the symbol and the address of a function by its reference.
 
     Raises
     ------
@@ -101,11 +106,13 @@ def addresses_of(
     path = _path(name, key)
     kept = read_sealed(path)
     if kept is None:
-        text, results = make()
-        kept = " ".join(results).encode() + b"\n" + object_code(text)
+        text, results, called = make()
+        kept = "\n".join((" ".join(results), "|".join(called), "")).encode() + object_code(text)
         with sealing(path) as file:
             file.write(kept)
-    head, _, code = kept.partition(b"\n")
+    head, called_ones, code = kept.split(b"\n", 2)
+    for reference in filter(None, called_ones.decode().split("|")):
+        binding.add_symbol(*provide(reference))
     return *_loaded(name, code), tuple(head.decode().split())
 
 

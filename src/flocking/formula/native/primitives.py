@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from flocking.formula.native.kinds import Value
+    from flocking.formula.native.kinds import Argument, Value
 
 
 @dataclass(frozen=True)
@@ -39,3 +40,39 @@ class Primitive:
         if self.python is None:
             raise TypeError("Only native functions can call this function.")
         return self.python(*values)
+
+
+@dataclass(frozen=True)
+class Outside:
+    """A function that is compiled by itself, for arguments of some kinds.
+
+    Parameters
+    ----------
+    reference
+        What it is known by.
+    symbol
+        Name by which compiled code calls it.
+    results
+        Kinds of the numbers it returns.
+    """
+
+    reference: str
+    symbol: str
+    results: tuple[str, ...]
+
+
+class Callee(ABC):
+    """A native function, as other native functions see it."""
+
+    apart: bool
+    """Whether it is compiled by itself and called; else it is put in place."""
+
+    @abstractmethod
+    def outside(self, arguments: tuple[Argument, ...]) -> Outside:
+        """The function compiled by itself.
+
+        Parameters
+        ----------
+        arguments
+            Kinds of its arguments.
+        """

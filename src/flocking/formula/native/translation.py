@@ -1,13 +1,15 @@
 """A function of Python, with the kinds of its arguments, as a function of LLVM.
 
-The part of Python that is understood: assignments, ``for`` over ``range``, ``while``, ``if``, ``break``, ``continue``,
-``return`` of numbers, arithmetic, comparisons, ``and``, ``or``, ``not``, conditional expressions, indices of arrays,
-their ``shape``, ``np.empty`` and ``np.zeros`` of small arrays that are not returned, and calls of the functions of
-`arithmetic`, of `Primitive` and of plain functions, which are put in place. It computes bit for bit what Python does,
-except that a power with a known whole exponent is a product; that whole numbers have 64 bits and wrap; that numbers of
-several kinds are joined as NumPy joins arrays of them; that a float divided by zero, or a function of ``math`` outside
-its domain, gives what IEEE 754 says; that ``hypot``, ``gamma`` and ``lgamma`` are those of the C library; and that an
-index is not checked and does not count from the end. Numbers and arrays of a module are those of the first call.
+The part of Python that is understood: assignments, ``for`` over ``range``, ``while``, ``if``, ``break``,
+``continue``, ``return`` of numbers, arithmetic, comparisons, ``and``, ``or``, ``not``, conditional expressions,
+indices of arrays, their ``shape``, ``np.empty`` and ``np.zeros`` of small arrays that are not returned, and calls of
+the functions of `arithmetic`, of `Primitive`, and of other functions, native or plain: these are put in place, unless
+they are compiled apart. It computes bit for bit what Python does, except that a power with a known whole exponent is
+a product; that whole numbers have 64 bits and wrap; that numbers of several kinds are joined as NumPy joins arrays of
+them; that a float divided by zero, or a function of ``math`` outside its domain, gives what IEEE 754 says; that
+``hypot``, ``gamma`` and ``lgamma`` are those of the C library; that powers of 2.0 and powers 0.5 are LLVM's ``exp2``
+and ``sqrt``, which may differ from Python's in the last bit; and that an index is not checked and does not count from
+the end. Numbers and arrays of a module are those of the first call.
 
 What else would differ is refused: a name that may have no value where it is read, a return that may be left out, ``or``
 for a value, a name for an array that a loop makes anew, closures, arguments with defaults.
@@ -41,8 +43,10 @@ from flocking.formula.native.kinds import (
 from flocking.formula.native.scopes import Loop, Scope, Source, WiderError, result_name
 
 
-def translate(name: str, source: Source, arguments: Sequence[Argument]) -> tuple[str, tuple[Kind, ...]]:
-    """Text of an LLVM module with the function, and the kinds of what it returns.
+def translate(
+    name: str, source: Source, arguments: Sequence[Argument]
+) -> tuple[str, tuple[Kind, ...], tuple[str, ...]]:
+    """Text of an LLVM module with the function, the kinds of what it returns, and the native functions it calls.
 
     The function takes a pointer behind its last argument, to eight bytes for each number it returns. It returns the
     number of a fault, see `flocking.formula.native.faults`.
@@ -65,7 +69,7 @@ def translate(name: str, source: Source, arguments: Sequence[Argument]) -> tuple
     while True:
         try:
             translator = _Translator(name, source, arguments, wider)
-            return str(translator.module), translator.found
+            return str(translator.module), translator.found, tuple(translator.called)
         except WiderError:
             continue
         except UntranslatableError as error:

@@ -62,6 +62,8 @@ class Variables(ABC):
         self.module, self.entry, self.builder, self.wider = module, entry, builder, wider
         self.scope: Scope
         self.calls = 0
+        self.called: dict[str, None] = {}
+        """Native functions that are called, by their references."""
         self.allocated: list[ir.AllocaInstr] = []
         self.loops = 0
         """Loops under way, those of the functions around included."""

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.engine.exact.crossings.guards import _PRODUCT, NEVER, add_row, all_rows, first_above, places_and_pairs
-from flocking.formula.native.functions import native
+from flocking.formula.native.functions import native_apart
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 from flocking.model.leaders_and_obstacles.leaders import Leader, Sink, Velocity
@@ -79,7 +79,7 @@ def ball_crossings(
     return places_and_pairs(all_rows(lambda found: int(find_ball_crossings(*given, found)), 3))
 
 
-@native
+@native_apart
 def find_ball_crossings(
     B: Array, centres: Array, radii: Array, near: Links, active: Links, level: float, slack: float, found: Array
 ) -> int:

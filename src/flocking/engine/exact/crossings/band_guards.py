@@ -12,7 +12,7 @@ from flocking.engine.exact.crossings.guards import (
     smallest_value,
     squared_distance,
 )
-from flocking.formula.native.functions import native
+from flocking.formula.native.functions import native, native_apart
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 
@@ -67,7 +67,7 @@ def within_error(
     return all_rows(lambda found: int(find_within_error(*given, found)), 6)
 
 
-@native
+@native_apart
 def find_within_error(
     B: Array, far: Array, near: Links, active: Links, enter: Array, leave: Array, directed: bool,
     nodes: Array, most: float, floor: float, found: Array,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from flocking.arrays import Indices
 from flocking.engine.exact.integrator.segment import bound_excursions
-from flocking.formula.native.functions import native
+from flocking.formula.native.functions import native, native_apart
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 
@@ -277,7 +277,7 @@ def crossings(
     return places_and_pairs(all_rows(lambda found: int(find_crossings(*given, found)), 3))
 
 
-@native
+@native_apart
 def find_crossings(
     B: Array, far: Array, near: Links, active: Links, enter: Array, leave: Array, directed: bool, slack: float,
     P: Array, found: Array,
@@ -366,7 +366,7 @@ def find_closest(B: Array, far: Array, linked: Links, best_linked: float, best_f
                 found[row, 0], found[row, 1], found[row, 2], found[row, 3] = max(value, 0.0), x, i, j
 
 
-@native
+@native_apart
 def deepest_dip(B: Array, far: Array, senders: Indices, sensed: Indices) -> float:
     """Where on the segment a linked pair comes much closer than at both its ends, deepest first; or `NEVER`.
 

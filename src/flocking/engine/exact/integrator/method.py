@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flocking.formula.native.functions import native
+from flocking.formula.native.functions import native, native_apart
 from flocking.model.checks import Array
 
 STAGES = 12
@@ -95,7 +95,7 @@ def halves(stages: Stages, t: float, y: Array, h: float) -> tuple[Array, Array, 
     return middle, end, K
 
 
-@native
+@native_apart
 def error_norm(K: Array, h: float, before: Array, after: Array, tolerance: Array, third: Array, fifth: Array) -> float:
     """Error of a step in units of what is allowed.
 
@@ -177,7 +177,7 @@ def powers(K: Array, h: float, before: Array, after: Array, dense: Array) -> Arr
     return found
 
 
-@native
+@native_apart
 def polynomial(
     K: Array, h: float, before: Array, after: Array, dense: Array, to_bernstein: Array, coefficients: Array
 ) -> None:

@@ -9,7 +9,7 @@ from math import comb
 import numpy as np
 
 from flocking.engine.exact.integrator.method import DEGREE, TO_BERNSTEIN
-from flocking.formula.native.functions import native
+from flocking.formula.native.functions import native_apart
 from flocking.model.checks import Array
 
 ROUNDING = 16 * float(np.finfo(float).eps)
@@ -22,7 +22,7 @@ def _part(coefficients: Array, x: float) -> Array:
     return left
 
 
-@native
+@native_apart
 def fill_part(coefficients: Array, x: float, left: Array) -> None:
     """Fill the coefficients of the first fraction ``x`` of a segment; the last row is its end (de Casteljau).
 
@@ -75,7 +75,7 @@ class Motion:
     size: float
 
 
-@native
+@native_apart
 def split_motion(coefficients: Array, B: Array, P: Array, far: Array) -> float:
     """Fill what a `Motion` holds from the coefficients of a segment, and return its size.
 
