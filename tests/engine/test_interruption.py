@@ -9,20 +9,21 @@ import pytest
 
 import flocking as fk
 from flocking.engine import interruption
-from flocking.engine.exact.dynamics import Dynamics
+from flocking.engine.exact import session
+from flocking.engine.exact.blocks.block import take_block
 from tests.engine.exact.test_sessions import particles
 
 
 def test_a_real_signal_in_the_middle_of_a_step_ends_the_run_at_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    original, calls = Dynamics.stages, [0]
+    calls = [0]
 
-    def stages(self, *given):
+    def block(*given, **how):
         calls[0] += 1
-        if calls[0] == 90:
+        if calls[0] == 30:
             signal.raise_signal(signal.SIGINT)
-        return original(self, *given)
+        return take_block(*given, **{**how, "seconds": 0.0})
 
-    monkeypatch.setattr(Dynamics, "stages", stages)
+    monkeypatch.setattr(session, "take_block", block)
     run = fk.simulate(particles(), progress=False)
     monkeypatch.undo()
     assert run.status.startswith("interrupted at t = ")

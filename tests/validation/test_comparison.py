@@ -65,6 +65,7 @@ def test_a_missed_link_is_a_contradiction(judge: Judge, monkeypatch) -> None:
         if x.law == "flights" and [s.kind for s in judge.motion(x.problem).switches] == ["appear", "break"]
     )  # fmt: skip
     assert not examine(picked, judge).contradictions
+    monkeypatch.setattr("flocking.engine.exact.session.take_block", lambda *_, **__: None)
     monkeypatch.setattr("flocking.engine.exact.crossings.switching.LinkState.next_crossings", lambda *_: (2.0, []))
     monkeypatch.setattr("flocking.engine.exact.uncertain_switches.Doubts.follow", lambda *_: [])
     found = examine(picked, judge)

@@ -183,6 +183,8 @@ class Companion:
         ----------
         segment
             The step.
+        numbers
+            What `summary` gives.
         """
         dynamics, (finite, *sizes) = self._dynamics, numbers
         lost = self.difference.lost < np.inf
@@ -250,7 +252,15 @@ def compare(
 def summary(
     nodes: Array, coefficients: Array, n: int, m: int, order: int
 ) -> tuple[bool, float, float, float, float, float, float]:
-    """Sizes of a difference and of the step it belongs to, in the order of the fields of `StateError`."""
+    """Sizes of a difference and of the step it belongs to, in the order of the fields of `StateError`.
+
+    Parameters
+    ----------
+    nodes, coefficients
+        The difference, shape (6, size), and the step, shape (8, size).
+    n, m, order
+        Numbers of agents and axes, and the order of the agents.
+    """
     sizes = np.zeros(2)
     for part in range(order):
         for a in range(coefficients.shape[0]):

@@ -277,7 +277,15 @@ class Dynamics:
         return found
 
     def know_energy(self, t: float, y: Array, found: tuple[float, float]) -> None:
-        """Remember energy and kinetic energy of a state vector, see `energy`."""
+        """Remember energy and kinetic energy of a state vector, see `energy`.
+
+        Parameters
+        ----------
+        t, y
+            As for `energy`.
+        found
+            The energies.
+        """
         while len(self._energies) >= KNOWN_ENERGIES:
             del self._energies[next(iter(self._energies))]
         self._energies[t, y.tobytes()] = found

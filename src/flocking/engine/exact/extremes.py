@@ -141,6 +141,8 @@ def add_unexplained(rows: Array, unexplained: float, time: float) -> None:
     ----------
     rows
         What is known, shape (7, 6).
+    unexplained, time
+        As for `Extremes.add_to_ledger`, and when.
     """
     known = rows[LEDGER, VALUE] if rows[LEDGER, KNOWN] > 0.0 else 0.0
     rows[LEDGER, VALUE], rows[LEDGER, TIME], rows[LEDGER, KNOWN] = known + unexplained, time, 1.0

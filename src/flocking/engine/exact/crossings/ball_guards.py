@@ -87,6 +87,8 @@ def find_ball_crossings(
 
     Parameters
     ----------
+    B, centres, radii, near, active, level, slack
+        As for `ball_crossings`.
     found
         Takes them, shape (room, 3).
     """

@@ -76,6 +76,8 @@ def find_within_error(
 
     Parameters
     ----------
+    B, far, near, active, enter, leave, directed, nodes, most, floor
+        As for `within_error`.
     found
         Takes them, shape (room, 6).
     """

@@ -286,6 +286,8 @@ def find_crossings(
 
     Parameters
     ----------
+    B, far, near, active, enter, leave, directed, slack, P
+        As for `crossings`.
     found
         Takes them, shape (room, 3).
     """
@@ -344,6 +346,8 @@ def find_closest(B: Array, far: Array, linked: Links, best_linked: float, best_f
 
     Parameters
     ----------
+    B, far, linked, best_linked, best_free
+        As for `closest`.
     found
         Takes them, shape (2, 4).
     """
