@@ -116,8 +116,8 @@ fuzz: $(READY)
 	$(BIN)/python -m pytest tests/fuzz -m "slow or not slow" -n $(WORKERS) $(PYTEST_ARGS)
 
 # Kills, damages, strangers, odd machines and fuzzes: writers and workers killed, stored runs and sweeps damaged, the lab asked by
-# pages of others, full disks, random cases; a table at the end counts them. make robustness TIER=slow: 200 kills and 200 signals, and
-# over ten thousand random cases.
+# pages of others, full disks, random cases; a table at the end counts them. make robustness TIER=slow: 200 kills, 200 signals to
+# every long command, and over ten thousand random cases.
 TIER ?= quick
 TIER_quick := not slow
 TIER_slow := slow or not slow

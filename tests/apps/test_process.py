@@ -130,9 +130,9 @@ def test_a_job_in_the_background_hears_sigterm_alone(tmp_path: Path) -> None:
 
 HOLDING = """
 import time
-from flocking.apps import cli, process
+from flocking.apps import cli, signal_handlers
 from flocking.engine import interruption
-with process.ended_by_signals(), interruption.Deferred():
+with signal_handlers.ended_by_signals(), interruption.Deferred():
     print("begun", flush=True)
     while True:
         time.sleep(0.01)  # nobody checks

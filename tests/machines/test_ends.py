@@ -30,7 +30,7 @@ def test_the_end_waits_for_the_thread_of_zarr(whole: Path) -> None:
 
 LOST = """
 import signal, sys, time
-from flocking.apps.process import ended_by_signals
+from flocking.apps.signal_handlers import ended_by_signals
 class Late:
     def __del__(self):
         signal.raise_signal(signal.SIGINT)
@@ -52,7 +52,7 @@ def test_an_interrupt_that_falls_into_a_destructor_is_not_lost() -> None:
 
 DEAF = """
 import os, signal, threading
-from flocking.apps.process import ended_by_signals
+from flocking.apps.signal_handlers import ended_by_signals
 from flocking.study.sweeps.worker_pool import without_interrupts
 for number in (signal.SIGTERM, signal.SIGINT):
     with ended_by_signals():
@@ -73,7 +73,7 @@ def test_a_signal_while_worker_processes_begin_waits_until_they_have() -> None:
 
 HALF = """
 import signal, sys
-from flocking.apps.process import ended_by_signals
+from flocking.apps.signal_handlers import ended_by_signals
 class Half:
     def __init__(self):
         signal.raise_signal(signal.SIGINT)
@@ -81,9 +81,9 @@ class Half:
     def __del__(self):
         self.handle
 kept = []
-with ended_by_signals(for_good=True) as progress:
+with ended_by_signals(for_good=True) as handlers:
     try:
-        progress.begun = True
+        handlers.begun = True
         Half()
     except KeyboardInterrupt as error:
         print("interrupted")
@@ -107,13 +107,28 @@ def last(kill=os.kill, process=os.getpid(), number=signal.{number}):
 """
 
 TEXT = """
-import sys
+import json
+
+def dumps(*given, **options):
+    # As where a class of records is made.
+    exec("last()\\nfor k in range(1000): pass", {"last": last})
+
+json.dumps = dumps
+"""
+
+DROPPED = """
+import json, sys, time
+
+json.dumps = lambda *given, **options: time.sleep(60)
 
 class Struck:
     def find_spec(self, name, path=None, target=None):
         if name == "flocking.formula.cache":
-            # As where a class of records is made.
-            exec("last()\\nfor k in range(1000): pass", {"last": last})
+            try:
+                last()
+                for k in range(1000): pass
+            except:
+                pass
 
 sys.meta_path.insert(0, Struck())
 """
@@ -132,13 +147,13 @@ sys.late = Late()
 @pytest.mark.parametrize("number", ["SIGINT", "SIGTERM"])
 @pytest.mark.parametrize(
     ("act", "code"),
-    [(TEXT, 130), (AT_THE_END, 0)],
-    ids=["amid text that is executed", "while Python takes itself down"],
+    [(TEXT, 130), (DROPPED, 130), (AT_THE_END, 0)],
+    ids=["amid text that is executed", "while a library drops it", "while Python takes itself down"],
 )
 def test_the_exit_code_is_that_of_the_command(tmp_path: Path, number: str, act: str, code: int) -> None:
     (tmp_path / "sitecustomize.py").write_text(LAST.format(number=number, act=act))
     found = subprocess.run(
-        [sys.executable, "-m", "flocking", "cache"], capture_output=True, text=True, check=False,
+        [sys.executable, "-m", "flocking", "cache", "--json"], capture_output=True, text=True, check=False,
         env={**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *filter(None, sys.path)])},
     )  # fmt: skip
     assert found.returncode == code, found.stderr
@@ -148,7 +163,7 @@ def test_the_exit_code_is_that_of_the_command(tmp_path: Path, number: str, act: 
 BETWEEN = """
 import os, signal, sys
 from flocking.__main__ import main
-from flocking.apps import cli, early_signals, process
+from flocking.apps import cli
 sys.argv = ["flocking", "cache"]
 change = signal.signal
 for moment in range(2, 9):  # once SIGTERM has a handler

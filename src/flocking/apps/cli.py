@@ -19,13 +19,8 @@ from flocking.apps.commands.storage_commands import diff, export, info
 from flocking.apps.commands.sweep_commands import sweep
 from flocking.apps.early_signals import INTERRUPTED, SENTENCE
 from flocking.apps.lab.command import lab
-from flocking.apps.process import (
-    ended_by_signals,
-    give_up_output,
-    harmless,
-    open_streams,
-    quiet_warnings,
-)
+from flocking.apps.process import give_up_output, harmless, open_streams, quiet_warnings
+from flocking.apps.signal_handlers import ended_by_signals
 from flocking.apps.whole_numbers import check_whole_numbers
 from flocking.engine import interruption
 from flocking.engine.memory_shortage import LEAST_ADDRESS_SPACE, address_space, starved
@@ -88,11 +83,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     alone = arguments is None
     if alone:
         quiet_warnings()
-    with ended_by_signals(for_good=alone) as progress:
+    with ended_by_signals(for_good=alone) as handlers:
         try:
-            progress.begun = True
+            handlers.begun = True
             code = _run(words)
-            progress.done = True
+            handlers.done = True
             return code
         except (KeyboardInterrupt, Exception) as error:
             if not interruption.interrupted(error):

@@ -1,23 +1,15 @@
-"""What a command does about the process it runs in: its streams, its signals and what it says on them."""
+"""What a command does about the process it runs in: its streams and what it says on them."""
 
 from __future__ import annotations
 
 import io
 import logging
 import os
-import signal
 import sys
-import threading
-import time
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass
-from types import FrameType
+from contextlib import suppress
 from typing import Any
 
-from flocking.apps.early_signals import INTERRUPTED, end_now
-from flocking.engine import interruption
 from flocking.errors import SuspectInput
 
 
@@ -103,115 +95,3 @@ def quiet_warnings() -> None:
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
     print(f"flocking: {message}", file=sys.stderr, flush=True)
-
-
-AGAIN = 0.01
-"""Seconds until a signal that no code could answer is sent again."""
-
-
-def _send_soon(number: int) -> None:
-    """Send a signal to the main thread after a moment."""
-
-    def wait() -> None:
-        time.sleep(AGAIN)
-        # Only a signal to the main thread ends what it waits for.
-        signal.pthread_kill(threading.main_thread().ident or 0, number)
-
-    threading.Thread(target=wait, daemon=True).start()
-
-
-@dataclass
-class Progress:
-    """How far a command is whose process ends with it: what a signal does depends on it.
-
-    Parameters
-    ----------
-    begun
-        Whether there is anything to clean up; before, a signal ends the process.
-    done
-        Whether nothing is left to do but to end, so that a signal need do nothing.
-    """
-
-    begun: bool = False
-    done: bool = False
-
-
-@contextmanager
-def ended_by_signals(*, for_good: bool = False) -> Iterator[Progress]:
-    """Within it SIGTERM does what Ctrl-C does, and a second one of them ends the process at once.
-
-    Where Ctrl-C is ignored, as in a job that a shell has started in the background, it stays so.
-
-    Parameters
-    ----------
-    for_good
-        Whether nothing but the end of the process comes after it: a signal that comes then has nothing to keep. The
-        caller says in what it is given when it has begun and when it is done, within whatever catches an interrupt.
-    """
-    progress = Progress()
-    if threading.current_thread() is not threading.main_thread():
-        yield progress
-        return
-    owner, under_way = os.getpid(), False
-
-    def interrupt(number: int, frame: FrameType | None) -> None:
-        nonlocal under_way
-        if for_good and not progress.begun:
-            end_now(number, frame)
-        if signal.SIGINT in before:
-            signal.signal(signal.SIGINT, signal.SIG_DFL)
-        if not (for_good and progress.done):
-            under_way = interruption.RAISED = True
-            raise KeyboardInterrupt
-
-    def terminate(number: int, frame: FrameType | None) -> None:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        if under_way or interruption.noted() or os.getpid() != owner:
-            # The second one; or a process that was forked from this one, which ends as it is told to.
-            signal.raise_signal(signal.SIGTERM)
-        elif not interruption.note():
-            interrupt(number, frame)
-
-    def unraisable(lost: sys.UnraisableHookArgs) -> None:
-        nonlocal under_way
-        # Python drops what is raised while it calls a destructor or is called by compiled code.
-        if not issubclass(lost.exc_type, KeyboardInterrupt):
-            # What was interrupted while it was made complains when it is destroyed.
-            if not interruption.RAISED:
-                hook(lost)
-        elif threading.current_thread() is threading.main_thread():
-            under_way = False
-            for number in before:
-                signal.signal(number, handlers[number])
-            _send_soon(next(iter(before)))
-
-    handlers = {signal.SIGINT: interrupt, signal.SIGTERM: terminate}
-    hook = sys.unraisablehook
-    before: dict[signal.Signals, Any] = {}
-    own = (signal.default_int_handler, end_now)
-    if signal.getsignal(signal.SIGINT) in own:
-        before[signal.SIGINT] = signal.signal(signal.SIGINT, interrupt)
-    if (before or signal.getsignal(signal.SIGINT) is signal.SIG_IGN) and (
-        signal.getsignal(signal.SIGTERM) in (signal.SIG_DFL, end_now)
-    ):
-        before[signal.SIGTERM] = signal.signal(signal.SIGTERM, terminate)
-    if before:
-        sys.unraisablehook = unraisable
-    ends, interruption.SECOND_ENDS, interruption.RAISED = interruption.SECOND_ENDS, True, False
-    try:
-        with interruption.parts_wanted(False):
-            yield progress
-    finally:
-        interruption.SECOND_ENDS = ends
-        if not (for_good and interruption.RAISED):
-            sys.unraisablehook, interruption.RAISED = hook, False
-        for number, handler in before.items():
-            signal.signal(number, _end_silently if for_good else handler)
-        if for_good:
-            # Python remembers that an interrupt went through text that was executed, as it makes classes of records,
-            # and ends by SIGINT though it was caught; text that goes well makes it forget.
-            exec("")
-
-
-def _end_silently(number: int, frame: FrameType | None) -> None:
-    os._exit(INTERRUPTED)

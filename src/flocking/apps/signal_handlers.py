@@ -1,0 +1,141 @@
+"""What a command does about signals: SIGTERM does what Ctrl-C does, and a second one of them ends it at once."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any
+
+from flocking.apps.early_signals import INTERRUPTED, end_now
+from flocking.engine import interruption
+
+AGAIN = 0.01
+"""Seconds until a signal that no code could answer is sent again."""
+
+
+class SignalHandlers:
+    """Handlers of SIGINT and SIGTERM, while they are installed.
+
+    Parameters
+    ----------
+    for_good
+        Whether the process ends with the command. Then a signal before it has ``begun`` ends the process, and one once
+        it is ``done`` need do nothing; both are for the caller to set, within whatever catches an interrupt.
+    """
+
+    def __init__(self, *, for_good: bool) -> None:
+        self.begun = False
+        self.done = False
+        self._for_good = for_good
+        self._owner = os.getpid()
+        self._under_way = False
+        self._waits = False
+        self._sent_again = False
+        self._before: dict[signal.Signals, Any] = {}
+        self._hook = sys.unraisablehook
+
+    def install(self) -> None:
+        """Take the place of Python's own handlers. Where Ctrl-C is ignored, as in a background job, it stays so."""
+        ignored = signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+        if signal.getsignal(signal.SIGINT) in (signal.default_int_handler, end_now):
+            self._before[signal.SIGINT] = signal.signal(signal.SIGINT, self._answer)
+        if (self._before or ignored) and signal.getsignal(signal.SIGTERM) in (signal.SIG_DFL, end_now):
+            self._before[signal.SIGTERM] = signal.signal(signal.SIGTERM, self._answer)
+        if self._before:
+            sys.unraisablehook = self._unraisable
+
+    def remove(self) -> None:
+        """Put back what was there; where the process ends, signals end it quietly from now on."""
+        if not (self._for_good and interruption.RAISED):
+            sys.unraisablehook, interruption.RAISED = self._hook, False
+        for number, handler in self._before.items():
+            signal.signal(number, _end_silently if self._for_good else handler)
+
+    def _answer(self, number: int, frame: FrameType | None) -> None:
+        again, self._sent_again = self._sent_again, False
+        if os.getpid() != self._owner or self._under_way or interruption.noted() or (self._waits and not again):
+            # A process that was forked from this one ends as it is told to, and this one by a second signal.
+            signal.signal(number, signal.SIG_DFL)
+            signal.raise_signal(number)
+        if self._for_good and not self.begun:
+            end_now(number, frame)
+        self._waits = _importing(frame)
+        if self._waits:
+            # Libraries drop an interrupt while they are imported, or stay half made.
+            self._send_soon(number)
+            return
+        if number == signal.SIGTERM and interruption.note():
+            signal.signal(number, signal.SIG_DFL)
+            return
+        for each in self._before:
+            signal.signal(each, signal.SIG_DFL)
+        if not (self._for_good and self.done):
+            self._under_way = interruption.RAISED = True
+            raise KeyboardInterrupt
+
+    def _unraisable(self, lost: sys.UnraisableHookArgs) -> None:
+        # Python drops what is raised while it calls a destructor or is called by compiled code.
+        if not issubclass(lost.exc_type, KeyboardInterrupt):
+            # What was interrupted while it was made complains when it is destroyed.
+            if not interruption.RAISED:
+                self._hook(lost)
+        elif threading.current_thread() is threading.main_thread():
+            self._under_way = False
+            for number in self._before:
+                signal.signal(number, self._answer)
+            self._send_soon(next(iter(self._before)))
+
+    def _send_soon(self, number: int) -> None:
+        def send() -> None:
+            time.sleep(AGAIN)
+            self._sent_again = True
+            # Only a signal to the main thread ends what it waits for.
+            signal.pthread_kill(threading.main_thread().ident or 0, number)
+
+        threading.Thread(target=send, daemon=True).start()
+
+
+@contextmanager
+def ended_by_signals(*, for_good: bool = False) -> Iterator[SignalHandlers]:
+    """Within it SIGTERM does what Ctrl-C does, and a second one of them ends the process at once.
+
+    Parameters
+    ----------
+    for_good
+        Whether nothing but the end of the process comes after it, see `SignalHandlers`.
+    """
+    handlers = SignalHandlers(for_good=for_good)
+    if threading.current_thread() is not threading.main_thread():
+        yield handlers
+        return
+    handlers.install()
+    ends, interruption.SECOND_ENDS, interruption.RAISED = interruption.SECOND_ENDS, True, False
+    try:
+        with interruption.parts_wanted(False):
+            yield handlers
+    finally:
+        interruption.SECOND_ENDS = ends
+        handlers.remove()
+        if for_good:
+            # Python remembers that an interrupt went through text that was executed, as it makes classes of records,
+            # and ends by SIGINT though it was caught; text that goes well makes it forget.
+            exec("")
+
+
+def _importing(frame: FrameType | None) -> bool:
+    """Whether a module is being imported."""
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False
+
+
+def _end_silently(number: int, frame: FrameType | None) -> None:
+    os._exit(INTERRUPTED)
