@@ -3,6 +3,7 @@
 import asyncio
 import http.client
 import re
+import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -185,3 +186,15 @@ def test_a_server_that_asks_nobody_is_not_trusted(monkeypatch):
     monkeypatch.setattr(server, "guarding", lambda access: nullcontext())
     with pytest.raises(fk.InvalidInput, match="connections can be checked"):
         server.opened(None)
+
+
+def test_a_lab_ends_by_an_interrupt_that_was_raised_where_a_library_drops_it(monkeypatch, tmp_path):
+    from flocking.apps.lab.server import lab
+
+    monkeypatch.setattr("flocking.engine.interruption.RAISED", True)
+    found = []
+    running = threading.Thread(target=lambda: found.append(lab(folder=tmp_path, browser=False, wait=True)), daemon=True)
+    running.start()
+    running.join(60.0)
+    assert found
+    assert found[0].clock.closed

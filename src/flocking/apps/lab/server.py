@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from flocking.apps.lab.access.guarded_server import Guarded, guarding, is_guarded
 from flocking.apps.lab.access.request_checks import AccessCheck
+from flocking.engine import interruption
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
 
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
 HOST = "127.0.0.1"
 PORT = 8080
 TRIES = 50
+
+LOOK = 0.5
+"""Seconds between two looks whether an interrupt was raised."""
 
 
 def lab(
@@ -71,9 +75,12 @@ def lab(
         webbrowser.open(page.address)
     if wait:
         try:
-            threading.Event().wait()
+            # An interrupt may have been raised where a library drops it, as in a callback, while the page was made.
+            while not interruption.RAISED:
+                threading.Event().wait(LOOK)
         except KeyboardInterrupt:
-            page.close()
+            pass
+        page.close()
     return page
 
 
