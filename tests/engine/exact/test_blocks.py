@@ -12,7 +12,7 @@ import flocking as fk
 from flocking.engine.exact import barriers, session
 from flocking.engine.exact.blocks import block
 from flocking.engine.runs.run_errors import accuracy_data
-from flocking.errors import LinkLost
+from flocking.errors import LinkLost, OutOfPrecision
 from tests.engine.exact.groups import flight, spring, zhou
 
 TABLES = ("t", "q", "p", "links", "switches", "trace")
@@ -139,6 +139,21 @@ def test_a_link_that_is_lost_is_told_alike(monkeypatch: pytest.MonkeyPatch) -> N
         told.append((type(error.value), str(error.value), error.value.run.q.tobytes()))
     assert told[0] == told[1]
     assert told[0][0] is LinkLost
+
+
+def test_positions_that_lose_their_digits_end_a_run_alike(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Agents that follow a leader to where numbers are too far apart for the tolerance."""
+    far = fk.Law(fk.Proximity(2.0), [fk.Track(fk.Path(["1e9*t", "0*t"]), 1.0, 1.0), fk.Consensus(1.0)])
+    begin = flight([[0.0, 0.0], [1.0, 0.0]], [[1e9, 0.0], [1e9, 0.0]])
+    scenario = fk.Scenario(far, begin, t_end=2.0, tolerance=1e-9)
+    told = []
+    for take in (block.take_block, lambda *_, **__: None):
+        monkeypatch.setattr(session, "take_block", take)
+        with pytest.raises(OutOfPrecision) as error:
+            run(scenario)
+        assert error.value.run is not None
+        told.append((str(error.value), error.value.run.q.tobytes()))
+    assert told[0] == told[1]
 
 
 def test_a_pair_of_agent_and_obstacle_is_no_pair_of_agents(monkeypatch: pytest.MonkeyPatch) -> None:
