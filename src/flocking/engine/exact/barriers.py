@@ -63,6 +63,21 @@ def _gap(dynamics: Dynamics, t: float, y: Array, ledger: LedgerState) -> float:
     """What the ledger misses between the start of the step and ``y``, relative to the energies."""
     _, dissipated, supplied = (y[dynamics.order * dynamics.n * dynamics.m :] - ledger.tail)[:LEDGER]
     energy, kinetic = dynamics.energy(t, y)
-    gap = abs(energy - ledger.energy + dissipated - supplied)
-    gap /= max(1.0, abs(ledger.energy), abs(supplied), ledger.kinetic, kinetic)
+    gap = relative_gap(energy, kinetic, ledger.energy, ledger.kinetic, dissipated, supplied)
     return float(gap) if np.isfinite(gap) else np.inf
+
+
+def relative_gap(
+    energy: float, kinetic: float, energy_before: float, kinetic_before: float, dissipated: float, supplied: float
+) -> float:
+    """What the ledger misses of a change of energy, relative to the energies; for native functions too.
+
+    Parameters
+    ----------
+    energy, kinetic, energy_before, kinetic_before
+        Energy and kinetic energy after the change and before it.
+    dissipated, supplied
+        What the ledger says of the change.
+    """
+    gap = abs(energy - energy_before + dissipated - supplied)
+    return gap / max(1.0, abs(energy_before), abs(supplied), kinetic_before, kinetic)

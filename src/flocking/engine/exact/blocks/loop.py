@@ -11,9 +11,9 @@ import math
 
 import numpy as np
 
-from flocking.engine.exact.barriers import LEDGER_GAP
+from flocking.engine.exact.barriers import LEDGER_GAP, relative_gap
 from flocking.engine.exact.companion import LOST, NODES, SAFETY, SLOWER, compare, summary
-from flocking.engine.exact.crossings.ball_guards import find_ball_crossings
+from flocking.engine.exact.crossings.ball_guards import ball_slack, find_ball_crossings
 from flocking.engine.exact.crossings.band_guards import find_within_error
 from flocking.engine.exact.crossings.guards import NEVER, deepest_dip, find_crossings
 from flocking.engine.exact.crossings.switching import TIE
@@ -46,6 +46,7 @@ the rounding of velocities by that of the origin."""
 LIMITS = VELOCITY_ROUNDING + 1
 
 LAST = NODES - 1
+"""Number of the node at the end of a step."""
 
 ERRORS = 8
 """How many numbers are known of the error of the step taken last."""
@@ -196,7 +197,7 @@ def step_block(
                 some = find_crossings(B, far, near[w], active[w], enter[w], leave[w], directed[w], slack, V, hits)
             else:
                 ball = w - enter.shape[0]
-                slack = (1e-13 + ROUNDING * extent) * max(levels[ball], 1.0)
+                slack = ball_slack(extent) * max(levels[ball], 1.0)
                 some = find_ball_crossings(
                     B, centres[ball], radii[ball], inside_ball[ball], watched_ball[ball], levels[ball], slack, hits
                 )
@@ -237,8 +238,7 @@ def step_block(
         )
         energy, kinetic = found[0] + found[1] + found[2] + limits[UNLINKED], found[2]
         dissipated, supplied = new[tail + 1] - y[tail + 1], new[tail + 2] - y[tail + 2]
-        missed = abs(energy - now[ENERGY] + dissipated - supplied)
-        missed /= max(1.0, abs(now[ENERGY]), abs(supplied), now[KINETIC], kinetic)
+        missed = relative_gap(energy, kinetic, now[ENERGY], now[KINETIC], dissipated, supplied)
         sound = sound and missed <= LEDGER_GAP * limits[TOLERANCE]
         if sound and singular:
             sound = deepest_dip(B, far, linked_senders, linked_sensed) > 1.0

@@ -12,12 +12,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.engine.exact.crossings.guards import _PRODUCT, NEVER, add_row, all_rows, first_above, places_and_pairs
+from flocking.engine.exact.integrator.segment import ROUNDING
 from flocking.formula.native.functions import native_apart
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 from flocking.model.leaders_and_obstacles.leaders import Leader, Sink, Velocity
 from flocking.model.leaders_and_obstacles.obstacles import Ball
 from flocking.model.terms.avoidance import ObstacleGroup
+
+
+def ball_slack(size: float) -> float:
+    """How far an agent must pass a distance from a ball to have crossed it, for native functions too.
+
+    Parameters
+    ----------
+    size
+        The largest coordinate.
+    """
+    return 1e-13 + ROUNDING * size
 
 
 def uniform_balls(group: ObstacleGroup) -> bool:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.engine.exact.crossings.ball_guards import ball_crossings, centre_paths, uniform_balls
+from flocking.engine.exact.crossings.ball_guards import ball_crossings, ball_slack, centre_paths, uniform_balls
 from flocking.engine.exact.crossings.guards import NEVER
 from flocking.engine.exact.integrator.method import DEGREE
 from flocking.engine.exact.integrator.segment import Segment
@@ -98,7 +98,7 @@ class ObstacleContacts(ObstacleDistances):
     def _crossings(
         self, segment: Segment, B: Array, near: list[Links], active: list[Links]
     ) -> list[tuple[int, Array, Indices]]:
-        slack = 1e-13 + 16 * np.finfo(float).eps * float(np.abs(B).max(initial=0.0))
+        slack = ball_slack(float(np.abs(B).max(initial=0.0)))
         length = segment.t1 - segment.t0
         found = []
         for g, group in enumerate(self.groups):
