@@ -23,19 +23,19 @@ HEAVY = (
     "sympy",
     "matplotlib",
     "zarr",
-    "pydantic",
     "networkx",
     "rich",
     "xarray",
     "mpmath",
 )
-FLOORS = ("arrays", "errors", "formula", "model", "engine", "study", "show", "papers", "apps")
+FLOORS = ("moved_names", "arrays", "errors", "formula", "model", "engine", "study", "show", "papers", "apps")
 LONGEST = 420
 MOST_LINES_OF_ANY_TYPE = 429
 MOST_FILES = 20
+MOST_ANY = 99
 ENGINE = (
-    {"memory_shortage"}, {"interruption"}, {"runs", "archives"}, {"kernels"}, {"reference"}, {"fixed_step"},
-    {"exact", "tiles", "lammps", "storage"}, {"driver"},
+    {"memory_shortage"}, {"interruption"}, {"archives"}, {"runs"}, {"protocol"}, {"kernels"}, {"reference"},
+    {"fixed_step"}, {"exact", "tiles", "lammps", "storage"}, {"driver"},
 )  # fmt: skip
 """Parts of the engine, each of which imports those of earlier rows alone: no engine knows storage or another engine,
 and storage knows no engine."""
@@ -113,12 +113,12 @@ def test_every_module_has_a_floor():
 
 def test_importing_pulls_in_nothing_heavy_and_is_quick():
     code = (
-        "import sys, time, json; import numpy; begin = time.perf_counter(); import flocking; "
+        "import sys, time, json; import numpy; begin = time.process_time(); import flocking; "
         "flocking.Law, flocking.Potential, flocking.start; "
-        f"print(json.dumps([time.perf_counter() - begin, [m for m in {HEAVY!r} if m in sys.modules]]))"
+        f"print(json.dumps([time.process_time() - begin, [m for m in {HEAVY!r} if m in sys.modules]]))"
     )
     bare = code.replace("import numpy; ", "").replace("flocking.Law, flocking.Potential, flocking.start; ", "")
-    # The quickest of three: the machine may be busy.
+    # The least processor time of three: a busy machine takes more.
     seconds, pulled = min(json.loads(run(sys.executable, "-c", bare).stdout) for _ in range(3))
     assert pulled == []
     assert seconds < 0.3
@@ -156,11 +156,11 @@ def test_a_file_is_short_and_named_by_its_job(path):
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: p.relative_to(SOURCE).as_posix())
 def test_heavy_libraries_are_imported_where_they_are_used(path):
-    """At the top of a module only NumPy is allowed, but llvmlite where LLVM is written, pydantic in file schemas."""
+    """At the top of a module only NumPy is allowed, but llvmlite where LLVM is written."""
     text = path.read_text()
     tree = ast.parse(text)
     compiles = {"simd", "native"} & set(path.relative_to(SOURCE).parts)
-    allowed = {"llvmlite"} if compiles else {"pydantic"} if path.stem.endswith("_schema") else set()
+    allowed = {"llvmlite"} if compiles else set()
     for node in tree.body:
         names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
         names += [str(node.module)] if isinstance(node, ast.ImportFrom) else []
@@ -177,10 +177,11 @@ def test_public_names_are_there_and_listed_once():
         flocking.nothing  # noqa: B018
     stated = {
         alias.asname
-        for node in ast.walk(ast.parse((SOURCE / "__init__.py").read_text()))
+        for path in (SOURCE / "__init__.py", SOURCE / "model" / "library.py")
+        for node in ast.walk(ast.parse(path.read_text()))
         if isinstance(node, ast.ImportFrom)
         for alias in node.names
-        if alias.asname
+        if alias.asname and not alias.asname.startswith("_")
     }
     assert stated == set(flocking.__all__)
 
@@ -207,3 +208,14 @@ def test_nothing_is_left_unfinished():
     texts = [*FILES, *sorted((ROOT / "tests").rglob("*.py"))]
     found = [(p.name, mark) for p in texts for mark in marks if mark in p.read_text()]
     assert found == []
+
+
+def test_few_values_are_of_any_type():
+    """`Any` switches the type checker off: it belongs to the edge of untyped libraries, and to their data."""
+    found = [
+        (path.relative_to(SOURCE).as_posix(), node.lineno)
+        for path in FILES
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Name) and node.id == "Any"
+    ]
+    assert len(found) <= MOST_ANY, found

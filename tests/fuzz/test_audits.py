@@ -11,6 +11,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 import flocking as fk
+from flocking.engine.runs.fidelity import Approaches, LawAgreement, LedgerRule
 from flocking.engine.runs.run import Closest
 from flocking.papers import KEYS, paper
 from flocking.study.claims.claim import UNCOMPUTED, Claim, Verdict
@@ -170,8 +171,20 @@ def _about(run: fk.Run, draw: Any) -> dict[str, Any]:
     return {"provenance": kept | extra}
 
 
+def _account(run: fk.Run, draw: Any) -> dict[str, Any]:
+    told = run.fidelity
+    changes = [
+        {"switches_located": not told.switches_located}, {"sampled": not told.sampled},
+        {"law": LawAgreement(1, draw(ODD), draw(ODD))},
+        {"approaches": Approaches("linked", draw(ODD))}, {"approaches": Approaches("all", None, "seldom")},
+        {"ledger": LedgerRule("share", draw(ODD))}, {"ledger": LedgerRule("estimate", draw(ODD), draw(ODD))},
+        {"ledger": LedgerRule()},
+    ]  # fmt: skip
+    return {"fidelity": dataclasses.replace(told, **draw(st.sampled_from(changes)))}
+
+
 def _status(run: fk.Run, draw: Any) -> dict[str, Any]:
     return {"status": draw(st.sampled_from(["running", "unfinished", "interrupted at t = 1"]))}
 
 
-DAMAGE = (_values, _scaled, _fewer, _ledger, _switches, _links, _closest, _about, _status)
+DAMAGE = (_values, _scaled, _fewer, _ledger, _switches, _links, _closest, _about, _account, _status)

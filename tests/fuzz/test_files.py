@@ -55,7 +55,7 @@ def test_files(data: Any, folder: Path) -> None:
         except ScenarioFileError as error:
             assert error.problems
             assert "Traceback" not in str(error)
-            assert "pydantic" not in str(error)
+            assert "np.float64" not in str(error)
     assert files_below(folder) - before <= {"case.toml"}
 
 

@@ -23,8 +23,9 @@ from flocking.model.graphs.weights import PairWeights
 from flocking.model.leaders_and_obstacles.leaders import Leader
 from flocking.model.leaders_and_obstacles.obstacles import Ball, Obstacle, Wall
 from flocking.model.leaders_and_obstacles.polygons import ConvexPolygon
+from flocking.model.parts.description import registered_names
 from flocking.model.potentials.bumps import Bump
-from flocking.model.serial import HOMES, ForeignPart, from_data, to_data
+from flocking.model.serial import ForeignPart, from_data, to_data
 from flocking.model.terms.avoidance import Avoid
 from flocking.model.terms.pair_terms import Term
 from flocking.model.terms.schedules import Schedule
@@ -106,8 +107,7 @@ def test_every_part_of_the_library_can_be_written(base: type) -> None:
     kinds = [k for k in _concrete(base) if hasattr(k, "__dataclass_fields__") or k.__name__ == "Path"]
     assert kinds
     for kind in kinds:
-        home = HOMES.get(kind.__name__)
-        assert f"flocking.model.{home}" == kind.__module__, f"add {kind.__name__} to flocking.model.serial.HOMES"
+        assert registered_names()[kind.__name__].builds is kind, f"register {kind.__name__}"
         assert any(type(part) is kind for part in PARTS), f"add a {kind.__name__} to PARTS of this test"
 
 
@@ -152,7 +152,7 @@ class Law(fk.Law):
 
 @pytest.mark.parametrize("part", [Mine(2.0, 0.1), Law(fk.Proximity(2.0), [fk.Compensate()]), object(), print, 1j])
 def test_foreign_parts_are_refused(part: Any) -> None:
-    with pytest.raises(ForeignPart, match="part of this library"):
+    with pytest.raises(ForeignPart, match="part of this library or a registered one"):
         to_data([part])
 
 
@@ -169,11 +169,12 @@ def test_foreign_parts_are_refused(part: Any) -> None:
         ({"part": "Hysteresis", "radius": 4.0, "gap": 5.0}, "must be smaller than the radius"),
         ({"part": "Proximity", "radius": 4.0, "closed": "no"}, "must be of type bool"),
         ({"part": "Potential", "formula": "__import__('os')", "parameters": {"values": {}}}, "Potential"),
-        ({"part": "Potential", "formula": "a*r", "parameters": {"values": {"formula": 1.0}}}, "must be given once"),
+        ({"part": "Potential", "formula": "a*r", "parameters": {"values": {"formula": 1.0}}}, "which has no value"),
         ({"part": "Potential", "formula": "a*r", "parameters": 3}, "must be named numbers"),
-        ({"part": "Potential", "shape": "a*r"}, "must make a Potential"),
-        ({"part": "Consensus", "gain": 1.0, "surprise": 1}, "must make a Consensus"),
+        ({"part": "Potential", "shape": "a*r"}, "is no field of Potential"),
+        ({"part": "Consensus", "gain": 1.0, "surprise": 1}, "is no field of Consensus"),
         ({"part": "Law", "graph": 3, "terms": []}, "must be a graph"),
+        ({"part": "Away", "from": "my_parts", "x": 1}, "Import my_parts first"),
         ({"part": "Sink", "point": {"npy": "gA=="}}, "must be a NumPy array"),
         ({"part": "Sink", "point": {"npy": 3}}, "must be a NumPy array"),
         ({"part": "Sink", "point": {"float": "1e5"}}, "must be a number, text"),
@@ -217,7 +218,7 @@ _plain = st.recursive(
 )
 
 
-@given(_plain, st.sampled_from(sorted(HOMES)))
+@given(_plain, st.sampled_from(sorted(registered_names())))
 def test_junk_never_breaks_the_reader(junk: Any, name: str) -> None:
     data = {**junk, "part": name} if isinstance(junk, dict) else {"part": name, "graph": junk, "q": junk, "point": junk}
     try:

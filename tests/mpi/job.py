@@ -10,7 +10,7 @@ import sys
 import numpy as np
 
 import flocking as fk
-from flocking.engine.driver.lammps_runs import drive_ranks
+from flocking.engine.driver.simulate import run_session
 from flocking.engine.lammps.session import LammpsOptions, LammpsSession
 from tests.mpi.laws import law, start
 
@@ -74,7 +74,7 @@ def main():
         close()
 
     session.close = look
-    run = drive_ranks(session, save=asked.get("save"), progress=False, every=asked.get("every", 5.0))
+    run = run_session(session, save=asked.get("save"), progress=False, every=asked.get("every", 5.0))
     if session.ranks.first and "out" in asked:
         np.savez(
             asked["out"], t=run.t, q=run.q, p=run.p, trace=run.trace, crossed=crossed, ranks=session.ranks.size,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.engine.driver.lammps_runs import drive_ranks
+from flocking.engine.driver.simulate import run_session
 from flocking.engine.lammps.session import LammpsOptions, LammpsSession
 from flocking.engine.storage.run_writer import RunWriter
 from flocking.errors import StorageError
@@ -88,7 +88,7 @@ def test_a_flock_that_grows_goes_on_as_if_never_stopped(tmp_path, name):
             take(to)
 
         session._take_steps = taking
-        left = drive_ranks(session, save=tmp_path / str(stop), progress=False, every=0.0)
+        left = run_session(session, save=tmp_path / str(stop), progress=False, every=0.0)
         assert left.status.startswith("interrupted")
         run = fk.resume(tmp_path / str(stop), progress=False)
         assert run.finished
@@ -100,8 +100,15 @@ def test_a_damaged_checkpoint_is_told(tmp_path):
     folder = tmp_path / "run"
     made = scenario("olfati-saber (35)", 2, n=30, t_end=0.2, frames=3)
     session = LammpsSession(made, LammpsOptions(step=0.01))
-    session._take_steps = lambda to: (_ for _ in ()).throw(KeyboardInterrupt)
-    drive_ranks(session, save=folder, progress=False, every=0.0)
+    take, calls = session._take_steps, iter(range(10**6))
+
+    def taking(to):
+        if next(calls) == 5:
+            raise KeyboardInterrupt
+        take(to)
+
+    session._take_steps = taking
+    run_session(session, save=folder, progress=False, every=0.0)
     file = next(folder.glob("checkpoint-*"))
     data = bytearray(file.read_bytes())
     data[len(data) // 2] ^= 1

@@ -40,8 +40,8 @@ def test_every_import_of_the_package_is_a_declared_dependency() -> None:
         for found in PROJECT["optional-dependencies"].values()
         for d in found
     }
-    # Matplotlib, SymPy, Pydantic and viser bring these.
-    brought = {"cycler", "mpl_toolkits", "mpmath", "pydantic_core", "typing_extensions", "websockets"}
+    # Matplotlib, SymPy and viser bring these.
+    brought = {"cycler", "mpl_toolkits", "mpmath", "typing_extensions", "websockets"}
     given = declared | extras
     known = given | {name.replace("-", "_") for name in given} | brought | {"flocking"} | set(sys.stdlib_module_names)
     for path in (ROOT / "src").rglob("*.py"):

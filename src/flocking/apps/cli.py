@@ -18,14 +18,16 @@ from flocking.apps.commands.showcase_commands import showcase
 from flocking.apps.commands.storage_commands import diff, export, info
 from flocking.apps.commands.sweep_commands import sweep
 from flocking.apps.early_signals import INTERRUPTED, SENTENCE
+from flocking.apps.integer_arguments import check_integers
 from flocking.apps.lab.command import lab
 from flocking.apps.process import give_up_output, harmless, open_streams, quiet_warnings
 from flocking.apps.signal_handlers import ended_by_signals
-from flocking.apps.whole_numbers import check_whole_numbers
 from flocking.engine import interruption
 from flocking.engine.memory_shortage import LEAST_ADDRESS_SPACE, address_space, starved
 
 FINE, DIFFERENT, BAD_INPUT = 0, 1, 2
+"""Exit codes of every command: success, an outcome other than expected, and bad input, for which shells use 2 by
+convention."""
 
 _WORDS = {True: "holds", False: "fails", None: "open"}
 
@@ -90,6 +92,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             handlers.done = True
             return code
         except (KeyboardInterrupt, Exception) as error:
+            interruption.answered()
             if not interruption.interrupted(error):
                 raise
             with suppress(OSError):
@@ -105,6 +108,7 @@ def _run(words: Sequence[str]) -> int:
     def refused(message: str, fix: str = "") -> int:
         if not interruption.RAISED:
             return _complain(message, fix)
+        interruption.answered()
         # What a library makes of an interrupt says nothing of files or memory.
         _complain(f"interrupted; what was under way ended with: {message}")
         return INTERRUPTED
@@ -114,7 +118,7 @@ def _run(words: Sequence[str]) -> int:
         if (address_space() or LEAST_ADDRESS_SPACE) < LEAST_ADDRESS_SPACE:
             raise MemoryError
         command, bound, _ = app.parse_args(words, print_error=False, exit_on_error=False)
-        check_whole_numbers(command, words)
+        check_integers(command, words)
         result = command(*bound.args, **bound.kwargs)
         sys.stdout.flush()
         return result if isinstance(result, int) else FINE
@@ -398,9 +402,9 @@ def schema(*, sweep: bool = False) -> int:
 
 
 def _keys(papers: Sequence[str]) -> Sequence[str]:
-    from flocking.papers import KEYS
+    from flocking.papers import keys
 
-    return tuple(dict.fromkeys(papers)) or KEYS
+    return tuple(dict.fromkeys(papers)) or keys()
 
 
 if __name__ == "__main__":

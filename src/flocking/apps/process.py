@@ -8,9 +8,12 @@ import os
 import sys
 import warnings
 from contextlib import suppress
-from typing import Any
+from typing import TYPE_CHECKING
 
 from flocking.errors import SuspectInput
+
+if TYPE_CHECKING:
+    from typing_extensions import Buffer
 
 
 def harmless(text: str) -> str:
@@ -48,17 +51,17 @@ def open_streams() -> None:
 class _ErrorsIgnored(io.FileIO):
     """A stream that takes everything: a run need not end because nobody can be told how far it is."""
 
-    def write(self, data: Any) -> int:
+    def write(self, data: Buffer) -> int:
         try:
             return super().write(data) or 0
         except OSError:
-            return len(data)
+            return memoryview(data).nbytes
 
 
 class _ErrorsNamed(io.FileIO):
     """The output: an error of the system says that it is about it."""
 
-    def write(self, data: Any) -> int:
+    def write(self, data: Buffer) -> int:
         try:
             return super().write(data) or 0
         except OSError as error:

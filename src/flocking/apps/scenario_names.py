@@ -11,9 +11,9 @@ from flocking.model.law import Scenario
 
 def paper_scenarios() -> dict[str, tuple[str, Callable[[int], Scenario]]]:
     """Every scenario of the papers by name: the paper's key, and the function of the seed that makes it."""
-    from flocking.papers import KEYS, paper
+    from flocking.papers import keys, paper
 
-    return {name: (key, make) for key in KEYS for name, make in paper(key).scenarios().items()}
+    return {name: (key, make) for key in keys() for name, make in paper(key).scenarios().items()}
 
 
 def find_scenario(name: str, seed: int | None, most_agents: int | None) -> Scenario:
@@ -44,7 +44,7 @@ def find_scenario(name: str, seed: int | None, most_agents: int | None) -> Scena
         from flocking.study.scenario_files.scenario_file import MOST_AGENTS, read_scenario
 
         return read_scenario(name, seed=seed, most_agents=MOST_AGENTS if most_agents is None else most_agents)
-    from flocking.study.scenario_files.scenario_values import nearest
+    from flocking.model.parts.values import nearest
 
     raise InvalidInput(
         "run",

@@ -7,10 +7,9 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import Any
 
 from flocking.apps.early_signals import INTERRUPTED, end_now
 from flocking.engine import interruption
@@ -37,7 +36,8 @@ class SignalHandlers:
         self._under_way = False
         self._waits = False
         self._sent_again = False
-        self._before: dict[signal.Signals, Any] = {}
+        self._removed = False
+        self._before: dict[signal.Signals, Callable[[int, FrameType | None], object] | int | None] = {}
         self._hook = sys.unraisablehook
 
     def install(self) -> None:
@@ -52,6 +52,7 @@ class SignalHandlers:
 
     def remove(self) -> None:
         """Put back what was there; where the process ends, signals end it quietly from now on."""
+        self._removed = True
         if not (self._for_good and interruption.RAISED):
             sys.unraisablehook, interruption.RAISED = self._hook, False
         for number, handler in self._before.items():
@@ -77,23 +78,31 @@ class SignalHandlers:
             signal.signal(each, signal.SIG_DFL)
         if not (self._for_good and self.done):
             self._under_way = interruption.RAISED = True
-            raise KeyboardInterrupt
+            raise interruption.TrackedKeyboardInterrupt(self._raise_again)
 
     def _unraisable(self, lost: sys.UnraisableHookArgs) -> None:
-        # Python drops what is raised while it calls a destructor or is called by compiled code.
+        # What is raised while Python calls a destructor, or is called by compiled code, goes no further.
         if not issubclass(lost.exc_type, KeyboardInterrupt):
             # What was interrupted while it was made complains when it is destroyed.
             if not interruption.RAISED:
                 self._hook(lost)
-        elif threading.current_thread() is threading.main_thread():
-            self._under_way = False
-            for number in self._before:
-                signal.signal(number, self._answer)
-            self._send_soon(next(iter(self._before)))
+        elif not issubclass(lost.exc_type, interruption.TrackedKeyboardInterrupt):
+            self._raise_again()
+
+    def _raise_again(self) -> None:
+        """Answer anew, soon, a signal whose interrupt was dropped."""
+        if self._removed or os.getpid() != self._owner or threading.current_thread() is not threading.main_thread():
+            return
+        self._under_way = False
+        for number in self._before:
+            signal.signal(number, self._answer)
+        self._send_soon(next(iter(self._before)))
 
     def _send_soon(self, number: int) -> None:
         def send() -> None:
             time.sleep(AGAIN)
+            if self._removed:
+                return
             self._sent_again = True
             # Only a signal to the main thread ends what it waits for.
             signal.pthread_kill(threading.main_thread().ident or 0, number)
@@ -117,7 +126,7 @@ def ended_by_signals(*, for_good: bool = False) -> Iterator[SignalHandlers]:
     handlers.install()
     ends, interruption.SECOND_ENDS, interruption.RAISED = interruption.SECOND_ENDS, True, False
     try:
-        with interruption.parts_wanted(False):
+        with interruption.partial_results(False):
             yield handlers
     finally:
         interruption.SECOND_ENDS = ends

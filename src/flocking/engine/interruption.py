@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType, TracebackType
-from typing import Any
 
 from flocking.engine.memory_shortage import causes
 from flocking.errors import FlockingError
@@ -22,14 +21,45 @@ _deferred = False
 SECOND_ENDS = False
 """Whether a second Ctrl-C ends the process, even within compiled code: right for a command, not for a notebook."""
 
-PARTS_WANTED = True
+PARTIAL_RESULTS = True
 """Whether a simulation that Ctrl-C ends gives the part that it has computed: right for a notebook.
 
-A command says where it wants it, see `parts_wanted`: whatever else it computes of a run, it computes of a whole one.
+A command says where it wants it, see `partial_results`: whatever else it computes of a run, it computes of a whole one.
 """
 
 RAISED = False
 """Whether a signal has raised ``KeyboardInterrupt`` in a command, wherever that was."""
+
+_answered = False
+
+
+class TrackedKeyboardInterrupt(KeyboardInterrupt):
+    """The interrupt that a signal raises in a command; destroyed before anybody has `answered` it, it was dropped.
+
+    Python drops whatever is raised while it closes a file that nobody holds any more, and libraries drop what their
+    callbacks raise: a signal at such a moment would be lost.
+
+    Parameters
+    ----------
+    dropped
+        Called without arguments when it was dropped.
+    """
+
+    def __init__(self, dropped: Callable[[], None]) -> None:
+        global _answered
+        super().__init__()
+        self._dropped = dropped
+        _answered = False
+
+    def __del__(self) -> None:
+        if not _answered:
+            self._dropped()
+
+
+def answered() -> None:
+    """Say that an interrupt was caught by who does about it what is to be done: it is not raised again."""
+    global _answered
+    _answered = True
 
 
 def interrupted(error: BaseException) -> bool:
@@ -76,7 +106,7 @@ class Deferred:
 
     def __enter__(self) -> Deferred:
         global _deferred
-        self._before: Any = None
+        self._before: Callable[[int, FrameType | None], object] | int | None = None
         self._outer = _deferred
         if not self._outer:
             _asked.clear()
@@ -100,20 +130,20 @@ class Deferred:
 
 
 @contextmanager
-def parts_wanted(wanted: bool = True) -> Iterator[None]:
+def partial_results(returned: bool = True) -> Iterator[None]:
     """Within it simulations that Ctrl-C ends give the part that they have computed; where not, they raise it on.
 
     Parameters
     ----------
-    wanted
+    returned
         Whether they do.
     """
-    global PARTS_WANTED
-    before, PARTS_WANTED = PARTS_WANTED, wanted
+    global PARTIAL_RESULTS
+    before, PARTIAL_RESULTS = PARTIAL_RESULTS, returned
     try:
         yield
     finally:
-        PARTS_WANTED = before
+        PARTIAL_RESULTS = before
 
 
 @contextmanager

@@ -1,7 +1,7 @@
 """The folder of generated code: where it is, who may write it, and how its files are written, sealed and removed.
 
 What lies there is executed. So the folder and its files must belong to the user, or to root, and nobody else may write
-them; every file ends or begins with a checksum of the rest, and one that does not match is made anew.
+them; every file ends or begins with a checksum of the rest, and one that does not match is made again.
 """
 
 from __future__ import annotations
@@ -20,13 +20,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 from flocking.errors import CacheError
 
 MOST_BYTES = 512 * 2**20
 """Size the folder may have; the files that were used longest ago are removed first, down to `KEPT_SHARE` of it."""
 KEPT_SHARE = 0.75
+"""Share of the largest size that is left after files were removed, so that this happens rarely."""
 
 LOOK_EVERY = 16
 """Files written by a process between two looks at the size of the folder."""
@@ -49,6 +50,7 @@ NOWHERE = Path(os.devnull)
 """In place of the folder where nothing can be written: nothing is kept, and every process compiles for itself."""
 
 _written = 0
+"""Files written by this process."""
 
 
 def cache_folder() -> Path:
@@ -166,7 +168,7 @@ def _mine(path: Path) -> bool:
 
 
 @contextmanager
-def _written_whole(path: Path) -> Iterator[BinaryIO]:
+def _written_completely(path: Path) -> Iterator[BinaryIO]:
     """A file that appears under its name when all of it is on the disk, readable and writable by the user alone.
 
     Raises
@@ -217,7 +219,7 @@ def write_text(path: Path, text: str) -> None:
         When it cannot be written.
     """
     data = text.encode()
-    with _written_whole(path) as file:
+    with _written_completely(path) as file:
         file.write(f"{HEAD}{hashlib.sha256(data).hexdigest()}\n".encode() + data)
 
 
@@ -243,7 +245,7 @@ def read_text(path: Path) -> str | None:
 
 
 @contextmanager
-def sealing(path: Path) -> Iterator[Any]:
+def sealing(path: Path) -> Iterator[io.BytesIO]:
     """A file to write machine code to; its digest is added at the end.
 
     Parameters
@@ -258,7 +260,7 @@ def sealing(path: Path) -> Iterator[Any]:
     """
     data = io.BytesIO()
     yield data
-    with _written_whole(path) as file:
+    with _written_completely(path) as file:
         file.write(data.getvalue() + hashlib.sha256(data.getvalue()).digest())
 
 

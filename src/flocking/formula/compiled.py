@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from contextvars import ContextVar, Token
 from pathlib import Path
 from types import ModuleType, TracebackType
-from typing import Any
+from typing import TypeVar
 
 from flocking.errors import CacheError
 from flocking.formula.cache import GENERATED, cache_folder, read_text, write_text
@@ -57,6 +57,8 @@ class Reading:
         return self._found[key][0]
 
 
+Formulas = TypeVar("Formulas")
+
 _reading: ContextVar[Reading | None] = ContextVar("reading", default=None)
 
 
@@ -64,8 +66,8 @@ def generated_module(
     kind: object,
     structure: object,
     parts: Sequence[object],
-    formulas: Callable[[], Any],
-    write: Callable[[Any], str],
+    formulas: Callable[[], Formulas],
+    write: Callable[[Formulas], str],
 ) -> ModuleType:
     """Module of functions printed from formulas, reused when one of the same formulas was made before.
 

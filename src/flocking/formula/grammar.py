@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -30,12 +30,17 @@ LARGEST_NUMBER = 1e100
 """Numbers in formulas and exact numbers that follow from them: products of three are finite in double precision."""
 
 LONGEST_TEXT = 10_000
+"""Characters of a formula, a bound on the work of reading it."""
 DEEPEST_NESTING = 60
+"""Nested brackets of a formula: far below the depth at which the parser of Python gives up."""
 MOST_NODES = 600
+"""Operations of a formula, a bound on the time that SymPy takes for it."""
 DEEPEST_CALLS = 12
 """Functions within functions: the derivative of each is a product over all those around it."""
 LARGEST_EXPONENT = 64
+"""Largest exponent that is a number: it bounds the length of products that SymPy expands."""
 LARGEST_NESTED_EXPONENT = 256
+"""Largest product of the exponents of powers of powers, for the same reason."""
 
 _BINARY = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
 _COMPARISON = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
@@ -75,6 +80,26 @@ class Formula:
     def tree(self) -> Node:
         """The parsed formula as nested tuples."""
         return parse(self.text, self.owner)
+
+    def with_parts(self, parts: Mapping[str, Node]) -> Formula:
+        """The formula with trees in place of some of its names, all at once; nothing is parsed again.
+
+        Parameters
+        ----------
+        parts
+            Trees by name.
+
+        Raises
+        ------
+        FormulaError
+            When it becomes larger or deeper than a formula may be.
+        """
+        tree = _with_parts(self.tree, parts)
+        text = render(tree)
+        _check_tree(tree, text, self.owner)
+        found = object.__new__(Formula)
+        vars(found).update(text=text, owner=self.owner, tree=tree)
+        return found
 
     @cached_property
     def names(self) -> frozenset[str]:
@@ -140,6 +165,43 @@ def _height(tree: ast.AST) -> int:
         level = [child for node in level for child in ast.iter_child_nodes(node)]
         height += 1
     return height
+
+
+def _with_parts(node: Node, parts: Mapping[str, Node]) -> Node:
+    if node[0] == "name":
+        return parts.get(str(node[1]), node)
+    return tuple(_with_parts(child, parts) if isinstance(child, tuple) else child for child in node)
+
+
+def _check_tree(tree: Node, text: str, owner: str) -> None:
+    """Check of a tree what `parse` checks of a text."""
+    size, height = _extent(tree)
+    if len(text) > LONGEST_TEXT:
+        raise _reject(owner, text, f"must have at most {LONGEST_TEXT} characters")
+    if size >= MOST_NODES * 3:
+        raise _reject(owner, text, f"must have at most {MOST_NODES} operations")
+    if height >= 2 * DEEPEST_NESTING:
+        raise _reject(owner, text, "is nested too deeply")
+    if _calls(tree) > DEEPEST_CALLS:
+        raise _reject(owner, text, f"must not nest more than {DEEPEST_CALLS} functions in each other")
+    for node in _walk(tree):
+        if node[0] == "**" and isinstance(node[2], tuple):
+            _check_exponent(node[2], text, owner)
+        if node[0] in ("**", "call"):
+            _check_powers(node, text, owner)
+        if node[0] == "/" and isinstance(node[2], tuple) and constant_value(node[2]) == 0:
+            raise _reject(owner, text, "must not divide by zero")
+
+
+_OWN_SIZES = {"number": (1, 1), "name": (2, 2), "call": (3, 1)}
+
+
+def _extent(node: Node) -> tuple[int, int]:
+    """Number and height of the nodes that Python's own parser makes of the same formula."""
+    size, height = _OWN_SIZES.get(str(node[0]), (2, 1))
+    inner = [_extent(child) for child in node if isinstance(child, tuple)]
+    named = [2] if node[0] == "call" else []
+    return size + sum(s for s, _ in inner), height + max([h for _, h in inner] + named, default=0)
 
 
 def _convert(node: ast.expr, text: str, owner: str) -> Node:

@@ -9,8 +9,11 @@ if TYPE_CHECKING:
     import sympy
 
 SAMPLES = 3
+"""Random points at which an identity is tried: formulas that differ agree at one by chance only."""
 DIGITS = 40
+"""Digits of the values that are compared."""
 ROUNDING = 1e-25
+"""Relative difference that counts as rounding: 15 of the 40 digits may be lost by cancellation."""
 
 
 def nothing_or_itself(expression: sympy.Expr) -> sympy.Expr:

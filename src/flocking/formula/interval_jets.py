@@ -48,9 +48,9 @@ def _rising(function: Callable[[Array], Array], a: Interval) -> Interval:
     return _sound(function(a[0]), function(a[1]))
 
 
-def _whole_power(a: Interval, n: int) -> Interval:
+def _integer_power(a: Interval, n: int) -> Interval:
     if n < 0:
-        return _inverse(_whole_power(a, -n))
+        return _inverse(_integer_power(a, -n))
     if n == 0:
         return np.ones_like(a[0]), np.ones_like(a[1])
     low, high = a[0] ** n, a[1] ** n
@@ -62,7 +62,7 @@ def _whole_power(a: Interval, n: int) -> Interval:
 
 def _power(a: Interval, exponent: float) -> Interval:
     if float(exponent).is_integer() and abs(exponent) < 1e6:
-        return _whole_power(a, int(exponent))
+        return _integer_power(a, int(exponent))
     low, high = (np.maximum(x, 0.0) ** exponent for x in a)
     return _sound(np.minimum(low, high), np.maximum(low, high))
 
@@ -99,8 +99,8 @@ class Jet:
 
     def constant(self, value: float) -> Jet:
         """A constant on the same intervals."""
-        whole, zero = np.full_like(self.parts[0][0], value), np.zeros_like(self.parts[0][0])
-        return Jet((whole, whole), (zero, zero), (zero, zero))
+        values, zero = np.full_like(self.parts[0][0], value), np.zeros_like(self.parts[0][0])
+        return Jet((values, values), (zero, zero), (zero, zero))
 
     def _jet(self, other: Jet | float) -> Jet:
         return other if isinstance(other, Jet) else self.constant(float(other))
@@ -116,7 +116,7 @@ class Jet:
             Bounds of its second derivative there.
         """
         _, first, second = self.parts
-        bent = _times(curvature, _whole_power(first, 2))
+        bent = _times(curvature, _integer_power(first, 2))
         return Jet(value, _times(slope, first), _add(bent, _times(slope, second)))
 
     def __add__(self, other: Jet | float) -> Jet:
@@ -220,7 +220,7 @@ class Functions:
         if not isinstance(x, Jet):
             return math.tanh(x)
         value = _rising(np.tanh, x.parts[0])
-        slope = _add((np.ones_like(value[0]),) * 2, _scaled(_whole_power(value, 2), -1.0))
+        slope = _add((np.ones_like(value[0]),) * 2, _scaled(_integer_power(value, 2), -1.0))
         return x.composed(value, slope, _scaled(_times(value, slope), -2.0))
 
     @staticmethod
@@ -239,8 +239,8 @@ class Functions:
         if not isinstance(x, Jet):
             return math.atan(x)
         base = x.parts[0]
-        slope = _inverse(_add((np.ones_like(base[0]),) * 2, _whole_power(base, 2)))
-        curvature = _scaled(_times(base, _whole_power(slope, 2)), -2.0)
+        slope = _inverse(_add((np.ones_like(base[0]),) * 2, _integer_power(base, 2)))
+        curvature = _scaled(_times(base, _integer_power(slope, 2)), -2.0)
         return x.composed(_rising(np.arctan, base), slope, curvature)
 
 

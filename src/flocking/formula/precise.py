@@ -12,6 +12,13 @@ if TYPE_CHECKING:
     from mpmath.ctx_mp import MPContext
 
 DIGITS = 600
+"""Digits of all numbers: differences of values near 1 may go down to 1e-300, the smallest numbers of double precision,
+and keep as many digits again."""
+
+LARGE = 60
+"""Bits of an argument beyond which exponentials are taken for 0 or infinite, and other functions have no value here:
+exp(2^60) has more than 10^17 digits."""
+
 LARGEST_POWER = 4096
 """Whole exponents up to it are powers by repeated multiplication, exact for negative bases; beyond, exp and log."""
 
@@ -45,103 +52,127 @@ def evaluator(
     known
         Values of its other symbols.
     """
+    context = wide_context()
+    given = {name: context.mpf(value) for name, value in (known or {}).items()}
+    return lambda value: _Evaluation({**given, symbol: context.mpf(value)}).value(expression)
+
+
+class _Evaluation:
+    """Values of expressions at one point, each found once.
+
+    Parameters
+    ----------
+    found
+        Values of the symbols.
+    """
+
+    def __init__(self, found: dict[sympy.Basic, Number]) -> None:
+        self._found = found
+        self._context = wide_context()
+
+    def value(self, node: sympy.Basic) -> Number:
+        """Value of an expression."""
+        if node not in self._found:
+            self._found[node] = self._computed(node)
+        return self._found[node]
+
+    def _holds(self, condition: sympy.Basic) -> bool:
+        import sympy
+
+        if condition in (sympy.true, sympy.false):
+            return bool(condition)
+        if isinstance(condition, sympy.Rel):
+            a, b = self.value(condition.lhs), self.value(condition.rhs)
+            order = {"<": a < b, "<=": a <= b, ">": a > b, ">=": a >= b, "==": a == b, "!=": a != b}
+            return bool(order[condition.rel_op])
+        if isinstance(condition, sympy.Not):
+            return not self._holds(condition.args[0])
+        if isinstance(condition, sympy.ITE):
+            test, yes, no = condition.args
+            return self._holds(yes) if self._holds(test) else self._holds(no)
+        return (all if isinstance(condition, sympy.And) else any)(self._holds(a) for a in condition.args)
+
+    def _computed(self, node: sympy.Basic) -> Number:
+        import sympy
+
+        context = self._context
+        if node.is_Rational:
+            return context.mpf(int(node.p)) / int(node.q)
+        if node.is_number and not node.args:
+            return context.mpf(node._to_mpmath(context.prec))
+        if node.is_Add:
+            return sum((self.value(a) for a in node.args), context.mpf(0))
+        if node.is_Mul:
+            result = context.mpf(1)
+            for factor in node.args:
+                result *= self.value(factor)
+            return result
+        if node.is_Pow:
+            return _power(self.value(node.base), self.value(node.exp))
+        if isinstance(node, sympy.Piecewise):
+            return next((self.value(v) for v, condition in node.args if self._holds(condition)), context.nan)
+        inside = [self.value(a) for a in node.args]
+        if any(context.isnan(x) for x in inside):
+            return context.nan
+        return _function(node, inside)
+
+
+def _function(node: sympy.Basic, inside: list[Number]) -> Number:
+    """Value of a function of these arguments, none of which is NaN."""
+    context, name, first = wide_context(), node.func.__name__, inside[0]
+    if name in {"Max", "Min"}:
+        return (max if name == "Max" else min)(inside)
+    if name == "exp":
+        return _growth(first)
+    if name == "log":
+        return context.log(first) if first > 0 else -context.inf if first == 0 else context.nan
+    if name in {"sin", "cos", "tan"}:
+        return context.nan if _large(first, LONGEST_NUMBER) else getattr(context, name)(first)
+    if name in {"atan", "tanh", "sinh", "cosh"}:
+        return _bend(name, first)
+    if name in {"Abs", "sign"}:
+        return abs(first) if name == "Abs" else context.sign(first)
+    return _other(node.func, inside)
+
+
+def _large(x: Number, bits: int) -> bool:
+    context = wide_context()
+    return bool(context.isinf(x)) or (x != 0 and int(context.mag(x)) > bits)
+
+
+def _growth(x: Number) -> Number:
+    context = wide_context()
+    if context.isnan(x) or not _large(x, LARGE):
+        return context.exp(x)
+    return context.inf if x > 0 else context.mpf(0)
+
+
+def _power(base: Number, exponent: Number) -> Number:
+    context = wide_context()
+    if context.isnan(base) or context.isnan(exponent):
+        return context.nan
+    if base == 0:
+        return context.inf if exponent < 0 else context.mpf(1) if exponent == 0 else context.mpf(0)
+    if context.isint(exponent) and abs(exponent) <= LARGEST_POWER and not context.isinf(base):
+        return base ** int(exponent)
+    return _growth(exponent * context.log(base)) if base > 0 else context.nan
+
+
+def _bend(name: str, x: Number) -> Number:
+    context = wide_context()
+    if name in {"sinh", "cosh"}:
+        up, down = _growth(x), _growth(-x)
+        return (up - down if name == "sinh" else up + down) / 2
+    if _large(x, LARGE):
+        return (context.pi / 2 if name == "atan" else context.mpf(1)) * (1 if x > 0 else -1)
+    return getattr(context, name)(x)
+
+
+def _other(function: sympy.Basic, inside: list[Number]) -> Number:
     import sympy
 
     context = wide_context()
-    nan, inf, zero = context.nan, context.inf, context.mpf(0)
-    given = {name: context.mpf(value) for name, value in (known or {}).items()}
-
-    def large(x: Number, bits: int) -> bool:
-        return bool(context.isinf(x)) or (x != 0 and int(context.mag(x)) > bits)
-
-    def growth(x: Number) -> Number:
-        if context.isnan(x) or not large(x, 60):
-            return context.exp(x)
-        return inf if x > 0 else zero
-
-    def wave(name: str, x: Number) -> Number:
-        return nan if large(x, LONGEST_NUMBER) else getattr(context, name)(x)
-
-    def power(base: Number, exponent: Number) -> Number:
-        if context.isnan(base) or context.isnan(exponent):
-            return nan
-        if base == 0:
-            return inf if exponent < 0 else context.mpf(1) if exponent == 0 else zero
-        if context.isint(exponent) and abs(exponent) <= LARGEST_POWER and not context.isinf(base):
-            return base ** int(exponent)
-        return growth(exponent * context.log(base)) if base > 0 else nan
-
-    def bend(name: str, x: Number) -> Number:
-        if name in {"sinh", "cosh"}:
-            up, down = growth(x), growth(-x)
-            return (up - down if name == "sinh" else up + down) / 2
-        if large(x, 60):
-            return (context.pi / 2 if name == "atan" else context.mpf(1)) * (1 if x > 0 else -1)
-        return getattr(context, name)(x)
-
-    def other(function: sympy.Basic, inside: list[Number]) -> Number:
-        if any(large(x, 60) for x in inside):
-            return nan
-        value = function(*(sympy.Float(x, DIGITS) for x in inside)).evalf(DIGITS)
-        return context.mpf(value._to_mpmath(context.prec)) if value.is_Float or value.is_Rational else nan
-
-    def at(value: Number) -> Number:
-        found: dict[sympy.Basic, Number] = {**given, symbol: context.mpf(value)}
-
-        def holds(condition: sympy.Basic) -> bool:
-            if condition in (sympy.true, sympy.false):
-                return bool(condition)
-            if isinstance(condition, sympy.Rel):
-                a, b = compute(condition.lhs), compute(condition.rhs)
-                order = {"<": a < b, "<=": a <= b, ">": a > b, ">=": a >= b, "==": a == b, "!=": a != b}
-                return bool(order[condition.rel_op])
-            if isinstance(condition, sympy.Not):
-                return not holds(condition.args[0])
-            if isinstance(condition, sympy.ITE):
-                test, yes, no = condition.args
-                return holds(yes) if holds(test) else holds(no)
-            return (all if isinstance(condition, sympy.And) else any)(holds(a) for a in condition.args)
-
-        def compute(node: sympy.Basic) -> Number:
-            if node not in found:
-                found[node] = fresh(node)
-            return found[node]
-
-        def fresh(node: sympy.Basic) -> Number:
-            if node.is_Rational:
-                return context.mpf(int(node.p)) / int(node.q)
-            if node.is_number and not node.args:
-                return context.mpf(node._to_mpmath(context.prec))
-            if node.is_Add:
-                return sum((compute(a) for a in node.args), zero)
-            if node.is_Mul:
-                result = context.mpf(1)
-                for factor in node.args:
-                    result *= compute(factor)
-                return result
-            if node.is_Pow:
-                return power(compute(node.base), compute(node.exp))
-            if isinstance(node, sympy.Piecewise):
-                return next((compute(v) for v, condition in node.args if holds(condition)), nan)
-            name = node.func.__name__
-            inside = [compute(a) for a in node.args]
-            if any(context.isnan(x) for x in inside):
-                return nan
-            if name in {"Max", "Min"}:
-                return (max if name == "Max" else min)(inside)
-            first = inside[0]
-            if name == "exp":
-                return growth(first)
-            if name == "log":
-                return context.log(first) if first > 0 else -inf if first == 0 else nan
-            if name in {"sin", "cos", "tan"}:
-                return wave(name, first)
-            if name in {"atan", "tanh", "sinh", "cosh"}:
-                return bend(name, first)
-            if name in {"Abs", "sign"}:
-                return abs(first) if name == "Abs" else context.sign(first)
-            return other(node.func, inside)
-
-        return compute(expression)
-
-    return at
+    if any(_large(x, LARGE) for x in inside):
+        return context.nan
+    value = function(*(sympy.Float(x, DIGITS) for x in inside)).evalf(DIGITS)
+    return context.mpf(value._to_mpmath(context.prec)) if value.is_Float or value.is_Rational else context.nan

@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import sympy
+    from sympy.printing.codeprinter import CodePrinter
 
 
 @cache
-def _printer(arrays: bool) -> Any:
+def _printer(arrays: bool) -> CodePrinter:
     from sympy.printing.numpy import NumPyPrinter
     from sympy.printing.pycode import PythonCodePrinter
 
     settings = {"fully_qualified_modules": True, "allow_unknown_functions": False}
 
-    def print_integer(printer: Any, expr: Any) -> str:
+    def print_integer(printer: CodePrinter, expr: sympy.Integer) -> str:
         # NumPy's functions and 64-bit registers know no larger integers.
         return str(int(expr)) if abs(expr) < 2**53 else repr(float(expr))
 
-    def print_rational(printer: Any, expr: Any) -> str:
+    def print_rational(printer: CodePrinter, expr: sympy.Rational) -> str:
         return f"{expr.p}/{expr.q}" if max(abs(expr.p), expr.q) < 2**53 else repr(float(expr))
 
     class ScalarPrinter(PythonCodePrinter):  # type: ignore[misc]
@@ -39,10 +40,10 @@ def _printer(arrays: bool) -> Any:
         _print_Integer = print_integer  # noqa: N815
         _print_Rational = print_rational  # noqa: N815
 
-        def _print_And(self, expr: Any) -> str:  # noqa: N802
+        def _print_And(self, expr: sympy.And) -> str:  # noqa: N802
             return "(" + " & ".join(f"({self._print(c)})" for c in expr.args) + ")"
 
-        def _print_Or(self, expr: Any) -> str:  # noqa: N802
+        def _print_Or(self, expr: sympy.Or) -> str:  # noqa: N802
             return "(" + " | ".join(f"({self._print(c)})" for c in expr.args) + ")"
 
     return ArrayPrinter(settings)
@@ -76,10 +77,12 @@ def statements(results: Mapping[str, sympy.Expr], *, arrays: bool, prefix: str) 
     return lines
 
 
-def _common(expressions: Sequence[sympy.Expr], numbered: Any) -> tuple[list[tuple[Any, sympy.Expr]], list[sympy.Expr]]:
+def _common(
+    expressions: Sequence[sympy.Expr], numbered: Iterator[sympy.Symbol]
+) -> tuple[list[tuple[sympy.Symbol, sympy.Expr]], list[sympy.Expr]]:
     import sympy
 
-    masks: dict[Any, Any] = {}
+    masks: dict[sympy.Piecewise, sympy.Dummy] = {}
     masked = []
     for expression in expressions:
         pieces = expression.atoms(sympy.Piecewise) if expression.has(sympy.Piecewise) else set()

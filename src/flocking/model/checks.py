@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,39 @@ from flocking.errors import InvalidInput
 NO_LESS = 1e-300
 """Least divisor, in place of a length or an energy that may be zero: quotients of zero become zero, and others so large
 that every bound refuses them. It is a normal number, so that dividing by it is exact to rounding."""
+
+
+class StandIn(float):
+    """Takes the place of a wrong number while the other faults of a part are found."""
+
+
+_collected: ContextVar[list[InvalidInput] | None] = ContextVar("collected", default=None)
+
+
+@contextmanager
+def collecting() -> Iterator[list[InvalidInput]]:
+    """Collects numbers out of range instead of stopping at the first: what is built meanwhile must be thrown away."""
+    found: list[InvalidInput] = []
+    token = _collected.set(found)
+    try:
+        yield found
+    finally:
+        _collected.reset(token)
+
+
+def refuse(error: InvalidInput) -> None:
+    """Raise an error of one value alone, or collect it, see `collecting`."""
+    found = _collected.get()
+    if found is None:
+        raise error
+    found.append(error)
+
+
+def stop_if_refused() -> None:
+    """Raise what was collected, before work that wrong values would waste."""
+    found = _collected.get()
+    if found:
+        raise found[0]
 
 
 def number(
@@ -32,6 +67,8 @@ def number(
     InvalidInput
         When ``value`` is no number, not finite, or out of range.
     """
+    if isinstance(value, StandIn):
+        return value
     if isinstance(value, bool | str) or value is None:
         raise InvalidInput(owner, parameter, "must be a number", value)
     try:
@@ -40,18 +77,27 @@ def number(
         raise InvalidInput(owner, parameter, "must be a number that fits 64 bits", "a number too large") from None
     except (TypeError, ValueError):
         raise InvalidInput(owner, parameter, "must be a number", value) from None
-    if not math.isfinite(result):
-        raise InvalidInput(owner, parameter, "must be finite", value)
-    if above is not None and not result > above:
-        raise InvalidInput(owner, parameter, f"must be greater than {above:g}", value)
-    if least is not None and not result >= least:
-        raise InvalidInput(owner, parameter, f"must be at least {least:g}", value)
-    if below is not None and not result < below:
-        raise InvalidInput(owner, parameter, f"must be less than {below:g}", value)
+    rule = _broken_rule(result, above, least, below)
+    if rule:
+        refuse(InvalidInput(owner, parameter, rule, value))
+        return StandIn(1.0)
     return result
 
 
-def integer(owner: str, parameter: str, value: Any, *, least: int) -> int:
+def _broken_rule(x: float, above: float | None, least: float | None, below: float | None) -> str:
+    """The rule that a number breaks; a bound that stands in for a wrong one breaks nothing."""
+    if not math.isfinite(x):
+        return "must be finite"
+    if above is not None and not isinstance(above, StandIn) and not x > above:
+        return f"must be greater than {above:g}"
+    if least is not None and not isinstance(least, StandIn) and not x >= least:
+        return f"must be at least {least:g}"
+    if below is not None and not isinstance(below, StandIn) and not x < below:
+        return f"must be less than {below:g}"
+    return ""
+
+
+def integer(owner: str, parameter: str, value: object, *, least: int) -> int:
     """An integer not below ``least``.
 
     Raises
@@ -89,21 +135,29 @@ def array(owner: str, parameter: str, value: Any, *, ndim: int) -> Array:
     return result
 
 
-def scalar_or_each(owner: str, parameter: str, value: object, *, least: float | None = None) -> float | Array:
+def scalar_or_each(
+    owner: str, parameter: str, value: object, *, least: float | None = None, above: float | None = None
+) -> float | Array:
     """A finite number, or a read-only array with one value per agent.
 
     Raises
     ------
     InvalidInput
-        When a value is not finite or below ``least``.
+        When a value is not finite, below ``least`` or not greater than ``above``.
     """
     if axes_of(value) == 0:
-        return number(owner, parameter, value, least=least)
+        return number(owner, parameter, value, least=least, above=above)
     result = array(owner, parameter, value, ndim=1)
-    if least is not None and (result < least).any():
-        agent = int(np.argmax(result < least))
-        raise InvalidInput(
-            owner, parameter, f"must be at least {least:g} for every agent", f"{result[agent]:g} for agent {agent}"
+    too_small = np.zeros(len(result), dtype=bool)
+    if least is not None:
+        too_small |= result < least
+    if above is not None:
+        too_small |= result <= above
+    if too_small.any():
+        agent = int(np.argmax(too_small))
+        bound = f"at least {least:g}" if above is None else f"greater than {above:g}"
+        refuse(
+            InvalidInput(owner, parameter, f"must be {bound} for every agent", f"{result[agent]:g} for agent {agent}")
         )
     return result
 
@@ -155,6 +209,23 @@ def listed(owner: str, parameter: str, value: Any, rule: str) -> list[Any]:
         return list(value)
     except TypeError:
         raise InvalidInput(owner, parameter, rule, value) from None
+
+
+def named_parameters(owner: str, given: Mapping[str, object]) -> dict[str, object]:
+    """Parameters given by keyword, with those of a mapping that is itself given by the keyword ``parameters``.
+
+    Raises
+    ------
+    InvalidInput
+        When one is given both ways.
+    """
+    together = given.get("parameters")
+    if not isinstance(together, Mapping):
+        return dict(given)
+    alone = {name: value for name, value in given.items() if name != "parameters"}
+    if clash := sorted(set(alone) & set(together)):
+        raise InvalidInput(owner, clash[0], "must be given once", alone[clash[0]])
+    return {**together, **alone}
 
 
 def parameters(owner: str, given: Mapping[str, object]) -> dict[str, float]:

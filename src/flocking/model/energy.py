@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from flocking.errors import InvalidInput
 from flocking.model.checks import number, one_of
 from flocking.model.leaders_and_obstacles.leaders import Leader
+from flocking.model.parts import values
+from flocking.model.parts.description import Group, add_group
+from flocking.model.parts.registration import register_part
 
 FRAMES = ("lab", "centre of mass", "leader")
 
@@ -32,7 +36,7 @@ class Energy:
         When the frame is unknown or the leader is missing.
     """
 
-    frame: str = "lab"
+    frame: Annotated[str, values.choice(*FRAMES)] = "lab"
     leader: Leader | None = None
     unlinked: float = 0.0
     name: str = "H"
@@ -49,3 +53,7 @@ class Energy:
     def structure(self) -> tuple[object, ...]:
         """What fixes its formulas."""
         return (self.frame, self.leader.structure if self.leader is not None else None)
+
+
+add_group(Group("energy", Energy, key=None))
+register_part("energy")(Energy)

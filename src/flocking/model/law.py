@@ -3,26 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Any
+from functools import cached_property, wraps
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flocking.errors import InvalidInput
+from flocking.model.bodies.body import Body
 from flocking.model.checks import array, integer, number
 from flocking.model.energy import Energy
 from flocking.model.graphs.coincident_starts import coincident_groups, linked_pair
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.leaders_and_obstacles.leaders import Leader
+from flocking.model.parts import values
+from flocking.model.parts.description import Group, Nested, add_group
+from flocking.model.parts.registration import register_part
 from flocking.model.state import Agents, State
 from flocking.model.terms.balances import check_body_term, check_pair_term
 from flocking.model.terms.body_terms import BodyTerm
 from flocking.model.terms.pair_terms import Gradient, PairTerm, Term
 from flocking.model.terms.potential_reach import check_reach
 
+MOST_TERMS = 100
+"""Most terms of a law in a file."""
 
+
+@register_part()
 @dataclass(frozen=True)
 class Law:
     """A control law: who is a neighbour of whom, and the terms that act.
@@ -48,7 +57,7 @@ class Law:
     """
 
     graph: Graph
-    terms: tuple[Term, ...]
+    terms: Annotated[tuple[Term, ...], Nested("term", many=True, most=MOST_TERMS)]
 
     def __post_init__(self) -> None:
         if not isinstance(self.graph, Graph):
@@ -126,7 +135,7 @@ class Law:
 
     def singular_at_zero(self) -> bool:
         """Whether some potential of the law diverges where two neighbours coincide."""
-        return any(not np.isfinite(t.potential(0.0)) for t in self.pair_terms if isinstance(t, Gradient))
+        return any(not np.isfinite(t.potential.at_contact) for t in self.pair_terms if isinstance(t, Gradient))
 
     def has_barrier(self, graph: Graph) -> bool:
         """Whether a potential over ``graph`` is infinite where its links break."""
@@ -171,10 +180,64 @@ class Law:
         return set()
 
 
+add_group(Group("law", Law, key=None))
+
+SORTS = {Body: "a body, such as PointMass", Energy: "Energy"}
+"""What some fields of a scenario must be, in words."""
+
+BODIES_PLACE = 3
+"""Place of the agents among the arguments of a scenario."""
+
 MOST_FRAMES = 10_000_000
 """Most frames at even times; a list of times has no limit."""
 
 
+def checked_end(t_end: object, start: float) -> float:
+    """The end ``t_end`` of a run that starts at time ``start``.
+
+    Raises
+    ------
+    InvalidInput
+        When it comes before the start.
+    """
+    end = number("Scenario", "t_end", t_end)
+    if end < start:
+        raise InvalidInput("Scenario", "t_end", f"must be at least {start!r}, the time of the start", end)
+    return end
+
+
+def checked_tolerance(tolerance: object) -> float:
+    """The tolerance of the adaptive engine.
+
+    Raises
+    ------
+    InvalidInput
+        When it is not between 0 and 0.1.
+    """
+    return number("Scenario", "tolerance", tolerance, above=0.0, below=0.1)
+
+
+def checked_frames(frames: int | Sequence[float], start: float, end: float) -> int | tuple[float, ...]:
+    """The number of frames, or their times between ``start`` and ``end``.
+
+    Raises
+    ------
+    InvalidInput
+        When the number is none or too large, or the times are out of order.
+    """
+    if isinstance(frames, int | np.integer) or np.ndim(frames) == 0:
+        count = integer("Scenario", "frames", frames, least=1)
+        if count > MOST_FRAMES:
+            rule = f"must be at most {MOST_FRAMES}"
+            raise InvalidInput("Scenario", "frames", rule, count, "Give the times for more.")
+        return count
+    times = array("Scenario", "frames", frames, ndim=1)
+    if len(times) == 0 or (np.diff(times) <= 0).any() or times[0] < start or times[-1] > end:
+        raise InvalidInput("Scenario", "frames", "must be ascending times between the start and t_end", frames)
+    return tuple(float(t) for t in times)
+
+
+@register_part()
 @dataclass(frozen=True, eq=False)
 class Scenario:
     """Everything an engine needs: a law, a start, the agents, and how long to run.
@@ -187,8 +250,8 @@ class Scenario:
         Initial state; its time is the start time.
     t_end
         When the run ends.
-    agents
-        Masses, damping and order of the agents; unit masses, no damping, order 2 when absent.
+    agents, bodies
+        What the agents are, such as `PointMass` or `SingleIntegrator`; point masses of 1 without damping when absent.
     frames
         Number of frames stored at even times, or the times themselves.
     energy
@@ -207,15 +270,23 @@ class Scenario:
         under a potential that is singular there.
     """
 
-    law: Law
+    law: Annotated[Law, Nested("law", inline=True)]
     start: State
     t_end: float
-    agents: Agents = field(default_factory=Agents)
-    frames: int | Sequence[float] = 201
+    agents: Body = field(default_factory=Agents)
+    frames: Annotated[int | Sequence[float], values.FRAMES] = 201
     energy: Energy = field(default_factory=Energy)
     tolerance: float = 1e-9
     name: str = ""
-    seed: int | None = None
+    seed: Annotated[int | None, values.SEED] = None
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, law: Law, start: State, t_end: float, agents: Body = ..., frames: int | Sequence[float] = ...,
+            energy: Energy = ..., tolerance: float = ..., name: str = ..., seed: int | None = ..., *,
+            bodies: Body = ...,
+        ) -> None: ...  # fmt: skip
 
     def __post_init__(self) -> None:
         if not isinstance(self.law, Law):
@@ -224,35 +295,42 @@ class Scenario:
             raise InvalidInput(
                 "Scenario", "start", "must be a State", self.start, "Use fk.State(q, p) or fk.start.box(...)."
             )
-        for name, kind in (("agents", Agents), ("energy", Energy)):
+        for name, kind in (("agents", Body), ("energy", Energy)):
             if not isinstance(getattr(self, name), kind):
-                raise InvalidInput("Scenario", name, f"must be {kind.__name__}", getattr(self, name))
-        object.__setattr__(self, "t_end", number("Scenario", "t_end", self.t_end, least=self.start.t))
-        object.__setattr__(self, "tolerance", number("Scenario", "tolerance", self.tolerance, above=0.0, below=0.1))
-        if np.ndim(self.frames) == 0:
-            object.__setattr__(self, "frames", integer("Scenario", "frames", self.frames, least=1))
-            if isinstance(self.frames, int) and self.frames > MOST_FRAMES:
-                raise InvalidInput(
-                    "Scenario", "frames", f"must be at most {MOST_FRAMES}", self.frames, "Give the times for more."
-                )
-        else:
-            times = array("Scenario", "frames", self.frames, ndim=1)
-            if len(times) == 0 or (np.diff(times) <= 0).any() or times[0] < self.start.t or times[-1] > self.t_end:
-                raise InvalidInput(
-                    "Scenario", "frames", "must be ascending times between the start and t_end", self.frames
-                )
-            object.__setattr__(self, "frames", tuple(float(t) for t in times))
+                raise InvalidInput("Scenario", name, f"must be {SORTS[kind]}", getattr(self, name))
+        object.__setattr__(self, "t_end", checked_end(self.t_end, self.start.t))
+        object.__setattr__(self, "tolerance", checked_tolerance(self.tolerance))
+        object.__setattr__(self, "frames", checked_frames(self.frames, self.start.t, self.t_end))
         self.agents.check_count(self.start.n)
+        object.__setattr__(self, "start", self._with_all_columns())
         self.law.check_count(self.start.n, self.start.dimension)
         self._check_coincidence()
         check_reach(self.law.pair_terms, self.law.graph)
+
+    def _with_all_columns(self) -> State:
+        """The start with every further column of the bodies."""
+        body, start = self.agents, self.start
+        sizes = body.widths(start.dimension)
+        for name, given in start.columns.items():
+            if name not in sizes:
+                known = ", ".join(sizes) or "none"
+                raise InvalidInput(
+                    "Scenario", "start", f"must have columns of {type(body).__name__} alone, which are: {known}", name
+                )
+            if given.shape[1] != sizes[name]:
+                raise InvalidInput(
+                    "Scenario", "start", f"must have {sizes[name]} numbers for each agent in column {name!r}",
+                    f"shape {given.shape}",
+                )  # fmt: skip
+        missing = body.missing_columns(start.columns, start.q, start.p)
+        return replace(start, columns={**start.columns, **missing}) if missing else start
 
     def _check_coincidence(self) -> None:
         if not self.law.singular_at_zero():
             return
         groups = coincident_groups(self.start.q)
         for term in self.law.pair_terms:
-            if groups and isinstance(term, Gradient) and not np.isfinite(term.potential(0.0)):
+            if groups and isinstance(term, Gradient) and not np.isfinite(term.potential.at_contact):
                 graph = term.over or self.law.graph
                 pair = linked_pair(graph, groups, self.start.q, self.agents.headings)
                 if pair is not None:
@@ -270,14 +348,69 @@ class Scenario:
             return np.linspace(self.start.t, self.t_end, self.frames)
         return np.array(self.frames)
 
+    def with_numbers(self, law: Law, t_end: float) -> Scenario:
+        """The same scenario, under the same law with other numbers, from an instant on: the start is not looked at.
+
+        Parameters
+        ----------
+        law
+            The law.
+        t_end
+            When the run ends.
+
+        Raises
+        ------
+        InvalidInput
+            When the law does not fit the agents, or its potentials have no values where its neighbours are.
+        """
+        law.check_count(self.start.n, self.start.dimension)
+        check_reach(law.pair_terms, law.graph)
+        found = copy(self)
+        object.__setattr__(found, "law", law)
+        object.__setattr__(found, "t_end", t_end)
+        return found
+
+    @property
+    def bodies(self) -> Body:
+        """What the agents are; another word for `agents`."""
+        return self.agents
+
     def with_(self, **changes: Any) -> Scenario:
         """The same scenario with some fields changed.
 
         An earlier ``t_end`` without new ``frames`` keeps those of the given times that come before it, and itself.
+        Other ``agents`` without a new ``start`` keep those columns of it that they have.
         """
+        if "bodies" in changes:
+            _take_bodies(changes, given="agents" in changes)
+        if isinstance(changes.get("agents"), Body) and "start" not in changes:
+            known = {column.name for column in changes["agents"].columns}
+            left = {name: values for name, values in self.start.columns.items() if name in known}
+            changes["start"] = replace(self.start, columns=left)
         end = changes.get("t_end")
         if isinstance(end, int | float) and "frames" not in changes and not isinstance(self.frames, int):
             start = changes.get("start", self.start)
             if end < self.frames[-1] and isinstance(start, State) and end >= start.t:
                 changes["frames"] = (*(t for t in self.frames if t < end), float(end))
         return replace(self, **changes)
+
+
+def _take_bodies(fields: dict[str, Any], *, given: bool) -> None:
+    """Put ``bodies`` where the field of a scenario is, ``agents``."""
+    if given:
+        raise InvalidInput("Scenario", "bodies", "must be given once", "bodies and agents", "They are one field.")
+    fields["agents"] = fields.pop("bodies")
+
+
+_fields_alone = Scenario.__init__
+
+
+@wraps(_fields_alone)
+def _with_bodies(self: Scenario, *values: Any, **fields: Any) -> None:
+    if "bodies" in fields:
+        _take_bodies(fields, given="agents" in fields or len(values) > BODIES_PLACE)
+    _fields_alone(self, *values, **fields)
+
+
+# A dataclass cannot have two names for one field.
+Scenario.__init__ = _with_bodies  # type: ignore[method-assign]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from flocking.arrays import Reals
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links, components
 from flocking.model.state import State
@@ -28,7 +29,12 @@ def mean_velocity(state: State, masses: Array | float = 1.0) -> Array:
 
 def velocity_spread(state: State) -> float:
     """Largest |p_i - mean p|."""
-    return float(np.linalg.norm(state.p - state.p.mean(axis=0), axis=1).max())
+    return spread_of(state.p)
+
+
+def spread_of(p: Reals) -> float:
+    """Largest |p_i - mean p| of velocities, shape (N, m)."""
+    return float(np.sqrt(((p - p.mean(axis=0)) ** 2).sum(axis=1).max()))
 
 
 def speed_spread(state: State) -> float:
@@ -38,11 +44,16 @@ def speed_spread(state: State) -> float:
 
 def order(state: State) -> float:
     """Polarisation: length of the mean unit velocity, 1 when all agents head the same way (Vicsek)."""
-    speed = np.linalg.norm(state.p, axis=1, keepdims=True)
-    moving = speed[:, 0] > 0
+    return order_of(state.p)
+
+
+def order_of(p: Reals) -> float:
+    """Polarisation of velocities, shape (N, m); 0 when nobody moves."""
+    speed = np.sqrt((p**2).sum(axis=1))
+    moving = speed > 0
     if not moving.any():
         return 0.0
-    return float(np.linalg.norm((state.p[moving] / speed[moving]).mean(axis=0)))
+    return float(np.linalg.norm((p[moving] / speed[moving, None]).mean(axis=0)))
 
 
 def flocks(links: Links) -> int:

@@ -6,55 +6,26 @@ import base64
 import binascii
 import io
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import MISSING, fields
-from importlib import import_module
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+import flocking.model.library  # noqa: F401  registers the parts of the library
 from flocking.arrays import AnyArray
 from flocking.errors import InvalidInput
-
-HOMES: dict[str, str] = {
-    "Agents": "state", "Avoid": "terms.avoidance", "Ball": "leaders_and_obstacles.obstacles",
-    "Bump": "potentials.bumps", "Compensate": "terms.body_terms", "Cone": "graphs.views",
-    "Consensus": "terms.pair_terms", "ConvexPolygon": "leaders_and_obstacles.polygons", "Energy": "energy",
-    "FieldOfView": "graphs.views", "Fixed": "graphs.distance_graphs", "Gradient": "terms.pair_terms",
-    "HashedWeights": "graphs.weights", "HeadingWeights": "graphs.views", "Hysteresis": "graphs.distance_graphs",
-    "Law": "law", "MatrixWeights": "graphs.weights", "Path": "leaders_and_obstacles.leaders",
-    "PerAgentRadii": "graphs.smooth_graphs", "Potential": "potentials.potential",
-    "Proximity": "graphs.distance_graphs", "Scenario": "law", "Schedule": "terms.schedules",
-    "Sink": "leaders_and_obstacles.leaders", "Smooth": "graphs.smooth_graphs", "SmoothCone": "graphs.views",
-    "State": "state", "Track": "terms.body_terms", "Velocity": "leaders_and_obstacles.leaders",
-    "Wall": "leaders_and_obstacles.obstacles",
-}  # fmt: skip
-"""Module under `flocking.model` of every part that data may name. A new dataclass part needs its line here only."""
-
-SHARED = frozenset(
-    {
-        "graphs.distance_graphs",
-        "leaders_and_obstacles.leaders",
-        "leaders_and_obstacles.obstacles",
-        "leaders_and_obstacles.polygons",
-        "graphs.smooth_graphs",
-        "graphs.views",
-    }
-)
-"""Modules whose parts keep their identity: two terms that look at one leader still do after a round trip."""
+from flocking.model.parts.description import Description, registered, registered_names
+from flocking.model.parts.values import NAMED_NUMBERS, Value
 
 LONGEST_LIST = 1000
 """Arrays with more entries are written as base64 of NumPy's own format instead of lists."""
 
 DEEPEST = 40
-
-_PLAIN: dict[str, type | tuple[type, ...]] = {
-    "bool": bool, "str": str, "int": int, "int | None": (int, type(None)), "float": (int, float),
-}  # fmt: skip
+"""Nested parts of plain data: far below the depth at which the interpreter stops recursion."""
 
 
 class ForeignPart(InvalidInput):
-    """A part from outside this library: it can be simulated, but a file cannot name it."""
+    """A part that was never registered: it can be simulated, but a file cannot name it."""
 
 
 def to_data(part: object) -> object:
@@ -68,12 +39,12 @@ def to_data(part: object) -> object:
     Raises
     ------
     ForeignPart
-        When a part comes from outside this library.
+        When a part is from outside this library and was not registered, see `flocking.register_part`.
     """
     return _Writer(part).data
 
 
-def from_data(data: Any) -> Any:
+def from_data(data: object) -> Any:
     """The part that `to_data` described. Every part validates itself anew as it is built.
 
     Raises
@@ -84,39 +55,13 @@ def from_data(data: Any) -> Any:
     return _Reader().read(data, "data")
 
 
-def part_class(name: str, where: str = "data") -> type:
-    """Class of the part called ``name``.
-
-    Raises
-    ------
-    InvalidInput
-        When there is no such part.
-    """
-    if not isinstance(name, str) or name not in HOMES:
-        raise InvalidInput(where, "part", f"must be one of {', '.join(HOMES)}", name)
-    found = getattr(import_module(f"flocking.model.{HOMES[name]}"), name)
-    assert isinstance(found, type)
-    return found
-
-
-def _arguments(part: Any) -> Mapping[str, object]:
-    """What a part's class must be called with to make it again."""
-    name = type(part).__name__
-    if name in _TAKEN_APART:
-        return _TAKEN_APART[name](part)
-    return {f.name: getattr(part, f.name) for f in fields(part) if f.init}
-
-
-_TAKEN_APART: dict[str, Callable[[Any], dict[str, Any]]] = {
-    "Bump": lambda x: {"name": x.name, "formula": x.formula.text},
-    "Consensus": lambda x: {k: getattr(x, k) for k in ("gain", "weights", "weighted", "functional", "over")},
-    "Path": lambda x: {
-        "velocity": [f.text for f in x.formulas], "start": x.start, "start_time": x.start_time,
-        "parameters": dict(x.values),
-    },
-    "Potential": lambda x: {"formula": x.formula.text, "parameters": dict(x.parameters)},
-}  # fmt: skip
-"""Parts whose constructor takes something else than their fields; ``parameters`` are keyword arguments."""
+def _kind(name: object, where: str, source: object) -> Description:
+    """The registered part called ``name``."""
+    known = registered_names()
+    if isinstance(name, str) and name in known:
+        return known[name]
+    fix = f"Import {source} first: it registers its parts." if isinstance(source, str) else ""
+    raise InvalidInput(where, "part", f"must be one of {', '.join(sorted(known))}", name, fix)
 
 
 class _Writer:
@@ -146,21 +91,25 @@ class _Writer:
         return self._part(value)
 
     def _part(self, part: object) -> dict[str, object]:
-        kind = type(part)
-        home = HOMES.get(kind.__name__)
-        if home is None or kind.__module__ != f"flocking.model.{home}":
+        kind = registered(part)
+        if kind is None:
             raise ForeignPart(
-                "to_data", kind.__name__, "must be a part of this library to be written to a file", part,
-                "A scenario with a part of your own can be simulated; keep the Python file that makes it.",
+                "to_data", type(part).__name__, "must be a part of this library or a registered one", part,
+                "Decorate its class with @fk.register_part, or keep the Python file that makes the scenario.",
             )  # fmt: skip
-        if home in SHARED and id(part) in self._described:
+        if kind.shares_identity and id(part) in self._described:
             number = self._seen.setdefault(id(part), len(self._seen))
             self._described[id(part)]["id"] = number
             return {"same": number}
-        data: dict[str, object] = {"part": kind.__name__}
+        data: dict[str, object] = {"part": kind.name}
+        module = kind.builds.__module__
+        if module.partition(".")[0] != __name__.partition(".")[0]:
+            data["from"] = module
         self._described[id(part)] = data
         self._keep.append(part)
-        data |= {name: self._write(value) for name, value in _arguments(part).items()}
+        for name, value in kind.values_of(part).items():
+            holds = kind.fields[name].holds
+            data[name] = self._write(holds.store(value) if isinstance(holds, Value) else value)
         return data
 
 
@@ -206,23 +155,17 @@ class _Reader:
             raise InvalidInput(where, "same", "must be the id of a part described before", number)
         return self._shared[number]
 
-    def _part(self, data: dict[str, Any], where: str, depth: int) -> Any:
+    def _part(self, data: dict[str, object], where: str, depth: int) -> object:
         name = data.pop("part")
-        kind = part_class(name, where)
+        kind = _kind(name, where, data.pop("from", None))
         number = data.pop("id", None)
         if number is not None and not isinstance(number, int):
             raise InvalidInput(where, "id", "must be a whole number", number)
-        where = f"{where}.{name}"
+        where = f"{where}.{kind.name}"
         given = {key: self.read(value, f"{where}.{key}", depth + 1) for key, value in data.items()}
-        if name not in _TAKEN_APART:
-            _check_fields(kind, given, where)
-        parameters = given.pop("parameters", {}) if name in _TAKEN_APART else {}
-        if not isinstance(parameters, dict) or not all(isinstance(k, str) for k in parameters):
-            raise InvalidInput(where, "parameters", "must be named numbers", parameters)
-        if clash := sorted(set(parameters) & set(given)):
-            raise InvalidInput(where, clash[0], "must be given once", parameters)
+        _check_fields(kind, given, where)
         try:
-            built = kind(**given, **parameters)
+            built = kind.call(**given)
         except InvalidInput:
             raise
         except (TypeError, ValueError, AttributeError) as error:
@@ -232,19 +175,20 @@ class _Reader:
         return built
 
 
-def _check_fields(kind: type, given: Mapping[str, object], where: str) -> None:
-    known = {f.name: f for f in fields(kind) if f.init}
-    if odd := sorted(set(given) - set(known)):
-        raise InvalidInput(where, odd[0], f"is no field of {kind.__name__}", given[odd[0]], f"It has {list(known)}.")
-    for name, f in known.items():
+def _check_fields(kind: Description, given: Mapping[str, object], where: str) -> None:
+    if odd := sorted(set(given) - set(kind.fields)):
+        raise InvalidInput(where, odd[0], f"is no field of {kind.name}", given[odd[0]], f"It has {list(kind.fields)}.")
+    for name, field in kind.fields.items():
         if name not in given:
-            if f.default is MISSING and f.default_factory is MISSING:
+            if field.required:
                 raise InvalidInput(where, name, "must be given", None)
             continue
-        expected = _PLAIN.get(str(f.type))
         value = given[name]
-        if expected and (not isinstance(value, expected) or (isinstance(value, bool) and expected is not bool)):
-            raise InvalidInput(where, name, f"must be of type {f.type}", value)
+        if field.holds is NAMED_NUMBERS and not isinstance(value, dict):
+            raise InvalidInput(where, name, "must be named numbers", value)
+        wrong_type = not isinstance(value, field.plain) or (isinstance(value, bool) and bool not in field.plain)
+        if field.plain and wrong_type:
+            raise InvalidInput(where, name, f"must be of type {field.type_name}", value)
 
 
 def _array(text: str | bytes, where: str) -> AnyArray:

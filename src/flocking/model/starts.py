@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Annotated
 
 import numpy as np
 
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array, array, integer, number, one_of
+from flocking.model.checks import Array, array, integer, number, one_of, stop_if_refused
 from flocking.model.graphs.connectivity import is_connected
+from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.parts import values
+from flocking.model.parts.registration import register_part
+from flocking.model.parts.values import MOST_PAIRWISE
 from flocking.model.state import State
 
-if TYPE_CHECKING:
-    from flocking.model.graphs.distance_graphs import Graph
+VELOCITIES = ("disc", "box")
+"""How velocities may be drawn."""
 
 MOST_DRAWS = 100_000
 """Draws tried before a connected start is declared out of reach."""
@@ -27,19 +32,23 @@ MOST_AGENTS = 200_000_000
 MOST_DIMENSIONS = 1000
 """Most axes of a random start."""
 
+MOST_AXES = 8
+"""Axes of a start of as many agents as are allowed; fewer agents may have more."""
+
 MOST_CONNECTED = 10_000
 """Most agents of a start that must be connected."""
 
 
+@register_part("box")
 def box(
-    n: int,
+    n: Annotated[int, values.AGENTS],
     *,
-    side: float | Sequence[float],
+    side: Annotated[float | Sequence[float], values.NUMBER_OR_NUMBERS],
     speed: float = 0.0,
-    seed: int,
-    corner: Sequence[float] | None = None,
-    dimension: int = 2,
-    velocities: str = "disc",
+    seed: Annotated[int, values.SEED],
+    corner: Annotated[Sequence[float] | None, values.POINT] = None,
+    dimension: Annotated[int, values.DIMENSION] = 2,
+    velocities: Annotated[str, values.choice(*VELOCITIES)] = "disc",
     connected_under: Graph | None = None,
     most_agents: int = MOST_AGENTS,
 ) -> State:
@@ -78,6 +87,7 @@ def box(
     sides = array("start.box", "side", [side] * dimension if np.ndim(side) == 0 else side, ndim=1)
     for value in sides:
         number("start.box", "side", value, above=0.0)
+    _count("start.box", n, len(sides), most_agents)
     low = array("start.box", "corner", np.zeros(len(sides)) if corner is None else corner, ndim=1)
     if low.shape != sides.shape:
         raise InvalidInput("start.box", "corner", f"must have {len(sides)} coordinates", corner)
@@ -87,14 +97,15 @@ def box(
     )  # fmt: skip
 
 
+@register_part("ball")
 def ball(
-    n: int,
+    n: Annotated[int, values.AGENTS],
     *,
     radius: float,
     speed: float = 0.0,
-    seed: int,
-    dimension: int = 2,
-    velocities: str = "disc",
+    seed: Annotated[int, values.SEED],
+    dimension: Annotated[int, values.DIMENSION] = 2,
+    velocities: Annotated[str, values.choice(*VELOCITIES)] = "disc",
     connected_under: Graph | None = None,
     most_agents: int = MOST_AGENTS,
 ) -> State:
@@ -136,8 +147,15 @@ def ball(
     return _draw("start.ball", n, dimension, positions, speed, velocities, seed, connected_under)
 
 
+@register_part("hexagonal")
 def hexagonal(
-    n: int, *, spacing: float, noise: float = 0.0, speed: float = 0.0, seed: int, most_agents: int = MOST_AGENTS
+    n: Annotated[int, values.AGENTS],
+    *,
+    spacing: float,
+    noise: float = 0.0,
+    speed: float = 0.0,
+    seed: Annotated[int, values.SEED],
+    most_agents: int = MOST_AGENTS,
 ) -> State:
     """The n points of a planar triangular lattice nearest its centre, with Gaussian noise.
 
@@ -165,6 +183,7 @@ def hexagonal(
     spacing = number("start.hexagonal", "spacing", spacing, above=0.0)
     noise = number("start.hexagonal", "noise", noise, least=0.0)
     speed = number("start.hexagonal", "speed", speed, least=0.0)
+    stop_if_refused()
     rng = np.random.default_rng(integer("start.hexagonal", "seed", seed, least=0))
     half = int(np.ceil(np.sqrt(n))) + 2
     column, row = np.meshgrid(np.arange(-half, half + 1), np.arange(-half, half + 1))
@@ -172,6 +191,52 @@ def hexagonal(
     nearest = np.argsort(np.linalg.norm(points, axis=1), kind="stable")[:n]
     q = points[np.sort(nearest)] * spacing + noise * rng.normal(size=(n, 2))
     return State(q, speed * rng.normal(size=(n, 2)))
+
+
+def _given_state(state: object) -> dict[str, object]:
+    assert isinstance(state, State)
+    links = None if state.links is None else np.argwhere(state.links)
+    found = {"t": state.t, "q": state.q, "p": state.p, "links": links}
+    return {**found, "columns": state.columns} if state.columns else found
+
+
+@register_part("given", taken=_given_state)
+def given(
+    q: Annotated[Sequence[Sequence[float]], values.POSITIONS],
+    p: Annotated[Sequence[Sequence[float]] | None, values.ROWS] = None,
+    t: Annotated[float, values.TIME] = 0.0,
+    links: Annotated[Sequence[tuple[int, int]] | None, values.PAIRS] = None,
+    columns: Annotated[Mapping[str, Sequence[Sequence[float]]] | None, values.NAMED_ROWS] = None,
+) -> State:
+    """A state as files give it, number by number.
+
+    Parameters
+    ----------
+    q, p, t
+        Positions, velocities and time, as in `State`.
+    links
+        Pairs (i, j) where agent i senses agent j.
+    columns
+        Further columns of the agents by name, a row for each agent.
+
+    Raises
+    ------
+    InvalidInput
+        When the state is none, or there are too many agents for a matrix of links.
+    """
+    n = len(q)
+    if links is not None and n > MOST_PAIRWISE:
+        raise InvalidInput("start.given", "links", f"must be left out for more than {MOST_PAIRWISE} agents", n)
+    further = {name: np.array(rows) for name, rows in (columns or {}).items()}
+    state = State(np.array(q), None if p is None else np.array(p), t, columns=further)  # type: ignore[arg-type]
+    if links is None:
+        return state
+    matrix = np.zeros((n, n), dtype=bool)
+    for i, j in links:
+        if max(i, j) >= n or i == j:
+            raise InvalidInput("start.given", "links", f"must join two different agents of 0..{n - 1}", [i, j])
+        matrix[i, j] = True
+    return replace(state, links=matrix)
 
 
 def _directions(rng: np.random.Generator, n: int, dimension: int) -> Array:
@@ -185,12 +250,12 @@ def _count(owner: str, n: int, dimension: int, most_agents: int) -> int:
         raise InvalidInput(owner, "n", f"must be at most {most_agents}", n, "Pass most_agents for more.")
     if integer(owner, "dimension", dimension, least=1) > MOST_DIMENSIONS:
         raise InvalidInput(owner, "dimension", f"must be at most {MOST_DIMENSIONS}", dimension)
+    if n * dimension > MOST_AXES * most_agents:
+        raise InvalidInput(owner, "dimension", f"must be fewer axes for {n} agents", dimension)
     return n
 
 
 def _check_graph(owner: str, n: int, graph: object) -> None:
-    from flocking.model.graphs.distance_graphs import Graph
-
     if graph is None:
         return
     if not isinstance(graph, Graph):
@@ -215,8 +280,9 @@ def _draw(
 ) -> State:
     speed = number(owner, "speed", speed, least=0.0)
     integer(owner, "seed", seed, least=0)
-    one_of(owner, "velocities", velocities, ("disc", "box"), "must be 'disc' or 'box'")
+    one_of(owner, "velocities", velocities, VELOCITIES, "must be 'disc' or 'box'")
     _check_graph(owner, n, graph)
+    stop_if_refused()
     rng = np.random.default_rng(seed)
     allowed = MOST_DRAWS if graph is None else max(1, min(MOST_DRAWS, MOST_PAIRS // max(1, n * n)))
     for _ in range(allowed):

@@ -3,18 +3,30 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from flocking.arrays import Links
 from flocking.errors import InvalidInput, SuspectInput
-from flocking.model.checks import Array, array, axes_of, number, one_of, scalar_or_each
+from flocking.model.bodies.body import Body, MotionSymbols
+from flocking.model.bodies.point_bodies import PointMass, SingleIntegrator
+from flocking.model.checks import Array, array, axes_of, number, one_of
+from flocking.model.parts import values
+from flocking.model.parts.description import Group, add_group
+from flocking.model.parts.registration import register_part
+
+if TYPE_CHECKING:
+    import sympy
 
 SPACE = 3
 """Dimensions beyond which it is said that rows are agents: columns may have been meant."""
 
 
+@register_part()
 @dataclass(frozen=True, eq=False)
 class State:
     """Positions and velocities of N agents in m dimensions at one time.
@@ -30,6 +42,8 @@ class State:
     links
         Link memory, shape (N, N), ``links[i, j]`` true when agent i senses agent j. None before a graph
         has been asked for its initial links.
+    columns
+        Further columns of the agents by name, shape (N, width) each, see `flocking.model.bodies.body.Body.columns`.
 
     Raises
     ------
@@ -41,6 +55,7 @@ class State:
     p: Array = None  # type: ignore[assignment]
     t: float = 0.0
     links: Links | None = None
+    columns: Annotated[Mapping[str, Array], values.NAMED_ROWS] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         q = array("State", "q", self.q, ndim=2)
@@ -61,6 +76,7 @@ class State:
         object.__setattr__(self, "q", q)
         object.__setattr__(self, "p", p)
         object.__setattr__(self, "t", number("State", "t", self.t))
+        object.__setattr__(self, "columns", self._checked_columns())
         if self.links is not None:
             if axes_of(self.links) != 2:
                 raise InvalidInput("State", "links", f"must be an ({self.n}, {self.n}) matrix", self.links)
@@ -75,6 +91,20 @@ class State:
             links.setflags(write=False)
             object.__setattr__(self, "links", links)
 
+    def _checked_columns(self) -> dict[str, Array]:
+        if not isinstance(self.columns, Mapping):
+            raise InvalidInput("State", "columns", "must give an array for each name", self.columns)
+        found = {}
+        for name, given in self.columns.items():
+            values = array("State", f"columns[{name!r}]", given, ndim=2)
+            if len(values) != self.n:
+                raise InvalidInput(
+                    "State", f"columns[{name!r}]", f"must have a row for each of the {self.n} agents",
+                    f"shape {values.shape}",
+                )  # fmt: skip
+            found[str(name)] = values
+        return found
+
     @property
     def n(self) -> int:
         """Number of agents."""
@@ -86,9 +116,14 @@ class State:
         return int(self.q.shape[1])
 
 
+add_group(Group("start", State, key="draw", default="given"))
+
+
 @dataclass(frozen=True, eq=False)
-class Agents:
+class Agents(Body):
     """What the agents are: m_i dv_i/dt = u_i - k_i v_i (Shi (1)), or dq_i/dt = u_i for order 1.
+
+    It is `PointMass` or `SingleIntegrator`, chosen by the order.
 
     Parameters
     ----------
@@ -110,33 +145,37 @@ class Agents:
 
     masses: float | Array = 1.0
     damping: float | Array = 0.0
-    order: int = 2
-    headings: Array | None = None
+    order: Annotated[int, values.ORDER] = 2
+    headings: Annotated[Array | None, values.HEADINGS] = None
 
     def __post_init__(self) -> None:
-        masses = scalar_or_each("Agents", "masses", self.masses)
-        if (np.asarray(masses) <= 0).any():
-            raise InvalidInput("Agents", "masses", "must be positive", self.masses)
-        object.__setattr__(self, "masses", masses)
-        object.__setattr__(self, "damping", scalar_or_each("Agents", "damping", self.damping, least=0.0))
         one_of("Agents", "order", self.order, (1, 2), "must be 1 or 2")
-        if self.headings is not None:
-            ndim = axes_of(self.headings)
-            if ndim not in (1, 3):
-                raise InvalidInput("Agents", "headings", "must have shape (N,) or (N, d, d)", f"{ndim} axes")
-            object.__setattr__(self, "headings", array("Agents", "headings", self.headings, ndim=ndim))
+        self.check_fields()
 
-    def check_count(self, n: int) -> None:
-        """Check that per-agent values are given for exactly ``n`` agents.
+    @cached_property
+    def _body(self) -> PointMass | SingleIntegrator:
+        if self.order == 1:
+            return SingleIntegrator(self.masses, self.headings)
+        return PointMass(self.masses, self.damping, self.headings)
 
-        Raises
-        ------
-        InvalidInput
-            When an array has another length.
-        """
-        for name in ("masses", "damping", "headings"):
-            value = getattr(self, name)
-            if value is not None and np.ndim(value) and len(value) != n:
-                raise InvalidInput(
-                    "Agents", name, f"must have one value for each of the {n} agents", f"{len(value)} values"
-                )
+    def rates(self, x: MotionSymbols) -> dict[str, Sequence[sympy.Expr]]:
+        """Those of `PointMass` or `SingleIntegrator`."""
+        return self._body.rates(x)
+
+    @property
+    def structure(self) -> tuple[object, ...]:
+        """That of `PointMass` or `SingleIntegrator`."""
+        return self._body.structure
+
+    @property
+    def homogeneous(self) -> bool:
+        """True."""
+        return True
+
+    @property
+    def inert(self) -> bool:
+        """Whether no agent is damped; never for order 1."""
+        return self._body.inert
+
+
+register_part("agents")(Agents)

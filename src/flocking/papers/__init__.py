@@ -10,7 +10,36 @@ if TYPE_CHECKING:
     from flocking.papers.description import Paper
 
 KEYS = ("olfati-saber-2003", "tanner-2003-fixed", "tanner-2003-dynamic", "zhou-2015", "shi-2009")
-"""Keys of the papers, in the order they are reproduced."""
+"""Keys of the papers of the library, in the order they are reproduced."""
+
+_added: dict[str, Paper] = {}
+
+
+def keys() -> tuple[str, ...]:
+    """Keys of all papers: those of the library, then those that were added."""
+    return (*KEYS, *_added)
+
+
+def add_paper(paper: Paper) -> None:
+    """Make a paper from outside known: to audits, to the lists of scenarios, and to reproduction.
+
+    Parameters
+    ----------
+    paper
+        The paper, with the dotted name of its package as ``home``.
+
+    Raises
+    ------
+    InvalidInput
+        When the library has a paper with its key, or its scenarios do not begin with the key.
+    """
+    from flocking.errors import InvalidInput
+
+    if paper.key in KEYS or not paper.home:
+        raise InvalidInput("add_paper", "key", "must be a new one, of a paper with a home", paper.key)
+    if odd := [name for name in paper.scenarios() if name != paper.key and not name.startswith(f"{paper.key}-")]:
+        raise InvalidInput("add_paper", "scenarios", f"must have names that begin with {paper.key}", odd[0])
+    _added[paper.key] = paper
 
 
 def paper(key: str) -> Paper:
@@ -21,10 +50,12 @@ def paper(key: str) -> Paper:
     InvalidInput
         When there is no such paper.
     """
+    if key in _added:
+        return _added[key]
     if key not in KEYS:
         from flocking.errors import InvalidInput
 
-        raise InvalidInput("papers", "key", f"must be one of {', '.join(KEYS)}", key)
+        raise InvalidInput("papers", "key", f"must be one of {', '.join(keys())}", key)
     found: Paper = _package(key).PAPER
     return found
 
@@ -35,7 +66,7 @@ def _package(key: str) -> ModuleType:
 
 def paper_of(scenario: str) -> str:
     """Key of the paper a scenario belongs to by its name; empty when it belongs to none."""
-    return max((key for key in KEYS if scenario == key or scenario.startswith(f"{key}-")), key=len, default="")
+    return max((key for key in keys() if scenario == key or scenario.startswith(f"{key}-")), key=len, default="")
 
 
 def __getattr__(name: str) -> ModuleType:

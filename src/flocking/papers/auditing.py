@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import wraps
 
 from flocking.engine.runs.run import Run
+from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.papers import paper, paper_of
 from flocking.study.claims.audit import Report
 from flocking.study.claims.audit import audit as audit_claims
-from flocking.study.claims.claim import Claim
+from flocking.study.claims.claim import Claim, Measure
+from flocking.study.evidence import Evidence
 
 
 def audit(run: Run, claims: Sequence[Claim] | None = None) -> Report:
@@ -25,9 +29,22 @@ def audit(run: Run, claims: Sequence[Claim] | None = None) -> Report:
     return audit_claims(run, paper_claims(run.scenario.name) if claims is None and isinstance(run, Run) else claims)
 
 
+def _of_point_masses(claim: Claim) -> Claim:
+    """A claim of a paper, whose theorems assume that agents move as point masses do."""
+
+    @wraps(claim.hypothesis)
+    def hypothesis(e: Evidence) -> Measure:
+        agents = e.run.scenario.agents
+        if is_point_mass(agents):
+            return claim.hypothesis(e)
+        return Measure(-1.0, 0.0, f"agents are {type(agents).__name__}, not point masses", everywhere=False)
+
+    return replace(claim, hypothesis=hypothesis)
+
+
 def paper_claims(scenario: str) -> tuple[Claim, ...] | None:
-    """Claims about a paper's scenario by its name; None for any other name."""
+    """Claims about a paper's scenario by its name; None for any other name. All are about point masses."""
     key = paper_of(scenario)
     if not key or scenario not in paper(key).scenarios():
         return None
-    return tuple(paper(key).claims(scenario))
+    return tuple(map(_of_point_masses, paper(key).claims(scenario)))

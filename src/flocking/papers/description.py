@@ -6,12 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
-from flocking.papers.equation_files import read_statements
+from flocking.papers.equation_files import has_table, read_statements
 from flocking.show.declaration import Figures, drawn_figure
 from flocking.study.claims.claim import Claim
 from flocking.study.equation_table import Erratum, Row, errata_of
@@ -49,6 +49,8 @@ class Paper:
         Figures by number.
     studies
         Names of the sweeps of its scenarios that come with the library.
+    home
+        Dotted name of its package, where it is not one of the library.
     """
 
     key: str
@@ -61,6 +63,7 @@ class Paper:
     claims: ClaimsOf
     figures: Callable[[], Figures]
     studies: tuple[str, ...] = ()
+    home: str = ""
 
     @property
     def citation(self) -> str:
@@ -70,10 +73,12 @@ class Paper:
     @property
     def package(self) -> str:
         """Dotted name of the package that holds its parts."""
-        return f"flocking.papers.{self.key.replace('-', '_')}"
+        return self.home or f"flocking.papers.{self.key.replace('-', '_')}"
 
     @cached_property
     def _rows(self) -> tuple[Row, ...]:
+        if self.home and not has_table(self.home):
+            return ()
         return read_statements(self.package, self.key)
 
     def equations(self) -> tuple[Row, ...]:
@@ -111,7 +116,7 @@ class Paper:
                 )
         return drawn_figure(self.figures(), number, run, *beside)
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name: str) -> object:
         if not name.startswith("_"):
             module = import_module(self.package)
             if hasattr(module, name):

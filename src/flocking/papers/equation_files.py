@@ -21,7 +21,7 @@ import tomllib
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from importlib.resources import files
-from typing import Any
+from typing import Any, Literal, NotRequired, TypedDict, cast
 
 from flocking.study.equation_table import Fault, Row
 
@@ -32,8 +32,29 @@ REQUIRED = ("number", "kind", "title", "home", "example")
 ARGUMENTS = ("example_arguments", "counterexample_arguments")
 KEYS = {*TEXTS, *ARGUMENTS, "also"}
 
-Statement = Mapping[str, Any]
-"""One statement as the file has it; `checked` says what each key holds."""
+
+class Statement(TypedDict):
+    """One statement as the file has it, checked by `checked`."""
+
+    number: str
+    kind: str
+    title: str
+    home: str
+    example: str
+    example_arguments: NotRequired[dict[str, object]]
+    counterexample: NotRequired[str]
+    counterexample_arguments: NotRequired[dict[str, object]]
+    reading: NotRequired[str]
+    note: NotRequired[str]
+    fault: NotRequired[str]
+    same_reading_as: NotRequired[str]
+    same_note_as: NotRequired[str]
+    also: NotRequired[list[str]]
+
+
+def has_table(package: str) -> bool:
+    """Whether the package of a paper is a folder with an equation table; a single module has none."""
+    return hasattr(import_module(package), "__path__") and files(package).joinpath(FILE).is_file()
 
 
 def read_statements(package: str, key: str) -> tuple[Row, ...]:
@@ -56,7 +77,7 @@ def read_statements(package: str, key: str) -> tuple[Row, ...]:
     return rows_of(tomllib.loads(text)["statement"], package, key)
 
 
-def rows_of(statements: list[Statement], package: str, key: str) -> tuple[Row, ...]:
+def rows_of(statements: list[dict[str, object]], package: str, key: str) -> tuple[Row, ...]:
     """Rows of the statements of one file.
 
     Parameters
@@ -75,15 +96,15 @@ def rows_of(statements: list[Statement], package: str, key: str) -> tuple[Row, .
     """
     known: dict[str, Statement] = {}
     rows = []
-    for statement in statements:
-        checked(statement, key)
+    for read in statements:
+        statement = checked(read, key)
         known[statement["number"]] = statement
         rows.append(_row(statement, known, package, key))
     return tuple(rows)
 
 
-def checked(statement: Statement, key: str) -> None:
-    """Check the keys of a statement and the types of their values.
+def checked(statement: Mapping[str, object], key: str) -> Statement:
+    """A statement, whose keys and the types of their values are checked.
 
     Parameters
     ----------
@@ -110,6 +131,8 @@ def checked(statement: Statement, key: str) -> None:
         wrong.append("also")
     if wrong:
         raise ValueError(f"{where}: {', '.join(wrong)} must be text, arguments a table, also a list of texts")
+    # Every key has been looked at.
+    return cast(Statement, statement)
 
 
 def _row(statement: Statement, known: Mapping[str, Statement], package: str, key: str) -> Row:
@@ -124,23 +147,25 @@ def _row(statement: Statement, known: Mapping[str, Statement], package: str, key
     )  # fmt: skip
 
 
-def _function(statement: Statement, role: str, package: str, key: str) -> Callable[..., Any]:
+def _function(
+    statement: Statement, role: Literal["example", "counterexample"], package: str, key: str
+) -> Callable[..., Any]:
     module, _, name = statement[role].partition(".")
     found = getattr(import_module(f"{package}.{module}"), name, None)
     if not callable(found):
         raise ValueError(f"{key}/{FILE}, statement {statement['number']}: no function {statement[role]} for {role}")
-    arguments = statement.get(f"{role}_arguments")
-    made: Callable[..., Any] = found if arguments is None else found(**arguments)
+    arguments = statement.get("example_arguments") if role == "example" else statement.get("counterexample_arguments")
+    made: Callable[[float], object] = found if arguments is None else found(**arguments)
     return made
 
 
-def _words(statement: Statement, name: str, known: Mapping[str, Statement], key: str) -> str:
-    other = statement.get(f"same_{name}_as")
+def _words(statement: Statement, name: Literal["reading", "note"], known: Mapping[str, Statement], key: str) -> str:
+    other = statement.get("same_reading_as") if name == "reading" else statement.get("same_note_as")
     if other is None:
-        return str(statement.get(name, ""))
+        return statement.get(name, "")
     if name in statement or name not in known.get(other, ()):
         raise ValueError(
             f"{key}/{FILE}, statement {statement['number']}: same_{name}_as names {other}, which must stand before it "
             f"and have a {name}, and the statement has none of its own"
         )
-    return str(known[other][name])
+    return known[other][name]

@@ -147,7 +147,8 @@ def pictured(
         run = None if make is None else shown(make)
         known = figures()
         declared = {str(name): (f.number, f.caption, f.scenarios("")) for name, f in known.items()}
-        return Pictured(run, contents(known[number].draw(run, *map(shown, beside)), scale), declared)
+        (figure,) = (f for name, f in known.items() if name == number)
+        return Pictured(run, contents(figure.draw(run, *map(shown, beside)), scale), declared)
 
     return build
 

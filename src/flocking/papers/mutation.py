@@ -16,6 +16,7 @@ from flocking.study.mutants import MUTATIONS, coarse_step, mutated_run
 from flocking.study.trajectory import run_from_samples
 
 SAMPLES = 2001
+"""Frames of a run whose claims are judged under a wrong law."""
 
 
 @dataclass(frozen=True)

@@ -3,43 +3,73 @@
 from __future__ import annotations
 
 from functools import cache, partial
-from typing import Any
+from typing import TypedDict, Unpack
 
 from flocking.model.law import Scenario
+from flocking.model.parts.values import TRUTH, choice
 from flocking.study.evidence import Evidence
-from flocking.study.scenario_files.scenario_values import TRUTH, choice
 from flocking.study.sweeps.scenario_families import Family, integer_between, number_between
 
 OBSTACLE_AREA = 3200.0
 """Area of the start region of Olfati-Saber's task 1: the shape varies, the density does not."""
 MOST_AGENTS = 1000
+"""Agents of a scenario of the papers in a file, a bound on the work that a file may ask for."""
 
 
-def _tanner_fixed(seed: int, **options: Any) -> Scenario:
+class _FixedOptions(TypedDict, total=False):
+    speed: float
+    complete: bool
+
+
+class _DynamicOptions(TypedDict, total=False):
+    speed: float
+    start_radius: float
+
+
+class _ZhouOptions(TypedDict, total=False):
+    side: float
+    gain: float
+    duration: float
+
+
+class _ShiOptions(TypedDict, total=False):
+    informed: int
+    compact: bool
+
+
+class _ObstacleOptions(TypedDict, total=False):
+    tracking: str
+    tracking_gain: float
+    gamma_agents: bool
+    agents: int
+    box: tuple[tuple[float, float], tuple[float, float]]
+
+
+def _tanner_fixed(seed: int, **options: Unpack[_FixedOptions]) -> Scenario:
     from flocking.papers.tanner_2003_fixed.system import scenario
 
     return scenario(seed=seed, **options)
 
 
-def _tanner_dynamic(seed: int, **options: Any) -> Scenario:
+def _tanner_dynamic(seed: int, **options: Unpack[_DynamicOptions]) -> Scenario:
     from flocking.papers.tanner_2003_dynamic.system import scenario
 
     return scenario(seed=seed, **options)
 
 
-def _zhou(seed: int, *, leader: bool, **options: Any) -> Scenario:
+def _zhou(seed: int, *, leader: bool, **options: Unpack[_ZhouOptions]) -> Scenario:
     from flocking.papers.zhou_2015.system import scenario
 
     return scenario(seed=seed, leader=leader, **options)
 
 
-def _shi(seed: int, *, name: str, **options: Any) -> Scenario:
+def _shi(seed: int, *, name: str, **options: Unpack[_ShiOptions]) -> Scenario:
     from flocking.papers.shi_2009.system import scenario
 
     return scenario(seed=seed, name=name, **options)
 
 
-def _obstacles(seed: int, *, length: float | None = None, **options: Any) -> Scenario:
+def _obstacles(seed: int, *, length: float | None = None, **options: Unpack[_ObstacleOptions]) -> Scenario:
     """Task 1 of Olfati-Saber from a region of one area, ending and centred where the paper's is."""
     from flocking.papers.olfati_saber_2003.system import START_BOX, obstacle_scenario
 

@@ -6,7 +6,7 @@ import os
 from contextlib import suppress
 from pathlib import Path
 from subprocess import CalledProcessError
-from typing import Any, BinaryIO
+from typing import BinaryIO, Unpack
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from flocking.engine.interruption import interrupted
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, integer, number
-from flocking.show.plane import net
+from flocking.show.plane import NetOptions, net
 from flocking.show.style import figure, in_style, themed
 
 SUFFIXES = (".mp4", ".gif")
@@ -38,7 +38,7 @@ def animate(
     dpi: int = 120,
     theme: str = "light",
     most_pictures: int = MOST_PICTURES,
-    **options: Any,
+    **options: Unpack[NetOptions],
 ) -> Path:
     """Write the stored frames of a run as a film.
 
@@ -162,7 +162,7 @@ def film_path(path: str | Path) -> Path:
 
 @in_style
 def _film(
-    run: Run, path: Path, frames: Indices, fps: int, follow: bool, size: float, dpi: int, options: dict[str, Any]
+    run: Run, path: Path, frames: Indices, fps: int, follow: bool, size: float, dpi: int, options: NetOptions
 ) -> None:
     import matplotlib
     from matplotlib.animation import FFMpegWriter, PillowWriter
@@ -198,8 +198,9 @@ def _film(
             made.clear()
             axes = made.add_subplot(projection="3d" if space else None)
         # A picture that breathes with every frame hides the motion: the window is fixed before the first.
-        window = {} if limits is None else {"limits": tuple(limits[:, k])}
-        net(run, frame=k, axes=axes, **{**window, **options})
+        window: NetOptions = {} if limits is None else {"limits": (limits[0, k].tolist(), limits[1, k].tolist())}
+        look: NetOptions = {**window, **options}
+        net(run, frame=k, axes=axes, **look)
 
     # The layout is solved once, for the frame with the longest tick labels: solving it for each takes half the time
     # of a film and makes the axes tremble.

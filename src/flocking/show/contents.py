@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
@@ -187,5 +188,6 @@ def _hex(color: object) -> str:
     return str(to_hex(color))
 
 
-def _first(colors: Any) -> str:
-    return _hex(colors[0]) if len(colors) else ""
+def _first(colors: ArrayLike) -> str:
+    rows = np.asarray(colors)
+    return _hex(rows[0]) if len(rows) else ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SAMPLES = 1200
+"""Points of a curve: more than the pixels of its width."""
 
 
 @in_style
@@ -85,6 +86,16 @@ def curve(
     axes.set_xlabel(variable)
     axes.set_ylabel(label)
     return axes
+
+
+class PotentialOptions(TypedDict, total=False):
+    """Options of `potential` beside the potential and the axes, with the meanings they have there."""
+
+    radius: float | None
+    outside: float | None
+    lower: float | None
+    upper: float | None
+    slope: bool
 
 
 @in_style

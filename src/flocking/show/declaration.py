@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Unpack
 
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
@@ -68,11 +68,11 @@ class Figure:
         return (self.scenario or otherwise, *self.beside)
 
 
-Figures = Mapping[Any, Figure]
+Figures = Mapping[int, Figure] | Mapping[str, Figure]
 """Figures by number, which is a whole number or a text."""
 
 
-def snapshot(time: float | None = None, **options: Any) -> Draw:
+def snapshot(time: float | None = None, **options: Unpack[plane.NetOptions]) -> Draw:
     """The net at one time, the last when absent; options are those of `flocking.show.plane.net`."""
     return lambda run: figure_of(plane.net(run, time=time, **options))
 
@@ -83,7 +83,7 @@ def snapshots(times: Sequence[float], columns: int = 2, **options: object) -> Dr
     return lambda run: sheet([panel(plane.net, run, time=t, **options) for t in chosen], columns=columns)
 
 
-def velocities(axis: int | Sequence[int] = (0, 1), **options: Any) -> Draw:
+def velocities(axis: int | Sequence[int] = (0, 1), **options: object) -> Draw:
     """Velocity components over time, one panel per axis."""
     return _per_axis(series.velocities, axis, options)
 
@@ -98,24 +98,25 @@ def velocity_errors(axis: int | Sequence[int] = (0, 1), **options: object) -> Dr
     return _per_axis(series.velocity_errors, axis, options)
 
 
-def potential(psi: Potential, **options: Any) -> Draw:
+def potential(psi: Potential, **options: Unpack[curves.PotentialOptions]) -> Draw:
     """The potential ``psi`` and its slope; options are those of `flocking.show.curves.potential`."""
     return lambda run: figure_of(curves.potential(psi, **options))
 
 
-def initial(**options: Any) -> Draw:
+def initial(**options: Unpack[plane.NetOptions]) -> Draw:
     """The net at the first frame."""
     return lambda run: figure_of(plane.net(run, frame=0, **options))
 
 
-def final(**options: Any) -> Draw:
+def final(**options: Unpack[plane.NetOptions]) -> Draw:
     """The net at the last frame."""
     return lambda run: figure_of(plane.net(run, frame=-1, **options))
 
 
-def paths_and_final(**options: Any) -> Draw:
+def paths_and_final(**options: Unpack[plane.NetOptions]) -> Draw:
     """The net at the last frame with the dotted paths that led there."""
-    return lambda run: figure_of(plane.net(run, frame=-1, trails=True, **options))
+    look: plane.NetOptions = {"trails": True, **options}
+    return lambda run: figure_of(plane.net(run, frame=-1, **look))
 
 
 def _per_axis(function: Callable[..., object], axis: int | Sequence[int], options: Mapping[str, object]) -> Draw:

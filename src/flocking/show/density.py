@@ -32,6 +32,7 @@ SPAN = (0.3, 8.0)
 CELLS = 480
 """Cells along the longer side of a picture, unless told otherwise."""
 MARGIN = 0.04
+"""Empty share of the side around the group."""
 
 
 @in_style

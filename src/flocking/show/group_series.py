@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flocking.arrays import Links
+from flocking.arrays import Array, Links, Reals
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import components
 from flocking.show.motion import motion_of, thinned
 from flocking.show.plane import pairs_of
@@ -78,7 +77,7 @@ def connectivity(run: Run, *, axes: Axes | None = None) -> Axes:
         counts.spines["right"].set_visible(True)
     counts.step(run.t, flocks, where="post", color=VERMILION, lw=1.0, gid="flocks")
     counts.set_ylim(0, int(flocks.max()) + 1)
-    counts.yaxis.set_major_locator(_whole())
+    counts.yaxis.set_major_locator(_integer_locator())
     counts.set_ylabel("flocks", color=VERMILION)
     return time_axis(axes, run.t)
 
@@ -137,7 +136,7 @@ def links(run: Run, *, axes: Axes | None = None) -> Axes:
                     label=f"{len(times)} {word}", gid=word)  # fmt: skip
     top = max([1, *counts])
     axes.set_ylim(-0.12 * top, 1.08 * top)
-    axes.yaxis.set_major_locator(_whole())
+    axes.yaxis.set_major_locator(_integer_locator())
     axes.set_ylabel("links")
     axes.legend(loc="center right", handlelength=1.0)
     return time_axis(axes, run.t)
@@ -193,7 +192,7 @@ def _axes_below(axes: Axes) -> Axes:
     return axes.figure.add_subplot(halves[1])
 
 
-def _whole() -> Locator:
+def _integer_locator() -> Locator:
     from matplotlib.ticker import MaxNLocator
 
     return MaxNLocator(6, integer=True)
@@ -206,7 +205,7 @@ def _switch_times(run: Run, kind: str) -> Array:
     return np.stack([chosen["time"], first, second], axis=1).astype(np.float64)
 
 
-def _nearest(q: Array) -> Array:
+def _nearest(q: Reals) -> Array:
     """Distance of the closest pair in each frame, shape (F,); ``q`` has shape (F, N, m)."""
     from scipy.spatial import KDTree
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from flocking.arrays import Array, Reals
 from flocking.engine.runs.run import FineSamples, Run
-from flocking.model.checks import Array
 
 BINS = 800
 """Columns into which a curve is divided: of more than four points in a column only four are drawn."""
@@ -23,7 +23,7 @@ def motion_of(run: Run) -> FineSamples:
     return run.fine if run.fine is not None else FineSamples(run.t, run.q, run.p)
 
 
-def thinned(t: Array, values: Array) -> tuple[Array, Array]:
+def thinned(t: Array, values: Reals) -> tuple[Array, Reals]:
     """The points of a curve that can be seen: of each column the first, lowest, highest and last.
 
     Parameters
@@ -48,7 +48,7 @@ def thinned(t: Array, values: Array) -> tuple[Array, Array]:
     return t[chosen], values[chosen]
 
 
-def thinned_path(points: Array, step: float) -> Array:
+def thinned_path(points: Reals, step: float) -> Reals:
     """Points of a path at least ``step`` apart, with both ends; shape (K, m) to (k, m).
 
     Parameters

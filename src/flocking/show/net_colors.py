@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
-from flocking.arrays import Links
+from flocking.arrays import Links, Reals
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import components
 from flocking.show.style import BLUE, GREEN, GREY, ORANGE, PALETTE, PURPLE, VERMILION, theme
 
@@ -19,7 +18,15 @@ if TYPE_CHECKING:
 CHOICES = ("plain", "flock", "speed", "heading")
 
 
-def net_colors(axes: Axes, q: Array, p: Array, links: Links | None, choice: str, size: float) -> None:
+class _Look(TypedDict, total=False):
+    s: float
+    linewidths: float
+    gid: str
+    depthshade: bool
+    zorder: float
+
+
+def net_colors(axes: Axes, q: Reals, p: Reals, links: Links | None, choice: str, size: float) -> None:
     """Draw the agents' dots in the colours of ``choice``, with a colour bar where they are numbers.
 
     Parameters
@@ -42,7 +49,7 @@ def net_colors(axes: Axes, q: Array, p: Array, links: Links | None, choice: str,
     """
     if choice not in CHOICES:
         raise InvalidInput("net", "color", f"must be one of {', '.join(CHOICES)}", choice)
-    look: dict[str, Any] = {"s": size, "linewidths": 0, "gid": "agents"}
+    look: _Look = {"s": size, "linewidths": 0, "gid": "agents"}
     if axes.name == "3d":
         look["depthshade"] = False
     else:

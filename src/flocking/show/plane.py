@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Protocol, cast
+from typing import TYPE_CHECKING, Protocol, TypedDict, Unpack, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.arrays import Links
+from flocking.arrays import Array, Links, Reals
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array, number
+from flocking.model.checks import number
 from flocking.model.leaders_and_obstacles.leaders import Leader
 from flocking.model.state import State
 from flocking.model.terms.avoidance import ObstacleTerm
@@ -43,6 +43,39 @@ class Outlined(Protocol):
 
     def outline(self, count: int) -> Array:
         """Points around it, shape (count, 2)."""
+
+
+class NetOptions(TypedDict, total=False):
+    """Options of `net` that do not say what is drawn where, with the meanings they have there."""
+
+    links: bool
+    arrows: bool
+    trails: bool
+    obstacles: Sequence[Outlined] | None
+    leader: bool | Leader
+    color: str
+    title: str | bool
+    limits: tuple[Sequence[float], Sequence[float]] | None
+    seconds_per_arrow: float | None
+    budget: int
+
+
+class _LineLook(TypedDict, total=False):
+    colors: str
+    linewidths: float
+    linestyles: list[tuple[float, tuple[float, float]]]
+    alpha: float
+    zorder: float
+    gid: str
+
+
+class _DotLook(TypedDict):
+    marker: str
+    s: float
+    color: str
+    edgecolors: str
+    linewidths: float
+    gid: str
 
 
 @in_style
@@ -161,7 +194,7 @@ def pairs_of(links: Links) -> NDArray[np.intp]:
     return np.stack([keys // n, keys % n], axis=1).astype(np.intp)
 
 
-def _choose(what: Run | State, time: float | None, frame: int | None) -> tuple[State, Array, float]:
+def _choose(what: Run | State, time: float | None, frame: int | None) -> tuple[State, Reals, float]:
     if isinstance(what, State):
         if time is not None or frame is not None:
             raise InvalidInput("net", "time", "must be absent for a single state", time if frame is None else frame)
@@ -178,7 +211,7 @@ def _choose(what: Run | State, time: float | None, frame: int | None) -> tuple[S
     )
 
 
-def _lift(x: Array) -> Array:
+def _lift(x: Reals) -> Reals:
     """Agents on a line are drawn on the horizontal axis."""
     return x if x.shape[-1] > 1 else np.concatenate([x, np.zeros_like(x)], axis=-1)
 
@@ -200,7 +233,7 @@ def own_outlines(what: Run | State, state: State) -> list[Array]:
     return [o.outline(181, state.t) for o in obstacles.values()]
 
 
-def _leaders(what: Run | State, state: State, leader: bool | Leader) -> list[tuple[Array, Array]]:
+def _leaders(what: Run | State, state: State, leader: bool | Leader) -> list[tuple[Reals, Reals]]:
     chosen: tuple[Leader, ...] = ()
     if isinstance(leader, Leader):
         chosen = (leader,)
@@ -210,7 +243,7 @@ def _leaders(what: Run | State, state: State, leader: bool | Leader) -> list[tup
     return [(_lift(q), _lift(p)) for q, p in placed if np.isfinite(q).all()]
 
 
-def _span(points: Sequence[Array]) -> float:
+def _span(points: Sequence[Reals]) -> float:
     every = np.concatenate(points)
     width = float(np.ptp(every, axis=0).max())
     return width if width > 0 else 1.0
@@ -220,7 +253,7 @@ def _dot_size(n: int) -> float:
     return float(np.clip(26.0 * (10.0 / max(n, 10)) ** 0.6, 1.0, 26.0))
 
 
-def _line_collection(axes: Axes, segments: Sequence[Array] | Array, **look: Any) -> None:
+def _line_collection(axes: Axes, segments: Sequence[Reals] | Reals, **look: Unpack[_LineLook]) -> None:
     if axes.name == "3d":
         from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
@@ -235,7 +268,7 @@ def _evenly(count: int, most: int) -> NDArray[np.intp]:
     return np.asarray(np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.intp)))
 
 
-def _draw_links(axes: Axes, q: Array, links: Links, budget: int, notes: list[str]) -> None:
+def _draw_links(axes: Axes, q: Reals, links: Links, budget: int, notes: list[str]) -> None:
     pairs = pairs_of(links)
     if len(pairs) == 0:
         return
@@ -246,7 +279,7 @@ def _draw_links(axes: Axes, q: Array, links: Links, budget: int, notes: list[str
     _line_collection(axes, q[shown], colors=theme().faint, linewidths=width, zorder=1, gid="links")
 
 
-def _draw_trails(axes: Axes, paths: Array, notes: list[str]) -> None:
+def _draw_trails(axes: Axes, paths: Reals, notes: list[str]) -> None:
     n = paths.shape[1]
     step = _span([paths.reshape(-1, paths.shape[2])]) / TRAIL_STEPS
     agents = _evenly(n, TRAIL_BUDGET)
@@ -257,7 +290,7 @@ def _draw_trails(axes: Axes, paths: Array, notes: list[str]) -> None:
                      linestyles=[(0, (1.0, 1.6))], alpha=0.75, zorder=0.8, gid="trails")  # fmt: skip
 
 
-def _draw_arrows(axes: Axes, q: Array, p: Array, seconds: float, notes: list[str]) -> Array:
+def _draw_arrows(axes: Axes, q: Reals, p: Reals, seconds: float, notes: list[str]) -> Reals:
     agents = _evenly(len(q), ARROW_BUDGET)
     if len(agents) < len(q):
         notes.append(f"{len(agents):,} of {len(q):,} velocities drawn")
@@ -272,8 +305,8 @@ def _draw_arrows(axes: Axes, q: Array, p: Array, seconds: float, notes: list[str
     return base + shift
 
 
-def _draw_leader(axes: Axes, x: Array, v: Array, seconds: float) -> None:
-    look: dict[str, Any] = {
+def _draw_leader(axes: Axes, x: Reals, v: Reals, seconds: float) -> None:
+    look: _DotLook = {
         "marker": "h",
         "s": 70,
         "color": PURPLE,
@@ -292,7 +325,9 @@ def _draw_leader(axes: Axes, x: Array, v: Array, seconds: float) -> None:
                     width=0.008, zorder=4.5, gid="leader velocity")  # fmt: skip
 
 
-def _frame_axes(axes: Axes, points: Sequence[Array], limits: tuple[Sequence[float], Sequence[float]] | None) -> None:
+def _frame_axes(axes: Axes, points: Sequence[Reals], limits: tuple[Sequence[float], Sequence[float]] | None) -> None:
+    low: Reals
+    high: Reals
     if limits is not None:
         low, high = (np.asarray(corner, dtype=np.float64) for corner in limits)
     else:
@@ -318,7 +353,7 @@ def _frame_axes(axes: Axes, points: Sequence[Array], limits: tuple[Sequence[floa
     axes.set_ylabel("$y$")
 
 
-def _even(low: Array, high: Array) -> tuple[Array, Array]:
+def _even(low: Reals, high: Reals) -> tuple[Reals, Reals]:
     """The same window made square, or at least half as high as wide where the net is long and thin."""
     size = high - low
     size = np.maximum(size, size.max() * (1.0 if size.min() > 0.55 * size.max() else 0.5))

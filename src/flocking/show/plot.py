@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
@@ -38,7 +38,7 @@ KINDS = (*_SINGLE, *_PER_AXIS, "series")
 
 
 def plot(
-    run: Run, kind: str = "net", *, save_as: str | Path | None = None, theme: str = "light", **options: Any
+    run: Run, kind: str = "net", *, save_as: str | Path | None = None, theme: str = "light", **options: object
 ) -> Figure:
     """Draw a run.
 
@@ -98,7 +98,7 @@ def _check_options(kind: str, options: Mapping[str, object]) -> None:
         raise InvalidInput("plot", name, f"must be an option of kind {kind!r} ({allowed})", options[name])
 
 
-def _draw(run: Run, kind: str, options: dict[str, Any]) -> Figure:
+def _draw(run: Run, kind: str, options: Mapping[str, object]) -> Figure:
     if kind in _SINGLE:
         return figure_of(_SINGLE[kind](run, **options))
     if kind in _PER_AXIS:

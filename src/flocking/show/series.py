@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flocking.arrays import Array, Reals
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array
 from flocking.model.leaders_and_obstacles.leaders import Leader
 from flocking.show.frames import checked_axis, dimension_name, leader_track
 from flocking.show.motion import motion_of, thinned
@@ -148,7 +148,7 @@ def centre_errors(run: Run, *, quantity: str = "velocity", axes: Axes | None = N
 
 
 def agent_lines(
-    axes: Axes, t: Array, values: Array, label: str, line: str = "solid", palette: Sequence[str] = PALETTE
+    axes: Axes, t: Array, values: Reals, label: str, line: str = "solid", palette: Sequence[str] = PALETTE
 ) -> Axes:
     """Draw a line per agent, ``values`` (F, N) called ``label``, as one collection with the gid ``agents``.
 
@@ -194,7 +194,7 @@ def only_leader(run: Run) -> Leader | None:
 
 
 def _components(
-    run: Run, values: Array, which: int, axis: int, label: str, axes: Axes | None, line: str, agents: str
+    run: Run, values: Reals, which: int, axis: int, label: str, axes: Axes | None, line: str, agents: str
 ) -> Axes:
     if agents not in AGENT_LINES:
         raise InvalidInput("show", "agents", f"must be one of {', '.join(AGENT_LINES)}", agents)
@@ -215,7 +215,7 @@ def _components(
     return axes
 
 
-def _cover(axes: Axes, values: Array) -> None:
+def _cover(axes: Axes, values: Reals) -> None:
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
     # Rounding must not be blown up into a picture.

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flocking.arrays import AnyArray
 from flocking.errors import InvalidInput
 from flocking.show.style import PALETTE, axes_or_new, in_style, theme
 from flocking.study.sweeps.plan import label
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from flocking.study.sweeps.table import SweepTable
 
 MOST_TICKS = 8
+"""Values of an axis up to which each has a tick; the labels of more would overlap."""
 
 
 def _need_grid(table: SweepTable, *names: str) -> None:
@@ -25,7 +27,7 @@ def _need_grid(table: SweepTable, *names: str) -> None:
             raise InvalidInput("sweep picture", "axis", f"must be one of {', '.join(table.plan.grid)}", name)
 
 
-def _tell_missing(axes: Axes, methods: Any) -> None:
+def _tell_missing(axes: Axes, methods: AnyArray) -> None:
     """Write above the axes why some means have no interval; `methods` names the method of each, any shape."""
     reasons = sorted({str(m).removeprefix("none: ") for m in methods.ravel() if str(m).startswith("none: ")})
     if reasons:
@@ -95,7 +97,7 @@ def bands(
     x: str,
     *,
     by: str | None = None,
-    shown: Callable[[Any], str] = label,
+    shown: Callable[[object], str] = label,
     x_label: str = "",
     y_label: str = "",
     title: str = "",
@@ -163,7 +165,7 @@ def against(
     y: str,
     *,
     by: str | None = None,
-    shown: Callable[[Any], str] = label,
+    shown: Callable[[object], str] = label,
     x_label: str = "",
     y_label: str = "",
     title: str = "",
@@ -195,9 +197,10 @@ def against(
     axes = axes_or_new(axes, width=4.2, height=3.6)
     columns = table.columns
     pairs = np.array([(a, b) for a, b in zip(table.values(x).ravel(), table.values(y).ravel(), strict=True)])
-    here = {index: pairs[index] for index in columns["run"]}
+    order = sorted(table.rows)
+    here = {index: pairs[index] for index in order}
     for k, value in enumerate(table.plan.grid[by] if by else [None]):
-        chosen = [here[r] for r, v in zip(columns["run"], columns[by] if by else columns["run"], strict=True)
+        chosen = [here[r] for r, v in zip(order, columns[by] if by else order, strict=True)
                   if by is None or v == value]  # fmt: skip
         dots = np.array(chosen).reshape(-1, 2)
         axes.plot(dots[:, 0], dots[:, 1], "o", ms=2.5, alpha=0.7, mew=0, color=PALETTE[k % len(PALETTE)],

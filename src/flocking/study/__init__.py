@@ -1,1 +1,8 @@
 """WHAT IT MEANS: nets, claims, audits, scenario files."""
+
+from typing import TYPE_CHECKING
+
+if not TYPE_CHECKING:
+    from flocking.moved_names import moved_from
+
+    __getattr__ = moved_from(__name__)

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, TypedDict
+from typing import TypedDict
 
 KINDS = ("equation", "definition", "assumption", "lemma", "proposition", "theorem", "corollary", "remark", "example",
          "figure", "table", "problem", "protocol", "consequence")  # fmt: skip
@@ -127,7 +127,7 @@ class Row:
     kind: str
     title: str
     home: str
-    build: Callable[[float], Any]
+    build: Callable[[float], object]
     reading: str = ""
     demonstration: Callable[[], Demonstration] | None = None
     fault: Fault = Fault.NONE

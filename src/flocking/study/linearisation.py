@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from flocking.engine.reference.control import evaluate, graph_links
 from flocking.errors import InvalidInput
+from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.model.checks import Array
 from flocking.model.law import Law
 from flocking.model.state import Agents, State
@@ -86,6 +87,8 @@ def linearise(law: Law, state: State, *, agents: Agents | None = None, step: flo
     agents = agents or Agents()
     if agents.order != 2:
         raise InvalidInput("linearise", "agents", "must be of order 2", agents.order)
+    if not is_point_mass(agents):
+        raise InvalidInput("linearise", "agents", "must be point masses", agents)
     n, m = state.q.shape
     links = graph_links(law, state, agents.headings)[0]
 

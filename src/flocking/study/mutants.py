@@ -16,6 +16,8 @@ from flocking.engine.driver.simulate import simulate
 from flocking.engine.reference.control import control
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
+from flocking.model.bodies.body import Body
+from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.model.checks import Array
 from flocking.model.graphs.distance_graphs import Fixed, Graph, Hysteresis, Proximity
 from flocking.model.graphs.weights import MatrixWeights
@@ -166,9 +168,17 @@ def swapped_boundary_velocity(scenario: Scenario) -> Scenario:
     return _with_terms(scenario, change, "an Avoid term")
 
 
+def _point_masses(scenario: Scenario) -> Body:
+    """Agents of a scenario, where they are no others than the papers'."""
+    agents = scenario.agents
+    if agents.order == 2 and not is_point_mass(agents):
+        raise InvalidInput("mutants", "scenario", "must have point masses", agents)
+    return agents
+
+
 def wrong_mass(scenario: Scenario) -> Scenario:
     """Every agent is a tenth heavier than declared."""
-    agents = scenario.agents
+    agents = _point_masses(scenario)
     heavier = np.multiply(agents.masses, 1.1)
     return scenario.with_(agents=Agents(heavier, agents.damping, agents.order, agents.headings))
 
@@ -209,7 +219,7 @@ def coarse_step(declared: Scenario, step: float) -> Run:
     step
         Length of a step.
     """
-    agents = declared.agents
+    agents = _point_masses(declared)
     masses = np.broadcast_to(np.asarray(agents.masses, dtype=np.float64), declared.start.n)[:, None]
     damping = np.broadcast_to(np.asarray(agents.damping, dtype=np.float64), declared.start.n)[:, None]
     q, p, t = np.array(declared.start.q), np.array(declared.start.p), declared.start.t

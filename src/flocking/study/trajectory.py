@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.arrays import Links
+from flocking.arrays import Links, Reals
 from flocking.engine.reference.control import evaluate
+from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
 from flocking.engine.runs.run import SWITCH_FIELDS, TRACE_FIELDS, Closest, Run
 from flocking.errors import InvalidInput
 from flocking.formula.compiled import Reading
@@ -20,6 +21,9 @@ from flocking.model.graphs.distance_graphs import pair_distances
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 from flocking.model.terms.pair_terms import Gradient
+
+SAMPLES = "samples"
+"""What the runs made here name in place of an engine."""
 
 LARGEST_FILE = 2_000_000_000
 """Bytes a trajectory file may have."""
@@ -94,7 +98,7 @@ def _read_table(path: Path) -> tuple[Array, Array, Array]:
     return times, array("trajectory", "q", q, ndim=3), array("trajectory", "p", p, ndim=3)
 
 
-def run_from_samples(scenario: Scenario, t: Array, q: Array, p: Array) -> Run:
+def run_from_samples(scenario: Scenario, t: Array, q: Reals, p: Reals) -> Run:
     """A run made of samples of a motion that a declared law is said to govern.
 
     Links follow the law's graph from sample to sample; energies are evaluated at the samples, and the powers
@@ -120,6 +124,11 @@ def run_from_samples(scenario: Scenario, t: Array, q: Array, p: Array) -> Run:
         raise InvalidInput(
             "trajectory", "q", "must have the shape of p and one entry per time", f"{q.shape}, {p.shape}, {len(t)}"
         )
+    if scenario.agents.columns:
+        raise InvalidInput(
+            "trajectory", "scenario", "must have agents whose state is their position and velocity", scenario.agents,
+            "Samples of positions and velocities do not tell the other columns.",
+        )  # fmt: skip
     if len(t) < 3 or (np.diff(t) <= 0).any():
         raise InvalidInput("trajectory", "t", "must be at least three ascending times", np.asarray(t)[:5].tolist())
     # What is so large that it overflows leaves the ledger without a value.
@@ -127,7 +136,7 @@ def run_from_samples(scenario: Scenario, t: Array, q: Array, p: Array) -> Run:
         return _run_of(scenario, t, q, p)
 
 
-def _run_of(scenario: Scenario, t: Array, q: Array, p: Array) -> Run:
+def _run_of(scenario: Scenario, t: Array, q: Reals, p: Reals) -> Run:
     law, graph = scenario.law, scenario.law.graph
     links = [graph.initial(q[0])]
     for place in q[1:]:
@@ -157,15 +166,15 @@ def _run_of(scenario: Scenario, t: Array, q: Array, p: Array) -> Run:
     declared = scenario.with_(
         start=State(q[0], p[0], float(t[0])), t_end=float(t[-1]), frames=tuple(float(s) for s in t)
     )
+    rule = LedgerRule("estimate", float(errors[1] + errors[2]), float(switching[1] + switching[2]))
+    account = Fidelity(SAMPLES, sampled=True, approaches=Approaches("all", _gap(t, p)), ledger=rule)
     about: dict[str, object] = {
-        "engine": "samples",
-        "ledger_error": float(errors[1] + errors[2]),
-        "switch_error": float(switching[1] + switching[2]),
-        "gap": _gap(t, p),
-    }
+        "engine": SAMPLES, "ledger_error": rule.size, "switch_error": rule.switch_error,
+        "gap": account.approaches.error,
+    }  # fmt: skip
     linked, free = _closest(t, q, links)
     none = np.zeros(0, dtype=SWITCH_FIELDS)
-    return Run(declared, t, q, p, np.array(links), none, trace, linked, free, "finished", about)
+    return Run(declared, t, q, p, np.array(links), none, trace, linked, free, "finished", about, fidelity=account)
 
 
 def _integrate(t: Array, power: Array, switched: NDArray[np.bool_]) -> tuple[Array, float, float]:
@@ -208,13 +217,13 @@ def _stored_at(law: Law, r: float) -> float:
     return 0.0 if smooth else float(sum(float(t.potential(r)) for t in terms))
 
 
-def _gap(t: Array, p: Array) -> float:
+def _gap(t: Array, p: Reals) -> float:
     """How far two agents may have moved towards each other between samples unseen."""
     spread = np.linalg.norm(p - p.mean(axis=1, keepdims=True), axis=2).max(axis=1)
     return float((np.diff(t) * np.maximum(spread[1:], spread[:-1])).max()) if len(t) > 1 else math.inf
 
 
-def _closest(t: Array, q: Array, links: list[Links]) -> tuple[Closest, Closest]:
+def _closest(t: Array, q: Reals, links: list[Links]) -> tuple[Closest, Closest]:
     best = [Closest(), Closest()]
     for k, place in enumerate(q):
         distance = pair_distances(place)

@@ -114,7 +114,7 @@ def test_ctrl_c_says_what_is_kept_and_the_same_command_goes_on(file, tmp_path, c
     while len(list(rows.glob("*.json"))) < 2 and time.monotonic() < deadline:
         time.sleep(0.01)
     os.killpg(running.pid, signal.SIGINT)
-    _, errors = running.communicate(timeout=60)
+    _, errors = running.communicate(timeout=600)
     assert running.returncode == 130, errors
     assert "of 24 runs are kept in" in errors
     assert "the same command goes on" in errors

@@ -134,7 +134,7 @@ def test_colours_trails_and_ghosts_in_light_and_dark(page, tab):
 
 def test_a_law_that_blows_up_says_so_and_goes_back(page, tab):
     tab.press("Play")
-    wait(lambda: page.experiment._kept and page.experiment.time > 0.3, "a moment is kept")
+    wait(lambda: page.experiment._moments and page.experiment.time > 0.3, "a moment is kept")
     for path, value in ((("formula",), "-k/r**2"), (("k",), 50.0)):
         page.send({"kind": "set", "path": ["law", "terms", 0, "potential", *path], "value": value})
     tab.press("Play") if not page.clock.playing else None

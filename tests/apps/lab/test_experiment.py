@@ -259,3 +259,22 @@ def test_large_groups_run_in_tiles_and_replay_there():
     again = replay(made.log)
     assert again.engine == "tiles"
     assert same(made, again)
+
+
+def test_what_a_page_judges_carries_the_account_of_its_engine():
+    """The tiled engine records no switches and closes its ledger to the order of its step, not to a tolerance."""
+    from flocking.apps.lab.experiment.clock import Clock
+    from flocking.apps.lab.experiment.history import History
+
+    law = fk.Law(fk.Proximity(2.5), [fk.Gradient(fk.Potential("(r - 1)**2"))])
+    swinging = fk.Scenario(law, fk.State([[0.0, 0.0], [1.3, 0.0]]), t_end=2.0)
+    for engine, verdict in (("tiles", "not resolved"), ("exact", "holds")):
+        made = Experiment(swinging, engine)
+        clock, history = Clock([made]), History()
+        for t in (0.1, 0.6, 1.2):
+            made.advance(t)
+            history.take(clock._look())
+        window = history.run(*made.session.known, made.session.fidelity)
+        assert window.fidelity.engine == engine
+        report = fk.audit(window)
+        assert [str(report[claim].verdict) for claim in ("ledger", "links-kept")] == ["holds", verdict]

@@ -11,7 +11,6 @@ from flocking.apps.lab.experiment.clock import Clock
 from flocking.apps.lab.experiment.events import outcome
 from flocking.apps.lab.experiment.experiment import Experiment
 from flocking.apps.lab.experiment.history import History
-from flocking.apps.lab.experiment.parts import changed, value_at
 from flocking.apps.lab.experiment.settings import sections
 from flocking.apps.lab.panels.choices import in_space
 from flocking.apps.lab.panels.interventions import agents_of
@@ -21,6 +20,7 @@ from flocking.apps.lab.scene.solids import imagined, solids
 from flocking.apps.scenario_names import paper_scenarios
 from flocking.engine.runs.run import Closest
 from flocking.errors import FormulaError
+from flocking.model.parts.structure import changed, value_at
 
 
 def zhou(seed=0, leader=False):
@@ -85,7 +85,7 @@ def clock():
     found.close()
 
 
-def wait(condition, seconds=10.0):
+def wait(condition, seconds=60.0):
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "did not happen in time"
@@ -160,7 +160,9 @@ def watched(experiment, times):
 
 
 def words(history, experiment):
-    run = history.run((Closest(1.0, 0.0, (0, 1), 0.0), Closest()), experiment.session.accuracy)
+    run = history.run(
+        (Closest(1.0, 0.0, (0, 1), 0.0), Closest()), experiment.session.accuracy, experiment.session.fidelity
+    )
     return {lamp.claim.key: lamp for lamp in lamps(run, claims_of(run.scenario.name))}
 
 
@@ -168,7 +170,7 @@ def test_lamps_agree_with_the_audit_of_the_same_run():
     scenario = zhou()
     experiment = Experiment(scenario)
     history = watched(experiment, np.linspace(0.01, 20.0, 150))
-    run = history.run(experiment.session.closest_pairs, experiment.session.accuracy)
+    run = history.run(experiment.session.closest_pairs, experiment.session.accuracy, experiment.session.fidelity)
     lit = {x.claim.key: x.word for x in lamps(run, claims_of(scenario.name))}
     report = fk.audit(fk.simulate(scenario.with_(frames=np.linspace(0.0, 20.0, 150).tolist()), progress=False))
     message = {r.claim.key: str(r.verdict) for r in report.results}

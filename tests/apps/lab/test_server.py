@@ -3,6 +3,9 @@
 import asyncio
 import http.client
 import re
+import signal
+import subprocess
+import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 
@@ -198,3 +201,30 @@ def test_a_lab_ends_by_an_interrupt_that_was_raised_where_a_library_drops_it(mon
     running.join(60.0)
     assert found
     assert found[0].clock.closed
+
+
+STRUCK = """
+import http.client, os, signal, sys, time
+
+close = http.client.HTTPResponse.close
+
+def struck(self):
+    http.client.HTTPResponse.close = close
+    os.kill(os.getpid(), signal.{number})
+    time.sleep(0)
+    close(self)
+
+http.client.HTTPResponse.close = struck
+sys.argv = ["flocking", "lab", "--folder", {folder!r}, "--no-browser"]
+from flocking.__main__ import main
+sys.exit(main())
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_lab_ends_by_a_signal_while_an_answer_of_its_server_is_closed(tmp_path, number):
+    """Python itself closes what nobody holds, and drops what is raised there."""
+    program = STRUCK.format(number=number.name, folder=str(tmp_path))
+    found = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
+    assert (found.returncode, found.stderr) == (130, "flocking: interrupted; nothing was left half written.\n")
+    assert "The lab is open" not in found.stdout

@@ -10,11 +10,12 @@ from html.parser import HTMLParser
 import pytest
 
 import flocking as fk
-from flocking.apps.reproduction.claim_pictures import CAPTIONS, SPEAKS_OF, picture_of
+from flocking.apps.reproduction.claim_pictures import CAPTIONS, picture_of
 from flocking.apps.reproduction.report_formulas import formulas
 from flocking.apps.reproduction.reproduce import reproduce
 from flocking.papers import KEYS, paper
 from flocking.show.animate import ffmpeg
+from flocking.study.claims.subjects import Subject
 
 
 @pytest.fixture(scope="module")
@@ -124,12 +125,9 @@ def test_a_caption_names_the_seeds_of_all_runs_that_are_drawn():
     assert {"8", "9"} <= set(figures_of(module, "shi-2009-position"))
 
 
-def test_pictures_of_claims_speak_of_claims_there_are():
-    known = {c.key for key in KEYS for name in paper(key).scenarios() for c in paper(key).claims(name)}
-    assert set(SPEAKS_OF) | {"net"} == set(CAPTIONS)
-    listed = [key for keys in SPEAKS_OF.values() for key in keys]
-    assert len(listed) == len(set(listed))
-    assert set(listed) <= known
+def test_every_subject_has_a_picture_and_a_claim():
+    spoken_of = {c.about.subject for key in KEYS for name in paper(key).scenarios() for c in paper(key).claims(name)}
+    assert set(CAPTIONS) == set(Subject) == spoken_of
 
 
 def test_formulas_are_drawn_with_all_their_pieces_and_spoken_as_latex():

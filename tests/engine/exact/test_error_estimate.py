@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.engine.driver.checkpoint import pack, unpack
+from flocking.engine.driver.checkpoint import pack
 from flocking.engine.exact import companion
 from flocking.engine.runs.columns import FRAME_ERROR
 from flocking.engine.runs.run_errors import accuracy_data
 from flocking.engine.storage.record import RECORD, read_record, write_record
-from tests.engine.storage.stored_runs import assert_same
+from tests.engine.storage.stored_runs import assert_same, unpack
 
 EDGE = fk.Fixed(2, ((0, 1),))
 SPRING = fk.Gradient(fk.Potential("k*(r-d)**2/2", k=1.0, d=2.0), over=EDGE)

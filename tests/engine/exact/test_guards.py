@@ -11,16 +11,30 @@ from hypothesis import strategies as st
 
 from flocking.engine.exact.crossings.guards import (
     NEVER,
-    closest,
     crossings,
     deepest_dip,
+    find_closest,
     first_above,
-    reach,
     smallest_value,
     squared_distance,
 )
 from flocking.engine.exact.crossings.view_guards import first_all_above
-from flocking.engine.exact.integrator.segment import Segment
+from flocking.engine.exact.integrator.segment import Segment, bound_excursions
+
+
+def reach(B):
+    """How far each agent strays from its start."""
+    far = np.zeros(B.shape[1])
+    bound_excursions(B, far)
+    return far
+
+
+def closest(*given):
+    """Closest approaches, a row for linked pairs and one for the others."""
+    found = np.empty((2, 4))
+    find_closest(*given, found)
+    return found
+
 
 GRID = np.linspace(0.0, 1.0, 4001)
 coefficients = st.lists(st.floats(-1.0, 1.0), min_size=15, max_size=15).map(np.array)

@@ -133,8 +133,9 @@ def frame(name, q, p, t):
 
 def printed(law, energy, order):
     """Stored and kinetic energy, control, and the three rates by the kernels, run as plain Python."""
-    layout, agents = Layout(law, energy), fk.Agents(MASS, DAMPING if order == 2 else 0.0, order)
-    module = compiled_kernels(layout, 2, order)
+    agents = fk.Agents(MASS, DAMPING if order == 2 else 0.0, order)
+    layout = Layout(law, energy, agents)
+    module = compiled_kernels(layout, 2)
     slots = layout.values(agents, N, T)
     lists = [np.nonzero(g.start_links(Q)) for g in law.graphs]
     encounters = ObstacleDistances(law)

@@ -14,7 +14,7 @@ import flocking as fk
 from flocking.engine.archives.archive import read_archive, write_archive
 from flocking.engine.driver.checkpoint import pack
 from flocking.engine.lammps.options import LammpsOptions
-from flocking.engine.lammps.restart import Restart, packed
+from flocking.engine.lammps.restart import Restart, packed_restart
 from flocking.engine.tiles.session import TilesOptions, TilesSession
 from tests.engine.tiles.laws import zhou
 
@@ -55,7 +55,8 @@ def checkpoint(engine: str) -> bytes:
     """A checkpoint of that group, half way."""
     if engine == "lammps":
         agents = np.random.default_rng(1).random((8, 9))
-        return packed(Restart(agents, 0.25, 25, (0.2, 0.3, 10, 5)), LammpsOptions(step=0.01))
+        numbers, arrays = packed_restart(Restart(agents, 0.25, 25, (0.2, 0.3, 10, 5)), LammpsOptions(step=0.01))
+        return written({"engine": "lammps", **numbers}, arrays)
     if engine == "tiles":
         session: Any = TilesSession(scenario(engine), TilesOptions(step=0.001, threads=1, observe=True))
     else:

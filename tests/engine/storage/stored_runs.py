@@ -5,11 +5,17 @@ from __future__ import annotations
 import errno
 import functools
 import os
+from pathlib import Path
+from typing import Any
 
 import pytest
 
 import flocking as fk
 from flocking.engine.driver import session_writer as saving
+from flocking.engine.driver.checkpoint import read_checkpoint, restored
+from flocking.engine.driver.registry import engine_named
+from flocking.engine.protocol.session import Stored
+from flocking.engine.runs.columns import GROWING
 from flocking.engine.runs.run import Run
 from flocking.engine.runs.run_errors import accuracy_data
 from flocking.engine.storage import atomic_files
@@ -44,6 +50,16 @@ def assert_same(one: Run, two: Run) -> None:
     if one.accuracy is not None and two.accuracy is not None:
         assert accuracy_data(one.accuracy) == accuracy_data(two.accuracy)
         assert one.accuracy.frames.tobytes() == two.accuracy.frames.tobytes()
+
+
+def unpack(
+    data: bytes, run: Run, plant: fk.Law | None, where: Path, *, name: str = "", threads: int | None = None
+) -> Any:
+    """The session of a checkpoint, with the records of a run."""
+    engine = engine_named(name or str(run.provenance["engine"]))
+    stored = Stored(run.scenario, plant, dict.fromkeys(GROWING, 0), lambda: run)
+    packed = read_checkpoint(data, engine.name, where)
+    return restored(engine, packed, stored, where, {} if threads is None else {"threads": threads})
 
 
 def fill_the_disk_after_three_commits(monkeypatch: pytest.MonkeyPatch) -> None:

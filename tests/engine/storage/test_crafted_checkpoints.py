@@ -3,29 +3,43 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.engine.driver.checkpoint import unpack
+from flocking.engine.driver.checkpoint import read_checkpoint, restored
 from flocking.engine.lammps.restart import unpacked
+from flocking.engine.protocol.session import Stored
 from flocking.errors import FlockingError, StorageError
 from tests.counting import count
 from tests.engine.storage.crafted import checkpoint, contents, crafted, scenario, written
+from tests.engine.storage.stored_runs import unpack
 from tests.fuzz.guard import interrupted_after
 
 WHERE = Path("checkpoint-000001.npz")
+
+
+class ReadsRestarts:
+    """LAMMPS as far as it is there without LAMMPS: what it went on from is read and checked."""
+
+    def unpack(self, packed: Any, stored: Stored, changes: Any) -> Any:
+        return unpacked(*packed, stored.scenario)
+
+
+def STORED(made: fk.Scenario) -> Stored:
+    return Stored(made, None, {}, lambda: pytest.fail("a restart needs no records to be checked"))
 
 
 def gone_on(data: bytes, engine: str) -> bool:
     """Unpack a checkpoint and go on from it a little; whether it was taken for one."""
     made = scenario(engine)
     if engine == "lammps":
-        unpacked(data, WHERE, made)
+        restored(ReadsRestarts(), read_checkpoint(data, engine, WHERE), STORED(made), WHERE, {})
         return True
     records = fk.start(made).run("unfinished")
-    session = unpack(data, records, None, WHERE, threads=1)
+    session = unpack(data, records, None, WHERE, name=engine, threads=1)
     try:
         session.advance(min(made.t_end, session.time + 0.03))
     except StorageError:
@@ -127,7 +141,8 @@ def test_another_runs_restart_of_lammps() -> None:
     numbers, arrays = contents(checkpoint("lammps"))
     assert "agents must have the shape" in refused(written(numbers, {"agents": np.zeros((9, 9))}), "lammps")
     changed = {**numbers, "options": {**numbers["options"], "keep_log": "/somebody/else's/file"}}
-    assert unpacked(written(changed, arrays), WHERE, scenario("lammps"))[1].keep_log is None
+    changed.pop("engine")
+    assert unpacked(changed, arrays, scenario("lammps"))[1].keep_log is None
 
 
 @pytest.mark.parametrize("engine", ["exact", "tiles", "lammps"])

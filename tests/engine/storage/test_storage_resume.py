@@ -13,7 +13,7 @@ import flocking as fk
 from flocking.engine.driver import session_writer as saving
 from flocking.engine.storage.stored_runs import read_run
 from flocking.errors import SimulationError, StorageError
-from tests.engine.storage.stored_runs import assert_same, finished, scenario
+from tests.engine.storage.stored_runs import assert_same, finished, scenario, unpack
 
 
 @pytest.fixture
@@ -100,7 +100,7 @@ def test_a_damaged_checkpoint(tmp_path: Path, stop_after: Callable[[int], None],
 
 def test_a_checkpoint_holds_all_of_a_snapshot(tmp_path: Path) -> None:
     """Checkpoints list what they hold: a new field of a snapshot must be added to them, and here."""
-    from flocking.engine.driver.checkpoint import pack, unpack
+    from flocking.engine.driver.checkpoint import pack
 
     session = fk.start(scenario())
     session.advance(1.0)

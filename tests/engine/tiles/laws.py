@@ -39,7 +39,7 @@ def accelerations(law, state, *, agents=None, precision="float64", **options):
     expected = fk.evaluate(law, state, agents=agents)
     mass = np.broadcast_to(agents.masses, state.n)[:, None]
     damping = np.broadcast_to(agents.damping, state.n)[:, None]
-    return session.forces(), (expected.u - damping * state.p) / mass, expected.pair_force_sum
+    return session.accelerations(), (expected.u - damping * state.p) / mass, expected.pair_force_sum
 
 
 def states(n, dimension, seed=0, side=1.0):

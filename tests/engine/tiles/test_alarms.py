@@ -85,7 +85,7 @@ def noticed(seed, size, laws):
     session = TilesSession(scenario, options)
     wrong = TilesSession(scenario.with_(law=plant), options)._particles
     session._particles._set_parameters = lambda *_: None
-    session._particles.P = wrong.P
+    session._particles.parameters.P = wrong.parameters.P
     try:
         session.advance(0.01)
     except LawNotObeyed:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import operator
 import os
 import signal
 import threading
@@ -17,15 +18,15 @@ import xarray
 
 import flocking as fk
 from flocking.engine.driver import session_writer as saving
-from flocking.engine.driver.checkpoint import pack, unpack
+from flocking.engine.driver.checkpoint import pack
 from flocking.engine.runs.run import Run
 from flocking.engine.storage.stored_runs import read_run
-from flocking.engine.tiles.records import Records
+from flocking.engine.tiles.records import TilesRecorder
 from flocking.engine.tiles.session import TilesOptions, TilesSession, TilesSnapshot
 from flocking.errors import InvalidInput, StepTooLarge, StorageError
 from flocking.model.leaders_and_obstacles.obstacles import Ball
 from flocking.model.terms.avoidance import Avoid
-from tests.engine.storage.stored_runs import fill_the_disk_after_three_commits
+from tests.engine.storage.stored_runs import fill_the_disk_after_three_commits, unpack
 from tests.engine.tiles.laws import PerAgentRadii, saber, structural, zhou
 
 
@@ -120,14 +121,14 @@ def test_a_stopped_run_goes_on_bit_for_bit_with_any_number_of_threads(
 def test_a_saved_run_equals_one_in_memory_and_memory_lets_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = fk.simulate(scenario("proximity"), **OPTIONS)
     most = []
-    forget = Records.forget
+    forget = TilesRecorder.forget
 
-    def noted(self: Records, counts: dict[str, int]) -> None:
+    def noted(self: TilesRecorder, counts: dict[str, int]) -> None:
         forget(self, counts)
         most.append((len(self.t), len(self.q), len(self.links), len(self.observed), len(self.trace)))
 
     monkeypatch.setattr(saving, "COMMIT_SECONDS", 0.0)
-    monkeypatch.setattr(Records, "forget", noted)
+    monkeypatch.setattr(TilesRecorder, "forget", noted)
     assert_same(fk.simulate(scenario("proximity"), save=tmp_path / "run", **OPTIONS), whole)
     assert len(most) > 5
     assert np.max(most, axis=0).tolist() == [0, 0, 0, 0, 1], "only the open row of the ledger stays"
@@ -252,7 +253,7 @@ def test_a_run_without_frames_keeps_observations(
 
 
 def test_frames_beyond_memory_need_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("flocking.engine.tiles.records.MOST_FRAME_BYTES", 50_000)
+    monkeypatch.setattr("flocking.engine.runs.recorder.MOST_FRAME_BYTES", 50_000)
     monkeypatch.setattr(saving, "MOST_RETURNED", 50_000)
     with pytest.raises(InvalidInput, match="--out"):
         fk.simulate(scenario("proximity"), **OPTIONS)
@@ -307,8 +308,11 @@ def test_a_checkpoint_holds_all_of_a_snapshot(tmp_path: Path) -> None:
     assert (one.scheme["last"], one.scheme["counted"]) == (two.scheme["last"], two.scheme["counted"])
     assert one.scheme["books"].sums == two.scheme["books"].sums
     assert pack(restored) == data, "nothing is lost or changed on the way"
-    for name in ("agents", "ids", "reference", "C", "elapsed", "bound", "skin", "rebuilds", "top_speed", "_rounding"):
-        assert np.array_equal(getattr(session._particles, name), getattr(restored._particles, name)), name
+    moved = ("reference", "velocity", "elapsed", "bound", "skin", "rounding")
+    for name in ("agents", "ids", "rebuilds", "top_speed", *(f"displacement.{name}" for name in moved)):
+        assert np.array_equal(
+            operator.attrgetter(name)(session._particles), operator.attrgetter(name)(restored._particles)
+        )
     assert np.array_equal(session._particles.lists[0].rows, restored._particles.lists[0].rows)
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.engine.tiles import particle_arrays as particle_arrays
 from flocking.engine.tiles.neighbours.listed_pairs import listed_pairs
+from flocking.engine.tiles.particles import displacement, particle_arrays
 from flocking.engine.tiles.session import TilesOptions, TilesSession
 from flocking.errors import LawNotObeyed, LinkLost, NotFinite, StepTooLarge, TooCrowded
 from flocking.model.leaders_and_obstacles.obstacles import Ball
@@ -160,7 +160,7 @@ def test_lists_are_rebuilt_no_earlier_than_needed():
 
 def test_a_late_rebuild_would_be_seen(monkeypatch):
     """The same test on an engine that lets agents use up three times the skin finds missing neighbours."""
-    monkeypatch.setattr(particle_arrays, "CERTAIN", 3.0)
+    monkeypatch.setattr(displacement, "CERTAIN", 3.0)
     session = TilesSession(fast_scenario(), TilesOptions(step=0.005, skin=0.3, ledger=False))
     assert missing_pairs(session, 1.2, 1.0) > 0
 
@@ -221,7 +221,7 @@ def test_lists_grow_without_a_word():
     session.advance(1.4)
     state = session.state
     expected = fk.evaluate(law, state)
-    error = np.linalg.norm(session.forces() - expected.u, axis=1)
+    error = np.linalg.norm(session.accelerations() - expected.u, axis=1)
     scale = expected.pair_force_sum + np.linalg.norm(expected.u, axis=1)
     assert expected.pair_force_sum.max() > 0
     # Verlet's forces see the velocities half a step back.
@@ -297,7 +297,7 @@ def test_replacing_the_law_and_the_state():
     assert (after.q == before.q).all()
     assert after.p == pytest.approx(before.p, abs=1e-14)
     expected = fk.evaluate(law, after)
-    assert np.abs(session.forces() - expected.u).max() < 1e-11 * expected.pair_force_sum.max()
+    assert np.abs(session.accelerations() - expected.u).max() < 1e-11 * expected.pair_force_sum.max()
     session.advance(0.4)
     run = session.run()
     assert abs(run.residual[-1]) < 0.05 * run.turnover

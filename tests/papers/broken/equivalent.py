@@ -12,6 +12,8 @@ ANY_LENGTH = "numpy reads every negative length as the one that fits"
 NO_HEADINGS = "the count serves only where there are no headings, which is refused"
 GRID = "a wider bracket holds the maximum too, and the largest slope of the grid is taken besides"
 EQUAL_MASSES = "equal masses give the same mean, whatever they are"
+DEEPER = "a block may be indented by more, and what the last turn of a loop assigns stands after it as well"
+UNUSED = "a value that no formula reads is assigned too"
 ONE_END = "what holds at one end is the same whether distances end at R or go on"
 RULES: tuple[tuple[str, str, str], ...] = (
     ("matrices.adjacency", "index: [(i, j)] turned round", SYMMETRIC_GAP),
@@ -56,6 +58,11 @@ RULES: tuple[tuple[str, str, str], ...] = (
         ("check_potential", f"in judge.{name}(", ONE_END)
         for name in ("at_zero", "at_radius", "increasing", "unbounded")
     ),
+    *(
+        ("motion_source", f"for {words}", DEEPER)
+        for words in ("1 in unpack(", "1 in indented([f'out", "2 in indented(")
+    ),
+    ("motion_source", "without if f'", UNUSED),
     ("zhou_2015.system.scenario", "without velocity_gain = ", "the paper's number is the default of the term"),
     ("obstacles._first_that_holds", "in (last[0], True)", "the last piece is taken wherever no earlier one holds"),
     ("obstacles._by_feature", "swap: arguments of sympy.Eq(", "an equation may be read from either side"),

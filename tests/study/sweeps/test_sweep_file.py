@@ -105,11 +105,11 @@ gain = {low = 0.0, high = 1.0, logg = true}
 
 FAULTS = """
 nam: is not known here. Did you mean 'name'?
-seeds: must be greater than or equal to 1; got 0
-seed: must be greater than or equal to 0; got -1
+seeds: must be at least 1; got 0
+seed: must be from 0 to 9223372036854775807; got -1
 audit: must be true or false; got 'yes'
-engine: must be 'auto', 'exact' or 'tiles'; got 'warp'
-measures[3]: must be a valid string; got 3
+engine: must be 'auto', 'exact', 'tiles' or 'lammps'; got 'warp'
+measures[3]: must be text in quotes; got 3
 options.side: must not be fixed and vary at once
 options.lenght: is no option of this family
 options.duration: must be a number; got 'long'
@@ -118,7 +118,7 @@ grid.gian: is no option of this family. Did you mean 'gain'?
 grid.gain: must have low below high
 grid.duration: must be a list or a table; got 'x'
 sample.method: must be 'random', 'latin' or 'sobol'; got 'sobl'
-sample.count: must be a valid integer; got 2.5
+sample.count: must be a whole number; got 2.5
 sample.ranges.gain.logg: is not known here. Did you mean 'log'?
 """
 
@@ -148,8 +148,8 @@ def test_every_fault_is_named_at_once_with_its_place():
         ("side = [4.0, 6]", "side = [4.0, 4.0]", "grid.side: must not hold a value twice"),
         ("side = [4.0, 6]", "side = [nan]", "grid.side[0]: must be from 0.5 to 100; got nan"),
         ("side = [4.0, 6]", "side = [true]", "grid.side[0]: must be a number; got True"),
-        ("count = 3", "count = 1000000", "grid.gain.count: must be less than or equal to 10000"),
-        ("low = 0.1", "low = inf", "grid.gain.low: must be a finite number"),
+        ("count = 3", "count = 1000000", "grid.gain.count: must be from 2 to 10000"),
+        ("low = 0.1", "low = inf", "grid.gain.low: must be finite"),
         ("low = 0.1", "low = -1.0", "grid.gain: must have low below high, and above 0 where log is true"),
         ('"connected", ', '"conected", ', "measures[0]: is not known; got 'conected'. Did you mean 'connected'?"),
         ('"connected", ', '"connected", "connected", ', "measures[1]: must not be named twice"),

@@ -95,7 +95,7 @@ def test_workers_that_die_before_they_begin_end_the_sweep_with_a_reason(tmp_path
 
 
 def test_an_interrupt_that_a_library_made_its_own_error_of_is_no_failed_run(tmp_path):
-    """As pydantic does while it builds a schema: the run is made when the sweep goes on."""
+    """As some do that call back into Python: the run is made when the sweep goes on."""
 
     def struck(speed, seed):
         if (speed, seed) == (1.0, 3) and not (tmp_path / "struck").exists():

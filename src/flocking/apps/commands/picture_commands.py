@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from flocking.engine.runs.run import Run
 
 DRAWN = 0
+"""Exit code of success."""
 
 OTHER_FORMATS = ("jpg", "jpeg", "gif", "tif", "tiff", "bmp", "webp", "eps", "ps", "mp4", "html")
 """Endings that ask for a kind of picture that is not drawn; any other ending belongs to the name."""

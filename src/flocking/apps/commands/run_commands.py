@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from flocking.engine.runs.run import Run
 
 FINE, DIFFERENT, INTERRUPTED = 0, 1, 130
+"""Exit codes: success, an outcome other than expected, and, as shells have it, 128 + 2 after the interrupt signal."""
 
 Json = Annotated[bool, Parameter(name="--json")]
 
@@ -32,6 +33,7 @@ def run(
     observe: Annotated[bool | None, Parameter(negative="--no-observe")] = None,
     keep_frames: Annotated[bool | None, Parameter(name="--frames", negative="--no-frames")] = None,
     memory: float | None = None,
+    option: Annotated[list[str] | None, Parameter(name=["--option", "-o"])] = None,
     most_agents: int | None = None,
     as_json: Json = False,
 ) -> int:
@@ -46,8 +48,8 @@ def run(
     seed
         Seed of the random draws.
     engine
-        Which engine computes it: exact, tiles (large groups), lammps (also under mpiexec), or auto: exact up to
-        2,000 agents, tiles beyond.
+        Which engine computes it: exact, tiles (large groups), lammps (also under mpiexec), one that another package
+        brings, or auto: exact up to 2,000 agents, tiles beyond.
     step
         Time step of the engines with a fixed one; they choose one when absent.
     scheme
@@ -62,24 +64,48 @@ def run(
         Keep positions and velocities at the frames; without them a run of any length is small.
     memory
         Largest size of the neighbour lists of tiles, in GiB; half the machine's memory when absent.
+    option
+        Any option of the engine, as name=value; once for each.
     most_agents
         Largest number of agents a file may ask for; one million by default.
     as_json
         Print JSON.
     """
     from flocking.apps.scenario_names import find_scenario
-    from flocking.engine.driver.simulate import chosen_engine, simulate
+    from flocking.engine.driver.registry import check_name, chosen_engine, engine_named, options_of
+    from flocking.engine.driver.simulate import simulate
 
     found = find_scenario(scenario, seed, most_agents)
-    engine = chosen_engine(found, engine)
+    chosen = engine_named(chosen_engine(found, check_name("run", engine)))
     given: dict[str, Any] = {
         "step": step, "scheme": scheme, "precision": precision, "threads": threads, "observe": observe,
         "keep_frames": keep_frames, "memory_limit": None if memory is None else memory * 2**30,
     }  # fmt: skip
     options = {name: value for name, value in given.items() if value is not None}
-    if engine == "tiles":
-        options = {"observe": True, **options}
-    return _print_run(lambda: simulate(found, engine=engine, save=out, progress=not as_json, **options), out, as_json)
+    options = {**chosen.command_line_options, **options, **_named_options(option or [])}
+    # Names of other arguments of `simulate` are refused here.
+    options_of(chosen, options)
+    return _print_run(
+        lambda: simulate(found, engine=chosen.name, save=out, progress=not as_json, **options), out, as_json
+    )
+
+
+def _named_options(texts: Sequence[str]) -> dict[str, object]:
+    """Options given as name=value; a value that is a TOML value is that, any other is text."""
+    import tomllib
+
+    from flocking.errors import InvalidInput
+
+    found: dict[str, object] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals or not name.isidentifier() or name in found:
+            raise InvalidInput("run", "option", "must be name=value, such as step=0.01, once for each name", text)
+        try:
+            found[name] = tomllib.loads(f"value = {value}")["value"]
+        except tomllib.TOMLDecodeError:
+            found[name] = value
+    return found
 
 
 def resume(folder: Path, *, threads: int | None = None, as_json: Json = False) -> int:
@@ -102,12 +128,12 @@ def resume(folder: Path, *, threads: int | None = None, as_json: Json = False) -
 def _print_run(make: Callable[[], Run], out: Path | None, as_json: bool) -> int:
     from flocking.apps.commands.run_summary import facts, summary
     from flocking.apps.tables import print_facts
-    from flocking.engine.interruption import parts_wanted
+    from flocking.engine.interruption import partial_results
     from flocking.errors import SimulationError
 
     stopped, begin = False, time.monotonic()
     try:
-        with parts_wanted():
+        with partial_results():
             result = make()
         if result.provenance.get("rank", 0):
             return FINE  # the first rank of the job speaks for all
@@ -126,11 +152,11 @@ def _print_run(make: Callable[[], Run], out: Path | None, as_json: bool) -> int:
         print_facts([*facts(found), ("wall time", took), ("saved in", str(out) if out else "")])
     if stopped or not result.status.startswith("interrupted"):
         return DIFFERENT if stopped else FINE
-    print(f"flocking: {result.status}: {_kept(result, out)}", file=sys.stderr)
+    print(f"flocking: {result.status}: {_where_stored(result, out)}", file=sys.stderr)
     return INTERRUPTED
 
 
-def _kept(result: Run, out: Path | None) -> str:
+def _where_stored(result: Run, out: Path | None) -> str:
     """What Ctrl-C left of a run."""
     if out is None:
         return "no --out, nothing is kept."

@@ -51,7 +51,7 @@ def summary(run: Run) -> dict[str, Any]:
     return found
 
 
-def _number(value: Any) -> float | int | None:
+def _number(value: np.generic) -> float | int | None:
     number = value.item()
     return number if math.isfinite(number) else None
 

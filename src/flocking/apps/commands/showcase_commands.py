@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from flocking.study.claims.audit import Report
 
 FINE, DIFFERENT, INTERRUPTED = 0, 1, 130
+"""Exit codes: success, an outcome other than expected, and, as shells have it, 128 + 2 after the interrupt signal."""
 
 
 def showcase(
@@ -48,7 +49,7 @@ def showcase(
     as_json
         Print JSON.
     """
-    from flocking.engine.interruption import parts_wanted
+    from flocking.engine.interruption import partial_results
     from flocking.engine.storage.atomic_files import write_file
     from flocking.papers.auditing import audit
     from flocking.papers.showcases.shipped import showcase as showcase_named
@@ -58,7 +59,7 @@ def showcase(
     chosen = showcase_named(name)
     folder = out or Path("out") / "showcases" / name
     scenario = chosen.scenario(agents=agents, until=until)
-    with parts_wanted():
+    with partial_results():
         run = chosen.run(folder / "run", scenario, engine=engine, progress=not as_json, threads=threads)
     if run.provenance.get("rank", 0):
         return FINE  # the first rank of the job speaks for all
@@ -85,7 +86,7 @@ def _print(title: str, report: Report, summary: StoredSummary, written: list[Pat
     print_table(("claim", "verdict", "margin", "measured"), rows, title=title)
     print()
     facts = summary.facts
-    seen: list[tuple[str, Any]] = [
+    seen: list[tuple[str, str]] = [
         ("agents", f"{facts['agents']:,}"),
         ("steps", f"{facts['provenance']['steps']:,} of {facts['provenance']['step']:g}"),
         ("in the largest flock", f"{100 * facts['largest'][-1]:.2f} % at the end, of {facts['flocks'][-1]:,} flocks"),

@@ -11,6 +11,7 @@ from cyclopts import Parameter
 Json = Annotated[bool, Parameter(name="--json")]
 
 EQUAL, DIFFERENT = 0, 1
+"""Exit codes, as those of ``cmp``: equal, and different."""
 
 
 def info(folder: Path, *, as_json: Json = False) -> int:

@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from flocking.study.sweeps.table import SweepTable
 
 FINE, FAILED_RUNS, INTERRUPTED = 0, 1, 130
+"""Exit codes: success, some runs failed, and, as shells have it, 128 + 2 after the interrupt signal."""
 LONGEST_SUMMARY = 60
+"""Rows printed at most, about a screen; the file has all of them."""
 
 
 def sweep(
@@ -53,6 +55,7 @@ def sweep(
     as_json
         Print JSON.
     """
+    from flocking.engine.interruption import answered
     from flocking.model.checks import integer
     from flocking.papers.studies.running import run_file
     from flocking.study.confidence_intervals import check_level
@@ -67,6 +70,7 @@ def sweep(
         table = run_file(file, folder / "results", workers=workers, cluster=cluster, progress=not as_json)
         written = write_results(table, folder, sweep, level)
     except KeyboardInterrupt:
+        answered()
         print(f"flocking: interrupted; what {folder} holds is whole, and the same command goes on.", file=sys.stderr)
         return INTERRUPTED
     _print(table, file, folder, written, level, time.monotonic() - begin, as_json)
@@ -93,10 +97,10 @@ def find_sweep(name: str, most_runs: int | None, most_agents: int | None) -> Swe
         When there is no such study or file, or the file has faults.
     """
     from flocking.errors import InvalidInput
+    from flocking.model.parts.values import nearest
     from flocking.papers.scenario_families import families
     from flocking.papers.studies.shipped import STUDIES
     from flocking.study.scenario_files.scenario_file import MOST_AGENTS
-    from flocking.study.scenario_files.scenario_values import nearest
     from flocking.study.sweeps.plan import MOST_RUNS
     from flocking.study.sweeps.sweep_file import read_sweep_file
 

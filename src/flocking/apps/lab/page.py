@@ -29,6 +29,7 @@ SECONDS_A_RUN = 40.0
 """A scenario is played so fast that it takes about this long."""
 
 ORDERS_A_SECOND = 1.0
+"""Changes of the run that are accepted from a page in a second in the long run: each may start a computation."""
 MOST_ORDERS = 20
 """So many times at once, and then so often, a file is opened or saved, or a run is begun."""
 

@@ -19,10 +19,12 @@ if TYPE_CHECKING:
 
 HOST = "127.0.0.1"
 PORT = 8080
+"""First port that is tried: the usual one of local web servers."""
 TRIES = 50
+"""How many ports are tried, for as many labs on one machine."""
 
 LOOK = 0.5
-"""Seconds between two looks whether an interrupt was raised."""
+"""Seconds between two looks whether there was a signal."""
 
 
 def lab(
@@ -75,11 +77,11 @@ def lab(
         webbrowser.open(page.address)
     if wait:
         try:
-            # An interrupt may have been raised where a library drops it, as in a callback, while the page was made.
+            # A signal just before a wait begins does not end it, and a library may hold the interrupt that it raised.
             while not interruption.RAISED:
                 threading.Event().wait(LOOK)
         except KeyboardInterrupt:
-            pass
+            interruption.answered()
         page.close()
     return page
 

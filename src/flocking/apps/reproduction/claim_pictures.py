@@ -9,35 +9,22 @@ from typing import TYPE_CHECKING
 
 from flocking.engine.runs.run import Run
 from flocking.study.claims.claim import Claim
+from flocking.study.claims.subjects import Subject
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-CAPTIONS = {
-    "ledger": "The energy ledger, and below it what it leaves unexplained.",
-    "spread": "How far velocities are from their mean.",
-    "leader": "Velocity of the centre of mass minus the leader's.",
-    "velocities": "Velocities along x.",
-    "connectivity": "Algebraic connectivity and number of flocks.",
-    "links": "Links, and when they were made and lost.",
-    "closest": "Distance of the closest pair, with its certified minima.",
-    "net": "The net at the end, with the paths that led there.",
+CAPTIONS: dict[str, str] = {
+    Subject.LEDGER: "The energy ledger, and below it what it leaves unexplained.",
+    Subject.SPREAD: "How far velocities are from their mean.",
+    Subject.LEADER: "Velocity of the centre of mass minus the leader's.",
+    Subject.VELOCITIES: "Velocities along x.",
+    Subject.CONNECTIVITY: "Algebraic connectivity and number of flocks.",
+    Subject.LINKS: "Links, and when they were made and lost.",
+    Subject.CLOSEST: "Distance of the closest pair, with its certified minima.",
+    Subject.NET: "The net at the end, with the paths that led there.",
 }
-"""What each picture shows."""
-
-SPEAKS_OF = {
-    "ledger": (
-        "energy", "energy-falls", "energy-bound", "energy-per-link", "energy-continuous", "J-falls", "J-continuous",
-        "H_s-continuous", "jumps", "flocking", "decreasing",
-    ),
-    "spread": ("velocities-agree", "agree", "no-flocking"),
-    "leader": ("tracks", "no-tracking", "steady-error", "centre", "mean-velocity", "velocities-follow"),
-    "velocities": ("velocities", "headings", "momentum", "speed-bound"),
-    "connectivity": ("connected", "split", "rejoin"),
-    "links": ("links-kept", "new-links", "switching-stops", "transversal"),
-    "closest": ("apart", "apart-by", "all-apart", "linked-apart", "unlinked-apart"),
-}  # fmt: skip
-"""Claims by the picture that shows their subject; the net shows all others."""
+"""What each picture shows, by the subject of claims."""
 
 
 def picture_of(claim: Claim, numbers: Iterable[str] = ()) -> str:
@@ -54,7 +41,7 @@ def picture_of(claim: Claim, numbers: Iterable[str] = ()) -> str:
     for number in numbers:
         if str(number) in named:
             return f"figure-{number}"
-    return next((name for name, keys in SPEAKS_OF.items() if claim.key in keys), "net")
+    return str(claim.about.subject)
 
 
 def draw_picture(name: str, run: Run) -> Figure:

@@ -8,7 +8,9 @@ from flocking.engine.runs.run import Run
 
 FILM = "film"
 SECONDS = 5.0
+"""Length of the film."""
 RATE = 10
+"""Pictures in a second; few, for the size of the report."""
 
 
 def write_film(run: Run, folder: Path) -> Path:

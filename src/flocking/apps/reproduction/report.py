@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Mapping
 from html import escape
 from pathlib import Path
-from typing import Any
 
 from flocking.apps.reproduction.film import film_in
 from flocking.apps.reproduction.report_claims import card, cited, claims_beside_pictures, embedded, place_of
@@ -17,8 +16,9 @@ from flocking.apps.reproduction.report_tables import head_row, table
 from flocking.apps.reproduction.results import Reproduction
 from flocking.engine.runs.run import Run
 from flocking.engine.storage.atomic_files import write_file
+from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.potentials.potential import Potential
-from flocking.model.terms.pair_terms import Gradient
+from flocking.model.terms.pair_terms import Gradient, Term
 from flocking.papers.description import Paper
 from flocking.show.declaration import Figure
 from flocking.study.claims.claim import Origin, Verdict
@@ -272,6 +272,6 @@ def _scenario_row(name: str, run: Run) -> str:
     )
 
 
-def _plain(part: Any) -> str:
+def _plain(part: Graph | Term) -> str:
     values = dict(part.parameters) | {k: getattr(part, k) for k in ("radius", "gap") if hasattr(part, k)}
     return ", ".join(f"{k}={v:g}" if isinstance(v, int | float) else f"{k}=..." for k, v in values.items())

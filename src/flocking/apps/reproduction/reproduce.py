@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from flocking.apps.reproduction.claim_pictures import draw_pictures, picture_of
 from flocking.apps.reproduction.film import write_film
@@ -25,6 +25,9 @@ from flocking.study.claims.judgement import FEWEST_SEEDS, Judgement
 from flocking.study.claims.settled_run import settled_runs
 from flocking.study.equation_table import Fault, RowData
 from flocking.study.sweeps.worker_pool import WorkerPool, pool
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
 
 MOST_SEEDS = 10_000
 """Largest number of seeds: more is a slip of the hand."""
@@ -296,7 +299,7 @@ def _drawings(
     for key, article in papers.items():
         first = next(iter(article.scenarios()))
         planned: list[tuple[str | None, tuple[str, ...]]] = [(None, (first,))]
-        planned += [(number, figure.scenarios(first)) for number, figure in article.figures().items()]
+        planned += [(str(number), figure.scenarios(first)) for number, figure in article.figures().items()]
         planned += [(CLAIMS, (name,)) for name in article.scenarios()]
         for what, names in planned:
             if all(name in runs for name in names):
@@ -328,32 +331,33 @@ def draw(key: str, what: str | None, runs: tuple[Run, ...], folder: Path) -> lis
         names = dict.fromkeys(picture_of(claim, drawn) for claim in article.claims(name))
         draw_pictures(run, (n for n in names if not n.startswith("figure-")), folder / CLAIMS)
         return []
+    from flocking.show.declaration import drawn_figure
     from flocking.show.style import save
 
-    return list(save(article.figures()[what].draw(*runs), folder / f"figure-{what}"))
+    return list(save(drawn_figure(article.figures(), what, run, *runs[1:]), folder / f"figure-{what}"))
 
 
 class _Steps:
     """Counts finished runs, with a bar on a terminal."""
 
-    def __init__(self, bar: Any, task: Any) -> None:
+    def __init__(self, bar: Progress | None, task: TaskID | None) -> None:
         self._bar, self._task = bar, task
 
     def __call__(self) -> None:
-        if self._bar is not None:
+        if self._bar is not None and self._task is not None:
             self._bar.advance(self._task)
 
     def more(self, count: int) -> None:
         """Expect so many more."""
-        if self._bar is not None:
-            self._bar.update(self._task, total=self._bar.tasks[0].total + count)
+        if self._bar is not None and self._task is not None:
+            self._bar.update(self._task, total=(self._bar.tasks[0].total or 0.0) + count)
 
 
 class _bar:  # noqa: N801
     def __init__(self, planned: bool, total: int) -> None:
         self._shown = planned and sys.stderr.isatty()
         self._total = total
-        self._bar: Any = None
+        self._bar: Progress | None = None
 
     def __enter__(self) -> _Steps:
         if not self._shown:

@@ -6,12 +6,20 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Generic, TypeVar
 
 import numpy as np
+from numpy.typing import DTypeLike
+
+from flocking.arrays import AnyArray
+
+Value = TypeVar("Value")
+Checked_co = TypeVar("Checked_co", covariant=True)
+WholeNumber = int | np.integer
+RealNumber = float | np.floating | WholeNumber
 
 
-def squarable(kind: Any) -> float:
+def squarable(kind: DTypeLike) -> float:
     """Largest number of a type whose square, and a sum of some such, does not overflow.
 
     Parameters
@@ -19,19 +27,19 @@ def squarable(kind: Any) -> float:
     kind
         A floating-point type.
     """
-    return float(np.sqrt(np.finfo(kind).max)) / 1024
+    return float(np.sqrt(np.finfo(np.dtype(kind).type).max)) / 1024
 
 
 class MalformedError(ValueError):
     """Data that do not have the form they must have; the message names them."""
 
 
-class Form(ABC):
+class Form(ABC, Generic[Checked_co]):
     """What a value must be."""
 
     @abstractmethod
-    def check(self, value: object, name: str) -> None:
-        """Refuse a value that has another form.
+    def check(self, value: object, name: str) -> Checked_co:
+        """The value itself, whose type is known now; one that has another form is refused.
 
         Parameters
         ----------
@@ -53,7 +61,7 @@ def _refuse(name: str, rule: str, found: object) -> MalformedError:
 
 
 @dataclass(frozen=True)
-class Table(Form):
+class Table(Form[AnyArray]):
     """An array of one type and shape.
 
     Parameters
@@ -68,14 +76,14 @@ class Table(Form):
         Whether rows must follow each other in memory.
     """
 
-    kind: Any
+    kind: DTypeLike
     shape: tuple[int | None, ...]
     least: float = -math.inf
     most: float = math.inf
     finite: bool = True
     ordered: bool = True
 
-    def check(self, value: object, name: str) -> None:
+    def check(self, value: object, name: str) -> AnyArray:
         """Refuse another array, see `Form.check`."""
         if not isinstance(value, np.ndarray):
             raise _refuse(name, "be an array", value)
@@ -84,22 +92,23 @@ class Table(Form):
         if len(value.shape) != len(self.shape) or any(
             k not in (None, n) for k, n in zip(self.shape, value.shape, strict=True)
         ):
-            wanted = tuple("any" if k is None else k for k in self.shape)
-            raise MalformedError(f"{name} must have the shape {wanted}, not {value.shape}")
+            lengths = tuple("any" if k is None else k for k in self.shape)
+            raise MalformedError(f"{name} must have the shape {lengths}, not {value.shape}")
         if self.ordered and not value.flags.c_contiguous:
             raise MalformedError(f"{name} must be stored row by row")
         if not value.size or value.dtype.kind == "b":
-            return
+            return value
         if self.finite and value.dtype.kind == "f" and not np.isfinite(value).all():
             raise MalformedError(f"{name} must hold finite numbers")
         if self.least > -math.inf and value.min() < self.least:
             raise MalformedError(f"{name} must not hold values below {self.least:g}, such as {value.min()}")
         if self.most < math.inf and value.max() > self.most:
             raise MalformedError(f"{name} must not hold values above {self.most:g}, such as {value.max()}")
+        return value
 
 
 @dataclass(frozen=True)
-class Real(Form):
+class Real(Form[RealNumber]):
     """A number.
 
     Parameters
@@ -114,7 +123,7 @@ class Real(Form):
     most: float = math.inf
     finite: bool = True
 
-    def check(self, value: object, name: str) -> None:
+    def check(self, value: object, name: str) -> RealNumber:
         """Refuse another value, see `Form.check`."""
         if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
             raise _refuse(name, "be a number", value)
@@ -126,10 +135,11 @@ class Real(Form):
             raise _refuse(name, "be finite", number)
         if number < self.least or number > self.most:
             raise _refuse(name, f"lie between {self.least:g} and {self.most:g}", number)
+        return value
 
 
 @dataclass(frozen=True)
-class Integer(Form):
+class Integer(Form[WholeNumber]):
     """A whole number.
 
     Parameters
@@ -141,26 +151,28 @@ class Integer(Form):
     least: int = 0
     most: int = 2**62
 
-    def check(self, value: object, name: str) -> None:
+    def check(self, value: object, name: str) -> WholeNumber:
         """Refuse another value, see `Form.check`."""
         if isinstance(value, bool) or not isinstance(value, int | np.integer):
             raise _refuse(name, "be a whole number", value)
         if not self.least <= value <= self.most:
             raise _refuse(name, f"lie between {self.least} and {self.most}", value)
+        return value
 
 
 @dataclass(frozen=True)
-class Flag(Form):
+class Flag(Form[bool | np.bool_]):
     """True or False."""
 
-    def check(self, value: object, name: str) -> None:
+    def check(self, value: object, name: str) -> bool | np.bool_:
         """Refuse another value, see `Form.check`."""
         if not isinstance(value, bool | np.bool_):
             raise _refuse(name, "be True or False", value)
+        return value
 
 
 @dataclass(frozen=True)
-class Text(Form):
+class Text(Form[str]):
     """One of some words.
 
     Parameters
@@ -171,14 +183,15 @@ class Text(Form):
 
     choices: tuple[str, ...] = ()
 
-    def check(self, value: object, name: str) -> None:
+    def check(self, value: object, name: str) -> str:
         """Refuse another value, see `Form.check`."""
         if not isinstance(value, str) or (self.choices and value not in self.choices):
             raise _refuse(name, f"be one of {', '.join(self.choices)}" if self.choices else "be text", value)
+        return value
 
 
 @dataclass(frozen=True)
-class Maybe(Form):
+class Maybe(Form[Value | None]):
     """A value, or None.
 
     Parameters
@@ -187,16 +200,15 @@ class Maybe(Form):
         The form of the value.
     """
 
-    form: Form
+    form: Form[Value]
 
-    def check(self, value: object, name: str) -> None:
+    def check(self, value: object, name: str) -> Value | None:
         """Refuse another value, see `Form.check`."""
-        if value is not None:
-            self.form.check(value, name)
+        return None if value is None else self.form.check(value, name)
 
 
 @dataclass(frozen=True)
-class Row(Form):
+class Row(Form[Sequence[Value]]):
     """Values in a fixed order.
 
     Parameters
@@ -205,18 +217,19 @@ class Row(Form):
         The form of each.
     """
 
-    forms: Sequence[Form]
+    forms: Sequence[Form[Value]]
 
-    def check(self, value: object, name: str) -> None:
+    def check(self, value: object, name: str) -> Sequence[Value]:
         """Refuse another value, see `Form.check`."""
         if not isinstance(value, list | tuple) or len(value) != len(self.forms):
             raise _refuse(name, f"be a list of {len(self.forms)}", value)
         for k, (form, x) in enumerate(zip(self.forms, value, strict=True)):
             form.check(x, f"{name}[{k}]")
+        return value
 
 
 @dataclass(frozen=True)
-class Many(Form):
+class Many(Form[Sequence[Value]]):
     """Any number of values of one form.
 
     Parameters
@@ -225,18 +238,19 @@ class Many(Form):
         The form of each.
     """
 
-    form: Form
+    form: Form[Value]
 
-    def check(self, value: object, name: str) -> None:
+    def check(self, value: object, name: str) -> Sequence[Value]:
         """Refuse another value, see `Form.check`."""
         if not isinstance(value, list | tuple):
             raise _refuse(name, "be a list", value)
         for k, x in enumerate(value):
             self.form.check(x, f"{name}[{k}]")
+        return value
 
 
 @dataclass(frozen=True)
-class Names(Form):
+class Names(Form[dict[str, object]]):
     """Values by name.
 
     Parameters
@@ -249,11 +263,11 @@ class Names(Form):
         Whether values of other names may be there too.
     """
 
-    forms: Mapping[str, Form]
-    optional: Mapping[str, Form] = field(default_factory=dict)
+    forms: Mapping[str, Form[object]]
+    optional: Mapping[str, Form[object]] = field(default_factory=dict)
     others: bool = False
 
-    def check(self, value: object, name: str) -> None:
+    def check(self, value: object, name: str) -> dict[str, object]:
         """Refuse another value, see `Form.check`."""
         if not isinstance(value, dict):
             raise _refuse(name, "hold values by name", value)
@@ -266,10 +280,11 @@ class Names(Form):
                 form.check(x, f"{name}: {key}" if name else key)
             elif not self.others:
                 raise MalformedError(f"{name} must not hold {str(key)[:40]!r}")
+        return value
 
 
 @dataclass(frozen=True)
-class Part(Form):
+class Part(Form[Value]):
     """An object of a class, with fields of given forms.
 
     Parameters
@@ -280,18 +295,19 @@ class Part(Form):
         The form of each of its fields.
     """
 
-    kind: type[object]
-    forms: Mapping[str, Form]
+    kind: type[Value]
+    forms: Mapping[str, Form[object]]
 
-    def check(self, value: object, name: str) -> None:
+    def check(self, value: object, name: str) -> Value:
         """Refuse another value, see `Form.check`."""
-        if type(value) is not self.kind:
+        if type(value) is not self.kind or not isinstance(value, self.kind):
             raise _refuse(name, f"be of the kind {self.kind.__name__}", value)
         Names(self.forms).check(vars(value), name)
+        return value
 
 
 @dataclass(frozen=True)
-class And(Form):
+class And(Form[Value]):
     """A form, and a rule beside it.
 
     Parameters
@@ -304,12 +320,13 @@ class And(Form):
         Whether it does, of a value that has the form.
     """
 
-    form: Form
+    form: Form[Value]
     rule: str
-    holds: Callable[[Any], bool]
+    holds: Callable[[Value], bool]
 
-    def check(self, value: object, name: str) -> None:
+    def check(self, value: object, name: str) -> Value:
         """Refuse another value, see `Form.check`."""
-        self.form.check(value, name)
-        if not self.holds(value):
+        checked = self.form.check(value, name)
+        if not self.holds(checked):
             raise MalformedError(f"{name} must {self.rule}")
+        return checked

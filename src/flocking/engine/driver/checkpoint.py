@@ -3,77 +3,93 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import BinaryIO
 
 from flocking.engine.archives.archive import UNREADABLE, read_archive, write_archive
-from flocking.engine.exact.checkpoint import pack_exact, restore_exact
-from flocking.engine.exact.session import ExactSession
-from flocking.engine.runs.columns import GROWING
-from flocking.engine.runs.run import Run
+from flocking.engine.archives.data_checks import MalformedError
+from flocking.engine.protocol.engine import Engine
+from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.errors import StorageError
-from flocking.model.law import Law
 
-if TYPE_CHECKING:
-    from flocking.engine.tiles.session import TilesSession
-
-
-def write_checkpoint(session: ExactSession | TilesSession, file: BinaryIO) -> None:
-    """Write the state of a session as an ``.npz`` file: arrays, and one JSON text of numbers."""
-    if isinstance(session, ExactSession):
-        numbers, arrays = pack_exact(session.snapshot(records=False))
-    else:
-        from flocking.engine.tiles.checkpoint import pack_tiles
-
-        numbers, arrays = pack_tiles(session)
-    write_archive(file, {"engine": session.engine, **numbers}, arrays)
+ENGINE = "engine"
+"""Where a checkpoint names its engine, beside what that packed."""
 
 
-def pack(session: ExactSession | TilesSession) -> bytes:
+def write_checkpoint(engine: str, packed: Packed, file: BinaryIO) -> None:
+    """Write the state of a session as an ``.npz`` file: arrays, and one JSON text of numbers.
+
+    Parameters
+    ----------
+    engine
+        Name of its engine.
+    packed
+        What `flocking.engine.protocol.session.Session.pack` gave.
+    """
+    numbers, arrays = packed
+    write_archive(file, {ENGINE: engine, **numbers}, arrays)
+
+
+def pack(session: Session) -> bytes:
     """State of a session as bytes, see `write_checkpoint`."""
     file = io.BytesIO()
-    write_checkpoint(session, file)
+    write_checkpoint(session.engine, session.pack(), file)
     return file.getvalue()
 
 
-def unpack(
-    data: bytes | Path,
-    records: Run,
-    plant: Law | None,
-    where: Path,
-    *,
-    stored: dict[str, int] | None = None,
-    threads: int | None = None,
-) -> ExactSession | TilesSession:
-    """The session that was packed, with its records from a run read back.
+def read_checkpoint(data: bytes | Path, engine: str, where: Path) -> Packed:
+    """What was packed.
 
     Parameters
     ----------
     data
         What `pack` gave, or the file that `write_checkpoint` wrote.
-    records
-        The run as of the same commit; the tiled engine takes its scenario alone.
-    plant
-        The law the agents really obey, where it is not the scenario's.
+    engine
+        Name of the engine that the run says it is of.
     where
         Where the data come from, for messages.
-    stored
-        Numbers of records on disk, of each kind, that the tiled engine goes on after.
-    threads
-        Number of threads of the tiled engine; that of before when absent.
 
     Raises
     ------
     StorageError
-        When the data are no checkpoint.
+        When the data are no checkpoint, or of another engine.
     """
     try:
         numbers, arrays = read_archive(data)
-        if numbers["engine"] == "tiles":
-            from flocking.engine.tiles.checkpoint import restore_tiles
-
-            counts = stored or dict.fromkeys(GROWING, 0)
-            return restore_tiles(numbers, arrays, records.scenario, counts, threads, plant)
-        return ExactSession.resume(restore_exact(numbers, arrays, records, plant))
+        if (found := numbers.pop(ENGINE, None)) != engine:
+            raise MalformedError(f"{ENGINE} must be {engine!r}, not {str(found)[:40]!r}")
     except UNREADABLE as error:
-        raise StorageError(f"{where}: no checkpoint this version can go on from ({str(error)[:200]}).") from None
+        raise _useless(where, error) from None
+    return numbers, arrays
+
+
+def restored(engine: Engine, packed: Packed, stored: Stored, where: Path, changes: Mapping[str, object]) -> Session:
+    """The session that was packed.
+
+    Parameters
+    ----------
+    engine
+        Its engine.
+    packed
+        What was packed.
+    stored
+        Its scenario, and its records as of the same commit.
+    where
+        Where the data come from, for messages.
+    changes
+        Options to go on with.
+
+    Raises
+    ------
+    StorageError
+        When the data are of no session of this scenario.
+    """
+    try:
+        return engine.unpack(packed, stored, changes)
+    except UNREADABLE as error:
+        raise _useless(where, error) from None
+
+
+def _useless(where: Path, error: BaseException) -> StorageError:
+    return StorageError(f"{where}: no checkpoint this version can go on from ({str(error)[:200]}).")

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     pass
 
 QUIET_SECONDS = 2.0
+"""Runs shorter than this show no progress: nobody would read it."""
 LINE_SECONDS = 10.0
 """Wall time between two lines, and before the first, where there is no terminal for a bar."""
 

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from flocking.engine.driver.checkpoint import unpack
+from flocking.engine.driver.checkpoint import read_checkpoint, restored
+from flocking.engine.driver.registry import entry_named, missing_engine
 from flocking.engine.driver.session_writer import SessionWriter
-from flocking.engine.driver.simulate import drive, opened
+from flocking.engine.driver.simulate import drive
+from flocking.engine.protocol.engine import Engine
+from flocking.engine.protocol.session import Packed, Session, Stored
+from flocking.engine.protocol.team import Team
 from flocking.engine.runs.run import Run
 from flocking.engine.storage.atomic_files import checksum, read_soundly, storage_errors
-from flocking.engine.storage.record import written_by
+from flocking.engine.storage.record import engine_of
 from flocking.engine.storage.run_writer import RunWriter
 from flocking.engine.storage.stored_runs import read_last, read_run, read_scenario_of
 from flocking.errors import InvalidInput, StorageError
@@ -39,12 +44,14 @@ def resume(
     progress
         Show a progress bar once it takes longer than two seconds.
     threads
-        Number of threads of the tiled engine, on which results do not depend; as before when absent.
+        Number of threads of an engine whose results do not depend on it; as before when absent.
 
     Raises
     ------
     StorageError
         When there is no run, it is damaged, another process writes it, or it ended in a way that cannot go on.
+    EngineMissing
+        When the engine that made it is not registered.
     SimulationError
         When the run cannot go on; its ``run`` holds what was computed until then.
     """
@@ -52,35 +59,79 @@ def resume(
         raise InvalidInput("resume", "folder", "must be a path", folder)
     folder = Path(folder)
     with read_soundly(folder):
-        return _resume(folder, scenario, plant, progress, threads)
+        return _resume(folder, scenario, plant, progress, {} if threads is None else {"threads": threads})
 
 
-def _resume(folder: Path, scenario: Scenario | None, plant: Law | None, progress: bool, threads: int | None) -> Run:
-    engine = written_by(folder)
-    if engine == "lammps":
-        from flocking.engine.driver.lammps_runs import resume_on_ranks
+@dataclass(frozen=True, eq=False)
+class _Left:
+    """What a stopped run has left: the run itself where it is finished, else where it goes on from."""
 
-        return resume_on_ranks(folder, scenario=scenario, progress=progress)
-    with RunWriter.reopen(folder) as writer:
-        if scenario is None:
-            scenario, plant = read_scenario_of(folder)
-        # What the tiled engine has written need not be in memory to go on after it.
-        many = engine == "tiles" and writer.record["status"] != "finished"
-        records = read_last(folder, scenario, 0) if many else read_run(folder, scenario=scenario)
-        if records.finished:
-            return records
-        checkpoint, counts = writer.record["checkpoint"], writer.counts
-        fewer = {} if threads is None or engine != "tiles" else {"threads": threads}
-        if checkpoint is not None:
-            path = folder / checkpoint["file"]
-            with storage_errors(folder, "read the checkpoint"):
-                found = checksum(path)
-            if found != checkpoint["checksum"]:
-                raise StorageError(f"{path}: the checkpoint does not match its checksum; the file was damaged.")
-            session = unpack(path, records, plant, path, stored=counts, threads=threads)
-        elif writer.record["commits"] == 0:
-            how: dict[str, Any] = writer.record.get("session") or {"engine": "exact", "options": {}}
-            session = opened(scenario, how["engine"], plant, **{**how["options"], **fewer})
-        else:
-            raise StorageError(f"{folder}: this run cannot go on, it ended: {records.status}")
-        return drive(session, progress=progress, saving=SessionWriter(writer, session))
+    scenario: Scenario
+    plant: Law | None
+    counts: dict[str, int]
+    options: dict[str, object]
+    finished: Run | None = None
+    packed: Packed | None = None
+    place: Path = Path()
+
+
+def _resume(
+    folder: Path, scenario: Scenario | None, plant: Law | None, progress: bool, changes: dict[str, object]
+) -> Run:
+    name, package = engine_of(folder)
+    entry = entry_named(name)
+    if entry is None:
+        # What is finished is read without it.
+        found = read_run(folder, scenario=scenario)
+        if found.finished:
+            return found
+        raise missing_engine(folder, name, package)
+    engine = entry.load()
+    accepted = {key: value for key, value in changes.items() if key in engine.free_options}
+    team = engine.team()
+    writer = team.alone(lambda: RunWriter.reopen(folder))
+    try:
+        left = team.shared(lambda: _left(folder, writer, name, scenario, plant))
+        if left.finished is not None:
+            return left.finished
+        session = _session(folder, engine, team, left, accepted)
+        return drive(session, progress=progress, writer=SessionWriter(writer, session))
+    finally:
+        if writer is not None:
+            writer.close()
+
+
+def _left(folder: Path, writer: RunWriter | None, engine: str, scenario: Scenario | None, plant: Law | None) -> _Left:
+    assert writer is not None
+    if scenario is None:
+        scenario, plant = read_scenario_of(folder)
+    record: dict[str, Any] = writer.record
+    how = record.get("session") or {}
+    left = _Left(scenario, plant, writer.counts, dict(how.get("options", {})))
+    if record["status"] == "finished":
+        return _Left(scenario, plant, left.counts, left.options, read_run(folder, scenario=scenario))
+    checkpoint = record["checkpoint"]
+    if checkpoint is None and record["commits"] == 0:
+        return left
+    if checkpoint is None:
+        raise StorageError(f"{folder}: this run cannot go on, it ended: {record['status']}")
+    # Whatever was damaged is told before anything goes on.
+    read_last(folder, scenario, 0)
+    place = folder / checkpoint["file"]
+    with storage_errors(folder, "read the checkpoint"):
+        found = checksum(place)
+    if found != checkpoint["checksum"]:
+        raise StorageError(f"{place}: the checkpoint does not match its checksum; the file was damaged.")
+    return _Left(scenario, plant, left.counts, left.options, None, read_checkpoint(place, engine, place), place)
+
+
+def _session(folder: Path, engine: Engine, team: Team, left: _Left, changes: dict[str, object]) -> Session:
+    if left.packed is None:
+        options = engine.stored_options({**left.options, **changes})
+        return engine.open(left.scenario, options, plant=left.plant)
+
+    def read() -> Run:
+        return team.shared(lambda: read_run(folder, scenario=left.scenario))
+
+    stored = Stored(left.scenario, left.plant, left.counts, read)
+    return restored(engine, left.packed, stored, left.place, changes)

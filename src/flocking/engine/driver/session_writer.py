@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import time
-from dataclasses import asdict, replace
+from dataclasses import asdict, is_dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from flocking.engine.driver.checkpoint import write_checkpoint
-from flocking.engine.exact.session import ExactSession
+from flocking.engine.driver.registry import entry_named
+from flocking.engine.protocol.session import Session
+from flocking.engine.runs.columns import joined_columns
 from flocking.engine.runs.run import Run
 from flocking.engine.storage.run_writer import RunWriter
 from flocking.engine.storage.stored_runs import read_last
-
-if TYPE_CHECKING:
-    from flocking.engine.tiles.session import TilesSession
+from flocking.errors import InvalidInput
 
 COMMIT_SECONDS = 2.0
 """Wall time between two commits; a kill loses no more than this and one stop of the simulation, in a small run."""
@@ -37,24 +38,23 @@ class SessionWriter:
     Parameters
     ----------
     writer
-        The run on disk.
+        The run on disk; None on processes that do not write it.
     session
         The running simulation; the run holds its records up to now.
     every
         Wall time between two commits, in seconds; `COMMIT_SECONDS` when absent. 0 commits at every stop.
     """
 
-    def __init__(self, writer: RunWriter, session: ExactSession | TilesSession, every: float | None = None) -> None:
+    def __init__(self, writer: RunWriter | None, session: Session, every: float | None = None) -> None:
         self._writer = writer
         self._session = session
+        self._team = session.team
         self._every = COMMIT_SECONDS if every is None else every
         self._cost = 0.0
         self._last = time.monotonic()
 
     @classmethod
-    def create(
-        cls, folder: str | Path, session: ExactSession | TilesSession, every: float | None = None
-    ) -> SessionWriter:
+    def create(cls, folder: str | Path, session: Session, every: float | None = None) -> SessionWriter:
         """Save a new session to a new or empty folder.
 
         Parameters
@@ -67,25 +67,38 @@ class SessionWriter:
         StorageError
             When the folder holds something already or cannot be written.
         """
-        options = getattr(session, "options", None)
-        how = {"engine": session.engine, "options": {} if options is None else asdict(options)}
-        layout = session.recorder.layout
-        return cls(
-            RunWriter.create(folder, session.scenario, plant=session.plant, session=how, **layout), session, every
+        entry = entry_named(session.engine)
+        how: dict[str, object] = {"engine": session.engine, "options": plain_options(session.options)}
+        if entry is not None:
+            how["package"] = entry.package
+        layout = session.records.layout
+        writer = session.team.alone(
+            lambda: RunWriter.create(folder, session.scenario, plant=session.plant, session=how, **layout)
         )
+        return cls(writer, session, every)
 
     def __enter__(self) -> SessionWriter:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._writer.close()
+        if self._writer is not None:
+            self._writer.close()
+
+    @property
+    def _here(self) -> RunWriter:
+        """The run on disk, on the process that writes it."""
+        assert self._writer is not None
+        return self._writer
 
     def keep(self) -> None:
         """Commit what was recorded, with a checkpoint, when it is time to."""
+        if self._team.shared(self._due):
+            self._keep()
+
+    def _due(self) -> bool:
         waited = time.monotonic() - self._last
         wait = max(self._every, COMMIT_SHARE * self._cost) if self._every else 0.0
-        if waited >= wait or self._session.recorder.waiting > MOST_WAITING:
-            self._keep()
+        return waited >= wait or self._session.records.waiting > MOST_WAITING
 
     def _keep(self, status: str = "unfinished") -> None:
         begin = time.monotonic()
@@ -104,39 +117,72 @@ class SessionWriter:
 
         ``between_steps``, all of it; otherwise its last commit, for an interrupted step is in no state to be kept.
         """
-        if between_steps and getattr(self._session, "between_steps", False):
+        if between_steps and self._session.saves_when_interrupted:
             self._keep(status)
         else:
-            self._writer.mark(status)
+            self._team.alone(lambda: self._here.mark(status))
 
     def run(self, status: str) -> Run:
         """The whole run: what is on disk, and what came after its last commit."""
         recent = self._session.run(status)
-        recorder = self._session.recorder
-        if not any(recorder.stored.values()):
+        records = self._session.records
+        if not any(records.stored.values()):
             return recent
-        last = None if recorder.stored["time"] * recorder.frame_bytes <= MOST_RETURNED else 1
-        found = _joined(read_last(self._writer.folder, self._session.scenario, last), recent)
+        last = None if records.stored["time"] * records.frame_bytes <= MOST_RETURNED else 1
+        found = _joined(read_last(self._here.folder, self._session.scenario, last), recent)
         if last is not None:
-            found.provenance["frames"] = f"last frame alone; all of them are in {self._writer.folder}"
+            found.provenance["frames"] = f"last frame alone; all of them are in {self._here.folder}"
         return found
 
     def _write(self, *, complete: bool) -> None:
-        new = self._session.recorder.since(self._writer.counts, complete=complete)
+        self._team.alone(lambda: self._append(complete=complete))
+
+    def _append(self, *, complete: bool) -> None:
+        writer = self._here
+        new = self._session.records.since(writer.counts, complete=complete)
         if len(new.t):
-            self._writer.append(new.t, new.q, new.p, new.links, new.errors)
-        self._writer.append_records(new.switches, new.trace, new.observed)
+            columns = joined_columns(self._session.scenario, new.columns)
+            writer.append(new.t, new.q, new.p, new.links, new.errors, columns)
+        writer.append_records(new.switches, new.trace, new.observed)
 
     def _commit(self, status: str, *, resumable: bool) -> None:
         session = self._session
-        self._writer.commit(
-            status,
-            closest=session.closest_pairs,
-            accuracy=session.accuracy,
-            provenance=session.about,
-            checkpoint=(lambda file: write_checkpoint(session, file)) if resumable else None,
-        )
-        session.recorder.forget(self._writer.counts)
+        packed = session.pack() if resumable else None
+
+        def commit() -> None:
+            closest, accuracy = session.known
+            self._here.commit(
+                status,
+                closest=closest,
+                accuracy=accuracy,
+                provenance=session.about,
+                fidelity=session.fidelity,
+                checkpoint=None if packed is None else lambda file: write_checkpoint(session.engine, packed, file),
+            )
+            session.records.forget(self._here.counts)
+
+        self._team.alone(commit)
+
+
+def plain_options(options: object) -> dict[str, object]:
+    """Options of an engine as plain data for the record of a run.
+
+    Raises
+    ------
+    InvalidInput
+        When one of them is nothing that JSON can hold.
+    """
+    if not is_dataclass(options) or isinstance(options, type):
+        raise InvalidInput("Session", "options", "must be a dataclass", options)
+    found = asdict(options)
+    for name, value in found.items():
+        try:
+            json.dumps(value)
+        except (TypeError, ValueError):
+            raise InvalidInput(
+                type(options).__name__, name, "must be plain data to be saved with a run", value, "Run it without save."
+            ) from None
+    return found
 
 
 def _joined(stored: Run, recent: Run) -> Run:
@@ -144,4 +190,8 @@ def _joined(stored: Run, recent: Run) -> Run:
     names = ["t", "q", "p", "switches", "trace"] + ([] if recent.observables is None else ["observables"])
     complete: dict[str, Any] = {name: np.concatenate([getattr(stored, name), getattr(recent, name)]) for name in names}
     links = [run.links for run in (stored, recent) if len(run.t)] or [recent.links]
-    return replace(recent, links=np.concatenate(links), **complete)
+    known = recent.accuracy
+    if known is not None and stored.accuracy is not None:
+        known = replace(known, frames=np.concatenate([stored.accuracy.frames, known.frames]))
+    columns = {name: np.concatenate([stored.columns[name], recent.columns[name]]) for name in recent.columns}
+    return replace(recent, links=np.concatenate(links), accuracy=known, columns=columns or stored.columns, **complete)

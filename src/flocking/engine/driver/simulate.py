@@ -4,36 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
 
 from flocking.engine import interruption
-from flocking.engine.driver.keyword_options import from_keywords, unknown_option
 from flocking.engine.driver.progress import Progress, stops
-from flocking.engine.exact.session import ExactSession
+from flocking.engine.driver.registry import check_name, chosen_engine, engine_named, options_of
+from flocking.engine.driver.session_writer import SessionWriter
 from flocking.engine.interruption import Deferred, Noted
+from flocking.engine.memory_shortage import starved
+from flocking.engine.protocol.engine import Engine
+from flocking.engine.protocol.session import Session
 from flocking.engine.runs.run import Run
-from flocking.errors import InvalidInput, SimulationError, StorageError, UnsupportedLaw
+from flocking.engine.storage.run_writer import check_free
+from flocking.errors import EngineFailed, FlockingError, InvalidInput, SimulationError, StorageError
 from flocking.model.law import Law, Scenario
 
-if TYPE_CHECKING:
-    from flocking.engine.driver.session_writer import SessionWriter
-    from flocking.engine.lammps.session import LammpsSession
-    from flocking.engine.tiles.session import TilesSession
-
-ENGINES = ("auto", "exact", "tiles", "lammps")
-FEW_AGENTS = 2000
-"""Up to this size ``engine="auto"`` takes the exact engine; larger groups the tiled one, where it can run their law."""
-MOST_EXACT = 20_000
-"""Largest group of the exact engine, which holds a matrix of all pairs."""
 GLANCE_SECONDS = 0.25
 """Wall time between two looks at a run on its way, for its progress and its commits; a slow step takes longer."""
 
 
-def start(
-    scenario: Scenario, engine: str = "auto", *, plant: Law | None = None, **options: object
-) -> ExactSession | TilesSession | LammpsSession:
+def start(scenario: Scenario, engine: str = "auto", *, plant: Law | None = None, **options: object) -> Session:
     """Start a session: a simulation that is advanced, looked at and changed step by step.
 
     Parameters
@@ -57,71 +47,72 @@ def start(
         When the engine cannot run a part of the law.
     """
     session = _opened(scenario, engine, plant, options)
-    if session.engine == "tiles":
-        cast("TilesSession", session).records.check_fits()
+    session.records.check_fits()
     return session
 
 
-def opened(scenario: Scenario, engine: str, plant: Law | None, **options: object) -> ExactSession | TilesSession:
-    """A session of an engine that this process runs alone, which is going to be saved while it goes on."""
-    return cast("ExactSession | TilesSession", _opened(scenario, engine, plant, options))
+def _opened(scenario: Scenario, engine: str, plant: Law | None, options: Mapping[str, object]) -> Session:
+    found = _engine_of(scenario, engine, plant)
+    return open_session(found, scenario, options_of(found, options), plant)
 
 
-def _opened(
-    scenario: Scenario, engine: str, plant: Law | None, options: Mapping[str, object]
-) -> ExactSession | TilesSession | LammpsSession:
+def _engine_of(scenario: Scenario, engine: str, plant: Law | None) -> Engine:
     if not isinstance(scenario, Scenario):
         raise InvalidInput("start", "scenario", "must be a Scenario", scenario)
-    if not isinstance(engine, str) or engine not in ENGINES:
-        raise InvalidInput("start", "engine", f"must be one of {', '.join(ENGINES)}", engine)
-    engine = chosen_engine(scenario, engine, plant)
-    if engine == "tiles":
-        from flocking.engine.tiles.session import TilesOptions, TilesSession
-
-        return TilesSession(scenario, from_keywords(TilesOptions, options, "the tiled engine"), plant=plant)
-    if engine == "lammps":
-        from flocking.engine.lammps.session import LammpsOptions, LammpsSession
-
-        return LammpsSession(scenario, from_keywords(LammpsOptions, options, "engine='lammps'"), plant=plant)
-    if options:
-        name = min(options)
-        raise _no_option(name, options[name])
-    if scenario.start.n > MOST_EXACT:
-        raise InvalidInput(
-            "start", "engine", f"must be 'tiles' for more than {MOST_EXACT} agents", f"'exact' for {scenario.start.n}",
-            "The exact engine looks at every pair.",
-        )  # fmt: skip
-    return ExactSession(scenario, plant=plant)
+    return engine_named(chosen_engine(scenario, check_name("start", engine), plant))
 
 
-def _no_option(name: str, value: object) -> InvalidInput:
-    """Why the exact engine, which has no options, refuses one."""
-    from flocking.engine.lammps.options import LammpsOptions
-    from flocking.engine.tiles.options import TilesOptions
+def open_session(engine: Engine, scenario: Scenario, options: object, plant: Law | None = None) -> Session:
+    """Start a session of an engine, and see that it is one.
 
-    owners = {
-        engine: {f.name for f in fields(kind)} for engine, kind in (("tiles", TilesOptions), ("lammps", LammpsOptions))
-    }
-    having = [f"engine={engine!r}" for engine, names in owners.items() if name in names]
-    if having:
-        return InvalidInput("start", name, f"is an option of {' and '.join(having)} alone", value)
-    others = {"plant", "save", "progress", "fine", "engine", *owners["tiles"], *owners["lammps"]}
-    return unknown_option(name, value, others, "any engine")
+    Parameters
+    ----------
+    engine
+        The engine.
+    options
+        Its options.
+    plant
+        The law the agents really obey, where it is not the scenario's.
+
+    Raises
+    ------
+    InvalidInput, UnsupportedLaw, EngineMissing
+        As the engine does, and when what it opens is no session.
+    """
+    session = engine.open(scenario, options, plant=plant)
+    if not isinstance(session, Session):
+        kind = "flocking.engine.protocol.session.Session"
+        raise InvalidInput(f"engine={engine.name!r}", "open", f"must give a {kind}", session)
+    return session
 
 
-def chosen_engine(scenario: Scenario, engine: str, plant: Law | None = None) -> str:
-    """The engine that ``"auto"`` means for a scenario; any other name is left as it is."""
-    if not isinstance(engine, str) or engine != "auto":
-        return engine
-    if scenario.start.n <= FEW_AGENTS or plant is not None:
-        return "exact"
-    from flocking.engine.tiles.kernels.spec import check_supported
+def fine_option(engine: Engine, fine: bool) -> dict[str, object]:
+    """The option that keeps fine samples, for an engine that has it.
 
-    try:
-        check_supported(scenario)
-    except UnsupportedLaw:
-        return "exact"
-    return "tiles"
+    Parameters
+    ----------
+    engine
+        The engine.
+    fine
+        Whether they are wanted.
+
+    Raises
+    ------
+    InvalidInput
+        When they are and it does not.
+    """
+    if not fine:
+        return {}
+    if "fine" not in engine.option_names:
+        raise _no_fine_samples(fine)
+    return {"fine": fine}
+
+
+def _no_fine_samples(fine: bool) -> InvalidInput:
+    return InvalidInput(
+        "simulate", "fine", "is for runs of engine='exact' that are not saved", fine,
+        "Raise Scenario.frames for the others.",
+    )  # fmt: skip
 
 
 def simulate(
@@ -170,44 +161,50 @@ def simulate(
     StorageError
         When the run cannot be saved; its ``run`` holds what was computed until then.
     """
-    if isinstance(scenario, Scenario):
-        engine = chosen_engine(scenario, engine, plant)
+    found = _engine_of(scenario, engine, plant)
+    if fine and save is not None:
+        raise _no_fine_samples(fine)
     if isinstance(save, str | Path):
-        from flocking.engine.storage.run_writer import check_free
-
         # Before the session: a large one takes its time.
         check_free(Path(save).resolve())
-    session = _opened(scenario, engine, plant, options)
-    if fine:
-        if not isinstance(session, ExactSession) or save is not None:
-            raise InvalidInput(
-                "simulate", "fine", "is for runs of engine='exact' that are not saved", fine,
-                "Raise Scenario.frames for the others.",
-            )  # fmt: skip
-        session.recorder.fine = []
-    if save is None and session.engine == "tiles":
-        cast("TilesSession", session).records.check_fits()
-    if session.engine == "lammps":
-        from flocking.engine.driver.lammps_runs import drive_ranks
+    session = open_session(found, scenario, options_of(found, {**options, **fine_option(found, fine)}), plant)
+    return run_session(session, save=save, progress=progress)
 
-        return drive_ranks(cast("LammpsSession", session), save=save, progress=progress)
-    shared = cast("ExactSession | TilesSession", session)
+
+def run_session(
+    session: Session, *, save: str | Path | None = None, progress: bool = True, every: float | None = None
+) -> Run:
+    """Advance a new session to the end of its scenario.
+
+    Parameters
+    ----------
+    save
+        New or empty folder to write the run to while it goes on; nothing is written when absent.
+    progress
+        Show a progress bar.
+    every
+        Wall time between two commits, in seconds.
+
+    Raises
+    ------
+    SimulationError, StorageError, InvalidInput
+        As `simulate` does.
+    """
     if save is None:
-        return drive(shared, progress=progress)
-    from flocking.engine.driver.session_writer import SessionWriter
+        session.records.check_fits()
+        return drive(session, progress=progress)
+    with SessionWriter.create(save, session, every) as writer:
+        return drive(session, progress=progress, writer=writer)
 
-    with SessionWriter.create(save, shared) as saving:
-        return drive(shared, progress=progress, saving=saving)
 
-
-def drive(session: ExactSession | TilesSession, *, progress: bool, saving: SessionWriter | None = None) -> Run:
-    """Advance a session to the end of its scenario, and save it on the way.
+def drive(session: Session, *, progress: bool, writer: SessionWriter | None = None) -> Run:
+    """Advance a session to the end of its scenario, save it on the way, and close it.
 
     Parameters
     ----------
     progress
         Show a progress bar.
-    saving
+    writer
         Keeps the run on disk on the way; nothing is kept when absent.
 
     Raises
@@ -215,58 +212,89 @@ def drive(session: ExactSession | TilesSession, *, progress: bool, saving: Sessi
     SimulationError, StorageError
         When the run cannot go on or cannot be saved; ``run`` of the error holds what was computed until then.
     """
-    scenario = session.scenario
+    try:
+        return _drive(session, progress, writer)
+    finally:
+        session.close()
+
+
+def _drive(session: Session, progress: bool, writer: SessionWriter | None) -> Run:
+    scenario, team = session.scenario, session.team
     status = "finished"
     deferred = Deferred()
     try:
-        with deferred, Progress(progress, scenario, lines=True) as bar:
+        with deferred, Progress(progress and team.first, scenario, lines=True) as bar:
             begin = session.steps
             # What is saved can be committed at every frame; else the clock alone says when to look.
-            for t in [scenario.t_end] if saving is None else stops(scenario, session.time, often=True):
-                while before(session, t):
-                    session.advance(t, GLANCE_SECONDS)
+            for t in [scenario.t_end] if writer is None else stops(scenario, session.time, often=True):
+                while not session.reached(t):
+                    _advance(session, t)
                     note = "" if session.shrunk is None else str(session.shrunk)
                     bar.show(session.time, (session.steps - begin) * scenario.start.n, note)
-                    if saving is not None and before(session, scenario.t_end):
-                        saving.keep()
-            if saving is not None:
-                saving.finish(status)
+                    if writer is not None and not session.reached(scenario.t_end):
+                        writer.keep()
+            if writer is not None:
+                writer.finish(status)
     except KeyboardInterrupt as stop:
-        status = f"interrupted at t = {session.time:.9g}"
-        if saving is not None:
-            try:
-                saving.interrupt(status, between_steps=isinstance(stop, Noted))
-            except StorageError as fault:
-                fault.run = _available(session, saving, status)
-                raise
-        if not interruption.PARTS_WANTED:
+        between_steps = isinstance(stop, Noted)
+        if team.size > 1 and not between_steps:
             raise
-    except SimulationError as error:
-        if saving is not None:
+        status = f"interrupted at t = {session.time:.9g}"
+        if writer is not None:
             try:
-                saving.finish(str(error))
-                error.run = saving.run(str(error))
+                writer.interrupt(status, between_steps=between_steps)
             except StorageError as fault:
-                fault.run = _available(session, saving, str(error))
+                fault.run = _available(session, writer, status)
+                raise
+        if not interruption.PARTIAL_RESULTS:
+            raise
+        interruption.answered()
+    except EngineFailed as error:
+        # Once its fault is mended, the run can go on from its last commit.
+        if writer is not None:
+            with suppress(StorageError):
+                writer.interrupt(f"stopped: {error}")
+        with suppress(Exception):
+            error.run = _available(session, writer, str(error))
+        raise
+    except SimulationError as error:
+        if writer is not None:
+            try:
+                writer.finish(str(error))
+                error.run = writer.run(str(error))
+            except StorageError as fault:
+                fault.run = _available(session, writer, str(error))
                 raise
         raise
     except StorageError as error:
-        error.run = _available(session, saving, str(error))
+        error.run = _available(session, writer, str(error))
         raise
     if deferred.late:
         # It came after the last step: the run is complete and saved, the caller is to stop.
         raise KeyboardInterrupt
-    return session.run(status) if saving is None else saving.run(status)
+    return session.run(status) if writer is None else writer.run(status)
 
 
-def _available(session: ExactSession | TilesSession, saving: SessionWriter | None, status: str) -> Run:
+def _advance(session: Session, to: float) -> None:
+    """Go on for a while; whatever an engine fails with that is no error of this library is told as its failure."""
+    before = session.time, session.steps
+    try:
+        session.advance(to, GLANCE_SECONDS)
+    except (FlockingError, OSError):
+        raise
+    except Exception as error:
+        if interruption.interrupted(error) or starved(error):
+            raise
+        raise EngineFailed(
+            f"engine={session.engine!r} failed: {type(error).__name__}: {error}", time=session.time
+        ) from error
+    if (session.time, session.steps) == before and not session.reached(to):
+        raise EngineFailed(f"engine={session.engine!r} makes no step and does not end", time=session.time)
+
+
+def _available(session: Session, writer: SessionWriter | None, status: str) -> Run:
     """What was computed until the disk failed: with what is on it, where that can be read."""
     with suppress(StorageError):
-        if saving is not None:
-            return saving.run(status)
+        if writer is not None:
+            return writer.run(status)
     return session.run(status)
-
-
-def before(session: ExactSession | TilesSession, stop: float) -> bool:
-    """Whether a session has still to go on to reach a stop; one of fixed steps stands on them, not on the stop."""
-    return session.time < stop - 1e-9 * getattr(session, "step", 0.0)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from flocking.engine.driver import simulate
+from flocking.engine.protocol.session import Session
 from flocking.model import starts
 from flocking.model.law import Law, Scenario
 
@@ -16,7 +15,9 @@ class _Start:
     ball = staticmethod(starts.ball)
     hexagonal = staticmethod(starts.hexagonal)
 
-    def __call__(self, scenario: Scenario, engine: str = "auto", *, plant: Law | None = None, **options: object) -> Any:
+    def __call__(
+        self, scenario: Scenario, engine: str = "auto", *, plant: Law | None = None, **options: object
+    ) -> Session:
         """Open a session; see `flocking.engine.driver.simulate.start`."""
         return simulate.start(scenario, engine, plant=plant, **options)
 

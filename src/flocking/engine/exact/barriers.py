@@ -12,9 +12,12 @@ from flocking.engine.exact.integrator.segment import Segment
 from flocking.model.checks import Array
 
 LEDGER_GAP = 1e5
+"""A step whose energy its ledger misses at its end by more than this, in tolerances, jumped over a barrier: a step that
+met no barrier misses some tolerances."""
+
 DIP_GAP = 1e-2
-"""A step whose energy its ledger misses by more than this, in tolerances at its end and relatively at a close
-encounter inside it, jumped over a barrier."""
+"""The same at a close encounter inside the step, relative to the energies: the polynomial of a step that resolves an
+encounter keeps the energy to some digits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +64,7 @@ def jumps_barrier(dynamics: Dynamics, segment: Segment, ledger: LedgerState) -> 
 
 def _gap(dynamics: Dynamics, t: float, y: Array, ledger: LedgerState) -> float:
     """What the ledger misses between the start of the step and ``y``, relative to the energies."""
-    _, dissipated, supplied = (y[dynamics.order * dynamics.n * dynamics.m :] - ledger.tail)[:LEDGER]
+    _, dissipated, supplied = (y[dynamics.motion_size :] - ledger.tail)[:LEDGER]
     energy, kinetic = dynamics.energy(t, y)
     gap = relative_gap(energy, kinetic, ledger.energy, ledger.kinetic, dissipated, supplied)
     return float(gap) if np.isfinite(gap) else np.inf

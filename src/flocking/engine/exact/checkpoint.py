@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
 
 import numpy as np
 
 from flocking.engine.archives.archive import Arrays
-from flocking.engine.exact.checkpoint_form import check_exact
+from flocking.engine.exact.checkpoint_form import ExactNumbers, check_exact
 from flocking.engine.exact.companion import NODES, Difference
 from flocking.engine.exact.crossings.switching import Crossing
 from flocking.engine.exact.integrator.segment import Segment
 from flocking.engine.exact.integrator.stepper import StepperMemory
 from flocking.engine.exact.origin import Origin
-from flocking.engine.exact.recorder import Recorder
+from flocking.engine.exact.recorder import ExactRecorder
 from flocking.engine.exact.snapshot import Snapshot
 from flocking.engine.exact.solution_error import ErrorMemory
-from flocking.engine.runs.run import Closest, Largest, Run
-from flocking.model.law import Law, Scenario
+from flocking.engine.protocol.session import Stored
+from flocking.engine.runs.run import Closest, Largest
 
 
 def pack_exact(snapshot: Snapshot) -> tuple[dict[str, object], Arrays]:
@@ -51,68 +51,59 @@ def pack_exact(snapshot: Snapshot) -> tuple[dict[str, object], Arrays]:
     return numbers, arrays
 
 
-def restore_exact(numbers: dict[str, Any], arrays: Arrays, records: Run, plant: Law | None) -> Snapshot:
+def restore_exact(numbers: Mapping[str, object], arrays: Arrays, stored: Stored) -> Snapshot:
     """The snapshot that was packed, with its records from a run read back.
 
     Parameters
     ----------
     numbers, arrays
         What was packed.
-    records
-        The run as of the same commit.
-    plant
-        The law the agents really obey, where it is not the scenario's.
+    stored
+        Its scenario, and the run as of the same commit.
 
     Raises
     ------
     MalformedError
         When the data are no snapshot of the scenario.
     """
-    check_exact(numbers, arrays, records.scenario, plant)
-    (t, step), (t0, t1) = numbers["stepper"], numbers["segment"]
-    rate, lost, doubts = numbers.get("error", (0.0, t0, [[], []]))
+    scenario, plant = stored.scenario, stored.plant
+    checked = check_exact(numbers, arrays, scenario, plant)
+    (t, step), (t0, t1) = checked["stepper"], checked["segment"]
+    rate, lost, doubts = checked.get("error", (0.0, t0, ((), ())))
     # What a checkpoint without an estimate of the error went through is not known.
     nodes = arrays.get("difference", np.zeros((NODES, len(arrays["y"]))))
-    origin = Origin.unpacked(numbers["origin"])
+    origin = Origin.unpacked(checked["origin"])
     return Snapshot(
-        records.scenario, numbers["time"], StepperMemory(t, arrays["y"], arrays["slope"], step),
+        scenario, checked["time"], StepperMemory(t, arrays["y"], arrays["slope"], step),
         Segment(t0, t1, arrays["coefficients"]),
-        [Crossing(watch, arrays[f"pending{k}"]) for k, watch in enumerate(numbers["pending"])],
-        ([arrays[f"links{k}"] for k in range(numbers["graphs"])],
-         [arrays[f"near{k}"] for k in range(numbers["watches"])]),
-        recorder_of(records, numbers),
-        numbers["energy"], numbers["jumped"], numbers["steps"],
+        [Crossing(watch, arrays[f"pending{k}"]) for k, watch in enumerate(checked["pending"])],
+        ([arrays[f"links{k}"] for k in range(checked["graphs"])],
+         [arrays[f"near{k}"] for k in range(checked["watches"])]),
+        recorder_of(stored, checked),
+        checked["energy"], checked["jumped"], checked["steps"],
         arrays.get("tolerance"),
-        {(w, i, j): (time, speed, count) for w, i, j, time, speed, count in numbers["sliding"]}, plant,
+        {(w, i, j): (time, speed, count) for w, i, j, time, speed, count in checked["sliding"]}, plant,
         ErrorMemory(Difference(nodes, rate, lost), doubts),
-        origin=origin, momentum=np.array(numbers["momentum"]),
+        origin=origin, momentum=np.array(checked["momentum"]),
     )  # fmt: skip
 
 
-def recorder_of(run: Run, numbers: dict[str, Any]) -> Recorder:
+def recorder_of(stored: Stored, numbers: ExactNumbers) -> ExactRecorder:
     """A recorder that holds the records of a run and goes on with them.
 
     Parameters
     ----------
+    stored
+        The run.
     numbers
         Those of the checkpoint: what was in doubt, and the extreme values, at the last whole step.
     """
-    scenario: Scenario = run.scenario
-    recorder = Recorder(scenario)
-    recorder.t = [float(t) for t in run.t]
-    recorder.q, recorder.p, recorder.links = list(run.q), list(run.p), list(run.links)
-    recorder.switches = run.switches.tolist()
-    recorder.trace = run.trace.tolist()
-    recorder.extremes.closest = (run.closest_linked, run.closest_unlinked)
-    if "closest" in numbers:
-        linked, unlinked = (Closest(d, t, (pair[0], pair[1]), e) for d, t, pair, e in numbers["closest"])
-        recorder.extremes.closest = (linked, unlinked)
+    recorder = ExactRecorder(stored.scenario)
+    recorder.recall(stored.counts, stored.read)
+    linked, unlinked = (Closest(d, t, (pair[0], pair[1]), e) for d, t, pair, e in numbers["closest"])
+    recorder.extremes.closest = (linked, unlinked)
     recorder.extremes.largest = {
-        name: Largest(value, time, tuple(agents), error)
-        for name, (value, time, agents, error) in numbers.get("largest", {}).items()
+        name: Largest(value, time, agents, error) for name, (value, time, agents, error) in numbers["largest"].items()
     }
-    recorder.doubts = [tuple(row) for row in numbers.get("doubts", [])]
-    recorder.errors = [(np.inf, np.inf)] * len(recorder.t)
-    if run.accuracy is not None:
-        recorder.errors = [(q, p) for q, p in run.accuracy.frames.tolist()]
+    recorder.doubts = list(numbers["doubts"])
     return recorder

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import NotRequired, TypedDict, cast
 
 import numpy as np
 
+from flocking.arrays import AnyArray
 from flocking.engine.archives.archive import Arrays
 from flocking.engine.archives.data_checks import (
     And,
@@ -20,6 +21,7 @@ from flocking.engine.archives.data_checks import (
     Row,
     Table,
     Text,
+    Value,
     squarable,
 )
 from flocking.engine.exact.companion import NODES
@@ -27,21 +29,47 @@ from flocking.engine.exact.crossings.switching import LinkState
 from flocking.engine.exact.dynamics import LEDGER
 from flocking.engine.exact.extremes import NAMES
 from flocking.engine.exact.integrator.method import DEGREE
+from flocking.engine.exact.origin import OriginData
+from flocking.engine.exact.uncertain_switches import DoubtMemory
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.runs.columns import KINDS
-from flocking.engine.runs.run import DOUBT_FIELDS
+from flocking.engine.runs.run import DOUBT_FIELDS, DoubtRow
 from flocking.model.law import Law, Scenario
 
 ANY = Real(finite=False)
 POSITIVE = Real(least=0.0, finite=False)
 LARGEST = squarable("f8")
 """No step that was accepted holds larger numbers."""
+Extreme = tuple[float, float, tuple[int, ...], float]
+"""A value, its time, the agents and its error."""
+
 LATE = 1e-9
 """By how much, relative to their size, two ways of telling one moment may differ."""
 
 
-def check_exact(numbers: Mapping[str, Any], arrays: Arrays, scenario: Scenario, plant: Law | None) -> None:
-    """Refuse what cannot be a checkpoint of a session of this scenario.
+class ExactNumbers(TypedDict):
+    """The numbers of a checkpoint of the exact engine, by the names and with the meanings of its snapshot."""
+
+    time: float
+    energy: float
+    jumped: float
+    steps: int
+    stepper: tuple[float, float]
+    segment: tuple[float, float]
+    pending: tuple[int, ...]
+    graphs: int
+    watches: int
+    origin: OriginData
+    momentum: tuple[float, ...]
+    sliding: tuple[tuple[int, int, int, float, float, int], ...]
+    doubts: tuple[DoubtRow, ...]
+    closest: tuple[Extreme, Extreme]
+    largest: dict[str, Extreme]
+    error: NotRequired[tuple[float, float, DoubtMemory]]
+
+
+def check_exact(numbers: Mapping[str, object], arrays: Arrays, scenario: Scenario, plant: Law | None) -> ExactNumbers:
+    """The numbers of a checkpoint of a session of this scenario; what cannot be one is refused.
 
     Parameters
     ----------
@@ -57,14 +85,15 @@ def check_exact(numbers: Mapping[str, Any], arrays: Arrays, scenario: Scenario, 
     """
     acting = plant or scenario.law
     acting.check_count(*scenario.start.q.shape)
-    origin: Any = numbers.get("origin")
-    _ORIGIN(scenario.start.dimension).check(origin, "origin")
-    base = float(origin[0])
+    origin = _ORIGIN(scenario.start.dimension).check(numbers.get("origin"), "origin")
+    base = float(Real().check(origin[0], "origin[0]"))
     links = LinkState(acting, scenario.start.q, headings=scenario.agents.headings, base=base)
     _numbers(scenario, links).check(numbers, "")
-    _arrays(scenario, plant, links, numbers).check(arrays, "")
-    _check_times(numbers, scenario, base)
-    stepper, segment = numbers["stepper"], numbers["segment"]
+    # Every entry has been looked at.
+    checked = cast(ExactNumbers, _tuples(numbers))
+    _arrays(scenario, plant, links, checked).check(arrays, "")
+    _check_times(checked, scenario, base)
+    stepper, segment = checked["stepper"], checked["segment"]
     if stepper[0] == segment[1] and (arrays["y"] != arrays["coefficients"][-1]).any():
         raise MalformedError("y must be where the last step ended")
     for k, (graph, matrix) in enumerate(zip(links.graphs, (arrays[f"links{k}"] for k in range(len(links.links))),
@@ -74,9 +103,17 @@ def check_exact(numbers: Mapping[str, Any], arrays: Arrays, scenario: Scenario, 
             raise MalformedError(f"links{k} must be links of a {type(graph).__name__} graph")
         if allowed is not None and (matrix & ~allowed).any():
             raise MalformedError(f"links{k} must be links that a {type(graph).__name__} graph allows")
+    return checked
 
 
-def _ORIGIN(m: int) -> Row:  # noqa: N802
+def _tuples(value: object) -> object:
+    """Plain data with tuples in place of lists, so that every place has a type of its own."""
+    if isinstance(value, list | tuple):
+        return tuple(_tuples(x) for x in value)
+    return {name: _tuples(x) for name, x in value.items()} if isinstance(value, dict) else value
+
+
+def _ORIGIN(m: int) -> Row[object]:  # noqa: N802
     place = Row([Real()] * m)
     return Row([Real(), place, place, Real()])
 
@@ -95,12 +132,12 @@ def _numbers(scenario: Scenario, links: LinkState) -> Names:
     kind, what = Text(("near miss", "switch")), Text(KINDS)
     doubt = {"kind": kind, "what": what, "i": agent, "j": other, "graph": Integer(0, len(links.graphs) - 1)}
     extreme = Row([ANY, ANY, Many(agent), ANY])
-    near = Row([pair, Row([ANY, ANY, ANY, ANY])])
-    fresh = Row([pair, Row([ANY, ANY, ANY, Flag(), what, ANY, Flag()])])
+    near: Row[object] = Row([pair, Row([ANY, ANY, ANY, ANY])])
+    fresh: Row[object] = Row([pair, Row([ANY, ANY, ANY, Flag(), what, ANY, Flag()])])
     extremes = dict.fromkeys(NAMES, extreme)
     return Names(
         {
-            "engine": Text(("exact",)), "time": Real(), "energy": Real(), "jumped": Real(), "steps": Integer(),
+            "time": Real(), "energy": Real(), "jumped": Real(), "steps": Integer(),
             "stepper": Row([Real(), POSITIVE]), "segment": Row([Real(), Real()]), "pending": Many(watch),
             "graphs": Integer(len(links.graphs), len(links.graphs)),
             "watches": Integer(len(links.watches), len(links.watches)), "origin": _ORIGIN(m),
@@ -113,32 +150,33 @@ def _numbers(scenario: Scenario, links: LinkState) -> Names:
     )  # fmt: skip
 
 
-class _Either(Form):
+class _Either(Form[Value]):
     """One of two forms."""
 
-    def __init__(self, one: Form, two: Form) -> None:
+    def __init__(self, one: Form[Value], two: Form[Value]) -> None:
         self.one, self.two = one, two
 
-    def check(self, value: object, name: str) -> None:
+    def check(self, value: object, name: str) -> Value:
         """Refuse what has neither form."""
         try:
-            self.one.check(value, name)
+            return self.one.check(value, name)
         except MalformedError:
-            self.two.check(value, name)
+            return self.two.check(value, name)
 
 
-def _arrays(scenario: Scenario, plant: Law | None, links: LinkState, numbers: Mapping[str, Any]) -> Names:
+def _arrays(scenario: Scenario, plant: Law | None, links: LinkState, numbers: ExactNumbers) -> Names:
     n, m = scenario.start.q.shape
     laws = [plant or scenario.law] + ([] if plant is None else [scenario.law])
     places = sum(len(Layout(law, scenario.energy).places) for law in laws)
-    size = scenario.agents.order * n * m + LEDGER + places
+    further = sum(scenario.agents.widths(m).values())
+    size = n * (scenario.agents.order * m + further) + LEDGER + places
     crossing = {f"pending{k}": _pairs_within(*links.near[watch].shape) for k, watch in enumerate(numbers["pending"])}
-    matrices: dict[str, Form] = {f"links{k}": Table("?", x.shape) for k, x in enumerate(links.links)}
+    matrices: dict[str, Form[object]] = {f"links{k}": Table("?", x.shape) for k, x in enumerate(links.links)}
     matrices |= {f"near{k}": Table("?", x.shape) for k, x in enumerate(links.near)}
     state = Table("f8", (size,), -LARGEST, LARGEST)
     error = numbers.get("error")
     # Once nothing is known of the error, it may be anything.
-    lost = isinstance(error, list) and error[1] < np.inf
+    lost = error is not None and error[1] < np.inf
     difference = Table("f8", (NODES, size), finite=False) if lost else Table("f8", (NODES, size), -LARGEST, LARGEST)
     return Names(
         {
@@ -155,14 +193,14 @@ def _arrays(scenario: Scenario, plant: Law | None, links: LinkState, numbers: Ma
     )
 
 
-def _pairs_within(rows: int, columns: int) -> Form:
+def _pairs_within(rows: int, columns: int) -> Form[AnyArray]:
     return And(
         Table("i8", (None, 2), least=0), "name agents and obstacles that there are",
         lambda pairs: bool((pairs < (rows, columns)).all()),
     )  # fmt: skip
 
 
-def _check_times(numbers: Mapping[str, Any], scenario: Scenario, base: float) -> None:
+def _check_times(numbers: ExactNumbers, scenario: Scenario, base: float) -> None:
     time, (t0, t1), (t, _) = numbers["time"], numbers["segment"], numbers["stepper"]
     slack = LATE * max(1.0, abs(time), abs(base))
     begin, end = scenario.start.t, scenario.t_end

@@ -32,9 +32,11 @@ LOST = 0.1
 comes later is unknown."""
 
 FEW_PAIRS = 1500
-SHORT = 0.5
-"""Longest step of four slopes, in times within which the fastest part of the motion changes."""
+"""Ordered pairs up to which two half steps are taken; measured, they cost no more than four slopes a step do there."""
 
+SHORT = 0.5
+"""Longest step of four slopes, in times within which the fastest part of the motion changes: the classical method of
+order 4 errs there by less than 0.5^5 / 120, 0.03 %, a step."""
 
 PLACES = (0.5, 0.625, 0.8125, 0.9)
 """Where inside a step the solution is compared, in steps: between its ends the polynomial errs most in the second half,
@@ -207,6 +209,31 @@ class Companion:
         sizes = dynamics.n, dynamics.m, dynamics.order
         self.know(segment, summary(self.difference.nodes, segment.coefficients, *sizes))
         return self.over(segment)
+
+
+def companion_gap(companion: float, solution: float, dissipated: float, supplied: float) -> float:
+    """What the ledger of the companion misses beside that of the solution; for native functions too.
+
+    Parameters
+    ----------
+    companion, solution
+        Energies of the two.
+    dissipated, supplied
+        What they differ by in these.
+    """
+    return companion - solution + dissipated - supplied
+
+
+def unexplained_energy(before: float, after: float) -> float:
+    """What the error of a step leaves the ledger unable to explain; for native functions too.
+
+    Parameters
+    ----------
+    before, after
+        The `companion_gap` at the ends of the step.
+    """
+    change = abs(after - before)
+    return change if np.isfinite(change) else np.inf
 
 
 @native_apart

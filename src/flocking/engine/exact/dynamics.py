@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from copy import copy
+from functools import cached_property
+
 import numpy as np
 
+from flocking.arrays import Indices, Numbers
 from flocking.engine.exact.crossings.switching import LinkState
 from flocking.engine.exact.integrator.segment import Segment
 from flocking.engine.exact.narrow_features import allowed_by_obstacles, allowed_share, zones_of
-from flocking.engine.kernels.codegen import RATES, compiled_kernels
-from flocking.engine.kernels.law_kernels import LawKernels, Pairs
+from flocking.engine.kernels.codegen import compiled_kernels
+from flocking.engine.kernels.law_kernels import CompiledLaw, LawKernels, Pairs, Slots, stages
 from flocking.engine.kernels.layout import Layout
+from flocking.engine.kernels.motion_source import RATES
 from flocking.engine.kernels.pieces import FREE, free_pieces, limits
 from flocking.errors import InvalidInput
 from flocking.formula.compiled import Reading
+from flocking.formula.origins import library_states_all
 from flocking.model.checks import Array
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
@@ -28,7 +34,7 @@ _START = np.zeros(1), np.zeros((1, 1))
 
 
 class Dynamics:
-    """The right-hand side of the state vector [q, p, work, dissipated, supplied, places].
+    """The right-hand side of the state vector [q, p, further columns, work, dissipated, supplied, places].
 
     Places are the coordinates of leaders whose position has no closed form.
 
@@ -56,9 +62,12 @@ class Dynamics:
         self.n, self.m = n, m
         law = plant or scenario.law
         law.check_count(n, m)
-        self.order = scenario.agents.order
-        self.layout = Layout(law, scenario.energy)
-        self._kernels = LawKernels(compiled_kernels(self.layout, m, self.order), self.order)
+        bodies = scenario.agents
+        self.order = bodies.order
+        self.columns = bodies.widths(m)
+        self.motion_size = n * (bodies.order * m + sum(self.columns.values()))
+        self.layout = Layout(law, scenario.energy, bodies)
+        self._kernels = LawKernels(compiled_kernels(self.layout, m), self.order)
         self._declared: tuple[LawKernels, Layout] | None = None
         if plant is not None:
             if len(law.graphs) != len(scenario.law.graphs):
@@ -66,15 +75,14 @@ class Dynamics:
                     "ExactSession", "plant", "must have as many graphs as the declared law",
                     f"{len(law.graphs)} instead of {len(scenario.law.graphs)}",
                 )  # fmt: skip
-            declared = Layout(scenario.law, scenario.energy)
-            self._declared = (LawKernels(compiled_kernels(declared, m, self.order), self.order), declared)
+            declared = Layout(scenario.law, scenario.energy, bodies)
+            self._declared = (LawKernels(compiled_kernels(declared, m), self.order), declared)
         self._reading = Reading()
         self._places = list(self.layout.places)
         self._known = len(self._places)
         if self._declared is not None:
             self._places += self._declared[1].places
-        self.barriers = [law.has_barrier(g) for g in law.graphs]
-        self.singular = law.singular_at_zero()
+        self._judge_contacts()
         self._energies: dict[tuple[float, bytes], tuple[float, float]] = {}
 
     def repack(self, t: float) -> None:
@@ -82,11 +90,11 @@ class Dynamics:
         self._energies.clear()
         t = self._late(t)
         agents = self.scenario.agents
-        self._slots = self.layout.values(agents, self.n, t)
+        self._slots = Slots(*self.layout.values(agents, self.n, t))
         self._ledger = None
         if self._declared is not None:
             module, layout = self._declared
-            self._ledger = (module, layout.values(agents, self.n, t))
+            self._ledger = (module, Slots(*layout.values(agents, self.n, t)))
 
     def _late(self, own: float) -> float:
         """The time at the session's own time, and not before a switch that falls on it."""
@@ -95,7 +103,7 @@ class Dynamics:
         after = (s for term in terms for s in term.switch_times(t, np.nextafter(t + 4 * abs(np.spacing(t)), np.inf)))
         return max([t, *(s for s in after if s - self.base <= own)])
 
-    def linked_pairs(self) -> tuple[Array, Array]:
+    def linked_pairs(self) -> tuple[Indices, Indices]:
         """Ordered pairs of linked agents."""
         senders, sensed, offsets = self.pairs[:3]
         end = offsets[len(self.layout.law.graphs)]
@@ -104,6 +112,8 @@ class Dynamics:
     def divide(self, links: LinkState) -> None:
         """Find where the pieces of the formulas go on beyond `LinkState.borders`, and their narrow features."""
         self._energies.clear()
+        self.__dict__.pop("_zones", None)
+        self._zone_sources = links.borders(), links.encounters.groups, self._slots
         rows = [np.array([FREE])]
         for k, borders in enumerate(links.borders()):
             graphs = len(links.graphs)
@@ -111,21 +121,34 @@ class Dynamics:
             shape = self._kernels.shape(name)
             rows.append(np.tile(FREE, (len(borders), 1)) if shape is None else limits(borders, shape, self._slots))
         self._spans = np.concatenate(rows)
-        found = [
-            zones_of(self._kernels.name, self._kernels.shape(f"shape{k}"), self._slots, borders)
-            for k, borders in enumerate(links.borders()[: len(links.graphs)])
+        if self._places:
+            self._zones  # noqa: B018  before places of leaders are written among the parameters
+
+    @property
+    def zones(self) -> Array:
+        """Narrow features of the pair formulas of all graphs, see `zones_of`."""
+        return self._zones[0]
+
+    @property
+    def zone_graphs(self) -> Numbers:
+        """Graph of each of the `zones`."""
+        return self._zones[1]
+
+    @property
+    def _obstacle_zones(self) -> list[Array]:
+        return self._zones[2]
+
+    @cached_property
+    def _zones(self) -> tuple[Array, Numbers, list[Array]]:
+        """Found when a step is made: a law that is replaced before that needs none."""
+        borders, groups, slots = self._zone_sources
+        name, shape, graphs = self._kernels.name, self._kernels.shape, len(self.layout.law.graphs)
+        found = [zones_of(name, shape(f"shape{k}"), slots, ends) for k, ends in enumerate(borders[:graphs])]
+        obstacles = [
+            zones_of(name, shape(f"shape_obstacles{k}"), slots, ends, tuple(group.rows.values()))
+            for k, (group, ends) in enumerate(zip(groups, borders[graphs:], strict=True))
         ]
-        self.zones = np.concatenate(found)
-        self.zone_graphs = np.repeat(np.arange(len(found)), [len(rows) for rows in found])
-        self._obstacle_zones = [
-            zones_of(
-                self._kernels.name, self._kernels.shape(f"shape_obstacles{k}"), self._slots, borders,
-                tuple(group.rows.values()),
-            )
-            for k, (group, borders) in enumerate(
-                zip(links.encounters.groups, links.borders()[len(links.graphs) :], strict=True)
-            )
-        ]  # fmt: skip
+        return np.concatenate(found), np.repeat(np.arange(len(found)), [len(rows) for rows in found]), obstacles
 
     def allowed_share(self, segment: Segment, links: LinkState) -> float:
         """Which fraction of a step nobody moves further within a narrow feature than it may.
@@ -156,14 +179,45 @@ class Dynamics:
             When a functional of the graph does not exist for these links.
         """
         self._energies.clear()
-        *pairs, pieces = links.pairs()
-        self.pairs = (*pairs, pieces, self._spans)
+        senders, sensed, offsets, pieces = links.pairs()
+        self.pairs = Pairs(senders, sensed, offsets, pieces, self._spans)
         # The pieces are those of the acting law.
-        self._declared_pairs: Pairs = self.pairs
+        self._declared_pairs = self.pairs
         if self._declared is not None:
-            self._declared_pairs = (*pairs, *free_pieces(len(pieces)))
+            self._declared_pairs = Pairs(senders, sensed, offsets, *free_pieces(len(pieces)))
         self._functionals = links.functionals()
         self._linked = int(np.count_nonzero(links.links[0]))
+
+    def renumbered(self, scenario: Scenario) -> Dynamics | None:
+        """The same kernels, links and pieces for a scenario whose law has other numbers; None where more changed.
+
+        The parameters are still to be taken, see `repack`, and then the spans of pieces, see `divide` and `keep_pairs`.
+        """
+        layout = Layout(scenario.law, scenario.energy, scenario.agents)
+        known = self._declared is None and library_states_all(layout.parts)
+        if not known or layout.structure != self._structure:
+            return None
+        found = copy(self)
+        found.scenario, found.layout, found._energies, found._reading = scenario, layout, {}, Reading()
+        found._places = list(layout.places)
+        found._judge_contacts()
+        return found
+
+    @cached_property
+    def _structure(self) -> tuple[object, ...]:
+        return self.layout.structure
+
+    def _judge_contacts(self) -> None:
+        """Find where potentials are infinite."""
+        law = self.layout.law
+        self.barriers = [law.has_barrier(g) for g in law.graphs]
+        self.singular = law.singular_at_zero()
+
+    def keep_pairs(self) -> None:
+        """Go on with the same links and pieces, under the spans of the pieces found by `divide`."""
+        self._energies.clear()
+        self.pairs = self.pairs._replace(spans=self._spans)
+        self._declared_pairs = self.pairs
 
     @property
     def unlinked(self) -> float:
@@ -171,16 +225,18 @@ class Dynamics:
         return 0.5 * (self.n * (self.n - 1) - self._linked) * self.scenario.energy.unlinked
 
     @property
-    def compiled(self) -> tuple[int | Array, ...] | None:
-        """The law in force, as native functions take it: addresses, order, sizes, pairs, parameters and functionals.
+    def compiled(self) -> CompiledLaw | None:
+        """The law in force, as native functions take it.
 
         None where a step needs more: leaders without a closed form, the ledger of another law, or obstacles whose
         potentials have narrow features.
         """
         if self._places or self._ledger is not None or any(map(len, self._obstacle_zones)):
             return None
-        sizes = self.order, self.n, self.m
-        return (*self._kernels.addresses, *sizes, *self.pairs, *self._slots, self._functionals)
+        return self._in_force()
+
+    def _in_force(self) -> CompiledLaw:
+        return self._kernels.in_force(self.n, self.m, self.pairs, self._slots, self._functionals)
 
     def places(self, t: float) -> Array:
         """Coordinates at time ``t`` of the leaders whose position has no closed form."""
@@ -190,7 +246,7 @@ class Dynamics:
         """Put these coordinates where the kernels read them."""
         if not self._places:
             return
-        known = y[self.order * self.n * self.m + LEDGER :]
+        known = y[self.motion_size + LEDGER :]
         for k, ((slot, _), coordinate) in enumerate(zip(self._places, known, strict=True)):
             slots = self._slots if k < self._known or self._ledger is None else self._ledger[1]
             slots[0][slot] = coordinate
@@ -201,23 +257,33 @@ class Dynamics:
         Parameters
         ----------
         y
-            State vector: positions, velocities of agents of order 2, then the integrated quantities.
+            State vector: positions, velocities of agents of order 2, further columns, then the integrated quantities.
         """
         if self._places:
             with self._reading:
                 return self._slope(t, y)
         return self._slope(t, y)
 
+    def accelerations(self, t: float, y: Array) -> Array:
+        """Rates of change of the velocities of agents of order 2, controls of those of order 1, shape (N, m).
+
+        Parameters
+        ----------
+        y
+            State vector.
+        """
+        size = self.n * self.m
+        return np.asarray(self.slope(t, y))[(self.order - 1) * size : self.order * size].reshape(self.n, self.m)
+
     def _slope(self, t: float, y: Array) -> Array:
         self._locate(y)
         t = t + self.base
         dy = np.zeros_like(y)
         nodes, weights = _START
-        law = self.n, self.m, self.pairs, self._slots, self._functionals
-        self._kernels.stages(0, 1, -1, t, y, 0.0, dy[None], nodes, weights, *law)
+        stages(self._in_force(), nodes, weights, 0, 1, -1, t, y, 0.0, dy[None], np.empty_like(y))
         if not self._places and self._ledger is None:
             return dy
-        tail = self.order * self.n * self.m
+        tail = self.motion_size
         for k, (_, place) in enumerate(self._places):
             dy[tail + LEDGER + k] = place.leader.velocity_at(t)[place.axis]
         if self._ledger is None:
@@ -230,9 +296,10 @@ class Dynamics:
         return dy
 
     def stages(
-        self, first: int, last: int, kept: int, t: float, y: Array, h: float, K: Array, nodes: Array, weights: Array
-    ) -> Array:
-        """Slopes at stages ``first`` to ``last - 1`` of a Runge-Kutta step, and the state at the stage ``kept``.
+        self, first: int, last: int, state_stage: int, t: float, y: Array, h: float, K: Array, nodes: Array,
+        weights: Array,
+    ) -> Array:  # fmt: skip
+        """Slopes at stages ``first`` to ``last - 1`` of a Runge-Kutta step, and the state at the stage ``state_stage``.
 
         Parameters
         ----------
@@ -244,12 +311,13 @@ class Dynamics:
             The method: its nodes c, shape (stages,), and its matrix a, shape (stages, stages).
         """
         if not self._places and self._ledger is None:
-            given = first, last, kept, t + self.base, y, h, K, nodes, weights
-            return self._kernels.stages(*given, self.n, self.m, self.pairs, self._slots, self._functionals)
+            found = np.empty(len(y))
+            stages(self._in_force(), nodes, weights, first, last, state_stage, t + self.base, y, h, K, found)
+            return found
         found = y
-        for s in range(first, max(last, kept + 1)):
+        for s in range(first, max(last, state_stage + 1)):
             z = y + h * (weights[s, :s] @ K[:s])
-            if s == kept:
+            if s == state_stage:
                 found = z
             if s < last:
                 K[s] = self.slope(t + float(nodes[s]) * h, z)
@@ -261,7 +329,7 @@ class Dynamics:
         Parameters
         ----------
         y
-            State vector: positions, velocities of agents of order 2, then the integrated quantities.
+            State vector: positions, velocities of agents of order 2, further columns, then the integrated quantities.
         """
         key = (t, y.tobytes())
         known = self._energies.get(key)
@@ -296,12 +364,26 @@ class Dynamics:
         Parameters
         ----------
         y
-            State vector: positions, velocities of agents of order 2, then the integrated quantities.
+            State vector: positions, velocities of agents of order 2, further columns, then the integrated quantities.
         """
         count = self.n * self.m
         q = y[:count].reshape(self.n, self.m)
         p = y[count : 2 * count].reshape(self.n, self.m) if self.order == 2 else np.zeros_like(q)
-        return q, p, y[self.order * count :]
+        return q, p, y[self.motion_size :]
+
+    def further(self, y: Array) -> dict[str, Array]:
+        """Further columns of a state vector by name, shape (N, width) each; views.
+
+        Parameters
+        ----------
+        y
+            State vector: positions, velocities of agents of order 2, further columns, then the integrated quantities.
+        """
+        found, first = {}, self.order * self.n * self.m
+        for name, width in self.columns.items():
+            found[name] = y[first : first + self.n * width].reshape(self.n, width)
+            first += self.n * width
+        return found
 
     def join(self, state: State, integrated: Array) -> Array:
         """State vector of a state.
@@ -312,7 +394,8 @@ class Dynamics:
             Quantities of the ledger, then positions of leaders that have no closed form.
         """
         parts = [state.q.ravel(), state.p.ravel()] if self.order == 2 else [state.q.ravel()]
-        return np.concatenate([*parts, integrated])
+        further = (state.columns[name].ravel() for name in self.columns)
+        return np.concatenate([*parts, *further, integrated])
 
     def tolerances(self, state: State, energy: float) -> Array:
         """Absolute error tolerance of each component, from the size of the group at ``state``.
@@ -329,5 +412,8 @@ class Dynamics:
         parts = [np.full(count, tolerance * max(1.0, spread))]
         if self.order == 2:
             parts.append(np.full(count, tolerance * max(1.0, speed)))
+        for name, width in self.columns.items():
+            size = float(np.abs(state.columns[name]).max(initial=0.0))
+            parts.append(np.full(self.n * width, tolerance * max(1.0, size)))
         parts.append(np.full(LEDGER, tolerance * max(1.0, abs(energy))))
         return np.concatenate([*parts, np.full(len(self._places), tolerance * max(1.0, spread))])

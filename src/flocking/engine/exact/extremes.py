@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
 from flocking.engine.exact.companion import StateError
 from flocking.engine.exact.crossings.band_guards import diameter, find_fastest
 from flocking.engine.exact.crossings.guards import FINEST, NEVER, find_closest
-from flocking.engine.exact.integrator.segment import Segment
+from flocking.engine.exact.integrator.segment import Motion, Segment
 from flocking.engine.exact.origin import Origin
 from flocking.engine.runs.run import Closest, Largest
 from flocking.formula.native.functions import native, native_apart
@@ -21,6 +22,7 @@ NAMES = ("diameter", "speed", "spread", "relative speed", "ledger")
 """What the largest values are kept of, in the order of their rows; those of the closest pairs follow."""
 
 DIAMETER, SPEED, LEDGER = 0, 1, 4
+"""Rows of some of the `NAMES`."""
 CLOSEST = len(NAMES)
 """Row of the closest linked pair; that of the closest pair without a link is the next one."""
 
@@ -113,10 +115,18 @@ class Extremes:
         """
         motion = segment.motion(self.n, self.m, self._order)
         _, off = origin.rounded(segment.t1, 0.0, error.velocity)
-        follow_extremes(
-            motion.positions, motion.velocities, motion.far, linked, self.shares, self.goal, self.has_goal,
-            origin.velocity, segment.t0, segment.t1, origin.time, error.lost, error.pairs, off, self.rows,
-        )  # fmt: skip
+        times, errors = StepTimes(segment.t0, segment.t1, origin.time), StepErrors(error.lost, error.pairs, off)
+        follow_extremes(motion, linked, self.references(origin), times, errors, self.rows)
+
+    def references(self, origin: Origin) -> References:
+        """What velocities are compared with.
+
+        Parameters
+        ----------
+        origin
+            What the coordinates are relative to.
+        """
+        return References(self.shares, self.goal, self.has_goal, origin.velocity)
 
     def add_to_ledger(self, segment: Segment, unexplained: float, base: float) -> None:
         """Add what the integration error leaves the energy ledger unable to explain on a step.
@@ -148,52 +158,87 @@ def add_unexplained(rows: Array, unexplained: float, time: float) -> None:
     rows[LEDGER, VALUE], rows[LEDGER, TIME], rows[LEDGER, KNOWN] = known + unexplained, time, 1.0
 
 
-@native_apart
-def follow_extremes(
-    B: Array, P: Array, far: Array, linked: Links, shares: Array, goal: Array, has_goal: bool, moving: Array,
-    t0: float, t1: float, base: float, lost: bool, pairs: float, velocity: float, rows: Array,
-) -> None:  # fmt: skip
-    """Take in a step.
+class References(NamedTuple):
+    """What velocities are compared with.
 
     Parameters
     ----------
-    B, P, far
-        How the agents move on it, see `flocking.engine.exact.integrator.segment.Motion`.
-    linked
-        Links during the step, shape (N, N).
-    shares, goal, has_goal
-        Shares of the agents in the mass, and velocity of the leader, where there is one.
+    shares
+        Shares of the agents in the mass, for the mean velocity, shape (N,).
+    goal, has_goal
+        Velocity of the leader, shape (m,), where there is one.
     moving
         Velocity that all velocities are relative to, shape (m,).
-    t0, t1, base
-        When it begins and ends, and the time at which these would be 0.
+    """
+
+    shares: Array
+    goal: Array
+    has_goal: bool
+    moving: Array
+
+
+class StepTimes(NamedTuple):
+    """When a step begins and ends, and the time at which these would be 0."""
+
+    begin: float
+    end: float
+    base: float
+
+
+class StepErrors(NamedTuple):
+    """Errors on a step.
+
+    Parameters
+    ----------
     lost
         Whether nothing is known of the solution.
     pairs, velocity
         Errors of the distance of two agents and of a velocity.
+    """
+
+    lost: bool
+    pairs: float
+    velocity: float
+
+
+@native_apart
+def follow_extremes(
+    motion: Motion, linked: Links, references: References, times: StepTimes, errors: StepErrors, rows: Array
+) -> None:
+    """Take in a step.
+
+    Parameters
+    ----------
+    motion
+        How the agents move on it.
+    linked
+        Links during the step, shape (N, N).
+    references, times, errors
+        What velocities are compared with, when the step is, and the errors on it.
     rows
         What is known, shape (7, 6).
     """
+    B, P, far, velocity = motion.positions, motion.velocities, motion.far, errors.velocity
     if B.shape[1] > 1:
-        value, x, i, j = diameter(B, far, _least(rows, DIAMETER, pairs))
-        if x <= 1.0 or lost:
-            _take(rows, DIAMETER, t0, t1, base, value, x, i, j, pairs)
-        _approach(B, far, linked, t0, t1, base, pairs, rows)
+        value, x, i, j = diameter(B, far, _least(rows, DIAMETER, errors.pairs))
+        if x <= 1.0 or errors.lost:
+            _take(rows, DIAMETER, times, value, x, i, j, errors.pairs)
+        _approach(motion, linked, times, errors.pairs, rows)
     if P.shape[1] == 0:
         return
     shifted = np.empty((P.shape[0], P.shape[1], P.shape[2]))
     for a in range(P.shape[0]):
         for i in range(P.shape[1]):
             for k in range(P.shape[2]):
-                shifted[a, i, k] = P[a, i, k] + moving[k]
+                shifted[a, i, k] = P[a, i, k] + references.moving[k]
     found = np.empty((3, 3))
-    relative = _least(rows, SPEED + 2, velocity) if has_goal else np.inf
+    relative = _least(rows, SPEED + 2, velocity) if references.has_goal else np.inf
     speed, spread = _least(rows, SPEED, velocity), _least(rows, SPEED + 1, 2 * velocity)
-    find_fastest(shifted, shares, goal, speed, spread, relative, found)
-    for row in range(3 if has_goal else 2):
-        if found[row, 1] <= 1.0 or lost:
+    find_fastest(shifted, references.shares, references.goal, speed, spread, relative, found)
+    for row in range(3 if references.has_goal else 2):
+        if found[row, 1] <= 1.0 or errors.lost:
             off = 2 * velocity if row == 1 else velocity
-            _take(rows, SPEED + row, t0, t1, base, found[row, 0], found[row, 1], found[row, 2], -1.0, off)
+            _take(rows, SPEED + row, times, found[row, 0], found[row, 1], found[row, 2], -1.0, off)
 
 
 def _least(rows: Array, row: int, error: float) -> float:
@@ -202,9 +247,11 @@ def _least(rows: Array, row: int, error: float) -> float:
     return float(value if error == np.inf else min(value, value + rows[row, ERROR] - error))
 
 
-def _take(
-    rows: Array, row: int, t0: float, t1: float, base: float, value: float, x: float, i: float, j: float, error: float
-) -> None:
+def _time_at(times: StepTimes, x: float) -> float:
+    return times.begin + x * (times.end - times.begin) + times.base
+
+
+def _take(rows: Array, row: int, times: StepTimes, value: float, x: float, i: float, j: float, error: float) -> None:
     """Take in the largest value of a step; none above what is known where ``x`` is beyond 1."""
     rows[row, KNOWN] = 1.0
     if x > 1.0:
@@ -212,15 +259,14 @@ def _take(
         return
     ceiling = max(rows[row, VALUE] + rows[row, ERROR], value + error)
     if value > rows[row, VALUE]:
-        rows[row, VALUE], rows[row, TIME] = value, t0 + x * (t1 - t0) + base
+        rows[row, VALUE], rows[row, TIME] = value, _time_at(times, x)
         rows[row, FIRST], rows[row, SECOND] = i, j
     rows[row, ERROR] = ceiling - rows[row, VALUE]
 
 
-def _approach(
-    B: Array, far: Array, linked: Links, t0: float, t1: float, base: float, error: float, rows: Array
-) -> None:
+def _approach(motion: Motion, linked: Links, times: StepTimes, error: float, rows: Array) -> None:
     """Take in how close pairs come on a step."""
+    B, far = motion.positions, motion.far
     margin = 0.0 if error == np.inf else error
     known = np.empty(2)
     most = np.empty(2)
@@ -252,6 +298,6 @@ def _approach(
         coarse = distance - np.sqrt(max(square - rough, 0.0))
         floor = min(rows[at, VALUE] - known[row], distance - error - coarse)
         if distance < rows[at, VALUE]:
-            rows[at, VALUE], rows[at, TIME] = distance, t0 + x * (t1 - t0) + base
+            rows[at, VALUE], rows[at, TIME] = distance, _time_at(times, x)
             rows[at, FIRST], rows[at, SECOND] = found[row, 2], found[row, 3]
         rows[at, ERROR] = rows[at, VALUE] - floor

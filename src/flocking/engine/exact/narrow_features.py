@@ -221,7 +221,7 @@ def allowed_share(
     B
         Bernstein coefficients of the positions, shape (8, N, m).
     far
-        Result of `reach`.
+        See `flocking.engine.exact.integrator.segment.Motion`.
     senders, sensed, offsets
         The linked pairs of all graphs.
     found

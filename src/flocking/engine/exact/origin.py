@@ -7,9 +7,8 @@ velocity either, that point moves along with the group.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -18,6 +17,9 @@ from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 from flocking.model.terms.body_terms import Compensate
 from flocking.model.terms.pair_terms import PairTerm
+
+OriginData = tuple[float, tuple[float, ...], tuple[float, ...], float]
+"""An origin as plain data: its fields in order."""
 
 QUANTUM = 4.0
 """Origins lie on a grid this many times as wide as the group, and at powers of two: subtracting them rounds nothing,
@@ -71,8 +73,8 @@ class Origin:
         """A state as the session sees it."""
         own = self.own_time(state.t)
         if self.rests:
-            return State(state.q, state.p, own, state.links)
-        return State(state.q - self.at(own), state.p - self.velocity, own, state.links)
+            return replace(state, t=own)
+        return replace(state, q=state.q - self.at(own), p=state.p - self.velocity, t=own)
 
     def outwards(self, own: float, q: Array, p: Array) -> tuple[Array, Array]:
         """Positions and velocities in the user's coordinates, shape (N, m) each.
@@ -121,12 +123,12 @@ class Origin:
         mass = float(np.broadcast_to(scenario.agents.masses, len(p)).sum())
         return float(self.velocity @ now + 0.5 * mass * (self.velocity @ self.velocity)), work, work
 
-    def packed(self) -> list[Any]:
+    def packed(self) -> OriginData:
         """As plain data."""
-        return [self.time, self.place.tolist(), self.velocity.tolist(), self.since]
+        return self.time, tuple(self.place.tolist()), tuple(self.velocity.tolist()), self.since
 
     @classmethod
-    def unpacked(cls, data: list[Any]) -> Origin:
+    def unpacked(cls, data: OriginData) -> Origin:
         """From plain ``data``."""
         time, place, velocity, since = data
         return cls(time, np.array(place), np.array(velocity), since)
@@ -169,14 +171,12 @@ def momentum(scenario: Scenario, p: Array) -> Array:
 def knows_no_place(law: Law, scenario: Scenario) -> bool:
     """Whether the law and the energy of a scenario are the same everywhere and at all times."""
     alike = all(isinstance(term, PairTerm | Compensate) for term in law.terms)
-    return alike and scenario.energy.leader is None
+    return alike and scenario.energy.leader is None and scenario.agents.homogeneous
 
 
 def knows_no_velocity(law: Law, scenario: Scenario) -> bool:
     """Whether the law is also the same for all observers who move uniformly."""
-    agents = scenario.agents
-    inert = agents.order == 2 and not np.any(np.asarray(agents.damping))
-    return knows_no_place(law, scenario) and inert and "galilean" in law.symmetries
+    return knows_no_place(law, scenario) and scenario.agents.inert and "galilean" in law.symmetries
 
 
 def _middle(points: Array) -> Array:

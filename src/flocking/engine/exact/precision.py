@@ -14,6 +14,40 @@ COARSEST = 10.0
 """How many tolerances the spacing of neighbouring numbers may be."""
 
 EPSILON = float(np.finfo(float).eps)
+"""Spacing of the numbers of double precision next to 1, 2.2e-16."""
+
+DISTANCE = 4.0
+"""How many spacings of the coordinates the rounding of a distance may come to: a bound for two rounded coordinates in
+up to three dimensions is 2 sqrt(3) half spacings, and the rounding of the square root comes on top."""
+
+
+def places_fine(largest: float, tolerance: float, finest: float) -> bool:
+    """Whether coordinates are told apart finely enough, wherever the group is; for native functions too.
+
+    Parameters
+    ----------
+    largest
+        The largest coordinate.
+    tolerance
+        Tolerance of the scenario.
+    finest
+        See `Precision`.
+    """
+    far = EPSILON * largest
+    return far <= COARSEST * tolerance and DISTANCE * far <= finest
+
+
+def times_fine(time: float, tolerance: float) -> bool:
+    """Whether times are told apart finely enough for speeds and sizes of 1 or less; for native functions too.
+
+    Parameters
+    ----------
+    time
+        The time.
+    tolerance
+        Tolerance of the scenario.
+    """
+    return EPSILON * abs(time) <= COARSEST * tolerance
 
 
 class Precision:
@@ -57,13 +91,11 @@ class Precision:
             When positions, links or times are finer than the numbers that hold them.
         """
         q, p, _ = self._dynamics.split(y)
-        far = EPSILON * float(np.abs(q).max(initial=0.0))
-        if far > COARSEST * self._tolerance or 4 * far > self.finest:
+        if not places_fine(float(np.abs(q).max(initial=0.0)), self._tolerance, self.finest):
             self._check_places(own, q)
         time = self._origin.time_at(own)
-        late = EPSILON * abs(time)
-        if self.timed and late > COARSEST * self._tolerance:
-            late *= max(1.0, float(np.abs(p).max(initial=0.0)))
+        if self.timed and not times_fine(time, self._tolerance):
+            late = EPSILON * abs(time) * max(1.0, float(np.abs(p).max(initial=0.0)))
             if late > COARSEST * self._tolerance * max(1.0, _spread(q)):
                 raise OutOfPrecision(
                     f"Times are told apart only by {EPSILON * abs(time):.2g}, too coarse for a tolerance "
@@ -82,7 +114,7 @@ class Precision:
             )  # fmt: skip
         i, j = self._dynamics.linked_pairs()
         outer = EPSILON * np.maximum(size[i], size[j])
-        if len(i) and 4 * float(outer.max()) > self.finest:
+        if len(i) and DISTANCE * float(outer.max()) > self.finest:
             k = int(np.argmax(outer))
             raise OutOfPrecision(
                 f"Positions are told apart only by {outer[k]:.2g}, too coarse for links that differ by "

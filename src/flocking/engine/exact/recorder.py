@@ -1,18 +1,21 @@
-"""What a session writes down while it runs: frames, switches, the ledger and the closest pair."""
+"""What a session of the exact engine writes down beyond others: errors, doubts, extreme values, fine samples."""
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable
-from typing import Any
+from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
+from flocking.engine.exact.dynamics import Dynamics
 from flocking.engine.exact.extremes import Extremes
 from flocking.engine.exact.integrator.segment import Segment
 from flocking.engine.exact.origin import Origin
-from flocking.engine.runs.new_records import NewRecords
-from flocking.engine.runs.run import DOUBT_FIELDS, SWITCH_FIELDS, TRACE_FIELDS, Accuracy, FineSamples, Largest
+from flocking.engine.runs.new_records import RecordTables
+from flocking.engine.runs.recorder import Recorder
+from flocking.engine.runs.run import DOUBT_FIELDS, Accuracy, DoubtRow, FineSamples, Largest
+from flocking.errors import InvalidInput
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 from flocking.model.law import Scenario
@@ -22,74 +25,74 @@ FINE_SAMPLES = 8
 """Samples in a step, a polynomial of degree 7."""
 
 
-class Recorder:
-    """Collects the records of a run.
+@dataclass(frozen=True)
+class ExactOptions:
+    """How the exact engine runs a scenario.
+
+    Parameters
+    ----------
+    fine
+        Keep several samples of every step in memory, for curves; they are not saved.
+
+    Raises
+    ------
+    InvalidInput
+        When it is neither True nor False.
+    """
+
+    fine: bool = False
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.fine, bool):
+            raise InvalidInput("ExactOptions", "fine", "must be True or False", self.fine)
+
+
+class ExactRecorder(Recorder):
+    """Collects the records of a run; those of its small groups stay in memory.
 
     Parameters
     ----------
     scenario
         What is simulated.
+    fine
+        Whether several samples of every step are kept.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
-        self.frame_times = scenario.frame_times
-        self.n, self.m = scenario.start.n, scenario.start.dimension
-        self.t: list[float] = []
-        self.q: list[Array] = []
-        self.p: list[Array] = []
-        self.links: list[Links] = []
-        self.switches: list[tuple[Any, ...]] = []
-        self.trace: list[tuple[float, ...]] = []
-        self.errors: list[tuple[float, float]] = []
-        self.doubts: list[tuple[Any, ...]] = []
+    def __init__(self, scenario: Scenario, *, fine: bool = False) -> None:
+        super().__init__(scenario, with_links=True, with_errors=True, lets_go=False)
+        self.doubts: list[DoubtRow] = []
         agents = scenario.agents
         masses = np.array(np.broadcast_to(np.asarray(agents.masses, dtype=np.float64), self.n))
         leaders = {id(x): x for x in scenario.law.leaders}.values()
         goals = [leader.value for leader in leaders if isinstance(leader, Velocity)]
         goal = np.asarray(goals[0]) if len(goals) == len(leaders) == 1 else None
         self.extremes = Extremes(masses, self.m, agents.order, goal)
-        self.fine: list[tuple[float, Array, Array]] | None = None
+        self.fine: list[tuple[float, Array, Array]] | None = [] if fine else None
 
-    def copy(self) -> Recorder:
+    def copy(self) -> Self:
         """One that goes on by itself. The records are shared: none is changed after it was made."""
-        other = copy.copy(self)
-        for name in ("t", "q", "p", "links", "switches", "trace", "errors", "doubts"):
-            setattr(other, name, list(getattr(self, name)))
+        other = super().copy()
         other.extremes = self.extremes.copy()
-        other.fine = None if self.fine is None else list(self.fine)
         return other
 
-    def frame(self, t: float, q: Array, p: Array, links: Links, errors: tuple[float, float]) -> None:
-        """Store a frame, with the errors of any position and any velocity in it."""
-        # The time comes last: a frame counts once it has one, so an interrupt in between loses nothing else.
-        count = len(self.t)
-        self.q[count:] = [q.copy()]
-        self.p[count:] = [p.copy()]
-        self.links[count:] = [links.copy()]
-        self.errors[count:] = [errors]
-        self.t.append(t)
-
     def frame_at(
-        self,
-        own: float,
-        t: float,
-        motion: tuple[Array, Array],
-        links: Links,
-        error: tuple[float, float],
+        self, own: float, t: float, y: Array, dynamics: Dynamics, links: Links, error: tuple[float, float],
         origin: Origin,
-    ) -> None:
-        """Store a frame from positions and velocities, and their errors, relative to an origin.
+    ) -> None:  # fmt: skip
+        """Store a frame from a state vector, and the errors of its positions and velocities, relative to an origin.
 
         Parameters
         ----------
         own, t
             The session's own time and the user's.
-        motion
-            Positions and velocities, shape (N, m) each.
+        y, dynamics
+            The state vector, and whose it is.
         """
-        self.frame(t, *origin.outwards(own, *motion), links, origin.rounded(own, *error))
+        q, p, _ = dynamics.split(y)
+        outside = origin.outwards(own, q, p)
+        self.frame(t, *outside, links, origin.rounded(own, *error), columns=dynamics.further(y))
 
-    def due(self, until: float, base: float) -> list[tuple[float, float]]:
+    def due_until(self, until: float, base: float) -> list[tuple[float, float]]:
         """Frame times not yet stored, up to ``until``: each in the session's own time and in the user's.
 
         Parameters
@@ -99,7 +102,7 @@ class Recorder:
         base
             The time at which that is 0.
         """
-        todo = self.frame_times[len(self.t) :]
+        todo = self.frame_times[self.count :]
         if not len(todo) or todo[0] - base > until:
             return []
         own = todo - base
@@ -108,39 +111,7 @@ class Recorder:
 
     def to_come(self, base: float) -> Array:
         """Times of the frames not yet stored, from the time ``base`` on."""
-        return self.frame_times[len(self.t) :] - base
-
-    frame_bytes = 0.0
-    waiting = 0.0
-    """Records of small groups stay in memory: none waits to be let go."""
-
-    @property
-    def stored(self) -> dict[str, int]:
-        """Numbers of records that are on disk alone."""
-        return {}
-
-    @property
-    def layout(self) -> dict[str, Any]:
-        """How the records are stored on disk, as options of `RunWriter.create`."""
-        return {"with_links": True, "with_errors": True}
-
-    def since(self, counts: dict[str, int], *, complete: bool) -> NewRecords:
-        """What came after the first ``counts`` records of each kind; ``complete`` or not, no row is still open."""
-        new = slice(counts["time"], len(self.t))
-        t, q, p, links = (np.array(x[new]) for x in (self.t, self.q, self.p, self.links))
-        return NewRecords(
-            t, q, p, links, np.array(self.switches[counts["switch"] :], dtype=SWITCH_FIELDS),
-            np.array(self.trace[counts["step"] :], dtype=TRACE_FIELDS), None, np.array(self.errors[new]),
-        )  # fmt: skip
-
-    def forget(self, counts: dict[str, int]) -> None:
-        """Let go of what is on disk: nothing, for these records stay in memory.
-
-        Parameters
-        ----------
-        counts
-            Numbers of rows on disk, by kind.
-        """
+        return self.frame_times[self.count :] - base
 
     def sample(self, segment: Segment, split: Callable[[Array], tuple[Array, Array, Array]], origin: Origin) -> None:
         """Keep the solution at several times in a segment, where that was asked for.
@@ -167,21 +138,11 @@ class Recorder:
         t, q, p = zip(*self.fine, strict=True)
         return FineSamples(np.array(t), np.array(q), np.array(p))
 
-    def tables(self) -> dict[str, Any]:
-        """Frames, switches and ledger as arrays, by the names of `Run`."""
-        shape = (0, self.n, self.m)
-        count = len(self.t)
-        return {
-            "t": np.array(self.t),
-            "q": np.array(self.q[:count]) if count else np.zeros(shape),
-            "p": np.array(self.p[:count]) if count else np.zeros(shape),
-            "links": np.array(self.links[:count]) if count else np.zeros((0, self.n, self.n), dtype=bool),
-            "switches": np.array(self.switches, dtype=SWITCH_FIELDS),
-            "trace": np.array(self.trace, dtype=TRACE_FIELDS),
-            "fine": self._fine_samples(),
-        }
+    def tables(self) -> RecordTables:
+        """The records in memory as arrays, by the names of `Run`."""
+        return {**super().tables(), "fine": self._fine_samples()}
 
-    def accuracy(self, doubts: list[tuple[Any, ...]], largest: dict[str, Largest], known_until: float) -> Accuracy:
+    def accuracy(self, doubts: list[DoubtRow], largest: dict[str, Largest], known_until: float) -> Accuracy:
         """What is known of the errors.
 
         Parameters
@@ -193,8 +154,4 @@ class Recorder:
         known_until
             Since when nothing is known.
         """
-        count = len(self.t)
-        return Accuracy(
-            np.array(self.errors[:count]).reshape(count, 2), np.array(doubts, dtype=DOUBT_FIELDS), dict(largest),
-            known_until,
-        )  # fmt: skip
+        return Accuracy(self.frame_errors(), np.array(doubts, dtype=DOUBT_FIELDS), dict(largest), known_until)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from flocking.engine.exact.crossings.switching import LinkState
+from flocking.engine.exact.dynamics import Dynamics
 from flocking.engine.exact.integrator.segment import Segment
 from flocking.engine.exact.origin import Origin, may_have, origin_of
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 
@@ -30,6 +29,8 @@ class Replacement:
         The links.
     segment
         The step under way, up to that moment.
+    dynamics
+        The law in force before under other numbers, with its links and pieces; None where more than numbers changed.
     """
 
     scenario: Scenario
@@ -38,6 +39,45 @@ class Replacement:
     begin: State
     links: LinkState
     segment: Segment
+    dynamics: Dynamics | None = None
+
+
+def renumbered(
+    scenario: Scenario, law: Law | None, time: float, own: float, segment: Segment, links: LinkState, origin: Origin,
+    dynamics: Dynamics,
+) -> Replacement | None:  # fmt: skip
+    """What a session goes on with under the same law with other numbers; None where more than numbers change.
+
+    No link, formula or pair is looked for anew.
+
+    Parameters
+    ----------
+    scenario, law
+        What was simulated, and the law that takes the place of its own; None where more is replaced.
+    time
+        The session's time.
+    own, segment, links, origin
+        As for `replacement`.
+    dynamics
+        The law in force.
+
+    Raises
+    ------
+    InvalidInput
+        When the law does not fit the scenario.
+    """
+    links_under_law = None if law is None else links.under(law)
+    if law is None or links_under_law is None:
+        return None
+    scenario = scenario.with_numbers(law, max(scenario.t_end, time))
+    found = dynamics.renumbered(scenario)
+    if found is None or not may_have(scenario, None, origin):
+        return None
+    segment = segment.until(own)
+    y = segment.coefficients[-1]
+    q, p, _ = dynamics.split(y)
+    begin = State(q, p, own, columns=dynamics.further(y))
+    return Replacement(scenario, None, origin, begin, links_under_law, segment, found)
 
 
 def replacement(
@@ -45,13 +85,12 @@ def replacement(
     plant: Law | None,
     law: Law | None,
     state: State | None,
-    *,
     old: State,
     own: float,
     segment: Segment,
     links: LinkState,
     origin: Origin,
-    split: Callable[[Array], tuple[Array, Array, Array]],
+    dynamics: Dynamics,
 ) -> Replacement:
     """What a session goes on with under another law or from another state.
 
@@ -65,15 +104,18 @@ def replacement(
         The state, and the session's own time.
     segment, links, origin
         The step under way, the links on it, and what it is relative to.
-    split
-        Gives positions and velocities of a state vector.
+    dynamics
+        The law in force, whose state vectors these are.
 
     Raises
     ------
     InvalidInput
         When law and state disagree.
     """
-    new = State(old.q, old.p, old.t) if state is None else State(state.q, state.p, old.t, state.links)
+    new = replace(old, links=None) if state is None else replace(state, t=old.t)
+    if state is not None:
+        # What the given state leaves out goes on as it was.
+        new = replace(new, columns={**old.columns, **new.columns})
     if new.q.shape != old.q.shape:
         raise InvalidInput("ExactSession", "state", f"must have the shape {old.q.shape}", new.q.shape)
     declared = law or scenario.law
@@ -86,8 +128,9 @@ def replacement(
     scenario = scenario.with_(law=declared, t_end=end)
     if state is None and may_have(scenario, plant, origin):
         # The session's own coordinates hold more digits than the user's.
-        q, p, _ = split(segment.coefficients[-1])
-        begin = State(q, p, own)
+        y = segment.coefficients[-1]
+        q, p, _ = dynamics.split(y)
+        begin = State(q, p, own, columns=dynamics.further(y))
     else:
         origin = origin_of(scenario, plant, new, origin.time)
         begin = origin.inwards(new)

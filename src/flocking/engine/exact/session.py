@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Mapping
+from functools import partial
 
 import numpy as np
 
 from flocking.engine import interruption
 from flocking.engine.exact.barriers import LedgerState
 from flocking.engine.exact.blocks.block import StepBlock, take_block
+from flocking.engine.exact.checkpoint import pack_exact, restore_exact
 from flocking.engine.exact.crossings.switching import Crossing, LinkState
 from flocking.engine.exact.dynamics import LEDGER, Dynamics
 from flocking.engine.exact.failures import infinite_at_once, sliding
@@ -18,28 +21,32 @@ from flocking.engine.exact.integrator.stepper import Stepper, StepperMemory
 from flocking.engine.exact.jump_times import JumpTimes
 from flocking.engine.exact.origin import momentum, origin_of
 from flocking.engine.exact.precision import Precision
-from flocking.engine.exact.recorder import Recorder
-from flocking.engine.exact.replacement import replacement
+from flocking.engine.exact.recorder import ExactOptions as ExactOptions
+from flocking.engine.exact.recorder import ExactRecorder
+from flocking.engine.exact.replacement import renumbered, replacement
 from flocking.engine.exact.snapshot import Snapshot as Snapshot
 from flocking.engine.exact.solution_error import SolutionError
 from flocking.engine.exact.step_search import found_step
 from flocking.engine.exact.switch_records import write_switch
+from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.reference.plants import known_plant
-from flocking.engine.runs.provenance import provenance
-from flocking.engine.runs.run import Accuracy, Closest, Run
+from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
+from flocking.engine.runs.run import Accuracy, Closest, LedgerRow
 from flocking.errors import InvalidInput, NotFinite, SimulationError
 from flocking.model.checks import Array
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 
 
-class ExactSession:
+class ExactSession(Session):
     """A running simulation under the exact engine.
 
     Parameters
     ----------
     scenario
         What to simulate.
+    options
+        Whether fine samples are kept.
     plant
         The law the agents really obey, where it is not the scenario's: the ledger goes on holding the
         declared law, so that a wrong plant shows.
@@ -51,15 +58,17 @@ class ExactSession:
     """
 
     engine = "exact"
+    records: ExactRecorder
+    options: ExactOptions
 
-    def __init__(self, scenario: Scenario, *, plant: Law | None = None) -> None:
+    def __init__(self, scenario: Scenario, options: ExactOptions | None = None, *, plant: Law | None = None) -> None:
         known_plant("ExactSession", plant)
         self.scenario = scenario
-        self.plant = plant
+        self.plant, self.options = plant, options or ExactOptions()
         start = scenario.start
         self.time = start.t
         self._origin = origin_of(scenario, plant, start, start.t)
-        self.recorder = Recorder(scenario)
+        self.records = ExactRecorder(scenario, fine=self.options.fine)
         self.steps = 0
         self.jumped = 0.0
         self._tail = np.zeros(LEDGER)
@@ -70,20 +79,23 @@ class ExactSession:
         self._record_frames(own.t)
         self._record_trace()
 
-    def _prepare(self, n: int, m: int) -> None:
+    def _prepare(self, n: int, m: int, dynamics: Dynamics | None = None) -> None:
         """Kernels and parameters: all that depends on the law but not on the state."""
         self.n, self.m = n, m
-        self._dynamics = Dynamics(self.scenario, self.plant, n, m, self._origin.time)
+        self._dynamics = dynamics or Dynamics(self.scenario, self.plant, n, m, self._origin.time)
         self._jumps = JumpTimes(self._dynamics.layout.law, self._origin, self.scenario.t_end)
         self._lengths = StepLengths(self.scenario.t_end - self.scenario.start.t)
 
-    def _begin(self, state: State, links: LinkState) -> None:
-        """Stand at ``state``, in the session's own time and coordinates, with the proposed step still to be found."""
+    def _begin(self, state: State, links: LinkState, *, same_pairs: bool = False) -> None:
+        """Stand at ``state``, in own time and coordinates; ``same_pairs`` says that the dynamics have these links."""
         dynamics = self._dynamics
         dynamics.repack(state.t)
         self._links = links
         dynamics.divide(links)
-        dynamics.relink(links)
+        if same_pairs and self.scenario.law.distributed:
+            dynamics.keep_pairs()
+        else:
+            dynamics.relink(links)
         self._tail = np.concatenate([self._tail[:LEDGER], dynamics.places(state.t)])
         y = dynamics.join(state, self._tail)
         self.energy, self.kinetic = dynamics.energy(state.t, y)
@@ -100,7 +112,7 @@ class ExactSession:
         self._momentum = momentum(self.scenario, state.p)
         self._stepper = self._new_stepper(dynamics.tolerances(state, self.energy), memory)
         self._segment = Segment.resting(state.t, y)
-        self._error = SolutionError(dynamics, self.recorder, len(y))
+        self._error = SolutionError(dynamics, self.records, len(y))
         self._pending: list[Crossing] = []
 
     def _new_stepper(self, tolerance: Array, memory: StepperMemory) -> Stepper:
@@ -111,8 +123,8 @@ class ExactSession:
     def state(self) -> State:
         """State at the session's time, with the links of the law's graph."""
         own = self._own_now
-        q, p, _ = self._dynamics.split(self._segment.at(own))
-        return State(*self._origin.outwards(own, q, p), self.time, self._links.links[0])
+        q, p, _ = self._dynamics.split(y := self._segment.at(own))
+        return State(*self._origin.outwards(own, q, p), self.time, self._links.links[0], self._dynamics.further(y))
 
     @property
     def _own_now(self) -> float:
@@ -121,10 +133,7 @@ class ExactSession:
 
     @property
     def time_is_exact(self) -> bool:
-        """Whether the session's time alone leads another session to the same state.
-
-        It does not where steps are shorter than the spacing of numbers at that time.
-        """
+        """Not where steps are shorter than the spacing of numbers at that time."""
         own, segment = self._origin.own_time(self.time), self._segment
         return own == segment.t1 or segment.t0 < own < segment.t1
 
@@ -140,22 +149,7 @@ class ExactSession:
         return self._lengths.usual and self._lengths.shrunk_to is None
 
     def advance(self, to: float, seconds: float = np.inf) -> None:
-        """Go on until time ``to``, or for ``seconds`` of wall time. Where steps fall depends on neither.
-
-        Parameters
-        ----------
-        to
-            Time to reach.
-        seconds
-            Wall time after which the session stops at the end of a step, before ``to``; at least one step is made.
-
-        Raises
-        ------
-        SimulationError
-            When the run cannot go on; its ``run`` holds what was computed until then.
-        InvalidInput
-            When ``to`` lies in the past.
-        """
+        """Go on until time ``to``, or for ``seconds`` of wall time. Where steps fall depends on neither."""
         if not to >= self.time:
             raise InvalidInput("ExactSession", "to", f"must not be before the session's time, {self.time:g}", to)
         own, end = (self._origin.own_time(t) for t in (to, self.scenario.t_end))
@@ -181,27 +175,27 @@ class ExactSession:
 
     def _take_block(self, until: float, stop: float) -> StepBlock | None:
         """Take steps up to the first that ends in a switch or leaves something in doubt, and record those before."""
-        recorder, dynamics, origin = self.recorder, self._dynamics, self._origin
-        found = None if recorder.fine is not None else take_block(
-            dynamics, self._links, self._stepper, self._error, recorder.extremes, self._precision, origin,
-            (self.energy, self.kinetic), (until, self._jumps.bound(self._segment.t1)), recorder.to_come(origin.time),
+        records, dynamics, origin = self.records, self._dynamics, self._origin
+        found = None if records.fine is not None else take_block(
+            dynamics, self._links, self._stepper, self._error, records.extremes, self._precision, origin,
+            (self.energy, self.kinetic), (until, self._jumps.bound(self._segment.t1)), records.to_come(origin.time),
             seconds=stop - time.monotonic(),
         )  # fmt: skip
         if found is None or not len(found.steps):
             return found
         steps = found.steps.tolist()
-        recorder.trace += [self._trace_row(t, e, k, y) for (t, e, k, _), y in zip(steps, found.states, strict=False)]
+        records.trace += [self._trace_row(t, e, k, y) for (t, e, k, _), y in zip(steps, found.states, strict=False)]
         for y, error in zip(found.frames[0], found.frames[1].tolist(), strict=True):
-            t = float(recorder.frame_times[len(recorder.t)])
-            recorder.frame_at(origin.own_time(t), t, dynamics.split(y)[:2], self._links.links[0], error, origin)
+            t = float(records.frame_times[records.count])
+            records.frame_at(origin.own_time(t), t, y, dynamics, self._links.links[0], error, origin)
         self._stepper.recall(found.memory)
-        self._error.difference, recorder.extremes.rows = found.difference, found.extremes
+        self._error.difference, records.extremes.rows = found.difference, found.extremes
         self.steps += len(steps)
         for row in steps:
             self._lengths.add(row[3])
         if found.recorded:
             own, self.energy, self.kinetic, _ = steps[found.recorded - 1]
-            self._tail = found.states[-1][dynamics.order * self.n * self.m :]
+            self._tail = found.states[-1][dynamics.motion_size :]
             self.time = origin.time_at(own)
             self._segment = Segment.resting(own, found.states[-1])
         if found.segment is not None:
@@ -233,8 +227,8 @@ class ExactSession:
         t, y = segment.t1, segment.coefficients[-1]
         if t > segment.t0:
             self._error.leave(segment, self._links, self._origin)
-            self.recorder.sample(segment, self._dynamics.split, self._origin)
-            self._tail = np.array(y[self._dynamics.order * self.n * self.m :])
+            self.records.sample(segment, self._dynamics.split, self._origin)
+            self._tail = np.array(y[self._dynamics.motion_size :])
             self.energy, self.kinetic = self._dynamics.energy(t, y)
             self.time = self._origin.time_at(t)
             self._record_frames(t)
@@ -261,7 +255,7 @@ class ExactSession:
             p = np.asarray(self._dynamics.slope(t, y))[: self.n * self.m].reshape(q.shape)
         chattering: tuple[int, ...] = ()
         for crossing in crossings:
-            found = write_switch(self.recorder, crossing, self._segment, q, p, self._links, self._error, self._origin)
+            found = write_switch(self.records, crossing, self._segment, q, p, self._links, self._error, self._origin)
             chattering = found or chattering
             self._links.apply(crossing)
         error: SimulationError | None = sliding(self.time, chattering) if chattering else None
@@ -285,23 +279,23 @@ class ExactSession:
         return error
 
     def _record_frames(self, until: float) -> None:
-        due = self.recorder.due(until, self._origin.time)
+        due = self.records.due_until(until, self._origin.time)
         if due:
             error = self._error.over(self._segment)
         for own, t in due:
-            motion, found = self._dynamics.split(self._segment.at(own))[:2], (error.position, error.velocity)
-            self.recorder.frame_at(own, t, motion, self._links.links[0], found, self._origin)
+            y, found = self._segment.at(own), (error.position, error.velocity)
+            self.records.frame_at(own, t, y, self._dynamics, self._links.links[0], found, self._origin)
 
     def _record_trace(self) -> None:
         y = self._segment.coefficients[-1]
-        self.recorder.trace.append(self._trace_row(self._segment.t1, self.energy, self.kinetic, y))
+        self.records.trace.append(self._trace_row(self._segment.t1, self.energy, self.kinetic, y))
 
-    def _trace_row(self, own: float, energy: float, kinetic: float, y: Array) -> tuple[float, ...]:
+    def _trace_row(self, own: float, energy: float, kinetic: float, y: Array) -> LedgerRow:
         """The row of the ledger at the session's own time, when ``y`` is the state vector."""
         more, work, supplied = self._added(y)
-        first = self._dynamics.order * self.n * self.m
-        ledger = y[first : first + LEDGER] + np.array([work, 0.0, supplied])
-        return (self._origin.time_at(own), energy + more, kinetic + more, *map(float, ledger), self.jumped)
+        first = self._dynamics.motion_size
+        worked, lost, given = map(float, y[first : first + LEDGER] + np.array([work, 0.0, supplied]))
+        return LedgerRow(self._origin.time_at(own), energy + more, kinetic + more, worked, lost, given, self.jumped)
 
     def _added(self, y: Array) -> tuple[float, float, float]:
         """What kinetic energy, work and supply are more in the user's coordinates than in the session's own."""
@@ -309,7 +303,7 @@ class ExactSession:
 
     def snapshot(self, *, records: bool = True) -> Snapshot:
         """Everything needed to go on bit for bit; see `resume`. Without ``records`` the recorder is not copied."""
-        recorder = self.recorder.copy() if records else self.recorder
+        recorder = self.records.copy() if records else self.records
         return Snapshot(
             self.scenario, self.time, self._stepper.memory, self._segment, list(self._pending),
             self._links.memory(), recorder, self.energy, self.jumped, self.steps, self._stepper.tolerance,
@@ -323,7 +317,8 @@ class ExactSession:
         scenario = snapshot.scenario
         session = cls.__new__(cls)
         session.scenario, session.plant = scenario, plant or snapshot.plant
-        session.recorder = snapshot.recorder.copy()
+        session.records = snapshot.recorder.copy()
+        session.options = ExactOptions(session.records.fine is not None)
         session.time, session.energy = snapshot.time, snapshot.energy
         session._origin, session._momentum = snapshot.origin, snapshot.momentum
         session.jumped, session.steps = snapshot.jumped, snapshot.steps
@@ -344,7 +339,7 @@ class ExactSession:
         if tolerance is None:
             tolerance = session._dynamics.tolerances(scenario.start, session.energy)
         size = snapshot.segment.coefficients.shape[1]
-        session._error = SolutionError(session._dynamics, session.recorder, size, snapshot.error)
+        session._error = SolutionError(session._dynamics, session.records, size, snapshot.error)
         session._precision = Precision(scenario, session._dynamics, session._origin)
         session._stepper = session._new_stepper(tolerance, snapshot.stepper)
         return session
@@ -360,60 +355,66 @@ class ExactSession:
         InvalidInput
             When law and state disagree, or the new energy is not finite; the session then goes on as before.
         """
-        own = self._own_now
-        if own == self._segment.t1:
+        if (own := self._own_now) == self._segment.t1:
             self._leave_segment()
-        new = replacement(
-            self.scenario, self.plant, law, state, old=self.state, own=own, segment=self._segment, links=self._links,
-            origin=self._origin, split=self._dynamics.split,
-        )  # fmt: skip
-        segment, y = new.segment, new.segment.coefficients[-1]
-        error = self._error
+        under_way, dynamics = (own, self._segment, self._links, self._origin), self._dynamics
+        numbers = law if state is None and self.plant is None else None
+        new = renumbered(self.scenario, numbers, self.time, *under_way, dynamics)
+        new = new or replacement(self.scenario, self.plant, law, state, self.state, *under_way, dynamics)
+        segment, y, error = new.segment, new.segment.coefficients[-1], self._error
         error.follow(segment, again=True)
         kinetic, work, supplied = self._added(y)
         before = self._dynamics.energy(own, y)[0] + kinetic
         saved = dict(vars(self))
         try:
             self.plant, self.scenario, self._origin = new.plant, new.scenario, new.origin
-            self._tail = np.array(y[self._dynamics.order * self.n * self.m :])
+            self._tail = np.array(y[self._dynamics.motion_size :])
             self._tail[:LEDGER] += (work, 0.0, supplied)
-            self._prepare(self.n, self.m)
-            self._begin(new.begin, new.links)
+            self._prepare(self.n, self.m, new.dynamics)
+            self._begin(new.begin, new.links, same_pairs=new.dynamics is not None)
         except Exception:
             vars(self).update(saved)
             error.follow(self._segment, again=True)
             raise
         if segment.t1 > segment.t0:
             error.leave(segment, saved["_links"], saved["_origin"])
-            self.recorder.sample(segment, self._dynamics.split, saved["_origin"])
+            self.records.sample(segment, self._dynamics.split, saved["_origin"])
         error.abandon(own, saved["_links"])
         self._error.take_over(error, exact=state is not None)
         self.jumped += self.energy + self._added(self._segment.coefficients[-1])[0] - before
         self._record_trace()
 
+    def moment(self) -> Callable[[], Session]:
+        """The way back to this moment; records that come later go on being those of this session."""
+        return partial(ExactSession.resume, self.snapshot(records=False))
+
+    def pack(self) -> Packed:
+        """All that another session needs to go on bit for bit, but its scenario and its records."""
+        return pack_exact(self.snapshot(records=False))
+
+    @classmethod
+    def unpack(cls, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> ExactSession:
+        """The session that was packed."""
+        return cls.resume(restore_exact(*packed, stored))
+
+    def accelerations(self) -> Array:
+        """Rates of change of the velocities now, shape (N, m); of agents of order 1 their controls."""
+        own = self._own_now
+        return self._dynamics.accelerations(own, np.array(self._segment.at(own)))
+
     @property
     def about(self) -> dict[str, object]:
         """Where the records come from: versions, engine, tolerance and counts."""
-        return provenance(self.engine, self.scenario) | {"steps": self.steps, "tolerance": self.scenario.tolerance}
+        return super().about | {"tolerance": self.scenario.tolerance}
 
     @property
-    def accuracy(self) -> Accuracy:
-        """What is known of the errors of what was computed so far."""
-        return self._extreme_values()[1]
+    def fidelity(self) -> Fidelity:
+        """Switches are located, and closest approaches and the ledger carry the error of the integration."""
+        rule = LedgerRule("tolerance", self.scenario.tolerance)
+        return Fidelity(self.engine, switches_located=True, approaches=Approaches("all", None), ledger=rule)
 
     @property
-    def closest_pairs(self) -> tuple[Closest, Closest]:
-        """Closest linked and unlinked pair until now."""
-        return self._extreme_values()[0]
-
-    def _extreme_values(self) -> tuple[tuple[Closest, Closest], Accuracy]:
+    def known(self) -> tuple[tuple[Closest, Closest], Accuracy]:
+        """The closest linked and unlinked pair until now, and what is known of the errors."""
         rows, extremes = self._error.until_now(self._segment, self._own_now, self._links, self._origin)
-        return extremes.closest, self.recorder.accuracy(rows, extremes.largest, self._error.known_until)
-
-    def run(self, status: str = "finished") -> Run:
-        """What was computed so far."""
-        (linked, unlinked), accuracy = self._extreme_values()
-        return Run(
-            self.scenario, status=status, provenance=self.about, closest_linked=linked, closest_unlinked=unlinked,
-            accuracy=accuracy, **self.recorder.tables(),
-        )  # fmt: skip
+        return extremes.closest, self.records.accuracy(rows, extremes.largest, self._error.known_until)

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 from flocking.engine.exact.crossings.switching import Crossing
 from flocking.engine.exact.integrator.segment import Segment
 from flocking.engine.exact.integrator.stepper import StepperMemory
 from flocking.engine.exact.origin import Origin
-from flocking.engine.exact.recorder import Recorder
+from flocking.engine.exact.recorder import ExactRecorder
 from flocking.engine.exact.solution_error import ErrorMemory
 from flocking.model.checks import Array
+from flocking.model.graphs.connectivity import Links
 from flocking.model.law import Law, Scenario
 
 
@@ -49,8 +49,8 @@ class Snapshot:
     stepper: StepperMemory
     segment: Segment
     pending: list[Crossing]
-    links: Any
-    recorder: Recorder
+    links: tuple[list[Links], list[Links]]
+    recorder: ExactRecorder
     energy: float
     jumped: float
     steps: int

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from flocking.engine.exact.companion import SAFETY, Companion, Difference, StateError
+from flocking.engine.exact.companion import (
+    SAFETY,
+    Companion,
+    Difference,
+    StateError,
+    companion_gap,
+    unexplained_energy,
+)
 from flocking.engine.exact.crossings.switching import Crossing, LinkState, slack_of
 from flocking.engine.exact.dynamics import LEDGER, Dynamics
 from flocking.engine.exact.extremes import Extremes
 from flocking.engine.exact.integrator.segment import ROUNDING, Segment
 from flocking.engine.exact.origin import Origin
-from flocking.engine.exact.recorder import Recorder
-from flocking.engine.exact.uncertain_switches import Doubts, Settled
+from flocking.engine.exact.recorder import ExactRecorder
+from flocking.engine.exact.uncertain_switches import DoubtMemory, Doubts, Settled
+from flocking.engine.runs.run import DoubtRow
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
 
@@ -39,7 +46,7 @@ class ErrorMemory:
     """
 
     difference: Difference
-    doubts: list[list[list[Any]]]
+    doubts: DoubtMemory
 
 
 class SolutionError:
@@ -57,7 +64,9 @@ class SolutionError:
         Size of the state vector.
     """
 
-    def __init__(self, dynamics: Dynamics, recorder: Recorder, size: int, memory: ErrorMemory | None = None) -> None:
+    def __init__(
+        self, dynamics: Dynamics, recorder: ExactRecorder, size: int, memory: ErrorMemory | None = None
+    ) -> None:
         self._dynamics = dynamics
         self._recorder = recorder
         law = dynamics.layout.law
@@ -153,13 +162,14 @@ class SolutionError:
         if self._explained is not None and self._explained[0] is segment:
             return self._explained[1]
         nodes, gaps = self.difference.nodes, []
-        integrated = self._dynamics.order * self._dynamics.n * self._dynamics.m
+        integrated = self._dynamics.motion_size
         ends = (segment.t0, segment.coefficients[0], nodes[0]), (segment.t1, segment.coefficients[-1], nodes[-1])
         with np.errstate(all="ignore"):
             for t, y, e in ends:
                 _, dissipated, supplied = e[integrated : integrated + LEDGER]
-                gaps.append(self._dynamics.energy(t, y + e)[0] - self._dynamics.energy(t, y)[0] + dissipated - supplied)
-        return float(abs(gaps[1] - gaps[0])) if np.isfinite(gaps).all() else np.inf
+                found = self._dynamics.energy(t, y + e)[0], self._dynamics.energy(t, y)[0]
+                gaps.append(companion_gap(*found, dissipated, supplied))
+            return float(unexplained_energy(*gaps))
 
     def _settle(self, settled: list[Settled], segment: Segment, links: LinkState) -> None:
         for doubt in settled:
@@ -277,7 +287,7 @@ class SolutionError:
 
     def until_now(
         self, segment: Segment, t: float, links: LinkState, origin: Origin
-    ) -> tuple[list[tuple[Any, ...]], Extremes]:
+    ) -> tuple[list[DoubtRow], Extremes]:
         """Switches in doubt and extreme values until time ``t`` on the step followed last, which goes on.
 
         Rows of `flocking.engine.runs.run.DOUBT_FIELDS`; nothing is put on record.
@@ -303,10 +313,10 @@ class SolutionError:
             rows += self._in_user_time([settled.row for settled in doubts.follow(part, links, error)])
         return rows + self._in_user_time(doubts.open_rows(t, links)), extremes
 
-    def _in_user_time(self, rows: list[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
+    def _in_user_time(self, rows: list[DoubtRow]) -> list[DoubtRow]:
         """Rows with the user's times in place of the session's own."""
         base = self._dynamics.base
-        return [(*(time + base for time in row[:3]), *row[3:]) for row in rows]
+        return [(row[0] + base, row[1] + base, row[2] + base, *row[3:]) for row in rows]
 
     def take_over(self, other: SolutionError, *, exact: bool) -> None:
         """Go on from where another estimate ended, under another law; ``exact``: from a state that is given.

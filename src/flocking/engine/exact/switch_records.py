@@ -7,7 +7,7 @@ import numpy as np
 from flocking.engine.exact.crossings.switching import Crossing, LinkState
 from flocking.engine.exact.integrator.segment import Segment
 from flocking.engine.exact.origin import Origin
-from flocking.engine.exact.recorder import Recorder
+from flocking.engine.exact.recorder import ExactRecorder
 from flocking.engine.exact.solution_error import SolutionError
 from flocking.model.checks import Array
 
@@ -16,7 +16,7 @@ TANGENTIAL = 1e-6
 
 
 def write_switch(
-    recorder: Recorder,
+    recorder: ExactRecorder,
     crossing: Crossing,
     segment: Segment,
     q: Array,

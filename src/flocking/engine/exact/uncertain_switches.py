@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 from flocking.engine.exact.companion import StateError
 from flocking.engine.exact.crossings.band_guards import closest_after, first_beyond, within_error
 from flocking.engine.exact.crossings.switching import Crossing, LinkState, slack_of
 from flocking.engine.exact.crossings.view_guards import view_crossings
+from flocking.engine.exact.crossings.watch_tables import near_miss_floor
 from flocking.engine.exact.integrator.segment import ROUNDING, Segment
+from flocking.engine.runs.run import DoubtRow
 from flocking.model.checks import Array
 
 Key = tuple[int, int, int]
 """Number of the watch, and the pair."""
+
+DoubtMemory = tuple[
+    tuple[tuple[Key, tuple[float, float, float, float]], ...],
+    tuple[tuple[Key, tuple[float, float, float, bool, str, float, bool]], ...],
+]
+"""Pairs within the error of a switch, and pairs that have switched, as plain data: each its key and its fields."""
 
 LEFT = 0.99
 """A pair that leaves the error behind after its switch is at this share of it, or more, when it has left."""
@@ -79,7 +86,7 @@ class Settled:
     """
 
     key: Key
-    row: tuple[Any, ...]
+    row: DoubtRow
 
 
 class Doubts:
@@ -108,11 +115,11 @@ class Doubts:
         B, far = motion.positions, motion.far
         settled, ended = self._fresh(segment, B, links, error)
         found: dict[Key, tuple[float, float, float, bool]] = {}
-        most, nodes, size = error.pairs, error.q, error.q_floor / ROUNDING
+        most, nodes = error.pairs, error.q
         for number, watch, active, view in links.watched():
             if watch.smooth:
                 continue
-            floor = 2 * error.q_floor + slack_of(watch, size)
+            floor = near_miss_floor(slack_of(watch, 0.0), error.q_floor)
             directed = links.graphs[watch.graph].directed
             if view is not None and watch.kind == "link":
                 slack = -(most + floor)
@@ -191,7 +198,7 @@ class Doubts:
     def _row(
         self, key: Key, begin: float, end: float, time: float, kind: str, what: str, about: Approach | Fresh,
         links: LinkState,
-    ) -> tuple[object, ...]:  # fmt: skip
+    ) -> DoubtRow:  # fmt: skip
         number, i, j = key
         return (begin, end, time, i, j, kind, links.watches[number].graph, what, about.margin, about.error)
 
@@ -221,7 +228,7 @@ class Doubts:
         self.fresh[key] = fresh
         return settled
 
-    def open_rows(self, t: float, links: LinkState) -> list[tuple[object, ...]]:
+    def open_rows(self, t: float, links: LinkState) -> list[DoubtRow]:
         """Doubts that have not come to their end at time ``t``, as rows of `DOUBT_FIELDS`."""
         rows = [
             self._row(key, near.begin, t, near.time, "near miss", links.would(*key), near, links)
@@ -233,17 +240,16 @@ class Doubts:
             if not fresh.recorded
         ]
 
-    def memory(self) -> list[list[list[Any]]]:
+    def memory(self) -> DoubtMemory:
         """All of it as plain data."""
-        near = [[list(key), [a.begin, a.time, a.margin, a.error]] for key, a in self.approaches.items()]
-        fresh = [
-            [list(key), [f.time, f.begin, f.level, f.outward, f.what, f.error, f.recorded]]
-            for key, f in self.fresh.items()
-        ]
-        return [near, fresh]
+        near = tuple((key, (a.begin, a.time, a.margin, a.error)) for key, a in self.approaches.items())
+        fresh = tuple(
+            (key, (f.time, f.begin, f.level, f.outward, f.what, f.error, f.recorded)) for key, f in self.fresh.items()
+        )
+        return near, fresh
 
-    def recall(self, memory: list[list[list[Any]]]) -> None:
+    def recall(self, memory: DoubtMemory) -> None:
         """Go back to ``memory``."""
         near, fresh = memory
-        self.approaches = {(w, i, j): Approach(*about) for (w, i, j), about in near}
-        self.fresh = {(w, i, j): Fresh(*about) for (w, i, j), about in fresh}
+        self.approaches = {key: Approach(*about) for key, about in near}
+        self.fresh = {key: Fresh(*about) for key, about in fresh}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from flocking.arrays import Array, Indices
 from flocking.engine.fixed_step.passing_pairs import singular_reach
 from flocking.engine.fixed_step.step_checks import STRIDE
 from flocking.model.law import Scenario
-from flocking.model.terms.pair_terms import Gradient
+from flocking.model.terms.pair_terms import Gradient, Term
 from flocking.model.terms.schedules import Schedule
 
 SAMPLE = 4000
@@ -22,6 +21,7 @@ PROBE = 1e-4
 """Relative change of the probes that measure stiffness."""
 
 LARGEST = 0.1
+"""Longest automatic step: a convention, a tenth of the unit of time."""
 PERIODS = 0.15
 """Step times the fastest rate of the linearised motion."""
 DAMPING, DAMPED = 0.1, 0.4
@@ -132,7 +132,7 @@ def _stiffness(term: Gradient, r: Array, across: bool) -> Array:
         return np.where(r > 0, np.where(np.isfinite(bend), bend, 0.0) + turn, 0.0)
 
 
-def _gain(term: Any) -> float:
+def _gain(term: Term) -> float:
     values = term.parameters
     gain = _largest(values.get("gain", 1.0))
     weights = values.get("weights")

@@ -144,11 +144,12 @@ class Declared:
             given |= {f"A{x}": row[k] for x, row in enumerate(A)}
             given |= {f"W{x}": _weights(w, who[k], group.ids[j]) for x, w in enumerate(weights)}
             found, off = self._both(f"pair{number}", P, given, len(k))
+            sizes = self._sizes(f"pair_sizes{number}", P, given, len(k))
             r = given["r"]
             along, direction = np.where(r > 0, found["along"], 0.0), d / np.where(r > 0, r, 1.0)[:, None]
             one = along[:, None] * direction + found["drag"][:, None] * v
             v_size = np.sqrt((v**2).sum(axis=1))
-            magnitude = np.abs(along) + np.abs(found["drag"]) * v_size
+            magnitude = np.where(r > 0, sizes["along"], 0.0) + sizes["drag"] * v_size
             doubt = np.where(r > 0, off["along"], 0.0) + off["drag"] * v_size + np.where(certain, 0.0, magnitude)
             # Differences of rounded numbers: the velocities themselves are exact, as the positions are.
             for axis in range(m):
@@ -158,7 +159,7 @@ class Declared:
             for column, name in ((0, "storage"), (3, "dissipation"), (4, "supply")):
                 value = 0.5 * found[name]
                 powers[:, column] += np.bincount(k, value, minlength=count)
-                extra = off[name] + SAFETY * self.rounding * np.abs(found[name])
+                extra = off[name] + SAFETY * self.rounding * sizes[name]
                 doubt = 0.5 * extra + np.where(certain, 0.0, np.abs(value))
                 errors[:, column] += np.bincount(k, doubt, minlength=count)
         self._bodies(group, (P, A), q, p, (force, size, error, powers, errors))
@@ -182,13 +183,14 @@ class Declared:
         for k in range(m):
             given |= {f"q{k}": q[:, k], f"p{k}": p[:, k], f"mean_q{k}": group.mean_q[k], f"mean_p{k}": group.mean_p[k]}
         body, off = self._both("body", P, given, count)
+        sizes = self._sizes("body_sizes", P, given, count)
         own = np.stack([body[f"force{k}"] for k in range(m)], axis=1)
         force += own
-        size += np.sqrt((own**2).sum(axis=1))
+        size += sum(sizes[f"force{k}"] for k in range(m))
         error += sum(off[f"force{k}"] for k in range(m))
         for column, name in ((1, "storage"), (3, "dissipation"), (4, "supply")):
             powers[:, column] += body[name]
-            errors[:, column] += off[name] + SAFETY * self.rounding * np.abs(body[name])
+            errors[:, column] += off[name] + SAFETY * self.rounding * sizes[name]
         for i, values in obstacles_met(self.scenario.law, self._layout, self._module, q, P, given):
             push = np.stack([values[f"force{k}"] for k in range(m)], axis=1)
             np.add.at(force, i, push)
@@ -198,6 +200,12 @@ class Declared:
             for column, name in ((3, "dissipation"), (4, "supply")):
                 np.add.at(powers[:, column], i, values[name])
                 np.add.at(errors[:, column], i, NEAR_OBSTACLES * self.rounding * np.abs(values[name]))
+
+    def _sizes(self, name: str, P: Array, given: Mapping[str, object], count: int) -> dict[str, Array]:
+        """Sums of the absolute values of what adds up to each formula; 0 where there is no such number."""
+        with np.errstate(all="ignore"):
+            found = {key: v * np.ones(count) for key, v in getattr(self._module, name)(P, given).items()}
+        return {key: np.where(np.isnan(v), 0.0, v) for key, v in found.items()}
 
     def _both(
         self, name: str, P: Array, given: Mapping[str, object], count: int

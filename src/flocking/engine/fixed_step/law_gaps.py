@@ -8,6 +8,7 @@ import numpy as np
 
 from flocking.arrays import Array, Indices, Reals
 from flocking.engine.fixed_step.declared_law import POWERS, Statement
+from flocking.engine.runs.fidelity import LawAgreement
 from flocking.model.checks import NO_LESS
 
 EVERY = 1024
@@ -46,6 +47,11 @@ class LawGaps:
     def about(self) -> dict[str, float]:
         """The gap as a run's provenance says it."""
         return {"law_checks": self.checks, "law_gap": self.gap, "law_gap_allowed": self.allowed}
+
+    @property
+    def agreement(self) -> LawAgreement:
+        """The gap as a run's account of its fidelity says it."""
+        return LawAgreement(self.checks, self.gap, self.allowed)
 
     def compare_forces(self, declared: Statement, force: Reals, rounding: Reals) -> int | None:
         """Hold forces against the law; which of the judged agents contradicts it most, if one does.

@@ -20,7 +20,7 @@ def singular_reach(law: Law) -> float:
             for term in law.pair_terms
             if isinstance(term, Gradient)
             and graphs[law.graph_number(term)].moves
-            and not np.isfinite(term.potential(0.0))
+            and not np.isfinite(term.potential.at_contact)
         ),
         default=np.inf,
     )

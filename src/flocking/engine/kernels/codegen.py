@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from flocking.engine.kernels.layout import MASS, Layout
+from flocking.engine.kernels.layout import Layout
+from flocking.engine.kernels.motion_source import RATES, motion_source, motion_values, point_source
 from flocking.engine.kernels.obstacle_formulas import encounter_function, encounter_loop, obstacle_slot
 from flocking.engine.kernels.pieces import held, piece_lines
+from flocking.engine.kernels.source_text import free_names, indented, nonzero, unpack
 from flocking.formula.compiled import generated_module
 
 if TYPE_CHECKING:
@@ -18,22 +18,21 @@ if TYPE_CHECKING:
 
     from flocking.engine.kernels.expressions import BodyFormulas, LawFormulas, PairFormulas
 
-RATES = ("work", "dissipated", "supplied")
-"""Quantities integrated beside the state: power of the control, and the two powers of the energy ledger."""
-
-
 ARGUMENTS = "f8, f8[:,:], f8[:,:], i8[:], i8[:], i8[:], i4[:], f8[:,:], f8[:], f8[:,:], f8[:,:,:], f8[:,:]"
 """Kinds of t, q, p, senders, sensed, offsets, pieces, spans, P, A, W and S, which all compiled functions take."""
 CONTROL_RESULTS = ", f8[:,:], f8[:]"
 """Kinds of u and rates, which ``control`` fills."""
+SLOPE_ARGUMENTS = "f8, f8[:], " + ARGUMENTS.split(", ", 3)[3] + ", f8[:,:], f8[:,:], f8[:,:], f8[:]"
+"""Kinds of the arguments of ``slope``: t, the state vector, pairs and slots, room for q, p and u, and the slope."""
 
 
-def compiled_kernels(layout: Layout, dimension: int, order: int) -> ModuleType:
+def compiled_kernels(layout: Layout, dimension: int) -> ModuleType:
     """Functions of a law that are compiled when they are first used.
 
     Functions of the module: ``control(t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S, u, rates)`` fills
-    the forces and the `RATES`; ``energies(t, q, p, ...)`` gives pair storage, body storage and kinetic energy in the
-    frame of the energy, see `flocking.engine.kernels.law_kernels`. Row
+    the forces and `RATES`; ``slope(t, z, senders, ..., S, q, p, u, out)`` fills the slope of a state vector, which
+    holds the columns of the bodies one after another and then `RATES`; ``energies(t, q, p, ...)`` gives pair storage,
+    body storage and kinetic energy in the frame of the energy, see `flocking.engine.kernels.law_kernels`. Row
     ``pieces[e]`` of ``spans`` says which piece of a piecewise formula is in force for pair ``e``, see `limits`;
     ``shape0(r, side, reach, P, A, W)``... are those formulas of each graph in plain Python, ``shape_obstacles0``...
     those of each group of obstacles. ``shape0.reads`` numbers the slots of P, A and W that such a function reads,
@@ -42,17 +41,15 @@ def compiled_kernels(layout: Layout, dimension: int, order: int) -> ModuleType:
     Parameters
     ----------
     layout
-        The law, its energy and the slots of their parameters.
+        The law, its energy, the bodies and the slots of their parameters.
     dimension
         Number of axes m.
-    order
-        Order of the agents, 1 or 2.
     """
     from flocking.engine.kernels.expressions import law_formulas
 
     return generated_module(
-        ("exact", dimension, order), layout.structure, layout.parts,
-        lambda: law_formulas(layout, dimension), lambda stated: _scalar_module(stated, order),
+        ("exact", dimension), layout.structure, layout.parts,
+        lambda: law_formulas(layout, dimension), lambda stated: _scalar_module(stated, layout.bodies.order),
     )  # fmt: skip
 
 
@@ -63,43 +60,6 @@ def array_kernels(layout: Layout, dimension: int) -> ModuleType:
     return generated_module(
         ("arrays", dimension), layout.structure, layout.parts, lambda: law_formulas(layout, dimension), _array_module
     )
-
-
-@dataclass(frozen=True)
-class Names:
-    """Free names of some formulas, sorted by where their values come from.
-
-    Parameters
-    ----------
-    scalars
-        Slots ``P0``... of single numbers.
-    per_agent
-        Slots ``A0``... of one number for each agent.
-    per_pair
-        Slots ``W0``... of one number for each pair.
-    others
-        All other names: distances, coordinates, time.
-    """
-
-    scalars: tuple[str, ...]
-    per_agent: tuple[str, ...]
-    per_pair: tuple[str, ...]
-    others: frozenset[str]
-
-
-def free_names(expressions: Iterable[sympy.Expr]) -> Names:
-    """Sort the free symbols of ``expressions`` into slots and other names."""
-    names = {str(s) for e in expressions for s in e.free_symbols}
-
-    def slots(letter: str) -> tuple[str, ...]:
-        return tuple(sorted((n for n in names if re.fullmatch(letter + r"\d+", n)), key=lambda n: int(n[1:])))
-
-    groups = slots("P"), slots("A"), slots("W")
-    return Names(*groups, frozenset(names - {n for g in groups for n in g}))
-
-
-def _indented(lines: Iterable[str], depth: int) -> str:
-    return "".join("    " * depth + line + "\n" for line in lines)
 
 
 _HEADER = """import math
@@ -113,7 +73,7 @@ ARGUMENTS = {arguments!r}
 
 def _scalar_module(formulas: LawFormulas, order: int) -> str:
     header = _HEADER.format(arguments=ARGUMENTS)
-    return header + _control_source(formulas, order) + _energies_source(formulas, order) + _shapes_source(formulas)
+    return header + _control_source(formulas, order) + _energies_source(formulas) + _shapes_source(formulas)
 
 
 def _shapes_source(formulas: LawFormulas) -> str:
@@ -141,16 +101,7 @@ def _shape_function(name: str, distance: str, requested: dict[str, sympy.Expr], 
     reads = tuple(tuple(int(n[1:]) for n in slots) for slots in kinds)
     acting = tuple(k for k, what in enumerate(requested) if what in ("along", "drag") or what.startswith("force"))
     facts = f"\n\n{name}.reads = {reads!r}\n{name}.acting = {acting!r}\n"
-    return head + _unpack(names, 1) + _indented(lines, 1) + facts
-
-
-def _unpack(names: Names, depth: int) -> str:
-    return _indented((f"{n} = P[{n[1:]}]" for n in names.scalars), depth)
-
-
-def _nonzero(formulas: Mapping[str, sympy.Expr]) -> dict[str, sympy.Expr]:
-    """Those that do anything: what is left out need not be compiled."""
-    return {name: value for name, value in formulas.items() if value != 0}
+    return head + unpack(names, 1) + indented(lines, 1) + facts
 
 
 def _sums(formulas: Iterable[str], m: int, share: str = "") -> list[str]:
@@ -181,7 +132,7 @@ def _pair_loop(
     """
     from flocking.formula.printing import statements
 
-    chosen, split = held(_nonzero({name: getattr(pair, source) for name, source in requested.items()}), "r")
+    chosen, split = held(nonzero({name: getattr(pair, source) for name, source in requested.items()}), "r")
     if not chosen:
         return ""
     names = free_names(chosen.values())
@@ -207,14 +158,14 @@ def _pair_loop(
     body += [f"{n} = W[{n[1:]}, i, j]" for n in names.per_pair]
     body += statements(chosen, arrays=False, prefix=f"g{number}_")
     head = f"for e in range(offsets[{number}], offsets[{number + 1}]):"
-    return _indented([head], 1) + _indented(body + (_sums(chosen, m, "0.5 * ") if tail is None else tail), 2)
+    return indented([head], 1) + indented(body + (_sums(chosen, m, "0.5 * ") if tail is None else tail), 2)
 
 
 def _means(body: BodyFormulas, m: int) -> str:
     """Means over the group where a formula uses them, then the velocity of the frame."""
     from flocking.formula.printing import code
 
-    frame = _indented([f"frame{k} = {code(f, arrays=False)}" for k, f in enumerate(body.frame)], 1)
+    frame = indented([f"frame{k} = {code(f, arrays=False)}" for k, f in enumerate(body.frame)], 1)
     used = free_names([*body.named().values(), *body.frame]).others
     if not any(n.startswith("mean_") for n in used):
         return frame
@@ -224,7 +175,7 @@ def _means(body: BodyFormulas, m: int) -> str:
     lines += [f"    mean_q{k} += A[0, i] * q[i, {k}]" for k in range(m)]
     lines += [f"    mean_p{k} += A[0, i] * p[i, {k}]" for k in range(m)]
     lines += [f"mean_q{k} /= whole" for k in range(m)] + [f"mean_p{k} /= whole" for k in range(m)]
-    return _indented(lines, 1) + frame
+    return indented(lines, 1) + frame
 
 
 def _body_values(results: dict[str, sympy.Expr], m: int) -> list[str]:
@@ -240,11 +191,14 @@ def _control_source(formulas: LawFormulas, order: int) -> str:
     m, body = formulas.dimension, formulas.body
     everything = [e for p in formulas.pairs for e in (*p.named().values(), p.flow)]
     everything += [*body.named().values(), *body.frame, body.flow]
-    source = f'@native_of(ARGUMENTS + "{CONTROL_RESULTS}")\n'
-    source += "def control(t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S, u, rates):\n"
-    source += _indented(["n = q.shape[0]"], 1) + _unpack(free_names(everything), 1)
-    source += _indented(["work = 0.0", "dissipated = 0.0", "supplied = 0.0"], 1) + _means(body, m)
-    source += _indented(["for i in range(n):"], 1) + _indented([f"u[i, {k}] = 0.0" for k in range(m)], 2)
+    head = f'@native_of(ARGUMENTS + "{CONTROL_RESULTS}")\n'
+    head += "def control(t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S, u, rates):\n"
+    slope = f'@native_of("{SLOPE_ARGUMENTS}")\n'
+    slope += "def slope(t, z, senders, sensed, offsets, pieces, spans, P, A, W, S, q, p, u, out):\n"
+    count = indented(["n = q.shape[0]"], 1)
+    source = unpack(free_names(everything), 1)
+    source += indented(["work = 0.0", "dissipated = 0.0", "supplied = 0.0"], 1) + _means(body, m)
+    source += indented(["for i in range(n):"], 1) + indented([f"u[i, {k}] = 0.0" for k in range(m)], 2)
     requested = {name: name for name in ("along", "drag", *(("dissipation", "supply") if order == 2 else ()))}
     for number, pair in enumerate(formulas.pairs):
         source += _pair_loop(number, pair, requested, m)
@@ -253,17 +207,18 @@ def _control_source(formulas: LawFormulas, order: int) -> str:
         push += ["dissipated += dissipation", "supplied += supply"]
     for number, encounter in enumerate(formulas.encounters):
         source += encounter_loop(number, len(formulas.pairs), encounter, m, push)
-    source += _indented(["for i in range(n):"], 1)
+    source += indented(["for i in range(n):"], 1)
     unwanted = {"storage"} if order == 2 else {"storage", "dissipation", "supply"}
-    results = _nonzero({k: v for k, v in body.named().items() if k not in unwanted})
+    results = nonzero({k: v for k, v in body.named().items() if k not in unwanted})
     lines = _body_values(results, m) + _sums(results, m)
     if order == 2:
         lines += ["work += " + " + ".join(f"u[i, {k}] * p[i, {k}]" for k in range(m))]
-    source += _indented(lines or ["pass"], 2)
+    source += indented(lines or ["pass"], 2)
     if order == 1:
         source += _flow_source(formulas)
-    source += _indented([f"rates[{k}] = {name}" for k, name in enumerate(RATES)], 1)
-    return source + "\n\n"
+    rates = indented([f"rates[{k}] = {name}" for k, name in enumerate(RATES)], 1)
+    control = head + count + source + rates
+    return control + "\n\n" + slope + count + point_source(m, order) + source + motion_source(formulas) + "\n\n"
 
 
 def _flow_source(formulas: LawFormulas) -> str:
@@ -279,32 +234,36 @@ def _flow_source(formulas: LawFormulas) -> str:
             ["whole = 0.0"] + [f"mean_u{k} = 0.0" for k in range(m)] + ["for i in range(n):", "    whole += A[0, i]"]
         )
         lines += [f"    mean_u{k} += A[0, i] * u[i, {k}]" for k in range(m)]
-        source += _indented([*lines, *(f"mean_u{k} /= whole" for k in range(m))], 1)
-    source += _indented(["for i in range(n):"], 1)
-    flow = _nonzero({"supply": formulas.body.flow})
+        source += indented([*lines, *(f"mean_u{k} /= whole" for k in range(m))], 1)
+    source += indented(["for i in range(n):"], 1)
+    flow = nonzero({"supply": formulas.body.flow})
     lines = [f"u{k} = u[i, {k}]" for k in range(m)] + _body_values(flow, m) + _sums(flow, m)
     lines += ["work += " + " + ".join(f"u{k} * u{k}" for k in range(m))]
-    return source + _indented(lines, 2) + _indented(["dissipated = work"], 1)
+    return source + indented(lines, 2) + indented(["dissipated = work"], 1)
 
 
-def _energies_source(formulas: LawFormulas, order: int) -> str:
+def _energies_source(formulas: LawFormulas) -> str:
+    from flocking.formula.printing import statements
+
     m, body = formulas.dimension, formulas.body
-    everything = [p.storage for p in formulas.pairs] + [*body.named().values(), *body.frame]
+    everything = [p.storage for p in formulas.pairs] + [*body.named().values(), *body.frame, body.motion.kinetic]
     source = "@native_of(ARGUMENTS)\n"
     source += "def energies(t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S):\n"
-    source += _indented(["n = q.shape[0]"], 1) + _unpack(free_names(everything), 1)
-    source += _indented(["pairs = 0.0", "bodies = 0.0", "kinetic = 0.0"], 1) + _means(body, m)
+    source += indented(["n = q.shape[0]"], 1) + unpack(free_names(everything), 1)
+    source += indented(["pairs = 0.0", "bodies = 0.0", "kinetic = 0.0"], 1) + _means(body, m)
     for number, pair in enumerate(formulas.pairs):
         source += _pair_loop(number, pair, {"storage": "storage"}, m, ["pairs += 0.5 * storage"])
-    storage = _nonzero({"storage": body.storage})
+    storage = nonzero({"storage": body.storage})
     lines = _body_values(storage, m) + ["bodies += storage"] * len(storage)
-    # First-order agents have no inertia and so no kinetic energy.
-    if order == 2:
+    if body.motion.kinetic != 0:
+        moving = free_names([body.motion.kinetic])
+        known = {line.split(" = ")[0] for line in lines}
+        lines += [f"{x}{k} = {x}[i, {k}]" for x in "qp" for k in range(m) if f"{x}{k}" in moving.others - known]
         lines += [f"w{k} = p[i, {k}] - frame{k}" for k in range(m)]
-        squares = " + ".join(f"w{k} * w{k}" for k in range(m))
-        lines += [f"kinetic += 0.5 * {MASS.replace('0', '[0, i]')} * ({squares})"]
+        lines += [f"{n} = A[{n[1:]}, i]" for n in moving.per_agent if n not in known]
+        lines += [*statements({"moving": body.motion.kinetic}, arrays=False, prefix="k_"), "kinetic += moving"]
     if lines:
-        source += _indented(["for i in range(n):"], 1) + _indented(lines, 2)
+        source += indented(["for i in range(n):"], 1) + indented(lines, 2)
     return source + "    return pairs, bodies, kinetic\n\n\n"
 
 
@@ -312,19 +271,34 @@ def _array_module(formulas: LawFormulas) -> str:
     source = "import numpy\n\n\n"
     for number, pair in enumerate(formulas.pairs):
         source += _array_function(f"pair{number}", pair.named())
+        source += _size_function(f"pair_sizes{number}", pair.named())
         source += _array_function(f"pair_flow{number}", {"supply": pair.flow})
     for number, encounter in enumerate(formulas.encounters):
         source += encounter_function(number, encounter)
     source += _array_function("body", formulas.body.named())
+    source += _size_function("body_sizes", formulas.body.named())
+    source += _array_function("motion", motion_values(formulas.body.motion))
     return source + _array_function("body_flow", {"supply": formulas.body.flow})
 
 
-def _array_function(name: str, results: dict[str, sympy.Expr]) -> str:
+def _size_function(name: str, formulas: dict[str, sympy.Expr]) -> str:
+    """Sums of the absolute values of what adds up to each formula: the scale of its rounding, where it cancels too."""
+    import sympy
+
+    addends = {key: sympy.Add.make_args(value) for key, value in formulas.items()}
+    named = {f"{key}_{k}": x for key, found in addends.items() for k, x in enumerate(found)}
+    sizes = {key: " + ".join(f"numpy.abs({key}_{k})" for k in range(len(found))) for key, found in addends.items()}
+    return _array_function(name, named, sizes)
+
+
+def _array_function(name: str, results: dict[str, sympy.Expr], given: dict[str, str] | None = None) -> str:
+    """A function on arrays that gives the ``results``, or expressions of them."""
     from flocking.formula.printing import statements
 
     names = free_names(results.values())
-    source = f"def {name}(P, values):\n" + _unpack(names, 1)
+    source = f"def {name}(P, values):\n" + unpack(names, 1)
     requested = [*names.per_agent, *names.per_pair, *sorted(names.others)]
-    source += _indented((f"{n} = values[{n!r}]" for n in requested), 1)
-    source += _indented(statements(results, arrays=True, prefix="x_"), 1)
-    return source + _indented(["return {" + ", ".join(f"{k!r}: {k}" for k in results) + "}"], 1) + "\n\n"
+    source += indented((f"{n} = values[{n!r}]" for n in requested), 1)
+    source += indented(statements(results, arrays=True, prefix="x_"), 1)
+    gives = {k: k for k in results} if given is None else given
+    return source + indented(["return {" + ", ".join(f"{k!r}: {x}" for k, x in gives.items()) + "}"], 1) + "\n\n"

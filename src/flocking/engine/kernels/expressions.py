@@ -6,10 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from flocking.engine.kernels.layout import DAMPING, MASS, Layout
+from flocking.engine.kernels.layout import BODIES, DAMPING, MASS, Layout
 from flocking.engine.kernels.obstacle_formulas import EncounterFormulas, encounter_formulas
+from flocking.errors import InvalidInput
 from flocking.formula.contact import defined_at_contact
 from flocking.formula.identities import nothing_or_itself
+from flocking.model.bodies.body import MotionSymbols
 from flocking.model.leaders_and_obstacles.leaders import Leader
 from flocking.model.terms.body_terms import Compensate
 from flocking.model.terms.fading_potentials import Fade
@@ -50,6 +52,32 @@ class PairFormulas:
 
 
 @dataclass(frozen=True)
+class MotionFormulas:
+    """How the columns of an agent change under the force ``u0...`` that the law wants.
+
+    Parameters
+    ----------
+    columns
+        Names of the columns and how many numbers each has, in the order of the state vector: ``q``, ``p`` for agents of
+        order 2, then the body's own.
+    lets
+        What is computed once for the rates, in order.
+    rates
+        Rate of every number, ``rate_q0`` and so on.
+    kinetic
+        Kinetic energy, in terms of ``w0...``, the velocity relative to the frame of the energy.
+    departure
+        Power that the body adds to that of the wanted force and the damping; it counts as supplied.
+    """
+
+    columns: tuple[tuple[str, int], ...]
+    lets: dict[str, sympy.Expr]
+    rates: dict[str, sympy.Expr]
+    kinetic: sympy.Expr
+    departure: sympy.Expr
+
+
+@dataclass(frozen=True)
 class BodyFormulas:
     """Sum of all body terms, per agent.
 
@@ -61,6 +89,8 @@ class BodyFormulas:
         One formula for each axis.
     storage, dissipation, supply
         Energy stored by, power dissipated by and power supplied to an agent.
+    motion
+        How the columns of the agent change under the force.
     """
 
     force: tuple[sympy.Expr, ...]
@@ -69,6 +99,7 @@ class BodyFormulas:
     supply: sympy.Expr
     frame: tuple[sympy.Expr, ...]
     flow: sympy.Expr
+    motion: MotionFormulas
 
     def named(self) -> dict[str, sympy.Expr]:
         """The formulas by name."""
@@ -252,4 +283,49 @@ def _body_formulas(layout: Layout, dimension: int) -> BodyFormulas:
     for axis, rate in zip(_vector("mean_q", dimension), _vector("mean_u", dimension), strict=True):
         passing += sympy.diff(storage, axis) * rate
     flow = passing + sum((g * u for g, u in zip(gaps, _vector("u", dimension), strict=True)), sympy.Integer(0))
-    return BodyFormulas(tuple(force), storage, dissipation, supply, tuple(frame), flow)
+    motion = motion_formulas(layout, dimension)
+    return BodyFormulas(tuple(force), storage, dissipation, supply, tuple(frame), flow, motion)
+
+
+def motion_formulas(layout: Layout, dimension: int) -> MotionFormulas:
+    """How the columns of the agents of a layout change.
+
+    Raises
+    ------
+    InvalidInput
+        When the body states a rate for a column it does not have, or none for one it has.
+    """
+    import sympy
+
+    body, zero = layout.bodies, sympy.Integer(0)
+    second = body.order == 2
+    q, p, u, w = (_vector(name, dimension) for name in "qpuw")
+    own = tuple(body.widths(dimension).items())
+    x = MotionSymbols(
+        q, p if second else [zero] * dimension, u, _symbol("t"), _symbol(MASS), _symbol(DAMPING),
+        {name: _vector(f"column_{name}_", size) for name, size in own}, _parameters(layout, BODIES),
+        lambda name: _symbol(f"let_{name}"),
+    )  # fmt: skip
+    lets = {f"let_{name}": sympy.sympify(e) for name, e in body.lets(x).items()}
+    stated = {name: [sympy.sympify(rate) for rate in rates] for name, rates in body.rates(x).items()}
+    moving = {"q": p, **stated} if second else stated
+    columns = (("q", dimension), *((("p", dimension),) if second else ()), *own)
+    found = {name: len(rates) for name, rates in moving.items()}
+    if found != dict(columns):
+        raise InvalidInput(type(body).__name__, "rates", f"must be those of {dict(columns)}", str(found))
+    if not second and any(rate - wanted != 0 for rate, wanted in zip(moving["q"], u, strict=True)):
+        raise InvalidInput(
+            type(body).__name__, "rates", "must move agents of order 1 with the wanted velocity u", str(moving["q"]),
+            "Declare a body of order 2, with a velocity of its own.",
+        )  # fmt: skip
+    kinetic, departure = sympy.sympify(body.kinetic(x, w)), zero
+    if second:
+        rates = moving["p"]
+        stored = sum((sympy.diff(kinetic, a) * rate for a, rate in zip(w, rates, strict=True)), zero)
+        wanted = sum(((a - x.damping * b) * c for a, b, c in zip(u, p, w, strict=True)), zero)
+        departure = stored - wanted
+        for name, e in reversed(lets.items()):
+            departure = departure.xreplace({_symbol(name): e})
+        departure = nothing_or_itself(departure)
+    named = {f"rate_{name}{k}": rate for name, _ in columns for k, rate in enumerate(moving[name])}
+    return MotionFormulas(columns, lets, named, kinetic, departure)

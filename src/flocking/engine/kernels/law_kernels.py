@@ -5,86 +5,107 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from types import ModuleType
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.engine.kernels.codegen import ARGUMENTS, CONTROL_RESULTS, RATES
+from flocking.arrays import Indices
+from flocking.engine.kernels.codegen import ARGUMENTS, SLOPE_ARGUMENTS
 from flocking.formula.native.functions import by_address, native_apart
 from flocking.model.checks import Array
 
-_control = by_address(ARGUMENTS + CONTROL_RESULTS)
+_slope = by_address(SLOPE_ARGUMENTS)
 _energies = by_address(ARGUMENTS)
-_RATES = len(RATES)
-
-Pairs = tuple[Array | NDArray[np.int64] | NDArray[np.int32], ...]
-"""Ordered pairs (sender, sensed), offsets of the graphs among them, rows of pieces, limits of pieces."""
-
-Slots = tuple[Array, ...]
-"""Parameters P, A and W, see `flocking.engine.kernels.layout.Layout.values`."""
 
 
-def slope(
-    address: int, t: float, z: Array, q: Array, p: Array, senders: Array, sensed: Array, offsets: Array, pieces: Array,
-    spans: Array, P: Array, A: Array, W: Array, S: Array, u: Array, rates: Array, order: int, out: Array,
-) -> None:  # fmt: skip
-    """Slope ``out`` of the state vector ``z``; q, p, u and rates are written over.
+class Pairs(NamedTuple):
+    """Ordered pairs of agents that act on each other, those of each graph after those of the one before.
 
     Parameters
     ----------
-    address
-        Address of the compiled function of the forces of the law.
-    S
-        Functionals of the graphs, shape (graphs, N).
-    order
-        Order of the agents, 1 or 2.
+    senders, sensed
+        The agent that senses and the one that is sensed, shape (pairs,).
+    offsets
+        Where the pairs of each graph, and then of each group of obstacles, begin; shape (graphs + groups + 1,).
+    pieces
+        Row of ``spans`` of each pair, shape (pairs,).
+    spans
+        Limits of the pieces of piecewise formulas, see `flocking.engine.kernels.pieces.limits`.
     """
-    n, m = q.shape[0], q.shape[1]
-    for i in range(n):
-        for k in range(m):
-            q[i, k] = z[i * m + k]
-            if order == 2:
-                p[i, k] = z[(n + i) * m + k]
-    _control(address, t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S, u, rates, rates)
-    for i in range(n):
-        for k in range(m):
-            if order == 2:
-                out[i * m + k] = p[i, k]
-                out[(n + i) * m + k] = (u[i, k] - A[1, i] * p[i, k]) / A[0, i]
-            else:
-                out[i * m + k] = u[i, k]
-    for k in range(_RATES):
-        out[n * m * order + k] = rates[k]
+
+    senders: Indices
+    sensed: Indices
+    offsets: Indices
+    pieces: NDArray[np.int32]
+    spans: Array
+
+
+class Slots(NamedTuple):
+    """Parameters of a law, see `flocking.engine.kernels.layout.Layout.values`.
+
+    Parameters
+    ----------
+    P, A, W
+        Single numbers; numbers of each agent, shape (rows, N); numbers of each pair, shape (matrices, N, N).
+    """
+
+    P: Array
+    A: Array
+    W: Array
+
+
+class CompiledLaw(NamedTuple):
+    """A law in force, as native functions take it.
+
+    Parameters
+    ----------
+    slope, energies
+        Addresses of its compiled functions, see `flocking.engine.kernels.codegen.compiled_kernels`.
+    order, n, m
+        Order of the agents, 1 or 2, their number and that of the axes.
+    pairs, slots
+        Pairs and parameters in force.
+    functionals
+        Functionals of the graphs, shape (graphs, N).
+    """
+
+    slope: int
+    energies: int
+    order: int
+    n: int
+    m: int
+    pairs: Pairs
+    slots: Slots
+    functionals: Array
 
 
 @native_apart
 def stages(
-    address: int, order: int, first: int, last: int, kept: int, t: float, y: Array, h: float, K: Array, nodes: Array,
-    weights: Array, n: int, m: int, senders: Array, sensed: Array, offsets: Array, pieces: Array, spans: Array,
-    P: Array, A: Array, W: Array, S: Array, found: Array,
+    law: CompiledLaw, nodes: Array, weights: Array, first: int, last: int, state_stage: int, t: float, y: Array,
+    h: float, K: Array, found: Array,
 ) -> None:  # fmt: skip
-    """Slopes K at stages of a Runge-Kutta step, see `flocking.engine.exact.dynamics.Dynamics.stages`.
+    """Slopes K at stages of a Runge-Kutta step.
 
     Parameters
     ----------
-    address, order, S
-        As for `slope`.
+    law
+        The law in force.
+    nodes, weights
+        The method: its nodes c, shape (stages,), and its matrix a, shape (stages, stages).
     first, last
         Slopes are computed at the stages ``first`` to ``last - 1``; those before are known.
-    kept
+    state_stage
         Stage whose state goes to ``found``.
-    y, h
-        State where the step begins, and its length.
-    nodes
-        Nodes of the method, shape (stages,).
+    t, y, h
+        Time and state where the step begins, and its length.
+    K
+        Slopes at the stages, shape (stages, size).
     """
-    size = y.shape[0]
-    z = np.empty(size)
-    q = np.empty((n, m))
-    p = np.zeros((n, m))
-    u = np.empty((n, m))
-    rates = np.empty(_RATES)
-    for s in range(first, max(last, kept + 1)):
+    size, pairs, slots = y.shape[0], law.pairs, law.slots
+    z, none = np.empty(size), np.empty(0)
+    q, p, u = np.empty((law.n, law.m)), np.zeros((law.n, law.m)), np.empty((law.n, law.m))
+    for s in range(first, max(last, state_stage + 1)):
         for c in range(size):
             z[c] = y[c]
         for k in range(s):
@@ -92,38 +113,39 @@ def stages(
                 factor = h * weights[s, k]
                 for c in range(size):
                     z[c] += factor * K[k, c]
-        if s == kept:
+        if s == state_stage:
             for c in range(size):
                 found[c] = z[c]
         if s < last:
-            slope(
-                address, t + nodes[s] * h, z, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S, u, rates,
-                order, K[s],
+            _slope(
+                law.slope, t + nodes[s] * h, z, pairs.senders, pairs.sensed, pairs.offsets, pairs.pieces, pairs.spans,
+                slots.P, slots.A, slots.W, law.functionals, q, p, u, K[s], none,
             )  # fmt: skip
 
 
-def state_energies(
-    address: int, order: int, t: float, y: Array, n: int, m: int, senders: Array, sensed: Array, offsets: Array,
-    pieces: Array, spans: Array, P: Array, A: Array, W: Array, S: Array, found: Array,
-) -> None:  # fmt: skip
+def state_energies(law: CompiledLaw, t: float, y: Array, found: Array) -> None:
     """Pair storage, body storage and kinetic energy of a state vector ``y``, for native functions.
 
     Parameters
     ----------
-    address
-        Address of the compiled function of the energies of the law.
-    order, S
-        As for `slope`.
+    law
+        The law in force.
+    y
+        The state vector, shape (size,).
     found
         Takes the three, shape (3,).
     """
+    n, m, pairs, slots = law.n, law.m, law.pairs, law.slots
     q, p = np.empty((n, m)), np.zeros((n, m))
     for i in range(n):
         for k in range(m):
             q[i, k] = y[i * m + k]
-            if order == 2:
+            if law.order == 2:
                 p[i, k] = y[(n + i) * m + k]
-    _energies(address, t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S, found)
+    _energies(
+        law.energies, t, q, p, pairs.senders, pairs.sensed, pairs.offsets, pairs.pieces, pairs.spans,
+        slots.P, slots.A, slots.W, law.functionals, found,
+    )  # fmt: skip
 
 
 class LawKernels:
@@ -141,12 +163,23 @@ class LawKernels:
         self.module = module
         self.order = order
         self.name = module.__name__
-        self._address = int(module.control.address)
 
     @cached_property
-    def addresses(self) -> tuple[int, int]:
-        """Where the compiled functions of the forces and of the energies are."""
-        return self._address, int(self.module.energies.address)
+    def _addresses(self) -> tuple[int, int]:
+        """Addresses of the compiled functions of the slope and of the energies."""
+        return int(self.module.slope.address), int(self.module.energies.address)
+
+    def in_force(self, n: int, m: int, pairs: Pairs, slots: Slots, functionals: Array) -> CompiledLaw:
+        """The law with pairs and parameters, as native functions take it.
+
+        Parameters
+        ----------
+        n, m
+            Numbers of agents and axes.
+        pairs, slots, functionals
+            As for `control`.
+        """
+        return CompiledLaw(*self._addresses, self.order, n, m, pairs, slots, functionals)
 
     def control(
         self, t: float, q: Array, p: Array, pairs: Pairs, slots: Slots, functionals: Array, u: Array, rates: Array
@@ -177,24 +210,6 @@ class LawKernels:
             As for `control`.
         """
         found: tuple[float, float, float] = self.module.energies(t, q, p, *pairs, *slots, functionals)
-        return found
-
-    def stages(
-        self, first: int, last: int, kept: int, t: float, y: Array, h: float, K: Array, nodes: Array, weights: Array,
-        n: int, m: int, pairs: Pairs, slots: Slots, functionals: Array,
-    ) -> Array:  # fmt: skip
-        """Slopes at stages of a Runge-Kutta step, see `flocking.engine.exact.dynamics.Dynamics.stages`.
-
-        Parameters
-        ----------
-        first, last, kept, y, h, K, nodes
-            As for the function `stages` of this module.
-        pairs, slots, functionals
-            As for `control`.
-        """
-        found = np.empty(len(y))
-        given = first, last, kept, t, y, h, K, nodes, weights, n, m
-        stages(self._address, self.order, *given, *pairs, *slots, functionals, found)
         return found
 
     def shape(self, name: str) -> Callable[..., Sequence[float]] | None:

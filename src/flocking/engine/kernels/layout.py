@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
+from flocking.model.bodies.body import Body
+from flocking.model.bodies.point_bodies import PointMass
 from flocking.model.checks import Array
 from flocking.model.energy import Energy
 from flocking.model.graphs.weights import HashedWeights, PairWeights
 from flocking.model.law import Law
 from flocking.model.leaders_and_obstacles.leaders import Leader
-from flocking.model.state import Agents
 from flocking.model.terms.avoidance import ObstacleGroup, ObstacleTerm, PerObstacle
 from flocking.model.terms.fading_potentials import Fall
 from flocking.model.terms.pair_terms import Term, Value
 from flocking.model.terms.schedules import Schedule
 
 MASS, DAMPING = "A0", "A1"
+BODIES = "bodies"
+"""Owner of the parameters of the agents' bodies."""
 
 
 @dataclass(frozen=True)
@@ -51,10 +54,13 @@ class Layout:
         The law.
     energy
         The energy; its leader's parameters get slots too.
+    bodies
+        What the agents are; their parameters get slots too.
     """
 
     law: Law
     energy: Energy
+    bodies: Body = field(default_factory=PointMass)
 
     def leaders(self) -> tuple[Leader, ...]:
         """Leaders of the law, then the energy's if it is another one."""
@@ -79,6 +85,7 @@ class Layout:
         found += [(f"leader{k}", {**x.parameters, **self._places(x)}) for k, x in enumerate(self.leaders())]
         found += [(owner, dict(fall.parameters)) for owner, fall in self.falls.items()]
         found += [(f"obstacles{k}", dict(group.rows)) for k, (_, group) in enumerate(self.encounters())]
+        found += [(BODIES, dict(self.bodies.parameters))]
         return found
 
     @staticmethod
@@ -133,13 +140,14 @@ class Layout:
             tuple("momentum" in t.symmetries for t in law.pair_terms),
             tuple(x.structure for x in self.leaders()),
             (self.energy.structure, self.leader_number(self.energy.leader)),
+            self.bodies.structure,
             tuple(self.slots.items()),
         )
 
     @property
     def parts(self) -> tuple[object, ...]:
         """Everything that states formulas; leaders and obstacles are parts of these."""
-        return (*self.law.graphs, *self.law.terms, self.energy)
+        return (*self.law.graphs, *self.law.terms, self.energy, self.bodies)
 
     def weight_kinds(self) -> tuple[str, ...]:
         """Kind of each pair weight of a tiled kernel: ``"hash"`` or ``"matrix"``."""
@@ -164,7 +172,7 @@ class Layout:
         """Owner name of a term."""
         return f"term{next(k for k, t in enumerate(self.law.terms) if t is term)}"
 
-    def values(self, agents: Agents, n: int, t: float = 0.0) -> tuple[Array, Array, Array]:
+    def values(self, agents: Body, n: int, t: float = 0.0) -> tuple[Array, Array, Array]:
         """Numbers for the slots at time ``t``.
 
         P has the single numbers, then the rows of `obstacle_rows`; A has shape (rows, n), W (matrices, n, n).

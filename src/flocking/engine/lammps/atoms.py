@@ -16,7 +16,9 @@ from flocking.engine.lammps.ranks import Ranks
 from flocking.model.state import State
 
 BINS_EACH = 8
+"""Bins of the cell grid per agent at most: a bound on memory where a group is spread out."""
 FEWEST_BINS = 2**17
+"""Bins that a small group may have in any case; their memory is negligible."""
 THINNEST = 0.05
 """Cells for finding neighbours: their number per agent, at least, and the flattest box in radii that has any."""
 WIDEST_CELL, MOST_ALONG = 50.0, 1e9

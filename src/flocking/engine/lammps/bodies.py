@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,14 +11,15 @@ from flocking.arrays import Array
 from flocking.engine.kernels.layout import DAMPING, MASS, Layout
 from flocking.engine.lammps.pairs import numbers
 from flocking.engine.lammps.printing import variable
+from flocking.model.bodies.body import Body
 from flocking.model.leaders_and_obstacles.leaders import Sink
 from flocking.model.leaders_and_obstacles.obstacles import Ball, Obstacle
-from flocking.model.state import Agents
 
 if TYPE_CHECKING:
     import sympy
 
     from flocking.engine.kernels.expressions import LawFormulas
+    from flocking.engine.kernels.obstacle_formulas import EncounterFormulas
 
 AXES = "xyz"
 MOST_GROUPS = 24
@@ -65,7 +66,7 @@ class _Names:
         return variable(expression, names)
 
 
-def body_deck(formulas: LawFormulas, layout: Layout, P: Array, agents: Agents) -> BodyDeck:
+def body_deck(formulas: LawFormulas, layout: Layout, P: Array, agents: Body) -> BodyDeck:
     """Translate all body terms, and the damping of the agents themselves.
 
     Parameters
@@ -166,7 +167,7 @@ def _near(name: str, some: list[tuple[str, float, sympy.Expr]]) -> list[str]:
     return [f'variable {name} atom "{condition}"', f"group {name} dynamic all var {name} every 1"]
 
 
-def _needed(encounter: Any) -> set[str]:
+def _needed(encounter: EncounterFormulas) -> set[str]:
     """Names of the stages that the force uses, directly or through others."""
     needed_names = {s.name for f in encounter.force for s in f.free_symbols} | {"distance"}
     for stage in reversed(encounter.geometry):

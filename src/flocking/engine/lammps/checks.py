@@ -6,13 +6,13 @@ import numpy as np
 
 from flocking.engine.kernels.layout import Layout
 from flocking.errors import InvalidInput, UnsupportedLaw
-from flocking.model.graphs.distance_graphs import Hysteresis, Proximity
-from flocking.model.graphs.smooth_graphs import Smooth
+from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.model.graphs.weights import PairWeights
 from flocking.model.law import Scenario
 from flocking.model.terms.schedules import Schedule
 
 MOST_AGENTS = 2**31 - 1
+"""Largest number of atoms where LAMMPS counts them in 32 bits."""
 
 
 def _refusal(what: str, way_out: str = "Use engine='tiles' or 'exact'.") -> UnsupportedLaw:
@@ -35,16 +35,20 @@ def check_supported(scenario: Scenario) -> None:
         raise InvalidInput("Scenario", "start", f"must have at most {MOST_AGENTS} agents for LAMMPS", n)
     if agents.order != 2:
         raise _refusal("first-order agents (Agents(order=1))", "Use engine='exact'.")
+    if agents.order == 2 and not is_point_mass(agents):
+        raise _refusal(f"{type(agents).__name__} agents, only point masses", "Use engine='exact'.")
     if dimension not in (2, 3):
         raise _refusal(f"{dimension} dimensions, only 2 or 3", "Use engine='exact'.")
     for graph in law.graphs:
-        if isinstance(graph, Hysteresis) and graph.gap > 0:
+        breaks = graph.break_radius
+        if not (graph.follows_radii and isinstance(breaks, float)):
+            raise _refusal(f"the graph {type(graph).__name__}: pairs are found by one distance alone")
+        gap = breaks - float(graph.appear_radius)
+        if gap > 0:
             raise _refusal(
-                f"Hysteresis with a gap ({graph.gap:g}): its pair styles remember no links",
+                f"{type(graph).__name__} with a gap ({gap:g}): its pair styles remember no links",
                 "Use engine='tiles' or 'exact', or Proximity.",
             )
-        if not isinstance(graph, Proximity | Smooth | Hysteresis):
-            raise _refusal(f"the graph {type(graph).__name__}: pairs are found by one distance alone")
     for term in law.pair_terms:
         if getattr(term, "functional", False):
             raise _refusal(f"{type(term).__name__} with a graph functional", "Use engine='exact'.")

@@ -19,7 +19,7 @@ from flocking.model.state import State
 BALANCE_EVERY = 500
 """Steps between two checks whether ranks have equal numbers of agents."""
 UNEVEN = 1.1
-"""Largest over mean number of agents per rank above which the ranks' boxes are cut anew."""
+"""Largest over mean number of agents per rank above which the ranks' boxes are redistributed."""
 SKIN_SHARE = 0.15
 """Skin of the neighbour lists, in radii, where none is given."""
 

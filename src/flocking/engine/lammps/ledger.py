@@ -5,13 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.arrays import Array, Indices
-from flocking.engine.kernels.codegen import RATES, compiled_kernels
-from flocking.engine.kernels.law_kernels import LawKernels
+from flocking.engine.kernels.codegen import compiled_kernels
+from flocking.engine.kernels.law_kernels import LawKernels, Pairs, Slots
 from flocking.engine.kernels.layout import Layout
+from flocking.engine.kernels.motion_source import RATES
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 from flocking.engine.kernels.pieces import free_pieces
 from flocking.engine.lammps.neighbours import near_pairs
-from flocking.engine.runs.run import Closest
+from flocking.engine.runs.observation import observation
+from flocking.engine.runs.recorder import Recorder
+from flocking.engine.runs.run import Closest, LedgerRow
 from flocking.errors import NotFinite
 from flocking.model.law import Scenario
 from flocking.model.state import State
@@ -29,13 +32,13 @@ class Ledger:
     rims
         Energy of a pair where its link ends, for each graph of the law: energy jumps by it where a link appears or
         breaks. Links that do both between two rows cancel.
+    records
+        Where the rows and the closest pair go.
     """
 
-    def __init__(self, scenario: Scenario, rims: list[float]) -> None:
+    def __init__(self, scenario: Scenario, rims: list[float], records: Recorder) -> None:
         self.scenario = scenario
-        self.trace: list[tuple[float, ...]] = []
-        self.closest_linked = Closest()
-        self.closest_unlinked = Closest()
+        self._records = records
         self._last: tuple[float, Array] | None = None
         self._heights = [rims[0] - scenario.energy.unlinked, *rims[1:]]
         self._counts: list[int] = []
@@ -43,16 +46,14 @@ class Ledger:
         self._slots = self._layout.values(scenario.agents, scenario.start.n, scenario.start.t)
         self._encounters = ObstacleDistances(scenario.law)
 
-    def go_on(self, trace: list[tuple[float, ...]], state: State) -> None:
-        """Go on after the rows of an earlier run that ended in ``state``.
+    @property
+    def trace(self) -> list[tuple[float, ...]]:
+        """The rows, fields `TRACE_FIELDS`."""
+        return self._records.trace
 
-        Parameters
-        ----------
-        trace
-            Those rows, fields `TRACE_FIELDS`.
-        """
-        self.trace = trace
-        if trace:
+    def go_on(self, state: State) -> None:
+        """Go on after the rows of an earlier run that ended in ``state``."""
+        if self.trace:
             pairs = self.pairs(state)
             self._last = (state.t, self._evaluated(state, pairs)[2])
             self._counts = [len(i) for i, _ in pairs]
@@ -69,7 +70,9 @@ class Ledger:
             t, before = self._last
             integrals = integrals + 0.5 * (state.t - t) * (before + powers)
         self._last = (state.t, powers)
-        self.trace.append((state.t, stored + kinetic, kinetic, *map(float, integrals), self._jumped(pairs)))
+        work, lost, supplied = map(float, integrals)
+        row = LedgerRow(state.t, stored + kinetic, kinetic, work, lost, supplied, self._jumped(pairs))
+        self.trace.append(row)
 
     def _jumped(self, pairs: list[tuple[Indices, Indices]]) -> float:
         """Energy that came with links until now, less what went with them."""
@@ -82,7 +85,7 @@ class Ledger:
 
     def _evaluated(self, state: State, pairs: list[tuple[Indices, Indices]]) -> tuple[float, float, Array]:
         """Stored and kinetic energy, and the powers of `RATES`."""
-        kernels = LawKernels(compiled_kernels(self._layout, state.dimension, 2), 2)
+        kernels = LawKernels(compiled_kernels(self._layout, state.dimension), 2)
         pairs = list(pairs)
         self._closest(state, pairs[0])
         n, count = state.n, len(pairs[0][0])
@@ -92,10 +95,9 @@ class Ledger:
                 pairs.append((near[:, 0], near[:, 1]))
         offsets = np.cumsum([0, *(len(i) for i, _ in pairs)])
         senders, sensed = (np.concatenate([pair[k] for pair in pairs]).astype(np.int64) for k in (0, 1))
-        P, A, W = self._slots
         functionals = np.zeros((len(self.scenario.law.graphs), n))
         motion = (state.t, np.ascontiguousarray(state.q), np.ascontiguousarray(state.p))
-        given = (*motion, (senders, sensed, offsets, *free_pieces(len(senders))), (P, A, W), functionals)
+        given = (*motion, Pairs(senders, sensed, offsets, *free_pieces(len(senders))), Slots(*self._slots), functionals)
         u, powers = np.empty((n, state.dimension)), np.empty(len(RATES))
         kernels.control(*given, u, powers)
         links, bodies, kinetic = kernels.energies(*given)
@@ -110,25 +112,22 @@ class Ledger:
             return
         square = ((state.q[i] - state.q[j]) ** 2).sum(axis=1)
         k = int(np.argmin(square))
-        if float(np.sqrt(square[k])) < self.closest_linked.distance:
+        if float(np.sqrt(square[k])) < self._records.closest_linked.distance:
             pair = (int(min(i[k], j[k])), int(max(i[k], j[k])))
-            self.closest_linked = Closest(float(np.sqrt(square[k])), state.t, pair)
+            self._records.closest_linked = Closest(float(np.sqrt(square[k])), state.t, pair)
 
 
-def observation(scenario: Scenario, state: State, pairs: tuple[Indices, Indices]) -> tuple[float, ...]:
+def observed_state(state: State, pairs: tuple[Indices, Indices]) -> tuple[float, ...]:
     """A row of `flocking.engine.runs.run.OBSERVED_FIELDS` from a whole state and its pairs under the law's graph."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    from flocking.model.observables import order, velocity_spread
-
     n = state.n
     i, j = pairs
     length = np.sqrt(((state.q[i] - state.q[j]) ** 2).sum(axis=1))
-    count, label = connected_components(coo_array((np.ones(len(i), dtype=bool), (i, j)), shape=(n, n)), directed=False)
-    mean = float(length.mean()) if len(length) else np.nan
-    defect = float(length.std()) / mean if len(length) else np.nan
-    return (
-        state.t, order(state), float(np.linalg.norm(state.p, axis=1).mean()), velocity_spread(state), int(count),
-        float(np.bincount(label).max()) / n, len(i) / n, mean, defect, float(length.min(initial=np.inf)),
+    _, label = connected_components(coo_array((np.ones(len(i), dtype=bool), (i, j)), shape=(n, n)), directed=False)
+    mean, deviation = (float(length.mean()), float(length.std())) if len(length) else (np.nan, np.nan)
+    return observation(
+        state.t, state.p, np.bincount(label), len(i), mean=mean, deviation=deviation,
+        closest=float(length.min(initial=np.inf)),
     )  # fmt: skip

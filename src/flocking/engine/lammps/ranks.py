@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from flocking.arrays import Array
+from flocking.engine.protocol.team import Team
 from flocking.errors import FlockingError, SimulationError
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ MESSAGE_SECONDS = 0.5
 """``mpiexec`` drops what it has not passed on when a job is ended."""
 
 
-class Ranks:
+class Ranks(Team):
     """All ranks of a communicator.
 
     Parameters
@@ -35,11 +36,6 @@ class Ranks:
     def __init__(self, comm: Comm) -> None:
         self.comm = comm
         self.rank, self.size = int(comm.rank), int(comm.size)
-
-    @property
-    def first(self) -> bool:
-        """Whether this is the rank that writes and speaks."""
-        return self.rank == 0
 
     def alone(self, action: Callable[[], T]) -> T | None:
         """Let the first rank do something. Its result stays there; its failure is raised on all ranks.
@@ -62,6 +58,17 @@ class Ranks:
         if report is not None:
             raise _rebuilt(*report)
         return result
+
+    def shared(self, action: Callable[[], T]) -> T:
+        """Let the first rank do something, and give its result to all ranks; its failure is raised on all.
+
+        Parameters
+        ----------
+        action
+            Called without arguments; what it gives can be pickled.
+        """
+        found: T = self.comm.bcast(self.alone(action))
+        return found
 
     def end(self, words: str) -> None:
         """Say why on standard error, and end the whole job: all its ranks.

@@ -5,16 +5,14 @@ LAMMPS's own restart files lose agents that have left its box since it last look
 
 from __future__ import annotations
 
-import io
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Any
+from typing import TypedDict, cast
 
 from flocking.arrays import Array
-from flocking.engine.archives.archive import UNREADABLE, read_archive, write_archive
-from flocking.engine.archives.data_checks import And, Integer, Names, Real, Row, Table, Text
+from flocking.engine.archives.archive import Arrays
+from flocking.engine.archives.data_checks import And, Flag, Integer, Maybe, Names, Real, Row, Table, Text
 from flocking.engine.lammps.options import LammpsOptions
-from flocking.errors import StorageError
 from flocking.model.law import Scenario
 from flocking.model.state import State
 
@@ -42,41 +40,73 @@ class Restart:
         return State(self.agents[:, :dimension], self.agents[:, 3 : 3 + dimension], self.time)
 
 
-def packed(restart: Restart, options: LammpsOptions) -> bytes:
-    """A restart and the options of its session as the bytes of an ``.npz`` file."""
-    numbers = {"engine": "lammps", "time": restart.time, "steps": restart.steps, "plan": restart.plan}
-    file = io.BytesIO()
-    write_archive(file, {**numbers, "options": asdict(options)}, {"agents": restart.agents})
-    return file.getvalue()
+def packed_restart(restart: Restart, options: LammpsOptions) -> tuple[dict[str, object], Arrays]:
+    """A restart and the options of its session as numbers and arrays.
+
+    Parameters
+    ----------
+    restart
+        The restart.
+    """
+    numbers: dict[str, object] = {"time": restart.time, "steps": restart.steps, "plan": restart.plan}
+    return {**numbers, "options": asdict(options)}, {"agents": restart.agents}
 
 
-def unpacked(data: bytes, where: Path, scenario: Scenario) -> tuple[Restart, LammpsOptions]:
+class RestartNumbers(TypedDict):
+    """The numbers of a restart, by the names of `Restart`, and the options of its session."""
+
+    time: float
+    steps: int
+    plan: tuple[float, float, int, int]
+    options: object
+
+
+def unpacked(numbers: Mapping[str, object], arrays: Arrays, scenario: Scenario) -> tuple[Restart, LammpsOptions]:
     """The restart and the options that were packed.
+
+    Parameters
+    ----------
+    numbers, arrays
+        What was packed.
 
     Raises
     ------
-    StorageError
+    MalformedError, InvalidInput, TypeError
         When the data are no restart of a session of this scenario.
     """
-    try:
-        numbers, arrays = read_archive(data)
-        _form(scenario).check(numbers, "")
-        Names({"agents": Table("f8", (scenario.start.n, 9))}).check(arrays, "")
-        restart = Restart(arrays["agents"], numbers["time"], numbers["steps"], tuple(numbers["plan"]))
-        return restart, stored_options(numbers["options"])
-    except UNREADABLE as error:
-        raise StorageError(f"{where}: no checkpoint this version can go on from ({str(error)[:200]}).") from None
+    _form(scenario).check(numbers, "")
+    checked = cast(RestartNumbers, numbers)
+    Names({"agents": Table("f8", (scenario.start.n, 9))}).check(arrays, "")
+    restart = Restart(arrays["agents"], checked["time"], checked["steps"], (*checked["plan"],))
+    return restart, stored_options(checked["options"])
 
 
-def stored_options(data: dict[str, Any]) -> LammpsOptions:
+class OptionFields(TypedDict, total=False):
+    """The options of a session but for the log, by the names of `LammpsOptions`."""
+
+    step: float | None
+    skin: float | None
+    ledger: int | None
+    observe: bool
+
+
+_OPTIONS = Names(
+    {},
+    {"step": Maybe(Real()), "skin": Maybe(Real()), "ledger": Maybe(Integer()), "observe": Flag(),
+     "keep_log": Maybe(Text())},
+)  # fmt: skip
+
+
+def stored_options(data: object) -> LammpsOptions:
     """The options of a run on disk; LAMMPS's own log is not written again, for whoever made the run chose its path.
 
     Raises
     ------
-    InvalidInput, TypeError
+    InvalidInput, MalformedError
         When they are none.
     """
-    return LammpsOptions(**{**data, "keep_log": None})
+    checked = _OPTIONS.check(data, "options")
+    return LammpsOptions(**cast(OptionFields, {name: x for name, x in checked.items() if name != "keep_log"}))
 
 
 def _form(scenario: Scenario) -> Names:
@@ -85,7 +115,6 @@ def _form(scenario: Scenario) -> Names:
     plan = And(Row([time, time, Integer(1), Integer()]), "lead forward", lambda x: bool(x[0] <= x[1] and x[3] <= x[2]))
     return Names(
         {
-            "engine": Text(("lammps",)),
             "time": time,
             "steps": Integer(),
             "plan": plan,

@@ -2,35 +2,42 @@
 
 from __future__ import annotations
 
+import math
+import time
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from flocking.arrays import Array, Forces
+from flocking.engine import interruption
 from flocking.engine.fixed_step.passing_pairs import check_passing, singular_reach
+from flocking.engine.fixed_step.step_checks import RESIDUAL
 from flocking.engine.lammps import library
 from flocking.engine.lammps.atoms import Atoms, LammpsError
 from flocking.engine.lammps.deck import Deck, make_deck
 from flocking.engine.lammps.law_check import LawCheck, check_apart
-from flocking.engine.lammps.ledger import observation
+from flocking.engine.lammps.ledger import observed_state
 from flocking.engine.lammps.options import LammpsOptions
 from flocking.engine.lammps.ranks import Ranks
-from flocking.engine.lammps.records import Records
-from flocking.engine.lammps.restart import Restart
+from flocking.engine.lammps.records import LammpsRecorder
+from flocking.engine.lammps.restart import Restart, packed_restart, unpacked
 from flocking.engine.lammps.steps import check_ledger_rows, check_strides, chosen_step, step_too_large, steps_between
+from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.reference.plants import check_plant
-from flocking.engine.runs.provenance import provenance
-from flocking.engine.runs.run import Run
-from flocking.errors import SimulationError
+from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
+from flocking.errors import SimulationError, UnsupportedLaw
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 
 GROWTH = 1.2
+"""Growth of the group over a batch of steps beyond which batches become shorter: cells fit a group that has grown by
+a fifth."""
 LONGEST_BOUT = 1024
 """How much larger a flock may get, and how many steps LAMMPS takes, until somebody looks at its box again."""
 
 
-class LammpsSession:
+class LammpsSession(Session):
     """A running simulation under LAMMPS. Its time is always on a step.
 
     Parameters
@@ -54,6 +61,9 @@ class LammpsSession:
     """
 
     engine = "lammps"
+    saves_when_interrupted = True
+    records: LammpsRecorder
+    options: LammpsOptions
 
     def __init__(
         self, scenario: Scenario, options: LammpsOptions, *, plant: Law | None = None, restart: Restart | None = None
@@ -67,7 +77,8 @@ class LammpsSession:
         self._judge: LawCheck | None = None
         self.ranks = Ranks(library.communicator())
         self.time, self.steps = scenario.start.t, 0
-        self.records = Records(scenario, [part.rim for part in self.deck.parts])
+        rims = [part.rim for part in self.deck.parts]
+        self.records = LammpsRecorder(scenario, rims, observe=options.observe)
         self._plan = (self.time, self.time, 1, 1)
         self._step = 0.0
         self._at_row = True
@@ -100,6 +111,15 @@ class LammpsSession:
         if restart is not None:
             self.time, self.steps, self._plan = restart.time, restart.steps, restart.plan
             self.atoms.set_forces(restart.agents[:, 6:])
+
+    @property
+    def team(self) -> Ranks:
+        """All ranks."""
+        return self.ranks
+
+    def reached(self, to: float) -> bool:
+        """Whether time ``to`` is reached, up to the rounding of a step."""
+        return self.time >= to - 1e-9 * self.step
 
     @property
     def step(self) -> float:
@@ -173,19 +193,24 @@ class LammpsSession:
         times += [float(t) for t in self.records.frame_times if t > self.time][:1]
         return min(times, default=self.time + 1000 * self.step)
 
-    def advance(self, to: float) -> None:
-        """Take steps until the session's time is ``to`` or just beyond it. Where steps fall does not depend on ``to``.
+    def advance(self, to: float, seconds: float = math.inf) -> None:
+        """Take steps until the session's time is ``to`` or just beyond it, or for ``seconds`` of wall time.
 
-        Raises
-        ------
-        SimulationError
-            When the run cannot go on; its ``run`` holds what was computed until then.
+        The first rank says for all when the time is over, and whether Ctrl-C was pressed.
         """
+        stop = time.monotonic() + seconds
         try:
             with self.ranks.bound():
-                while self.time < to - 1e-9 * self.step:
+                while not self.reached(to):
+                    noted = interruption.noted()
+                    if noted if self.ranks.size == 1 else self.ranks.comm.bcast(noted):
+                        interruption.check()
+                        raise interruption.Noted
                     self._take_steps(to)
                     self._record()
+                    over = time.monotonic() >= stop
+                    if over if self.ranks.size == 1 or seconds == math.inf else self.ranks.comm.bcast(over):
+                        return
         except SimulationError as error:
             error.run = self.run(str(error))
             raise
@@ -220,8 +245,8 @@ class LammpsSession:
         if not due and not (self.rows and self._at_row):
             return
         state = self.gathered_state()
-        if due:
-            self.records.count += 1
+        if due and not self.ranks.first:
+            self.records.skip()
         judged = self.rows and (due or self._judged == 0 or self.steps >= 2 * self._judged)
         forces = self.atoms.gathered("f") if judged else None
         self._judged = self.steps if judged else self._judged
@@ -244,7 +269,7 @@ class LammpsSession:
             self._judge = self._judge or LawCheck(self.scenario, self.deck)
             self._judge.look(state, forces[:, : self.deck.dimension], self._step, fatal=self.plant is None)
         if due:
-            records.frame(state, observation(self.scenario, state, pairs[0]) if self.options.observe else None)
+            records.state_frame(state, observed_state(state, pairs[0]) if self.options.observe else None)
             if self.rows:
                 check_ledger_rows(records.ledger, self.step, self.rows, self._sound)
         self._sound = state
@@ -255,22 +280,54 @@ class LammpsSession:
             agents = self.atoms.gathered("x", "v", "f")
         return None if agents is None else Restart(agents, self.time, self.steps, self._plan)
 
+    def pack(self) -> Packed:
+        """What another session needs to go on, on the first rank; nothing elsewhere. All ranks call it together."""
+        restart = self.restart()
+        return ({}, {}) if restart is None else packed_restart(restart, self.options)
+
+    @classmethod
+    def unpack(cls, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> LammpsSession:
+        """The session that was packed, on any number of ranks; all of them are given the same."""
+        restart, options = unpacked(*packed, stored.scenario)
+        session = cls(stored.scenario, options, plant=stored.plant, restart=restart)
+        session.records.go_on(stored.read(), session.gathered_state())
+        return session
+
+    def replace(self, *, law: Law | None = None, state: State | None = None) -> None:
+        """Refuse: LAMMPS runs one deck to its end."""
+        raise UnsupportedLaw(
+            "LAMMPS cannot replace a law or a state while a run goes on. Use engine='tiles' or 'exact', or start anew "
+            "from the session's state."
+        )
+
+    def accelerations(self) -> Array:
+        """Forces over masses, shape (N, m), on every rank; those on velocities are of half a step before."""
+        forces = self.ranks.comm.bcast(self.forces())
+        masses = np.broadcast_to(self.scenario.agents.masses, len(forces))
+        return np.asarray(forces / masses[:, None])
+
     @property
     def about(self) -> dict[str, object]:
         """Where the results come from, as the run's provenance says."""
-        found = provenance(self.engine, self.scenario) | library.versions()
-        return found | {
-            "steps": self.steps, "step": self.step, "scheme": "verlet", "ranks": self.ranks.size,
+        return super().about | library.versions() | {
+            "step": self.step, "scheme": "verlet", "ranks": self.ranks.size,
             "rank": self.ranks.rank, "switches": "not recorded",
             "ledger": f"trapezoidal, a row every {self.rows} steps" if self.rows else "none",
-            "closest": "at the rows of the ledger" if self.rows else "not recorded",
+            "closest": self._looked,
             **(self._judge.gaps.about if self._judge is not None else {}),
         }  # fmt: skip
 
-    def run(self, status: str = "finished") -> Run:
-        """What was computed so far; the frames are on the first rank alone."""
-        n, m = self.scenario.start.q.shape
-        return Run(self.scenario, status=status, provenance=self.about, **self.records.tables(n, m))
+    @property
+    def _looked(self) -> str:
+        return "at the rows of the ledger" if self.rows else "not recorded"
+
+    @property
+    def fidelity(self) -> Fidelity:
+        """Steps are fixed, switches are not located, and linked pairs are looked at where the ledger has a row."""
+        return Fidelity(
+            self.engine, approaches=Approaches("linked", math.nan, self._looked), ledger=LedgerRule("share", RESIDUAL),
+            fixed_step=self.step, law=self._judge.gaps.agreement if self._judge is not None else None,
+        )  # fmt: skip
 
     def close(self) -> None:
         """Give LAMMPS's memory back."""

@@ -23,6 +23,7 @@ RARE_RESIDUAL = 0.5
 """Share of the energy moved that a ledger may leave unexplained whose rows are further apart than one step."""
 
 ROUNDING = 1e3 * float(np.finfo(np.float64).eps)
+"""Relative error of a sum of energies from rounding: a generous bound for sums that MPI adds in any order."""
 
 
 def chosen_step(scenario: Scenario, state: State) -> float:

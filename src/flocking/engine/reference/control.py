@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from flocking.arrays import Indices
-from flocking.engine.kernels.codegen import array_kernels, free_names
+from flocking.engine.kernels.codegen import array_kernels
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.reference.finite_forces import check_finite, check_neighbours
 from flocking.errors import InvalidInput
+from flocking.model.bodies.body import Body
 from flocking.model.checks import Array, array, listed
 from flocking.model.checks import number as checked_number
 from flocking.model.energy import Energy
@@ -23,7 +24,7 @@ from flocking.model.law import Law
 from flocking.model.state import Agents, State
 from flocking.model.terms.schedules import Schedule
 
-__all__ = ["Agent", "Evaluation", "control", "control_of", "evaluate", "free_names"]
+__all__ = ["Agent", "Evaluation", "control", "control_of", "evaluate"]
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ def graph_links(law: Law, state: State, headings: Array | None = None) -> list[L
     return found
 
 
-def control(law: Law, state: State, *, agents: Agents | None = None) -> Array:
+def control(law: Law, state: State, *, agents: Body | None = None) -> Array:
     """Control u_i of every agent under ``law``.
 
     Parameters
@@ -74,7 +75,7 @@ def control(law: Law, state: State, *, agents: Agents | None = None) -> Array:
         Positions, velocities, time and, for graphs with memory, the links; without links the graph's initial
         rule decides.
     agents
-        Masses and damping; unit masses without damping when absent.
+        What the agents are; point masses of 1 without damping when absent.
 
     Returns
     -------
@@ -90,7 +91,7 @@ def control(law: Law, state: State, *, agents: Agents | None = None) -> Array:
     return _evaluated(law, state, agents, None, checked=True).u
 
 
-def evaluate(law: Law, state: State, *, agents: Agents | None = None, energy: Energy | None = None) -> Evaluation:
+def evaluate(law: Law, state: State, *, agents: Body | None = None, energy: Energy | None = None) -> Evaluation:
     """Control, energies and ledger powers of one state, on NumPy arrays over all linked pairs.
 
     Parameters
@@ -112,12 +113,17 @@ def evaluate(law: Law, state: State, *, agents: Agents | None = None, energy: En
     return _evaluated(law, state, agents, energy, checked=False)
 
 
-def _evaluated(law: Law, state: State, agents: Agents | None, energy: Energy | None, *, checked: bool) -> Evaluation:
+def _evaluated(law: Law, state: State, agents: Body | None, energy: Energy | None, *, checked: bool) -> Evaluation:
     if not isinstance(state, State):
         raise InvalidInput("control", "state", "must be a State", state, "Use fk.State(q, p).")
-    for name, part, kind in (("law", law, Law), ("agents", agents, Agents | None), ("energy", energy, Energy | None)):
+    given_parts = (
+        ("law", law, Law, "Law"),
+        ("agents", agents, Body | None, "Agents"),
+        ("energy", energy, Energy | None, "Energy"),
+    )
+    for name, part, kind, word in given_parts:
         if not isinstance(part, kind):
-            raise InvalidInput("control", name, f"must be {name.capitalize()}", part)
+            raise InvalidInput("control", name, f"must be {word}", part)
     n, m = state.q.shape
     agents = Agents() if agents is None else agents
     agents.check_count(n)
@@ -125,7 +131,7 @@ def _evaluated(law: Law, state: State, agents: Agents | None, energy: Energy | N
         state = replace(state, p=np.zeros_like(state.q))
     law.check_count(n, m)
     energy = energy or Energy()
-    layout = Layout(law, energy)
+    layout = Layout(law, energy, agents)
     module = array_kernels(layout, m)
     P, A, W = layout.values(agents, n, state.t)
     u = np.zeros((n, m))
@@ -165,7 +171,12 @@ def _evaluated(law: Law, state: State, agents: Agents | None, energy: Energy | N
         for i, values in near:
             supply += float(sum((values[f"force{k}"] * u[i, k]).sum() for k in range(m)))
         return Evaluation(u, storage, 0.0, float((u**2).sum()), supply, force_sum)
-    kinetic = 0.5 * float(np.sum(A[0][:, None] * (state.p - frame) ** 2))
+    given |= {f"u{k}": u[:, k] for k in range(m)} | {f"w{k}": state.p[:, k] - frame[k] for k in range(m)}
+    columns = {**state.columns, **agents.missing_columns(state.columns, state.q, state.p)}
+    given |= {f"column_{name}_{k}": x for name, values in columns.items() for k, x in enumerate(values.T)}
+    moving = module.motion(P, given)
+    kinetic = float(np.sum(moving["kinetic"] * np.ones(n)))
+    supply += float(np.sum(moving["departure"] * np.ones(n)))
     dissipation, supply = dissipation + float(body["dissipation"].sum()), supply + float(body["supply"].sum())
     return Evaluation(u, storage, kinetic, dissipation, supply, force_sum)
 

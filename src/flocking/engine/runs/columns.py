@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from flocking.arrays import AnyArray, Array, Records
 from flocking.engine.runs.run import OBSERVED_FIELDS, SWITCH_FIELDS, TRACE_FIELDS
+from flocking.model.law import Scenario
 
 CHUNK_BYTES = 2**20
 """Aim for the size of a chunk before compression."""
 
 LONGEST_CHUNK = 4096
+"""Rows of a chunk at most: a small run is one chunk, and appending rewrites no more than that."""
 LARGEST_CHUNK = 2**25
 """Bytes of a chunk at most: a frame of very many agents is cut into several, which are written side by side."""
 
@@ -44,6 +46,9 @@ FRAME_ERROR = "frame_error"
 ERRORS = ("position", "velocity")
 """Columns of the errors of frames."""
 
+COLUMN = "column"
+"""The array of what agents have beside positions and velocities, all columns side by side."""
+
 ARRAYS: dict[str, tuple[tuple[str, ...], str, dict[str, object]]] = {
     "time": (("time",), "f8", {"units": "unit of time", "long_name": "time of the frame"}),
     "position": (("time", "agent", "axis"), "f8", {"units": "unit of length", "long_name": "positions q"}),
@@ -55,6 +60,7 @@ ARRAYS: dict[str, tuple[tuple[str, ...], str, dict[str, object]]] = {
     ),
     "checksum": (("time", "part"), "u4", {"long_name": "CRC-32 of positions with time, of velocities, of links"}),
     FRAME_ERROR: (("time", "error"), "f8", {"long_name": "estimated errors of positions and velocities"}),
+    COLUMN: (("time", "agent", "component"), "f8", {"long_name": "further columns of the agents"}),
     LEDGER: (("step", "quantity"), "f8", {
         "long_name": "energy ledger at every step", "units": "unit of energy, but of time for the time",
     }),
@@ -67,6 +73,7 @@ ARRAYS: dict[str, tuple[tuple[str, ...], str, dict[str, object]]] = {
     "quantity": (("quantity",), "str", {"long_name": "column of the ledger"}),
     "measure": (("measure",), "str", {"long_name": "what is observed"}),
     "error": (("error",), "str", {"long_name": "what the error is of"}),
+    "component": (("component",), "str", {"long_name": "name of a further column and number within it"}),
 }  # fmt: skip
 """Dimensions, type and attributes of every array. Positions and velocities of a run in single precision are f4."""
 ARRAYS["switch_kind"][2].update({"flag_values": list(range(len(KINDS))), "flag_meanings": " ".join(KINDS)})
@@ -88,6 +95,8 @@ class Dimensions:
         Whether there are observations.
     with_errors
         Whether errors of frames are known.
+    components
+        Names of the numbers that agents have beside positions and velocities.
     """
 
     n: int
@@ -96,6 +105,7 @@ class Dimensions:
     precision: str = "float64"
     observed: bool = False
     with_errors: bool = False
+    components: tuple[str, ...] = ()
 
     def names(self) -> tuple[str, ...]:
         """Names of the arrays there are."""
@@ -103,13 +113,14 @@ class Dimensions:
             (() if self.with_links else ("links", "neighbour"))
             + (() if self.observed else (OBSERVED, "measure"))
             + (() if self.with_errors else (FRAME_ERROR, "error"))
+            + (() if self.components else (COLUMN, "component"))
         )
         return tuple(name for name in ARRAYS if name not in left_out)
 
     def _labels(self, name: str) -> object:
         if name == "axis":
             return list(AXES[: self.m]) if self.m <= len(AXES) else [f"x{k + 1}" for k in range(self.m)]
-        columns = {"quantity": QUANTITIES, "measure": MEASURES, "error": ERRORS}
+        columns = {"quantity": QUANTITIES, "measure": MEASURES, "error": ERRORS, "component": self.components}
         return list(columns[name]) if name in columns else np.arange(self.n)
 
     def create(self, store: object, name: str) -> None:
@@ -121,7 +132,8 @@ class Dimensions:
             kind = self.precision
         grows = dimensions[0] in GROWING
         sizes = {"agent": self.n, "neighbour": self.n, "axis": self.m, "quantity": len(QUANTITIES),
-                 "measure": len(MEASURES), "error": len(ERRORS), "part": 3 if self.with_links else 2}  # fmt: skip
+                 "measure": len(MEASURES), "error": len(ERRORS), "part": 3 if self.with_links else 2,
+                 "component": len(self.components)}  # fmt: skip
         shape = tuple(sizes.get(d, 0) for d in dimensions)
         row = int(np.prod(shape[1:])) * (1 if kind == "str" else np.dtype(kind).itemsize)
         first = max(1, min(LONGEST_CHUNK, CHUNK_BYTES // max(row, 1))) if grows else max(shape[0], 1)
@@ -134,6 +146,38 @@ class Dimensions:
         )  # fmt: skip
         if not grows:
             array[:] = np.array(self._labels(name), dtype=object if kind == "str" else kind)
+
+
+def component_names(scenario: Scenario) -> tuple[str, ...]:
+    """Names of the numbers that the agents of a scenario have beside positions and velocities."""
+    widths = scenario.agents.widths(scenario.start.dimension)
+    return tuple(f"{name}_{k}" for name, width in widths.items() for k in range(width))
+
+
+def joined_columns(scenario: Scenario, columns: Mapping[str, Array]) -> Array | None:
+    """Further columns of some frames, shape (F, N, width) each, side by side as stored; None where there are none.
+
+    Parameters
+    ----------
+    columns
+        The columns by name.
+    """
+    return np.concatenate([columns[c.name] for c in scenario.agents.columns], axis=2) if columns else None
+
+
+def separate_columns(scenario: Scenario, stored: Array) -> dict[str, Array]:
+    """Columns by name from what `joined_columns` gives.
+
+    Parameters
+    ----------
+    stored
+        Shape (F, N, components).
+    """
+    found, first = {}, 0
+    for name, width in scenario.agents.widths(scenario.start.dimension).items():
+        found[name] = stored[:, :, first : first + width]
+        first += width
+    return found
 
 
 def frame_checksums(parts: dict[str, AnyArray]) -> NDArray[np.uint32]:

@@ -45,8 +45,8 @@ class Difference:
 def first_difference(one: Run, two: Run, *, tolerance: float = 0.0) -> Difference | None:
     """The earliest difference of two runs, None when they are equal bit for bit.
 
-    Compared are frames, links, switches, ledger, observations and status; not the provenance, which says who computed
-    them.
+    Compared are frames with all columns, links, switches, ledger, observations and status; not the provenance, which
+    says who computed them.
 
     Parameters
     ----------
@@ -79,6 +79,11 @@ def _differences(one: Run, two: Run, tolerance: float) -> Iterator[Difference | 
         yield Difference("time of a frame", float(one.t[count]), float(two.t[count]), float(one.t[count]))
     for name, field in (("position", "q"), ("velocity", "p")):
         yield _frame_difference(one, getattr(one, field), getattr(two, field), name, count, tolerance)
+    if one.columns.keys() == two.columns.keys():
+        for name, values in one.columns.items():
+            yield _frame_difference(one, values, two.columns[name], f"column {name!r}", count, tolerance)
+    else:
+        yield Difference("columns of the agents", tuple(one.columns), tuple(two.columns))
     if one.links.shape[1:] == two.links.shape[1:]:
         yield _frame_difference(one, one.links, two.links, "links", count, 0.0)
     else:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.arrays import Records
-from flocking.model.checks import Array
+from flocking.arrays import Array, Reals, Records
+from flocking.engine.runs.fidelity import UNSTATED, Fidelity
 from flocking.model.graphs.connectivity import Links
 from flocking.model.law import Scenario
 from flocking.model.state import State
@@ -25,6 +26,9 @@ where agent ``i`` comes within range of obstacle ``j`` or leaves it and ``graph`
 is the rate of change of the distance as it crosses, negative when closing; ``tangential`` marks a crossing at which it
 vanishes; the errors of its time and of its speed are NaN where they are not known."""
 
+SwitchRow = tuple[float, int, int, str, int, float, bool, float, float]
+"""A recorded switch, fields `SWITCH_FIELDS`."""
+
 DOUBT_FIELDS = np.dtype(
     [
         ("begin", "f8"), ("end", "f8"), ("time", "f8"), ("i", "i8"), ("j", "i8"), ("kind", "U10"), ("graph", "i8"),
@@ -36,18 +40,26 @@ the distance at which it would have switched, ``margin`` short of it at ``time``
 ``end``; or ``switch``: it switched at ``time`` but went no further than ``error`` beyond. ``what`` is the kind of the
 switch as in `SWITCH_FIELDS`."""
 
-TRACE_FIELDS = np.dtype(
-    [
-        ("time", "f8"),
-        ("energy", "f8"),
-        ("kinetic", "f8"),
-        ("work", "f8"),
-        ("dissipated", "f8"),
-        ("supplied", "f8"),
-        ("jumped", "f8"),
-    ]
-)
-"""Fields of the ledger, one row per step: energy, and what was worked, dissipated, supplied and jumped until then."""
+DoubtRow = tuple[float, float, float, int, int, str, int, str, float, float]
+"""A switch that the integration error leaves open, fields `DOUBT_FIELDS`."""
+
+
+class LedgerRow(NamedTuple):
+    """A row of the ledger: energy and kinetic energy at a time, and what was worked, dissipated, supplied and jumped
+    until then.
+    """
+
+    time: float
+    energy: float
+    kinetic: float
+    work: float
+    dissipated: float
+    supplied: float
+    jumped: float
+
+
+TRACE_FIELDS = np.dtype([(name, "f8") for name in LedgerRow._fields])
+"""Fields of the ledger, one `LedgerRow` per step."""
 
 OBSERVED_FIELDS = np.dtype(
     [
@@ -152,8 +164,8 @@ class FineSamples:
     """
 
     t: Array
-    q: Array
-    p: Array
+    q: Reals
+    p: Reals
 
     def until(self, end: float) -> FineSamples:
         """Those not later than ``end``."""
@@ -192,22 +204,29 @@ class Run:
         The solution between frames, where ``fine=True`` asked the exact engine for it; it is not stored on disk.
     accuracy
         What is known of its errors; None where nothing is.
+    fidelity
+        The account that it gives of itself: audits read it, and leave open what it does not know.
+    columns
+        Further columns of the agents at the frames by name, shape (F, N, width) each, see
+        `flocking.model.bodies.body.Body.columns`.
     """
 
     scenario: Scenario
     t: Array
-    q: Array
-    p: Array
+    q: Reals
+    p: Reals
     links: NDArray[np.bool_]
     switches: Records
     trace: Records
     closest_linked: Closest = field(default_factory=Closest)
     closest_unlinked: Closest = field(default_factory=Closest)
     status: str = "finished"
-    provenance: dict[str, Any] = field(default_factory=dict)
+    provenance: dict[str, object] = field(default_factory=dict)
     observables: Records | None = None
     fine: FineSamples | None = None
     accuracy: Accuracy | None = None
+    fidelity: Fidelity = UNSTATED
+    columns: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def certain(self) -> NDArray[np.bool_]:
@@ -252,6 +271,7 @@ class Run:
             q=self.q[:count],
             p=self.p[:count],
             links=self.links[:count],
+            columns={name: values[:count] for name, values in self.columns.items()},
             switches=self.switches[self.switches["time"] <= end],
             trace=self.trace[self.trace["time"] <= end],
             fine=self.fine.until(end) if self.fine is not None else None,
@@ -260,7 +280,8 @@ class Run:
     def state(self, frame: int) -> State:
         """State at a stored frame, with its links."""
         links = self.links[frame] if self.links.shape[1:] == (self.n, self.n) else None
-        return State(self.q[frame], self.p[frame], float(self.t[frame]), links)
+        columns = {name: values[frame] for name, values in self.columns.items()}
+        return State(self.q[frame], self.p[frame], float(self.t[frame]), links, columns)
 
     def links_at(self, frame: int) -> Links:
         """Link matrix at a stored frame, shape (N, N)."""

@@ -123,11 +123,11 @@ def _write_npz(run: Run, path: Path) -> None:
         scenario = json.dumps(to_data(run.scenario))
     except ForeignPart:
         scenario = ""
-    file = io.BytesIO()
+    file, columns = io.BytesIO(), {f"column_{name}": values for name, values in run.columns.items()}
     np.savez_compressed(
-        file, t=run.t, q=run.q, p=run.p, links=run.links, switches=run.switches, trace=run.trace,
+        file, allow_pickle=False, t=run.t, q=run.q, p=run.p, links=run.links, switches=run.switches, trace=run.trace,
         scenario=np.array(scenario), provenance=np.array(json.dumps(run.provenance, default=str)),
-        status=np.array(run.status),
+        status=np.array(run.status), **columns,
     )  # fmt: skip
     put(path, file.getvalue())
 
@@ -136,10 +136,12 @@ def _write_xyz(run: Run, path: Path) -> None:
     lines = []
     m = min(run.q.shape[2], 3)
     _check_space(run)
-    for t, q, p in zip(run.t, run.q, run.p, strict=True):
-        lines += [str(run.n), f'Properties=species:S:1:pos:R:3:velo:R:3 Time={float(t)!r} pbc="F F F"']
+    further = "".join(f":{name}:R:{values.shape[2]}" for name, values in run.columns.items())
+    for k, (t, q, p) in enumerate(zip(run.t, run.q, run.p, strict=True)):
+        lines += [str(run.n), f'Properties=species:S:1:pos:R:3:velo:R:3{further} Time={float(t)!r} pbc="F F F"']
         rows = np.zeros((run.n, 6))
         rows[:, :m], rows[:, 3 : 3 + m] = q, p
+        rows = np.hstack([rows, *(values[k] for values in run.columns.values())])
         lines += ["A " + " ".join(repr(x) for x in row) for row in rows.tolist()]
     put(path, ("\n".join(lines) + "\n").encode())
 
@@ -178,6 +180,8 @@ def _write_gsd(run: Run, path: Path) -> None:
                     "particles/flocking/position": np.ascontiguousarray(run.q[k]),
                     "particles/flocking/velocity": np.ascontiguousarray(run.p[k]),
                 }
+                for name, values in run.columns.items():
+                    frame.log[f"particles/flocking/{name}"] = np.ascontiguousarray(values[k])
                 file.append(frame)
         os.replace(partial, path)
     finally:

@@ -18,6 +18,7 @@ TYPES = {"f8": "float64", "f4": "float32", "i8": "int64", "u4": "uint32", "u1": 
 """Zarr's names of the types of `flocking.engine.runs.columns.ARRAYS`."""
 
 CHECKPOINT_DIGITS = 6
+"""Digits of the number in the name of a checkpoint, so that names sort like numbers up to a million."""
 
 MOST_ROWS = 2**48
 """No run has more rows of anything."""
@@ -39,9 +40,8 @@ def _is_checkpoint(name: str) -> bool:
     return digits.isascii() and digits.isdigit() and name == checkpoint_name(int(digits[:18]))
 
 
-_CHECKPOINT = Names({
-    "file": And(Text(), "be the name of a checkpoint", _is_checkpoint), "checksum": Integer(),
-})  # fmt: skip
+_CHECKPOINT_FILE = And(Text(), "be the name of a checkpoint", _is_checkpoint)
+_CHECKPOINT = Names({"file": _CHECKPOINT_FILE, "checksum": Integer()})
 _RECORD = Names(
     {
         "format": Integer(1), "title": Text(), "status": Text(), "commits": Integer(),
@@ -51,6 +51,7 @@ _RECORD = Names(
         "checksums": Names({}, {name: Integer() for name in ARRAYS}),
         "scenario": Names({"checksum": Integer(), "left_out": Maybe(Text())}, others=True),
     },
+    {"components": Many(Text())},
     others=True,
 )  # fmt: skip
 
@@ -111,6 +112,7 @@ def _sizes(dimensions: tuple[str, ...], record: Mapping[str, Any]) -> Iterator[i
     known = {
         "agent": record["n"], "neighbour": record["n"], "axis": record["dimension"], "quantity": len(QUANTITIES),
         "measure": len(MEASURES), "error": len(ERRORS), "part": 3 if record["links"] else 2,
+        "component": len(record.get("components", [])),
     }  # fmt: skip
     for name in dimensions:
         yield known[name] if name in known else record["counts"].get(name, 0)

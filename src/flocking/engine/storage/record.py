@@ -16,6 +16,9 @@ from flocking.errors import StorageError
 FORMAT = 2
 """Version of the layout on disk; a reader refuses newer ones. Runs of format 1 know nothing of their errors."""
 
+FIRST_ENGINE = "exact"
+"""The one engine there was when runs did not name theirs yet."""
+
 RECORD = "zarr.json"
 SCENARIO = "scenario.json"
 UNFINISHED = "unfinished"
@@ -63,9 +66,11 @@ def read_provenance(folder: Path) -> dict[str, Any]:
     return dict(json.loads((folder / RECORD).read_bytes())["attributes"].get("provenance", {}))
 
 
-def written_by(folder: Path) -> str:
-    """Name of the engine that computes a run; empty where the run does not say."""
-    return str(read_provenance(folder).get("engine") or read_record(folder).get("session", {}).get("engine", ""))
+def engine_of(folder: Path) -> tuple[str, str]:
+    """Name of the engine that computes a run, and the package that brought it; empty where the run does not say."""
+    session = read_record(folder).get("session") or {}
+    name = read_provenance(folder).get("engine") or session.get("engine") or FIRST_ENGINE
+    return str(name), str(session.get("package", ""))
 
 
 def write_record(folder: Path, record: dict[str, Any], provenance: Mapping[str, object]) -> None:

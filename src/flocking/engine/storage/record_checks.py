@@ -8,7 +8,7 @@ import numpy as np
 
 from flocking.arrays import AnyArray
 from flocking.engine.archives.data_checks import MalformedError, Table
-from flocking.engine.runs.columns import KINDS, SWITCHES
+from flocking.engine.runs.columns import COLUMN, KINDS, SWITCHES, component_names
 from flocking.errors import StorageError
 from flocking.model.law import Scenario
 from flocking.model.terms.avoidance import ObstacleTerm
@@ -53,6 +53,11 @@ def _check(scenario: Scenario, parts: dict[str, AnyArray], tables: dict[str, Any
         raise MalformedError("time must not run backwards")
     for name in ("position", "velocity"):
         Table(parts[name].dtype, parts[name].shape, ordered=False).check(parts[name], name)
+    columns, n_components = tables.get(COLUMN), len(component_names(scenario))
+    if (columns is None) != (n_components == 0):
+        raise MalformedError(f"further columns must be {n_components} numbers for each agent")
+    if columns is not None:
+        Table("f8", (len(times), n, n_components)).check(columns, COLUMN)
     obstacles = [max(g.numbers, default=0) for t in scenario.law.body_terms if isinstance(t, ObstacleTerm)
                  for g in t.groups]  # fmt: skip
     most = {

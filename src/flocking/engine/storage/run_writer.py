@@ -16,18 +16,22 @@ import numpy as np
 from flocking.arrays import AnyArray, Array, Mask, Reals, Records, Times
 from flocking.engine.interruption import uninterrupted
 from flocking.engine.runs.columns import (
+    COLUMN,
     FRAME_ERROR,
     GROWING,
     LEDGER,
     OBSERVED,
     Dimensions,
+    component_names,
     frame_checksums,
     ledger_rows,
     observed_rows,
     switch_columns,
 )
+from flocking.engine.runs.fidelity import Fidelity
 from flocking.engine.runs.run import Accuracy, Closest
 from flocking.engine.runs.run_errors import accuracy_data, json_number
+from flocking.engine.runs.stored_fidelity import fidelity_data
 from flocking.engine.storage.atomic_files import (
     NOTHING_WRITTEN,
     atomic_store,
@@ -118,7 +122,9 @@ class RunWriter:
         """
         folder = Path(folder).resolve()
         check_free(folder)
-        size = Dimensions(scenario.start.n, scenario.start.dimension, with_links, precision, observed, with_errors)
+        components = component_names(scenario)
+        start = scenario.start
+        size = Dimensions(start.n, start.dimension, with_links, precision, observed, with_errors, components)
         fresh = partial_folder(folder)
         # Zarr writes in a thread of its own, which an interrupt of this one does not stop.
         with uninterrupted(), storage_errors(folder, "create the run", full=NOTHING_WRITTEN):
@@ -133,6 +139,7 @@ class RunWriter:
                 record: dict[str, Any] = {
                     "format": FORMAT, "title": scenario.name, "status": UNFINISHED, "commits": 0, "checkpoint": None,
                     "n": size.n, "dimension": size.m, "links": with_links, "arrays": list(size.names()),
+                    "components": list(components),
                     "counts": dict.fromkeys(GROWING, 0), "checksums": {}, "closest": [None, None],
                     "scenario": {"checksum": zlib.crc32(text), "left_out": reason}, "session": session or {},
                 }  # fmt: skip
@@ -185,8 +192,22 @@ class RunWriter:
             put(self.folder / name / RECORD, json.dumps(metadata).encode(), lasting=False)
         return {name: zarr.open_array(self._store, path=name, mode="r+", zarr_format=3) for name in committed}
 
-    def append(self, t: Times, q: Reals, p: Reals, links: Mask | None = None, errors: Array | None = None) -> None:
+    def append(
+        self,
+        t: Times,
+        q: Reals,
+        p: Reals,
+        links: Mask | None = None,
+        errors: Array | None = None,
+        columns: Array | None = None,
+    ) -> None:
         """Append frames: times (F,), positions and velocities (F, N, m), links (F, N, N), errors (F, 2).
+
+        Parameters
+        ----------
+        columns
+            Further columns of the agents, shape (F, N, components), see
+            `flocking.engine.runs.columns.joined_columns`.
 
         Raises
         ------
@@ -202,9 +223,10 @@ class RunWriter:
             if FRAME_ERROR in self._arrays:
                 unknown = np.full((len(parts["time"]), 2), np.nan)
                 parts[FRAME_ERROR] = unknown if errors is None else np.asarray(errors, dtype="f8")
+            if COLUMN in self._arrays:
+                parts[COLUMN] = np.asarray(columns, dtype="f8")
             self._extend("time", parts)
-            if FRAME_ERROR in parts:
-                self._sum({FRAME_ERROR: parts[FRAME_ERROR]})
+            self._sum({name: parts[name] for name in (FRAME_ERROR, COLUMN) if name in parts})
 
     def append_records(self, switches: Records, trace: Records, observed: Records | None = None) -> None:
         """Append switches, fields `SWITCH_FIELDS`, ledger rows, `TRACE_FIELDS`, and observations, `OBSERVED_FIELDS`.
@@ -256,6 +278,7 @@ class RunWriter:
         closest: tuple[Closest, Closest] = (Closest(), Closest()),
         accuracy: Accuracy | None = None,
         provenance: Mapping[str, object] | None = None,
+        fidelity: Fidelity | None = None,
         checkpoint: bytes | Callable[[BinaryIO], None] | None = None,
     ) -> None:
         """Make everything appended so far part of the run, in one step.
@@ -270,6 +293,8 @@ class RunWriter:
             What is known of the errors so far.
         provenance
             Where the run comes from.
+        fidelity
+            The account that the run gives of itself.
         checkpoint
             What `resume` needs to go on from the last frame appended, or a function that writes it; absent when the
             run cannot go on.
@@ -284,6 +309,7 @@ class RunWriter:
             **self.record, "status": status, "counts": dict(self._counts), "checksums": dict(self._sums),
             "closest": [_closest_data(c) for c in closest], "commits": number, "checkpoint": None,
             "accuracy": None if accuracy is None else accuracy_data(accuracy),
+            "fidelity": None if fidelity is None else fidelity_data(fidelity),
         }  # fmt: skip
         with storage_errors(self.folder, "commit to the run"):
             if checkpoint is not None:

@@ -15,22 +15,28 @@ from typing import TYPE_CHECKING, Any, TypedDict
 import numpy as np
 
 from flocking.arrays import AnyArray
+from flocking.engine.archives.data_checks import MalformedError
 from flocking.engine.interruption import interrupted
 from flocking.engine.memory_shortage import starved
 from flocking.engine.runs.columns import (
     ARRAYS,
+    COLUMN,
     FRAME_ERROR,
     FRAME_PARTS,
     LEDGER,
     OBSERVED,
     SWITCHES,
     frame_checksums,
+    joined_columns,
     ledger_table,
     observed_table,
+    separate_columns,
     switch_table,
 )
+from flocking.engine.runs.fidelity import Fidelity
 from flocking.engine.runs.run import Closest, Run
 from flocking.engine.runs.run_errors import accuracy_of
+from flocking.engine.runs.stored_fidelity import fidelity_of
 from flocking.engine.storage.atomic_files import NO_MEMORY, end_zarr_patiently, read_soundly, storage_errors
 from flocking.engine.storage.record import SCENARIO, read_record
 from flocking.engine.storage.record_checks import check_records
@@ -61,10 +67,14 @@ def write_run(run: Run, folder: str | Path) -> Path:
         "with_errors": run.accuracy is not None,
     }
     with RunWriter.create(folder, run.scenario, **how) as writer:
-        writer.append(run.t, run.q, run.p, run.links, None if run.accuracy is None else run.accuracy.frames)
+        errors = None if run.accuracy is None else run.accuracy.frames
+        columns = joined_columns(run.scenario, run.columns)
+        writer.append(run.t, run.q, run.p, run.links, errors, columns)
         writer.append_records(run.switches, run.trace, run.observables)
         closest = (run.closest_linked, run.closest_unlinked)
-        writer.commit(run.status, closest=closest, accuracy=run.accuracy, provenance=run.provenance)
+        writer.commit(
+            run.status, closest=closest, accuracy=run.accuracy, provenance=run.provenance, fidelity=run.fidelity
+        )
     return Path(folder)
 
 
@@ -127,12 +137,15 @@ def _read_run(folder: Path, scenario: Scenario | None, frames: int | None, last:
         rows[OBSERVED] = record["counts"]["observation"]
     if FRAME_ERROR in arrays:
         rows[FRAME_ERROR] = record["counts"]["time"]
+    if COLUMN in arrays:
+        rows[COLUMN] = record["counts"]["time"]
     tables = {name: _read(folder, arrays[name], name, length) for name, length in rows.items()}
     for name, values in tables.items():
         if len(values) and zlib.crc32(values.tobytes()) != record["checksums"].get(name):
             raise StorageError(f"{folder}: the table {name!r} does not match its checksum; the file was damaged.")
     check_records(folder, scenario, record, parts, tables)
     errors = tables.get(FRAME_ERROR)
+    further = separate_columns(scenario, tables[COLUMN][first:count]) if COLUMN in tables else {}
     provenance = dict(group.attrs["provenance"])
     linked, unlinked = (_closest_of(c) for c in record["closest"])
     return Run(
@@ -141,7 +154,16 @@ def _read_run(folder: Path, scenario: Scenario | None, frames: int | None, last:
         switch_table(tables), ledger_table(tables[LEDGER]), linked, unlinked, record["status"], provenance,
         observed_table(tables[OBSERVED]) if OBSERVED in tables else None,
         accuracy=accuracy_of(record.get("accuracy"), errors if errors is None else errors[first:count]),
+        fidelity=_fidelity(folder, record.get("fidelity"), provenance, scenario),
+        columns=further,
     )  # fmt: skip
+
+
+def _fidelity(folder: Path, data: object, provenance: dict[str, object], scenario: Scenario) -> Fidelity:
+    try:
+        return fidelity_of(data, provenance, scenario)
+    except MalformedError as error:
+        raise StorageError(f"{folder}: no account of a run that this version can read: {error}.") from None
 
 
 class StoredFacts(TypedDict):

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from flocking.arrays import Array
 from flocking.engine.fixed_step.automatic_step import SAMPLE, SampledPairs, largest_step, resolving_step
 from flocking.engine.tiles.neighbours.listed_pairs import tile_pairs
-from flocking.engine.tiles.particle_arrays import ParticleArrays
+from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 from flocking.model.law import Scenario
 
 FEW = 400
@@ -44,9 +43,10 @@ def _sampled(particles: ParticleArrays, number: int, agents: int = SAMPLE) -> Sa
         return None
     i, j = tile_pairs(lists, range(0, particles.tiles, max(1, particles.n // agents)), particles.n)
 
-    def length(rows: slice) -> Any:
-        return np.sqrt(((particles.X[rows, j] - particles.X[rows, i]).astype(np.float64) ** 2).sum(axis=0))
+    def length(rows: slice) -> Array:
+        square: Array = ((particles.X[rows, j] - particles.X[rows, i]).astype(np.float64) ** 2).sum(axis=0)
+        return np.sqrt(square)
 
     distance, speed = length(slice(m)), length(slice(m, 2 * m))
-    inside = distance < (particles.cutoffs[number] or np.inf)
+    inside = distance < (particles.radii.cutoffs[number] or np.inf)
     return SampledPairs(i[inside], distance[inside], speed[inside])

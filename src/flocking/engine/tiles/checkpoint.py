@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, fields
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import asdict, fields, is_dataclass
+from typing import TypedDict, cast
 
 import numpy as np
 
 from flocking.engine.archives.archive import PLAIN, Arrays
 from flocking.engine.archives.data_checks import MalformedError
 from flocking.engine.fixed_step.law_gaps import LawGaps
+from flocking.engine.protocol.session import Stored
 from flocking.engine.runs.run import Closest
-from flocking.engine.tiles.checkpoint_form import check_session
+from flocking.engine.tiles.checkpoint_form import check_session, stored_options
 from flocking.engine.tiles.instability import Instability
-from flocking.engine.tiles.integrators import LedgerSums
+from flocking.engine.tiles.integrators import IntegratorMemory, LedgerSums
 from flocking.engine.tiles.neighbours.neighbour_lists import TileLists
 from flocking.engine.tiles.particle_memory import ParticleMemory
-from flocking.engine.tiles.records import Records
-from flocking.engine.tiles.session import TilesOptions, TilesSession, TilesSnapshot
-from flocking.model.law import Law, Scenario
+from flocking.engine.tiles.records import RecordsMemory, TilesRecorder
+from flocking.engine.tiles.snapshot import TilesSnapshot
 
 PARTS: dict[str, type[object]] = {
     "Books": LedgerSums, "Closest": Closest, "CrowdMemory": ParticleMemory, "Instability": Instability,
@@ -26,10 +27,26 @@ PARTS: dict[str, type[object]] = {
 }  # fmt: skip
 """Classes that memory may hold, by their names in files."""
 
+
+class SessionMemory(TypedDict):
+    """What `TilesSnapshot` holds beside scenario and options, by the names in files."""
+
+    step: float
+    time: float
+    plan: tuple[float, float, int, int]
+    steps: int
+    crowd: ParticleMemory
+    scheme: IntegratorMemory
+    records: RecordsMemory
+    farthest: float
+    law_gaps: LawGaps
+    instability: Instability
+
+
 _STORED_NAMES = {part: name for name, part in PARTS.items()}
 
 
-def flattened(value: Any, arrays: Arrays) -> object:
+def flattened(value: object, arrays: Arrays) -> object:
     """A value as data for JSON; arrays go to ``arrays`` and leave their name.
 
     Raises
@@ -47,15 +64,15 @@ def flattened(value: Any, arrays: Arrays) -> object:
         return {type(value).__name__: [flattened(x, arrays) for x in value]}
     if isinstance(value, dict):
         return {"dict": {str(name): flattened(x, arrays) for name, x in value.items()}}
-    if type(value) in _STORED_NAMES:
-        return {"part": _STORED_NAMES[type(value)], "of": {f.name: flattened(getattr(value, f.name), arrays)
-                                                     for f in fields(value)}}  # fmt: skip
+    if is_dataclass(value) and type(value) in _STORED_NAMES:
+        of = {f.name: flattened(getattr(value, f.name), arrays) for f in fields(value)}
+        return {"part": _STORED_NAMES[type(value)], "of": of}
     if value is None or isinstance(value, bool | int | float | str):
         return value
     raise TypeError(f"a checkpoint cannot hold a {type(value).__name__}")
 
 
-def restored(data: Any, arrays: Arrays) -> Any:
+def restored(data: object, arrays: Arrays) -> object:
     """The value that `flattened` gave ``data`` for.
 
     Parameters
@@ -83,10 +100,9 @@ def restored(data: Any, arrays: Arrays) -> Any:
     return PARTS[data["part"]](**{name: restored(x, arrays) for name, x in data["of"].items()})
 
 
-def pack_tiles(session: TilesSession) -> tuple[dict[str, object], Arrays]:
-    """Numbers and arrays of a session, but for its scenario and the records on disk; arrays are not copied."""
+def pack_tiles(snapshot: TilesSnapshot) -> tuple[dict[str, object], Arrays]:
+    """Numbers and arrays of a snapshot, but for its scenario and the records on disk; arrays are not copied."""
     arrays: Arrays = {}
-    snapshot = session.snapshot(copied=False)
     data = {
         "step": snapshot.step, "time": snapshot.time, "plan": snapshot.plan, "steps": snapshot.steps,
         "crowd": snapshot.particles, "scheme": snapshot.scheme, "records": snapshot.records.memory(),
@@ -95,33 +111,25 @@ def pack_tiles(session: TilesSession) -> tuple[dict[str, object], Arrays]:
     return {"options": asdict(snapshot.options), "session": flattened(data, arrays)}, arrays
 
 
-def restore_tiles(
-    numbers: dict[str, Any],
-    arrays: Arrays,
-    scenario: Scenario,
-    stored: dict[str, int],
-    threads: int | None,
-    plant: Law | None = None,
-) -> TilesSession:
-    """The session that was packed, with so many records of each kind ``stored`` on disk.
+def restore_tiles(numbers: Mapping[str, object], arrays: Arrays, stored: Stored) -> TilesSnapshot:
+    """The snapshot that was packed.
 
     Parameters
     ----------
     numbers, arrays
         What was packed.
-    threads
-        Number of threads; all processors when absent.
-    plant
-        The law the agents really obey.
+    stored
+        Its scenario, its plant and how many records of each kind are on disk.
     """
-    options = TilesOptions(**numbers["options"])
-    parts = restored(numbers["session"], arrays)
-    check_session(parts, LedgerSums, ParticleMemory, scenario)
-    records = Records(scenario, options.precision, keep_frames=options.keep_frames, observe=options.observe)
-    records.recall(parts["records"], stored)
-    snapshot = TilesSnapshot(
+    scenario = stored.scenario
+    options = stored_options(numbers["options"])
+    found = restored(numbers["session"], arrays)
+    check_session(found, LedgerSums, ParticleMemory, scenario)
+    # Every entry has been looked at.
+    parts = cast(SessionMemory, found)
+    records = TilesRecorder(scenario, options.precision, keep_frames=options.keep_frames, observe=options.observe)
+    records.recall_memory(parts["records"], stored.counts, stored.read)
+    return TilesSnapshot(
         scenario, options, parts["step"], parts["time"], parts["plan"], parts["crowd"], parts["scheme"], records,
-        parts["steps"], parts["farthest"], parts["law_gaps"], parts["instability"],
-        plant,
+        parts["steps"], parts["farthest"], parts["law_gaps"], parts["instability"], stored.plant,
     )  # fmt: skip
-    return TilesSession.resume(snapshot, threads=threads)

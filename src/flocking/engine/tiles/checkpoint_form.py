@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import TypedDict, cast
 
 import numpy as np
 
+from flocking.arrays import Links, Numbers, Numbers32, Reals
 from flocking.engine.archives.data_checks import (
     And,
     Flag,
@@ -19,6 +21,7 @@ from flocking.engine.archives.data_checks import (
     Real,
     Row,
     Table,
+    Text,
     squarable,
 )
 from flocking.engine.fixed_step.law_gaps import LawGaps
@@ -26,20 +29,79 @@ from flocking.engine.runs.run import TRACE_FIELDS, Closest
 from flocking.engine.tiles.instability import SAMPLE, Instability
 from flocking.engine.tiles.kernels.tile_sums import SUMS
 from flocking.engine.tiles.neighbours.neighbour_lists import LINKED, NUMBER, TILES_IN_CHUNK, WIDTH, TileLists
-from flocking.engine.tiles.particle_arrays import ParticleArrays
+from flocking.engine.tiles.options import TilesOptions
+from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 from flocking.model.law import Scenario
 
 ANY = Real(finite=False)
 POSITIVE = Real(least=0.0, finite=False)
 ROWS_AT_ONCE = 2**18
+"""Rows of a list that are checked at once, a bound on memory."""
 
 
-def check_session(kept: Any, ledger_sums: type[object], memory: type[object], scenario: Scenario) -> None:
+class ParticleFields(TypedDict):
+    """The particle memory, by the names and with the shapes of `ParticleArrays`; ``rooms``: rows of the lists for which
+    there is room, by chunk and for each graph.
+    """
+
+    X: Reals
+    ids: Numbers32
+    each: list[Reals]
+    A: Reals
+    C: Reals
+    reference: Reals
+    elapsed: float
+    bound: float
+    skin: float
+    rebuilds: int
+    lists: list[TileLists | None]
+    top_speed: float
+    _rounding: float
+    _first_links: Links | None
+    lost: tuple[int, int] | None
+    rooms: list[Numbers]
+
+
+class OptionFields(TypedDict, total=False):
+    """The options of a session, by the names of `TilesOptions`."""
+
+    step: float | None
+    scheme: str
+    precision: str
+    threads: int | None
+    ledger: bool
+    observe: bool
+    keep_frames: bool
+    skin: float | None
+    memory_limit: float | None
+
+
+_OPTIONS = Names(
+    {},
+    {
+        "step": Maybe(Real()), "scheme": Text(), "precision": Text(), "threads": Maybe(Integer()), "ledger": Flag(),
+        "observe": Flag(), "keep_frames": Flag(), "skin": Maybe(Real()), "memory_limit": Maybe(Real(finite=False)),
+    },
+)  # fmt: skip
+
+
+def stored_options(data: object) -> TilesOptions:
+    """The options of a session from the plain ``data`` of its checkpoint.
+
+    Raises
+    ------
+    MalformedError, InvalidInput
+        When they are none.
+    """
+    return TilesOptions(**cast(OptionFields, _OPTIONS.check(data, "options")))
+
+
+def check_session(data: object, ledger_sums: type[object], memory: type[object], scenario: Scenario) -> None:
     """Refuse what cannot be the memory of a session; its particle arrays are checked by `check_particles`.
 
     Parameters
     ----------
-    kept
+    data
         What was read.
     ledger_sums, memory
         Classes of the ledger of a scheme, and of the particle memory.
@@ -58,6 +120,7 @@ def check_session(kept: Any, ledger_sums: type[object], memory: type[object], sc
         lambda x: bool(x[0] <= x[1] and x[3] <= x[2]),
     )  # fmt: skip
     sums = And(Names({}, dict.fromkeys(SUMS, ANY)), "hold all sums or none", lambda x: len(x) in (0, len(SUMS)))
+    one_row = And(Many(row), "hold one row at most", lambda x: len(x) <= 1)
     integrals = Table("f8", (3,), finite=False)
     ledger = Part(ledger_sums, {"integrals": integrals, "jumped": ANY, "sums": sums, "ahead": integrals})
     Names(
@@ -67,23 +130,23 @@ def check_session(kept: Any, ledger_sums: type[object], memory: type[object], sc
             "scheme": Names({"last": Real(least=0.0), "counted": Flag(), "books": ledger}),
             "records": Names({
                 "count": Integer(0, len(scenario.frame_times)), "apart": ANY, "first": Maybe(row),
-                "open": And(Many(row), "hold one row at most", lambda x: len(x) <= 1), "closest": _closest(n),
+                "open": one_row, "closest": _closest(n),
             }),
             "farthest": POSITIVE,
             "law_gaps": Part(LawGaps, {"checks": Integer(), "gap": ANY, "allowed": ANY, "worst": ANY}),
             "instability": _instability(n, m),
         }
-    ).check(kept, "session")  # fmt: skip
+    ).check(data, "session")  # fmt: skip
 
 
-def _closest(n: int) -> Part:
+def _closest(n: int) -> Part[Closest]:
     pair = And(
         Row([Integer(-1, n - 1)] * 2), "name two agents or none", lambda x: (x[0] < 0) == (x[1] < 0)
     )  # fmt: skip
     return Part(Closest, {"distance": ANY, "time": ANY, "pair": pair, "error": ANY})
 
 
-def _instability(n: int, m: int) -> Form:
+def _instability(n: int, m: int) -> Form[Instability]:
     looked_at = len(range(0, n, max(1, n // SAMPLE)))
     return And(
         Part(
@@ -99,8 +162,8 @@ def _instability(n: int, m: int) -> Form:
     )  # fmt: skip
 
 
-def check_particles(fields: dict[str, Any], particles: ParticleArrays) -> None:
-    """Refuse what cannot be the particle memory.
+def check_particles(fields: Mapping[str, object], particles: ParticleArrays) -> ParticleFields:
+    """The particle memory; what cannot be one is refused.
 
     Parameters
     ----------
@@ -129,27 +192,31 @@ def check_particles(fields: dict[str, Any], particles: ParticleArrays) -> None:
         {
             "X": Table(kind, (2 * particles.m, particles.size), -large, large, ordered=False),
             "ids": Table("i4", (particles.size,), least=0, most=n - 1),
-            "each": Row([Table(kind, each.shape, least=0.0, finite=False) for each in particles.each]),
-            "A": Table(kind, particles.A.shape), "C": Table(kind, particles.C.shape, -large, large),
+            "each": Row([Table(kind, each.shape, least=0.0, finite=False) for each in particles.radii.each]),
+            "A": Table(kind, particles.parameters.A.shape),
+            "C": Table(kind, particles.displacement.velocity.shape, -large, large),
             # Before the first rebuild there is none.
-            "reference": Table(kind, particles.reference.shape, finite=False),
+            "reference": Table(kind, particles.displacement.reference.shape, finite=False),
             "elapsed": Real(), "bound": POSITIVE, "skin": Real(least=0.0), "rebuilds": Integer(),
-            "lists": Row([Maybe(lists)] * len(particles.graphs)), "top_speed": POSITIVE, "_rounding": POSITIVE,
+            "lists": Row([Maybe(lists)] * len(particles.spec.graphs)), "top_speed": POSITIVE, "_rounding": POSITIVE,
             "_first_links": Maybe(Table("?", (n, n), ordered=False)), "lost": Maybe(Row([agent, agent])),
             "rooms": Row([Table("i8", b.capacity.shape, least=0, most=most_capacity) for b in particles.builders]),
         }
     ).check(fields, "crowd")  # fmt: skip
-    ids = fields["ids"]
+    # Every entry has been looked at.
+    checked = cast(ParticleFields, fields)
+    ids = checked["ids"]
     present = np.zeros(n, dtype=bool)
     present[ids[:n]] = True
     if not present.all() or (ids[n:] != ids[n - 1]).any():
         raise MalformedError("crowd: ids must name every agent once")
-    missing = [x is None for x in fields["lists"]]
-    if any(missing) and (not all(missing) or fields["rebuilds"] or fields["bound"] < np.inf):
+    missing = [x is None for x in checked["lists"]]
+    if any(missing) and (not all(missing) or checked["rebuilds"] or checked["bound"] < np.inf):
         raise MalformedError("crowd: lists must be there, or be about to be built")
-    for k, found in enumerate(fields["lists"]):
+    for k, found in enumerate(checked["lists"]):
         if found is not None:
             _check_lists(found, n, particles.size, f"crowd: lists[{k}]")
+    return checked
 
 
 def _check_lists(lists: TileLists, n: int, size: int, name: str) -> None:

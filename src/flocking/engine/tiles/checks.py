@@ -13,8 +13,8 @@ from flocking.engine.fixed_step.step_checks import STRIDE, check_ledger, check_s
 from flocking.engine.runs.run import Closest
 from flocking.engine.tiles.integrators import Integrator
 from flocking.engine.tiles.neighbours.listed_pairs import tile_pairs
-from flocking.engine.tiles.particle_arrays import ParticleArrays
-from flocking.engine.tiles.records import Records
+from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
+from flocking.engine.tiles.records import TilesRecorder
 from flocking.errors import LinkLost, NotFinite, OutOfPrecision
 from flocking.model.checks import NO_LESS
 
@@ -34,7 +34,7 @@ FARTHEST = 1e15
 
 
 def after_step(
-    particles: ParticleArrays, h: float, records: Records, step: float, time: float, singular_reach: float | None
+    particles: ParticleArrays, h: float, records: TilesRecorder, step: float, time: float, singular_reach: float | None
 ) -> None:
     """What every step is checked for. The state before the step is still in ``particles.Y``.
 
@@ -60,7 +60,7 @@ def after_step(
     """
     _check_finite(particles, time)
     links_kept(particles, step, time)
-    records.closest = _closest_pair(particles, records.closest, time)
+    records.closest_linked = _closest_pair(particles, records.closest_linked, time)
     _check_pair_motion(particles, h, step, time, singular_reach)
 
 
@@ -109,7 +109,7 @@ def _check_pair_motion(
 
 def _check_contact(particles: ParticleArrays, time: float) -> None:
     """Whether a pair that coincided before the step is linked where a formula has no value for it."""
-    for number in singular_graphs(particles.spec.layout, particles.m, particles.P):
+    for number in singular_graphs(particles.spec.layout, particles.m, particles.parameters.P):
         lists = particles.lists[number]
         if lists is None:
             continue
@@ -199,7 +199,7 @@ def _check_strides(particles: ParticleArrays, h: float, step: float, time: float
     moved = np.sqrt(
         ((particles.X[:m, j] - particles.X[:m, i] - particles.Y[:m, j] + particles.Y[:m, i]) ** 2).sum(axis=0)
     )
-    linked = distance < max(particles.cutoffs) if particles.moving else np.ones(len(i), dtype=bool)
+    linked = distance < max(particles.radii.cutoffs) if particles.moving else np.ones(len(i), dtype=bool)
     share = np.where(linked, moved / np.maximum(distance, NO_LESS), 0.0)
     k = int(np.argmax(share))
     if linked[k]:
@@ -219,16 +219,16 @@ def resolution(particles: ParticleArrays, q: Reals, time: float) -> None:
         return
     out = float(np.median(np.abs(q).max(axis=1)))
     spacing = float(np.finfo(particles.dtype).eps) * out
-    if spacing > COARSEST * max(particles.cutoffs):
+    if spacing > COARSEST * max(particles.radii.cutoffs):
         wider = "use precision='float64', or s" if particles.dtype == np.float32 else "S"
         raise OutOfPrecision(
             f"Most agents are so far out ({out:.3g}) that {particles.spec.precision} tells positions apart only by "
-            f"{spacing:.2g}, of a radius of {max(particles.cutoffs):.3g}: {wider}tart near the origin.",
+            f"{spacing:.2g}, of a radius of {max(particles.radii.cutoffs):.3g}: {wider}tart near the origin.",
             time=time,
         )
 
 
-def ledger(records: Records, scheme: Integrator, eps: float, step: float, time: float) -> None:
+def ledger(records: TilesRecorder, scheme: Integrator, eps: float, step: float, time: float) -> None:
     """Whether the energy ledger closes well enough.
 
     Parameters

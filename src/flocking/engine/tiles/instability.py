@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from flocking.arrays import Reals
 from flocking.engine.fixed_step.step_checks import step_too_large
-from flocking.engine.tiles.particle_arrays import ParticleArrays
+from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 
 GROWING, LONGEST, LARGEST = 1.25, 16, 1e4
 """Speeds that grow by such a factor in every one of so many steps, and by so much in all, grow without bound. Under a

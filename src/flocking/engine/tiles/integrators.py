@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
+from flocking.arrays import Array, Reals
 from flocking.engine.tiles.kernels.tile_sums import SUMS
-from flocking.engine.tiles.particle_arrays import ParticleArrays
+from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 from flocking.formula.native.functions import native
 
 INTEGRATED = ("work", "dissipated", "supplied")
@@ -32,10 +33,10 @@ class LedgerSums:
         What a step integrated beyond that moment.
     """
 
-    integrals: Any = field(default_factory=lambda: np.zeros(3))
+    integrals: Array = field(default_factory=lambda: np.zeros(3))
     jumped: float = 0.0
     sums: dict[str, float] = field(default_factory=dict)
-    ahead: Any = field(default_factory=lambda: np.zeros(3))
+    ahead: Array = field(default_factory=lambda: np.zeros(3))
 
     def copy(self) -> LedgerSums:
         """A copy that shares nothing."""
@@ -45,13 +46,21 @@ class LedgerSums:
         """Count what a step has integrated beyond the time of the sums."""
         self.integrals, self.ahead = self.integrals + self.ahead, np.zeros(3)
 
-    def read(self, particles: ParticleArrays) -> Any:
+    def read(self, particles: ParticleArrays) -> Array:
         """Take the sums of the last pass, in a fixed order of tiles; returns the three powers."""
         totals = particles.sums.sum(axis=0)
         self.sums = dict(zip(SUMS, (float(x) for x in totals), strict=False))
         # Of velocities relative to the mean half a step ago; the mean has moved since.
-        self.sums["kinetic"] -= 0.5 * float((totals[len(SUMS) :] ** 2).sum()) / particles.mass
+        self.sums["kinetic"] -= 0.5 * float((totals[len(SUMS) :] ** 2).sum()) / particles.parameters.mass
         return np.array([self.sums[name] for name in INTEGRATED])
+
+
+class IntegratorMemory(TypedDict):
+    """What a fixed-step integrator must know to go on: its last step, whether that is counted, and the ledger."""
+
+    last: float
+    counted: bool
+    books: LedgerSums
 
 
 class Integrator(ABC):
@@ -80,7 +89,7 @@ class Integrator(ABC):
         """Advance by ``h`` from time ``t``; the old state stays in ``particles.Y``."""
 
     @abstractmethod
-    def look(self, particles: ParticleArrays, t: float, h: float) -> Any:
+    def look(self, particles: ParticleArrays, t: float, h: float) -> Reals:
         """Velocities at the time of the positions, shape (m, size), and books up to date; ``h`` the coming step."""
 
     def _count(self, particles: ParticleArrays, duration: float) -> None:
@@ -93,11 +102,11 @@ class Integrator(ABC):
             self.counted = True
         self.ledger_sums.jumped += self.ledger_sums.sums["jumped"]
 
-    def memory(self) -> dict[str, Any]:
+    def memory(self) -> IntegratorMemory:
         """What the scheme must know to go on."""
         return {"last": self.last, "counted": self.counted, "books": self.ledger_sums.copy()}
 
-    def recall(self, memory: dict[str, Any]) -> None:
+    def recall(self, memory: IntegratorMemory) -> None:
         """Go back to ``memory``."""
         ledger_sums = memory["books"]
         self.last, self.counted = memory["last"], memory["counted"]
@@ -121,7 +130,7 @@ class Verlet(Integrator):
         particles.swap(h)
         self.last, self.counted = h, False
 
-    def look(self, particles: ParticleArrays, t: float, h: float) -> Any:
+    def look(self, particles: ParticleArrays, t: float, h: float) -> Reals:
         """Half a kick, without a drift, beside the state."""
         particles.require_lists(h)
         particles.move(t, keep=1.0, kick=0.5 * self.last, drift=0.0, velocity_lag=0.5 * self.last)
@@ -154,7 +163,7 @@ class RungeKutta(Integrator):
     """Weight, reach of the next stage, and time of each stage, in steps."""
 
     def step(self, particles: ParticleArrays, t: float, h: float) -> None:
-        """Four passes; where a stage strays too far for the lists, they are built anew with a wider skin."""
+        """Four passes; where a stage strays too far for the lists, they are rebuilt with a wider skin."""
         particles.require_lists(h)
         self.ledger_sums.catch_up()
         self._jumped = 0.0
@@ -169,14 +178,14 @@ class RungeKutta(Integrator):
             wider = (
                 None
                 if attempt == 0
-                else max(2.0 * particles.skin, 2.5 * displacement)
+                else max(2.0 * particles.displacement.skin, 2.5 * displacement)
                 if np.isfinite(displacement)
                 else None
             )
             particles.rebuild(h, skin=wider)
         raise FloatingPointError("stages stray further than any skin")
 
-    def _try(self, particles: ParticleArrays, t: float, h: float, base: Any) -> bool:
+    def _try(self, particles: ParticleArrays, t: float, h: float, base: Reals) -> bool:
         T = particles.dtype
         gained = np.empty_like(base)
         powers = np.zeros(3)
@@ -188,7 +197,7 @@ class RungeKutta(Integrator):
                     powers += weight * first
                     # A repeated step finds its links switched already.
                     self._jumped += self.ledger_sums.sums["jumped"]
-                    kept = dict(self.ledger_sums.sums)
+                    sums_before = dict(self.ledger_sums.sums)
                 else:
                     powers += weight * self.ledger_sums.read(particles)
             if number == 0:
@@ -201,24 +210,26 @@ class RungeKutta(Integrator):
                 np.add(base, gained, out=particles.agents)
             if particles.obstacles is not None:
                 particles.obstacles.used = np.inf
-            particles.bound = np.inf
+            particles.displacement.bound = np.inf
             if not particles.usable() and number < 3:
                 return False
-        square = (particles.X[particles.m :, : particles.n] - particles.C[:, None]).astype(np.float64) ** 2
+        square = (particles.X[particles.m :, : particles.n] - particles.displacement.velocity[:, None]).astype(
+            np.float64
+        ) ** 2
         particles.tile_extremes[:] = tile_extremes
         top = square.sum(axis=0).max()
         particles.tile_extremes[0, 0] = top if np.isfinite(top) else np.inf
         particles.read_tile_extremes()
         particles.top_speed = float(np.sqrt(top))
-        particles.elapsed += h
-        particles.bound = np.inf if particles.moving else 0.0
+        particles.displacement.elapsed += h
+        particles.displacement.bound = np.inf if particles.moving else 0.0
         if self.ledger:
             self.ledger_sums.ahead = h * powers
             self.ledger_sums.jumped += self._jumped
-            self.ledger_sums.sums = kept
+            self.ledger_sums.sums = sums_before
         return True
 
-    def look(self, particles: ParticleArrays, t: float, h: float) -> Any:
+    def look(self, particles: ParticleArrays, t: float, h: float) -> Reals:
         """One pass without a move; velocities are those of the state."""
         particles.require_lists(h)
         particles.move(t, keep=0.0, kick=1.0, drift=0.0, exponential_damping=0.0)

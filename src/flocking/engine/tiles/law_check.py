@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from flocking.arrays import Indices, Reals
+from flocking.arrays import Array, Indices, Reals
 from flocking.engine.fixed_step.declared_law import POWERS, Declared, Group, LinkedPairs
 from flocking.engine.fixed_step.law_gaps import LawGaps
 from flocking.engine.tiles.kernels.tile_sums import SUMS
 from flocking.engine.tiles.neighbours.neighbour_lists import NUMBER, WIDTH
-from flocking.engine.tiles.particle_arrays import ParticleArrays
+from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 from flocking.errors import LawNotObeyed
 from flocking.model.law import Scenario
 
@@ -127,7 +126,7 @@ class LawCheck:
         found = self._compared(particles, (q, p), places, force, rounding, moment, gaps, remembered=False)
         self._require(found, moment, gaps)
 
-    def _places(self, particles: ParticleArrays, moment: Moment) -> Any:
+    def _places(self, particles: ParticleArrays, moment: Moment) -> Indices:
         """Places of the judged agents: tiles spread evenly, other ones at every look, and the one of the closest pair.
 
         Whole tiles, since books are per tile.
@@ -137,9 +136,10 @@ class LawCheck:
         tiles = (first + np.arange(count) * particles.tiles // count) % particles.tiles
         tiles = np.unique(np.append(tiles, np.argmin(particles.tile_extremes[:, 1])))
         places = (tiles[:, None] * WIDTH + np.arange(WIDTH)).ravel()
-        return places[places < particles.n]
+        within: Indices = places[places < particles.n]
+        return within
 
-    def _mass(self, particles: ParticleArrays, places: Indices) -> Any:
+    def _mass(self, particles: ParticleArrays, places: Indices) -> Array:
         masses = self.scenario.agents.masses
         return np.broadcast_to(masses, particles.n)[particles.ids[places]].astype(np.float64)
 
@@ -205,7 +205,7 @@ class LawCheck:
             return k, j, np.ones(len(k), dtype=bool)
         d = q[j].astype(np.float64) - q[places[k]].astype(np.float64)
         r = np.sqrt((d**2).sum(axis=1))
-        graph = particles.graphs[number]
+        graph = particles.radii.graphs[number]
         who = particles.ids[places[k]]
         leave, enter = (
             np.broadcast_to(np.asarray(x, dtype=np.float64), particles.n)[who]

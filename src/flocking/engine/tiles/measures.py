@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from flocking.arrays import Numbers, Numbers32, Reals
 from flocking.engine.tiles.kernels.spec import KernelSpec
 from flocking.formula.native.functions import native
+from flocking.model.graphs.distance_graphs import Fixed, Graph
 
 
 @native
@@ -57,7 +57,7 @@ def extremes_of(tile_extremes, out):  # type: ignore[no-untyped-def]
     out[0], out[1], out[2] = fast, near, broken
 
 
-def cutoffs_of(graphs: Any, spec: KernelSpec) -> list[float]:
+def cutoffs_of(graphs: tuple[Graph, ...], spec: KernelSpec) -> list[float]:
     """Largest distance of linked agents under each graph; 0 for a fixed one.
 
     Parameters
@@ -73,7 +73,7 @@ def cutoffs_of(graphs: Any, spec: KernelSpec) -> list[float]:
     ]
 
 
-def sensed_offsets(graph: Any, n: int) -> tuple[Any, Any]:
+def sensed_offsets(graph: Fixed, n: int) -> tuple[Numbers, Numbers32]:
     """Sensed agents of each agent under a fixed graph, as offsets and neighbours."""
     edges = np.asarray(graph.edges, dtype=np.int64).reshape(-1, 2)
     if not graph.directed:
@@ -83,7 +83,7 @@ def sensed_offsets(graph: Any, n: int) -> tuple[Any, Any]:
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), edges[:, 1].astype(np.int32)
 
 
-def fastest(velocities: Any) -> float:
+def fastest(velocities: Reals) -> float:
     """Largest speed of agents relative to their mean velocity, from velocities of shape (N, m)."""
     mean = velocities.mean(axis=0, dtype=np.float64)
     # In parts, so that a large group is not copied whole.

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.arrays import Reals
+from flocking.arrays import Indices, Reals
+from flocking.engine.runs.observation import observation
 from flocking.engine.runs.run import OBSERVED_FIELDS as OBSERVED_FIELDS
 from flocking.engine.tiles.neighbours.neighbour_lists import LINKED, NUMBER
-from flocking.engine.tiles.particle_arrays import ParticleArrays
+from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 from flocking.formula.native.functions import native
 
 
@@ -59,10 +58,10 @@ def _survey(agents, n, rows, first, count, remembered, limit, each, parent):  # 
     return links, lengths, squares, least
 
 
-def _flock_sizes(particles: ParticleArrays) -> tuple[Any, tuple[int, float, float, float]]:
+def _flock_sizes(particles: ParticleArrays) -> tuple[Indices, tuple[int, float, float, float]]:
     """Sizes of the flocks under the law's graph; number of links, sums of lengths and squares, smallest square."""
     n = particles.n
-    lists, graph = particles.lists[0], particles.graphs[0]
+    lists, graph = particles.lists[0], particles.radii.graphs[0]
     assert lists is not None
     # Where links appear and break at one radius the positions tell them; otherwise the lists remember.
     by_distance = bool(graph.moves and np.all(graph.appear_radius == graph.break_radius))
@@ -74,8 +73,8 @@ def _flock_sizes(particles: ParticleArrays) -> tuple[Any, tuple[int, float, floa
         lists.first,
         lists.count,
         not by_distance,
-        particles.limits[0][0],
-        particles.each[0],
+        particles.radii.limits[0][0],
+        particles.radii.each[0],
         parent,
     )
     sizes = np.bincount(parent)
@@ -85,15 +84,6 @@ def _flock_sizes(particles: ParticleArrays) -> tuple[Any, tuple[int, float, floa
 def observe(particles: ParticleArrays, t: float, p: Reals) -> tuple[float, ...]:
     """One row of `OBSERVED_FIELDS`; ``p`` are the velocities, shape (N, m). Lists must be valid."""
     sizes, (links, lengths, squares, least) = _flock_sizes(particles)
-    speed = np.sqrt((p**2).sum(axis=1))
-    moving = speed > 0
-    headings = p[moving] / speed[moving, None]
-    order = float(np.linalg.norm(headings.mean(axis=0))) if moving.any() else 0.0
-    spread = float(np.sqrt(((p - p.mean(axis=0)) ** 2).sum(axis=1).max()))
     mean = lengths / links if links else np.nan
-    defect = float(np.sqrt(max(squares / links - mean**2, 0.0)) / mean) if links else np.nan
-    return (
-        t, order, float(speed.mean()), spread, len(sizes), float(sizes.max()) / particles.n, links / particles.n,
-        mean, defect,
-        float(np.sqrt(least)),
-    )  # fmt: skip
+    deviation = float(np.sqrt(max(squares / links - mean**2, 0.0))) if links else np.nan
+    return observation(t, p, sizes, links, mean=mean, deviation=deviation, closest=float(np.sqrt(least)))

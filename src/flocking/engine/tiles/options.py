@@ -10,6 +10,7 @@ from flocking.errors import InvalidInput
 from flocking.model.checks import integer, number
 
 MOST_THREADS = 1024
+"""More threads than any processor has; a larger number is taken for a mistake."""
 
 
 @dataclass(frozen=True)

@@ -3,19 +3,30 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from flocking.engine.tiles.checkpoint_form import check_particles
-from flocking.engine.tiles.particle_arrays import ParticleArrays
+from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 
-FIELDS = (
-    "X", "ids", "each", "A", "C", "reference", "elapsed", "bound", "skin", "rebuilds", "lists", "top_speed",
-    "_rounding",
-    "_first_links", "lost",
-)  # fmt: skip
+FIELDS = {
+    "X": "X", "ids": "ids", "each": "radii.each", "A": "parameters.A", "C": "displacement.velocity",
+    "reference": "displacement.reference", "elapsed": "displacement.elapsed", "bound": "displacement.bound",
+    "skin": "displacement.skin", "rebuilds": "rebuilds", "lists": "lists", "top_speed": "top_speed",
+    "_rounding": "displacement.rounding", "_first_links": "_first_links", "lost": "lost",
+}  # fmt: skip
+"""What is remembered, by its name in a checkpoint: where the particle arrays have it."""
+
+
+def _owner(particles: ParticleArrays, place: str) -> tuple[object, str]:
+    """The object that has what is remembered, and its name there."""
+    *parts, name = place.split(".")
+    owner: object = particles
+    for part in parts:
+        owner = getattr(owner, part)
+    return owner, name
 
 
 @dataclass
@@ -28,12 +39,12 @@ class ParticleMemory:
         The copies by name.
     """
 
-    fields: dict[str, Any]
+    fields: Mapping[str, object]
 
     @classmethod
     def of(cls, particles: ParticleArrays, *, copied: bool) -> ParticleMemory:
         """What fixes how ``particles`` goes on; not ``copied``, it changes as the agents go on."""
-        fields = {name: getattr(particles, name) for name in FIELDS}
+        fields: dict[str, object] = {name: getattr(*_owner(particles, place)) for name, place in FIELDS.items()}
         fields["rooms"] = [b.capacity for b in particles.builders]
         return cls(copy.deepcopy(fields) if copied else fields)
 
@@ -45,10 +56,10 @@ class ParticleMemory:
         MalformedError
             When this is no memory of such agents.
         """
-        check_particles(self.fields, particles)
-        for name in FIELDS:
-            setattr(particles, name, copy.deepcopy(self.fields[name]))
+        checked = check_particles(self.fields, particles)
+        for name, place in FIELDS.items():
+            setattr(*_owner(particles, place), copy.deepcopy(self.fields[name]))
         if particles.obstacles is not None:
             particles.obstacles.used = np.inf
-        for builder, capacity in zip(particles.builders, self.fields["rooms"], strict=True):
+        for builder, capacity in zip(particles.builders, checked["rooms"], strict=True):
             builder.capacity, builder.spare = capacity.copy(), None

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flocking.arrays import Array, Reals
 from flocking.engine.kernels.layout import Layout
-from flocking.engine.tiles.kernels.parameters import kernel_numbers
+from flocking.engine.tiles.kernels.parameters import KernelNumbers, kernel_numbers
 from flocking.engine.tiles.kernels.spec import KernelSpec
 from flocking.engine.tiles.kernels.step_kernel import tile_kernels
 from flocking.engine.tiles.kernels.tile_sums import sums_of
@@ -66,7 +65,7 @@ class Planted:
         self.spec = replace(spec, layout=layout, weights=layout.weight_kinds())
         self._move = tile_kernels(self.spec).move
         self._O = layout.obstacle_rows()
-        self._numbers: Any = None
+        self._numbers: KernelNumbers | None = None
 
     def pass_switch_time(self, t: float) -> None:
         """Take the values of scheduled gains from time ``t`` on."""
@@ -86,6 +85,7 @@ class Planted:
         lists
             The kernel's lists.
         """
+        assert self._numbers is not None, "pass_switch_time comes first"
         P, rows, seeds, matrices = self._numbers
         tiles = len(arrays.extremes)
         A = np.zeros((len(rows), len(arrays.ids)), arrays.agents.dtype)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TypeVar
 
 import numpy as np
@@ -14,12 +14,14 @@ from flocking.arrays import Array, Links, Positions, Velocities
 from flocking.engine import interruption
 from flocking.engine.fixed_step.law_gaps import LawGaps, is_due
 from flocking.engine.fixed_step.passing_pairs import singular_reach
-from flocking.engine.fixed_step.step_checks import step_too_large
+from flocking.engine.fixed_step.step_checks import RESIDUAL, step_too_large
 from flocking.engine.kernels.layout import Layout
+from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.reference.plants import check_plant
-from flocking.engine.runs.provenance import provenance
-from flocking.engine.runs.run import Closest, Run
+from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
+from flocking.engine.runs.recorder import MOST_LINKED
 from flocking.engine.tiles import automatic_step, checks
+from flocking.engine.tiles.checkpoint import pack_tiles, restore_tiles
 from flocking.engine.tiles.instability import Instability
 from flocking.engine.tiles.integrators import Integrator, Verlet, integrator_named
 from flocking.engine.tiles.kernels.spec import KernelSpec, check_supported, graph_kinds
@@ -27,10 +29,10 @@ from flocking.engine.tiles.law_check import LawCheck, Moment
 from flocking.engine.tiles.neighbours.listed_pairs import listed_pairs
 from flocking.engine.tiles.neighbours.neighbour_lists import TooManyNeighboursError
 from flocking.engine.tiles.options import TilesOptions as TilesOptions
-from flocking.engine.tiles.particle_arrays import ParticleArrays
 from flocking.engine.tiles.particle_memory import ParticleMemory
+from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 from flocking.engine.tiles.planted_law import Planted
-from flocking.engine.tiles.records import MOST_LINKED, Records
+from flocking.engine.tiles.records import TilesRecorder
 from flocking.engine.tiles.snapshot import TilesSnapshot as TilesSnapshot
 from flocking.engine.tiles.threads import Workers
 from flocking.errors import InvalidInput, NotFinite, SimulationError, TooCrowded
@@ -38,10 +40,12 @@ from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 
 MOST_STEPS = 1e12
+"""Steps of a run at most: at a microsecond each they take eleven days, so that a larger number is taken for a
+mistake."""
 Result = TypeVar("Result")
 
 
-class TilesSession:
+class TilesSession(Session):
     """A running simulation under the tiled engine. Its time is always on a step.
 
     Parameters
@@ -65,8 +69,9 @@ class TilesSession:
     """
 
     engine = "tiles"
-    between_steps = True
-    """Ctrl-C is heeded between two steps, where a checkpoint is whole."""
+    saves_when_interrupted = True
+    records: TilesRecorder
+    options: TilesOptions
 
     def __init__(self, scenario: Scenario, options: TilesOptions | None = None, *, plant: Law | None = None) -> None:
         check_supported(scenario)
@@ -77,7 +82,7 @@ class TilesSession:
         self.plant = plant
         self.time, self.steps = scenario.start.t, 0
         self.workers = Workers(self.options.threads)
-        self.records = Records(
+        self.records = TilesRecorder(
             scenario, self.options.precision, keep_frames=self.options.keep_frames, observe=self.options.observe
         )
         self.farthest = 0.0
@@ -128,11 +133,6 @@ class TilesSession:
         return LawCheck(self.scenario, self._particles.dtype, half_steps=half_steps, refuses=self.plant is None)
 
     @property
-    def recorder(self) -> Records:
-        """The records, by the name that sessions share."""
-        return self.records
-
-    @property
     def memory_in_use(self) -> int:
         """Bytes of the session's own arrays."""
         return self._particles.nbytes
@@ -165,13 +165,13 @@ class TilesSession:
         if by_distance:
             q = self._particles.X[: self._particles.m]
             square = sum((row[j] - row[i]) ** 2 for row in q)
-            near = square < (self._particles.each[0][i] if kind.uneven else self._particles.limits[0][0])
+            near = square < (self._particles.radii.each[0][i] if kind.uneven else self._particles.radii.limits[0][0])
             i, j = i[near], j[near]
         links = np.zeros((n, n), dtype=bool)
         links[self._particles.ids[i], self._particles.ids[j]] = True
         return links
 
-    def forces(self) -> Array:
+    def accelerations(self) -> Array:
         """Acceleration of every agent at the session's time, without moving; shape (N, m)."""
         particles = self._particles
         self._guarded(lambda: particles.require_lists(self.step))
@@ -199,37 +199,17 @@ class TilesSession:
             times += [s for s in term.switch_times(now, np.inf) if s > now]
         return min(times, default=now + 1000 * self.step)
 
-    shrunk = None
-    steady = True
-    """The step is fixed: it does not shrink."""
-
-    time_is_exact = True
-    """Its time alone leads another session to the same state."""
+    def reached(self, to: float) -> bool:
+        """Whether time ``to`` is reached, up to the rounding of a step."""
+        return self.time >= to - 1e-9 * self.step
 
     def advance(self, to: float, seconds: float = np.inf) -> None:
-        """Take steps until the session's time is ``to`` or just beyond it, or for ``seconds`` of wall time.
-
-        Where steps fall depends on neither.
-
-        Parameters
-        ----------
-        to
-            Time to reach.
-        seconds
-            Wall time after which the session stops at the end of a step; at least one step is made.
-
-        Raises
-        ------
-        SimulationError
-            When the run cannot go on; its ``run`` holds what was computed until then.
-        InvalidInput
-            When ``to`` lies in the past.
-        """
+        """Take steps until the session's time is ``to`` or just beyond it, or for ``seconds`` of wall time."""
         if not to >= self.time - self.step:
             raise InvalidInput("TilesSession", "to", f"must not be before the session's time, {self.time:g}", to)
         stop = time.monotonic() + seconds
         try:
-            while self.time < to - 1e-9 * self.step:
+            while not self.reached(to):
                 interruption.check()
                 self._take_step()
                 self._record()
@@ -289,7 +269,7 @@ class TilesSession:
             self._guarded(lambda: self._integrator.look(self._particles, self.time, self.step))
             checks.links_kept(self._particles, self.step, self.time)
             self._book()
-            self.records.count += 1
+            self.records.skip()
             return
         q, p = self._look()
         if not (np.isfinite(q).all() and np.isfinite(p).all()):
@@ -302,7 +282,7 @@ class TilesSession:
             from flocking.engine.tiles.observables import observe
 
             observed = observe(self._particles, self.time, p)
-        self.records.frame(self.time, q, p, self._links(), observed)
+        self.records.frame(self.time, q, p, self._links(), observed=observed)
 
     def _book(self) -> None:
         """Bring the ledger up to date, and check the step against it."""
@@ -394,24 +374,34 @@ class TilesSession:
         sums = self._integrator.ledger_sums.sums
         return sum(sums.get(name, 0.0) for name in ("pairs", "bodies", "kinetic"))
 
+    def moment(self) -> Callable[[], Session]:
+        """The way back to this moment: a function that opens a session which stands as this one does now."""
+        return partial(TilesSession.resume, self.snapshot())
+
+    def pack(self) -> Packed:
+        """All that another session needs to go on bit for bit, but its scenario and the records on disk."""
+        return pack_tiles(self.snapshot(copied=False))
+
+    @classmethod
+    def unpack(cls, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> TilesSession:
+        """The session that was packed, with another number of ``threads`` where changes say so."""
+        threads = changes.get("threads")
+        return cls.resume(restore_tiles(*packed, stored), threads=threads if isinstance(threads, int) else None)
+
     @property
     def about(self) -> dict[str, object]:
         """Where the results come from, as the run's provenance says."""
         o = self.options
-        found = provenance(self.engine, self.scenario) | {"steps": self.steps, "step": self.step, "scheme": o.scheme}
-        return found | {
+        return super().about | {
+            "step": self.step, "scheme": o.scheme,
             "precision": o.precision, "rebuilds": self._particles.rebuilds, "switches": "not recorded",
             "farthest": self.farthest, **(self.law_gaps.about if o.ledger else {}),
         }  # fmt: skip
 
-    accuracy: None = None
-    """Nothing is known of the errors of fixed steps."""
-
     @property
-    def closest_pairs(self) -> tuple[Closest, Closest]:
-        """Closest linked and unlinked pair until now."""
-        return self.records.closest_pairs
-
-    def run(self, status: str = "finished") -> Run:
-        """What was computed so far."""
-        return Run(self.scenario, status=status, provenance=self.about, **self.records.tables())
+    def fidelity(self) -> Fidelity:
+        """Steps are fixed, switches are not located, and linked pairs are looked at once a step."""
+        return Fidelity(
+            self.engine, approaches=Approaches("linked", self.farthest), ledger=LedgerRule("share", RESIDUAL),
+            fixed_step=self.step, law=self.law_gaps.agreement if self.options.ledger else None,
+        )  # fmt: skip

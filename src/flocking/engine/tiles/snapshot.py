@@ -6,9 +6,10 @@ from dataclasses import dataclass, field
 
 from flocking.engine.fixed_step.law_gaps import LawGaps
 from flocking.engine.tiles.instability import Instability
+from flocking.engine.tiles.integrators import IntegratorMemory
 from flocking.engine.tiles.options import TilesOptions
 from flocking.engine.tiles.particle_memory import ParticleMemory
-from flocking.engine.tiles.records import Records
+from flocking.engine.tiles.records import TilesRecorder
 from flocking.model.law import Law, Scenario
 
 
@@ -44,8 +45,8 @@ class TilesSnapshot:
     time: float
     plan: tuple[float, float, int, int]
     particles: ParticleMemory
-    scheme: dict[str, object]
-    records: Records
+    scheme: IntegratorMemory
+    records: TilesRecorder
     steps: int
     farthest: float = 0.0
     law_gaps: LawGaps = field(default_factory=LawGaps)

@@ -134,7 +134,7 @@ def _beside_unsigned(numbers: list[Number], values: Sequence[Value]) -> list[Num
 
 
 _FLOAT = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv"}
-_WHOLE = {
+_INTEGER = {
     ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.BitAnd: "and_", ast.BitOr: "or_", ast.BitXor: "xor",
 }  # fmt: skip
 _KNOWN: dict[type[ast.operator], Callable[..., object]] = {
@@ -167,7 +167,7 @@ def binary(builder: ir.IRBuilder, operator: ast.operator, left: Value, right: Va
         return Number(kind, _shifted(builder, operator, kind, a, b, right))
     if isinstance(operator, ast.FloorDiv | ast.Mod) and kind == I8:
         return Number(kind, _floored(builder, operator, a, b))
-    name = (_FLOAT if kind.real else _WHOLE).get(type(operator))
+    name = (_FLOAT if kind.real else _INTEGER).get(type(operator))
     if name is None:
         raise UntranslatableError(f"the operator {type(operator).__name__} of {kind.name}")
     flags = VECTOR_FLAGS if kind.real and kind.lanes else ()

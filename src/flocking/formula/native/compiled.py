@@ -7,19 +7,21 @@ import struct
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from flocking.formula.native.entries import C_TYPES, OTHER, Entry, usable
+from flocking.formula.native.entries import C_TYPES, OTHER, CType, Entry, usable
 from flocking.formula.native.faults import error_of
 
 if TYPE_CHECKING:
     from flocking.arrays import Array
-    from flocking.formula.native.kinds import Argument
+    from flocking.formula.native.kinds import Argument, RecordKind
 
 _NOT_IN_ROWS = "Native functions take arrays stored row by row, and aligned"
-Cast = Callable[[Any], float]
+Cast = Callable[[float], float]
 """What makes a number one that C takes."""
+Outcome = float | tuple[float, ...] | None
+"""What a native function returns: nothing, a number or several; truth values and whole numbers count as numbers."""
 
 
-def _whole_of(kind: str) -> Cast:
+def _integer_cast(kind: str) -> Cast:
     """What makes a number a whole one of a kind, and refuses those that do not fit."""
     bits, signed = 8 * int(kind[1]), kind[0] == "i"
     low, high = (-(2 ** (bits - 1)), 2 ** (bits - 1)) if signed else (0, 2**bits)
@@ -34,8 +36,36 @@ def _whole_of(kind: str) -> Cast:
 
 
 _CASTS: dict[str, Cast] = {
-    "f8": float, "f4": float, "b1": bool, **{kind: _whole_of(kind) for kind in ("i8", "i4", "u8", "u4")},
+    "f8": float, "f4": float, "b1": bool, **{kind: _integer_cast(kind) for kind in ("i8", "i4", "u8", "u4")},
 }  # fmt: skip
+
+
+def taken_apart(values: Sequence[object], records: Sequence[RecordKind | None]) -> list[object]:
+    """Numbers and arrays of some arguments, the fields of records among them.
+
+    Parameters
+    ----------
+    values
+        The arguments.
+    records
+        Kinds of those that are records; None for the others.
+
+    Raises
+    ------
+    TypeError
+        When an argument is not the record that it must be, or their number is another.
+    """
+    if len(values) != len(records):
+        raise TypeError(f"{len(records)} arguments are needed, not {len(values)}")
+    found: list[object] = []
+    for value, kind in zip(values, records, strict=True):
+        if kind is None:
+            found.append(value)
+        elif not isinstance(value, tuple) or kind.record is not type(value):
+            raise TypeError(f"An argument must be a {kind.record.__name__}, not {type(value).__name__}")
+        else:
+            found += taken_apart(value, kind.records)
+    return found
 
 
 class Compiled:
@@ -58,23 +88,32 @@ class Compiled:
     def __init__(
         self, name: str, arguments: tuple[Argument, ...], address: int, results: tuple[str, ...], entry: int = 0
     ) -> None:
+        from flocking.formula.native.kinds import Kind, RecordKind, flat
+
         self.name, self.arguments, self.address, self.results = name, arguments, address, results
-        types: list[Any] = []
+        passed = flat(arguments)
+        self._records = tuple(kind if isinstance(kind, RecordKind) else None for kind in arguments)
+        self._plain = not any(self._records)
+        types: list[CType] = []
         self._casts: list[Cast | None] = []
         """What makes each number one that C takes; None for an array."""
-        for kind in arguments:
-            axes = getattr(kind, "axes", None)
-            types += [C_TYPES[kind.name]] if axes is None else [ctypes.c_void_p, *[ctypes.c_int64] * axes]  # type: ignore[union-attr]
-            self._casts.append(_CASTS[kind.name] if axes is None else None)  # type: ignore[union-attr]
+        for kind in passed:
+            if isinstance(kind, Kind):
+                types.append(C_TYPES[kind.name])
+                self._casts.append(_CASTS[kind.name])
+            else:
+                types += [ctypes.c_void_p, *[ctypes.c_int64] * kind.axes]
+                self._casts.append(None)
         self._function = ctypes.CFUNCTYPE(ctypes.c_int32, *types, ctypes.c_void_p)(address)
         self._room = ctypes.c_int64 * max(len(results), 1)
-        self.entry = Entry(entry, arguments) if entry and usable() else None
+        self.entry = Entry(entry, passed) if entry and usable() else None
         self._found = struct.Struct("=" + "".join({"f8": "d", "u8": "Q"}.get(kind, "q") for kind in results))
         self._flags = [k for k, kind in enumerate(results) if kind == "b1"]
 
     def _passed(self, values: Sequence[Any]) -> list[float]:
         """Arguments as C takes them: numbers, and the addresses of arrays with the lengths of their axes."""
         given: list[float] = []
+        values = values if self._plain else taken_apart(values, self._records)
         for value, cast in zip(values, self._casts, strict=True):
             if cast is not None:
                 given.append(cast(value))
@@ -84,7 +123,7 @@ class Compiled:
                 raise TypeError(_NOT_IN_ROWS)
         return given
 
-    def into(self, values: Sequence[Any], found: Array) -> None:
+    def into(self, values: Sequence[object], found: Array) -> None:
         """Call it as `run` does; the floating-point numbers it returns go to an array.
 
         Parameters
@@ -98,7 +137,7 @@ class Compiled:
         if fault:
             raise error_of(fault, self.name)
 
-    def run(self, values: Sequence[Any]) -> Any:
+    def run(self, values: Sequence[object]) -> Outcome:
         """Call it with arguments of its kinds; one number, or several in a tuple, or None.
 
         Parameters
@@ -135,11 +174,16 @@ class Compiled:
         """
         if self.entry is None:
             return NotImplemented
+        if not self._plain:
+            try:
+                values = taken_apart(values, self._records)
+            except TypeError:
+                return NotImplemented
         room = self._room()
         fault = self.entry(values, room)
         return NotImplemented if fault == OTHER else self._outcome(fault, room)
 
-    def _outcome(self, fault: int, room: ctypes.Array[ctypes.c_int64]) -> Any:
+    def _outcome(self, fault: int, room: ctypes.Array[ctypes.c_int64]) -> Outcome:
         """The error that a fault is, or the numbers in the room."""
         if fault:
             raise error_of(fault, self.name)

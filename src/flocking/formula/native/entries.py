@@ -1,4 +1,4 @@
-"""The entry of a native function that Python calls: it takes NumPy's arrays as they are, and looks into them itself.
+"""The entry of a native function for Python: it reads addresses and lengths from the objects of NumPy's arrays.
 
 To ask an array in Python for its address and lengths takes longer than most native functions run. NumPy states where
 they lie within an array's object (its C interface, ``PyArrayObject``); `Entry.usable` looks whether that is so.
@@ -9,14 +9,14 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
     from llvmlite import ir
 
-    from flocking.formula.native.kinds import Argument
+    from flocking.formula.native.kinds import Argument, ArrayKind, Kind
 
 SUFFIX = ".entry"
 """What the name of an entry ends with."""
@@ -31,7 +31,13 @@ DATA, AXES, LENGTHS, KIND, FLAGS = HEAD, HEAD + 8, HEAD + 16, HEAD + 40, HEAD + 
 IN_ROWS = 0x0001 | 0x0100
 """NumPy's flags of an array that is stored row by row, and aligned."""
 
-C_TYPES: dict[str, object] = {
+CType = (
+    type[ctypes.c_double] | type[ctypes.c_float] | type[ctypes.c_int64] | type[ctypes.c_int32] | type[ctypes.c_uint64]
+    | type[ctypes.c_uint32] | type[ctypes.c_bool] | type[ctypes.c_void_p]
+)  # fmt: skip
+"""A type of C that arguments have."""
+
+C_TYPES: dict[str, CType] = {
     "f8": ctypes.c_double, "f4": ctypes.c_float, "i8": ctypes.c_int64, "i4": ctypes.c_int32, "u8": ctypes.c_uint64,
     "u4": ctypes.c_uint32, "b1": ctypes.c_bool,
 }  # fmt: skip
@@ -61,14 +67,15 @@ def add_entry(module: ir.Module, function: ir.Function, arguments: Sequence[Argu
     """
     from llvmlite import ir
 
-    from flocking.formula.native.kinds import I4, I8, Kind
+    from flocking.formula.native.kinds import I4, I8, Kind, flat
 
     function.attributes.add("noinline")
     pointer = ir.IntType(8).as_pointer()
     given = list(function.args)
     types: list[ir.Type] = []
     at = 0
-    for kind in arguments:
+    passed = flat(arguments)
+    for kind in passed:
         types.append(given[at].type if isinstance(kind, Kind) else pointer)
         at += 1 if isinstance(kind, Kind) else 1 + kind.axes
     shape = ir.FunctionType(I4.type, [*types, I8.type.as_pointer(), given[-1].type])
@@ -85,24 +92,24 @@ def add_entry(module: ir.Module, function: ir.Function, arguments: Sequence[Argu
 
     fits = ir.Constant(ir.IntType(1), 1)
     number = 0
-    for value, kind in zip(values, arguments, strict=True):
+    for value, kind in zip(values, passed, strict=True):
         if isinstance(kind, Kind):
             continue
         number += 1
-        for found, wanted in (
+        for found, required in (
             (field(value, HEAD - 8, I8.type), stated(0)),
             (field(value, KIND, I8.type), stated(number)),
             (field(value, AXES, I4.type), ir.Constant(I4.type, kind.axes)),
             (b.and_(field(value, FLAGS, I4.type), ir.Constant(I4.type, IN_ROWS)), ir.Constant(I4.type, IN_ROWS)),
         ):
-            fits = b.and_(fits, b.icmp_signed("==", found, wanted))
+            fits = b.and_(fits, b.icmp_signed("==", found, required))
     good, bad = entry.append_basic_block("good"), entry.append_basic_block("bad")
     b.cbranch(fits, good, bad)
     b.position_at_end(bad)
     b.ret(ir.Constant(I4.type, OTHER))
     b.position_at_end(good)
     codes: list[ir.Value] = []
-    for value, kind in zip(values, arguments, strict=True):
+    for value, kind in zip(values, passed, strict=True):
         if isinstance(kind, Kind):
             codes.append(value)
             continue
@@ -120,15 +127,15 @@ class Entry:
     address
         Where it is.
     arguments
-        Kinds of the arguments.
+        Kinds of the numbers and arrays it takes, the fields of records among them.
     """
 
-    def __init__(self, address: int, arguments: Sequence[Argument]) -> None:
+    def __init__(self, address: int, arguments: Sequence[Kind | ArrayKind]) -> None:
         from flocking.formula.native.kinds import Kind
 
         self.count = len(arguments)
         self._numbers = [(k, _TAKEN[kind.name]) for k, kind in enumerate(arguments) if isinstance(kind, Kind)]
-        types: list[Any] = [C_TYPES[kind.name] if isinstance(kind, Kind) else ctypes.py_object for kind in arguments]
+        types = [C_TYPES[kind.name] if isinstance(kind, Kind) else ctypes.py_object for kind in arguments]
         self._call = ctypes.CFUNCTYPE(ctypes.c_int32, *types, ctypes.c_void_p, ctypes.c_void_p)(address)
         self._dtypes = [np.dtype(kind.element.name) for kind in arguments if not isinstance(kind, Kind)]
         self._expected = (ctypes.c_int64 * (1 + len(self._dtypes)))(id(np.ndarray), *map(id, self._dtypes))

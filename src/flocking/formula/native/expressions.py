@@ -24,6 +24,8 @@ from flocking.formula.native.kinds import (
     Constant,
     Kind,
     Number,
+    Record,
+    RecordKind,
     Several,
     UntranslatableError,
     Value,
@@ -79,7 +81,11 @@ class Expressions(Variables):
         return Several(tuple(self.value(x) for x in node.elts))
 
     def _attribute_value(self, node: ast.Attribute) -> Value:
+        if isinstance(node.value, ast.Name) and node.value.id in self.scope.records:
+            return self.field(node.value.id, node.attr)
         owner = self.value(node.value)
+        if isinstance(owner, Record):
+            return owner.field(node.attr)
         if isinstance(owner, Array) and node.attr == "shape":
             return Several(tuple(Number(I8, length) for length in owner.shape))
         if isinstance(owner, Constant) and hasattr(owner.value, node.attr):
@@ -229,8 +235,12 @@ class Expressions(Variables):
             if len(values) != 1:
                 raise UntranslatableError(f"{len(values)} arguments of {ast.unparse(node.func)}")
             return self._cast(values[0], CASTS[function])
+        if isinstance(function, type) and issubclass(function, tuple) and hasattr(function, "_fields"):
+            if len(values) != len(function._fields):
+                raise UntranslatableError(f"{len(values)} fields of a {function.__name__}")
+            return Record(tuple(values), function)
         if function in (int, math.floor, math.ceil) and len(values) == 1:
-            self._require_whole(number(values[0]))
+            self._require_integer(number(values[0]))
         if isinstance(function, types.FunctionType):
             return self.in_place(source_of(function), values)
         function = _OF_NUMPY.get(function, function)
@@ -242,19 +252,8 @@ class Expressions(Variables):
     def _called_apart(self, function: Callee, values: Sequence[Value]) -> Value:
         """What a native function gives that is compiled by itself."""
         b = self.builder
-        kinds: list[Argument] = []
         codes: list[ir.Value] = []
-        for value in values:
-            if isinstance(value, Array):
-                kinds.append(value.kind)
-                codes += [value.data, *value.shape]
-                continue
-            x = number(value)
-            if x.kind.lanes:
-                raise UntranslatableError("lanes as an argument of a native function")
-            kinds.append(x.kind)
-            codes.append(b.zext(x.code, x.kind.stored) if x.kind == B1 else x.code)
-        callee = function.outside(tuple(kinds))
+        callee = function.outside(tuple(self._passed(value, codes) for value in values))
         self.called[callee.reference] = None
         with b.goto_block(self.entry):
             room = b.alloca(I8.type, size=ir.Constant(I8.type, max(len(callee.results), 1)))
@@ -272,15 +271,29 @@ class Expressions(Variables):
                 found.append(Number(B1, truth) if name == "b1" else Number(Kind(name), whole))
         return found[0] if len(found) == 1 else Several(tuple(found))
 
+    def _passed(self, value: Value, codes: list[ir.Value]) -> Argument:
+        """Kind of an argument; what is passed goes behind ``codes``."""
+        if isinstance(value, Record):
+            fields = tuple(self._passed(part, codes) for part in value.values)
+            return RecordKind(value.record, fields, value.record._fields)
+        if isinstance(value, Array):
+            codes += [value.data, *value.shape]
+            return value.kind
+        x = number(value)
+        if x.kind.lanes:
+            raise UntranslatableError("lanes as an argument of a native function")
+        codes.append(self.builder.zext(x.code, x.kind.stored) if x.kind == B1 else x.code)
+        return x.kind
+
     def _values(self, node: ast.Call) -> list[Value]:
         return [self.value(a) for a in node.args]
 
-    def _require_whole(self, value: Number) -> None:
+    def _require_integer(self, value: Number) -> None:
         if value.kind.real and not value.kind.lanes:
             b, code = self.builder, converted(self.builder, value, F8).code
             low = b.fcmp_ordered(">=", code, ir.Constant(F8.type, -(2.0**63)))
             high = b.fcmp_ordered("<", code, ir.Constant(F8.type, 2.0**63))
-            self.require(b.and_(low, high), faults.NO_WHOLE_NUMBER)
+            self.require(b.and_(low, high), faults.NOT_AN_INTEGER)
 
     def _cast(self, value: Value, kind: Kind) -> Value:
         if isinstance(value, Constant) and isinstance(value.value, int | float):

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-NONE, NO_MEMORY, DIVISION_BY_ZERO, NO_WHOLE_NUMBER = range(4)
+NONE, NO_MEMORY, DIVISION_BY_ZERO, NOT_AN_INTEGER = range(4)
+"""Numbers of the faults that a native function may return."""
 
 _ERRORS: dict[int, Callable[[str], Exception]] = {
     NO_MEMORY: lambda name: MemoryError(f"{name} found no memory for its arrays"),
     DIVISION_BY_ZERO: lambda name: ZeroDivisionError(f"division of a whole number by zero in {name}"),
-    NO_WHOLE_NUMBER: lambda name: OverflowError(f"a number in {name} is NaN or infinite, or has more than 64 bits"),
+    NOT_AN_INTEGER: lambda name: OverflowError(f"a number in {name} is NaN or infinite, or has more than 64 bits"),
 }
 
 

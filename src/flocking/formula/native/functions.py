@@ -68,7 +68,7 @@ class NativeFunction(Callee):
         """
         found = self._compiled.get(arguments)
         if found is None:
-            # One thread translates at a time: Python's own parser of programs does not bear two.
+            # One thread translates at a time: Python's parser is not thread-safe.
             with _translating:
                 found = self._compiled.get(arguments) or self._made(arguments)
                 self._compiled[arguments] = found
@@ -117,13 +117,13 @@ class NativeFunction(Callee):
         text, results, called = translate(name, source_of(self.py_func), arguments)
         return text, tuple(kind.name for kind in results), called
 
-    def __call__(self, *values: Any) -> Any:
+    def __call__(self, *values: object) -> Any:
         """Call the function.
 
         Parameters
         ----------
         values
-            Its arguments; arrays must be stored row by row.
+            Its arguments: numbers, arrays stored row by row, and named tuples of these.
 
         Raises
         ------
@@ -157,7 +157,7 @@ def kind_of_value(value: object) -> Argument:
     TypeError
         When native functions know no such values.
     """
-    from flocking.formula.native.kinds import ArrayKind, Kind, kind_of
+    from flocking.formula.native.kinds import ArrayKind, Kind, RecordKind, kind_of
 
     if isinstance(value, np.ndarray):
         return ArrayKind(kind_of(value.dtype), value.ndim)
@@ -169,7 +169,9 @@ def kind_of_value(value: object) -> Argument:
         return Kind("i8")
     if isinstance(value, float):
         return Kind("f8")
-    raise TypeError(f"Native functions take numbers and arrays, not {type(value).__name__}")
+    if isinstance(value, tuple) and hasattr(value, "_fields"):
+        return RecordKind(type(value), tuple(map(kind_of_value, value)), value._fields)
+    raise TypeError(f"Native functions take numbers, arrays and named tuples, not {type(value).__name__}")
 
 
 def native(function: Callable[..., object]) -> NativeFunction:
@@ -244,13 +246,16 @@ def by_address(signature: str) -> Primitive:
         place: Number = converted(builder, number(address), I8)
         return Number(I4, builder.call(builder.inttoptr(place.code, shape.as_pointer()), codes))
 
-    def run(address: int, *values: Any) -> None:
+    def run(address: int, *values: object) -> None:
         from flocking.formula.native.kinds import arguments_of
 
         kinds = arguments_of(signature)
         for value, kind in zip(values[:-1], kinds, strict=True):
             if kind_of_value(value) != kind:
                 raise TypeError(f"{value!r} as an argument that must be {kind}")
-        Compiled("", kinds, address, ()).into(values[:-1], values[-1])
+        found = values[-1]
+        if not isinstance(found, np.ndarray):
+            raise TypeError(f"{found!r} as an array for the results")
+        Compiled("", kinds, address, ()).into(values[:-1], found)
 
     return Primitive(build, run, gives_fault=True)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -92,10 +95,51 @@ class ArrayKind:
         return int(self.element.name[1])
 
 
-Argument = Kind | ArrayKind
+@dataclass(frozen=True)
+class RecordKind:
+    """Values by name, as a `typing.NamedTuple` holds them.
+
+    Parameters
+    ----------
+    record
+        The named tuple.
+    fields
+        Kinds of its fields.
+    names
+        Their names.
+    """
+
+    record: type
+    fields: tuple[Argument, ...]
+    names: tuple[str, ...]
+
+    @cached_property
+    def records(self) -> tuple[RecordKind | None, ...]:
+        """Kinds of the fields that are records themselves; None for the others."""
+        return tuple(kind if isinstance(kind, RecordKind) else None for kind in self.fields)
+
+    def __str__(self) -> str:
+        return f"{self.record.__module__}:{self.record.__qualname__}({', '.join(map(str, self.fields))})"
 
 
-def kind_of(stored: np.dtype[Any]) -> Kind:
+Argument = Kind | ArrayKind | RecordKind
+
+
+def flat(arguments: Iterable[Argument]) -> list[Kind | ArrayKind]:
+    """Kinds of the numbers and arrays of some arguments: a record is passed field by field.
+
+    Parameters
+    ----------
+    arguments
+        Kinds of the arguments.
+    """
+    found: list[Kind | ArrayKind] = []
+    for kind in arguments:
+        found += flat(kind.fields) if isinstance(kind, RecordKind) else [kind]
+    return found
+
+
+def kind_of(stored: np.dtype[np.generic]) -> Kind:
     """Kind of the numbers of a NumPy array.
 
     Parameters
@@ -178,9 +222,55 @@ class Several:
     values: tuple[Value, ...]
 
 
+@dataclass(frozen=True)
+class Record(Several):
+    """Values by name.
+
+    Parameters
+    ----------
+    values
+        The values, in the order of the fields.
+    record
+        The named tuple that they are the fields of.
+    """
+
+    record: type[Any]
+
+    def field(self, name: str) -> Value:
+        """The value of a name.
+
+        Raises
+        ------
+        UntranslatableError
+            When the record has no such field.
+        """
+        names: tuple[str, ...] = self.record._fields
+        if name not in names:
+            raise UntranslatableError(f"the attribute {name} of a {self.record.__name__}")
+        return self.values[names.index(name)]
+
+
 Value = Number | Array | Constant | Several
 
 _ARGUMENT = re.compile(r"(f8|f4|i8|i4|u8|u4|b1)(\[(:(?:,:)*)\])?")
+_RECORD = re.compile(r"([\w.]+):([\w.]+)\((.*)\)")
+
+
+def _parts(signature: str) -> list[str]:
+    """Kinds of a signature, those of the fields of a record left together."""
+    parts, depth = [""], 0
+    for piece in re.split(r"(,\s+|[()])", signature.strip()):
+        depth += (piece == "(") - (piece == ")")
+        if depth == 0 and re.fullmatch(r",\s+", piece):
+            parts.append("")
+        else:
+            parts[-1] += piece
+    return [part for part in parts if part]
+
+
+def _record_kind(module: str, name: str, fields: str) -> RecordKind:
+    record = getattr(importlib.import_module(module), name)
+    return RecordKind(record, arguments_of(fields), record._fields)
 
 
 def arguments_of(signature: str) -> tuple[Argument, ...]:
@@ -189,7 +279,8 @@ def arguments_of(signature: str) -> tuple[Argument, ...]:
     Parameters
     ----------
     signature
-        Kinds as NumPy names them, arrays with a colon for each index: ``"f8, f8[:,:], i8[:]"``.
+        Kinds as NumPy names them, arrays with a colon for each index: ``"f8, f8[:,:], i8[:]"``. A record is named by
+        its module and class, with the kinds of its fields: ``"some.module:Name(f8, f8[:])"``.
 
     Raises
     ------
@@ -197,7 +288,11 @@ def arguments_of(signature: str) -> tuple[Argument, ...]:
         When it says anything else.
     """
     found: list[Argument] = []
-    for part in re.split(r",\s+", signature.strip()) if signature.strip() else []:
+    for part in _parts(signature):
+        record = _RECORD.fullmatch(part)
+        if record is not None:
+            found.append(_record_kind(*record.groups()))
+            continue
         match = _ARGUMENT.fullmatch(part)
         if match is None:
             raise CacheError(f"A native function has an argument of a kind that is not known: {part!r}.")

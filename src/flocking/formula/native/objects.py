@@ -7,7 +7,6 @@ import os
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import llvmlite
 from llvmlite import binding
@@ -36,7 +35,7 @@ def processor() -> tuple[str, str]:
     return name, features or ""
 
 
-def _machine() -> Any:
+def _machine() -> binding.TargetMachine:
     """A new target machine of LLVM for this processor."""
     binding.initialize_native_target()
     binding.initialize_native_asmprinter()

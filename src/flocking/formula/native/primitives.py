@@ -26,7 +26,7 @@ class Primitive:
     """
 
     build: Callable[..., Value | None]
-    python: Callable[..., Any] | None = None
+    python: Callable[..., object] | None = None
     gives_fault: bool = False
 
     def __call__(self, *values: object) -> Any:

@@ -9,6 +9,7 @@ import types
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
+from typing import Any
 
 from llvmlite import ir
 
@@ -110,7 +111,7 @@ def _functions(text: str) -> dict[tuple[str, int], ast.FunctionDef]:
 
 
 class WiderError(Exception):
-    """A variable holds numbers of a wider kind than was seen first: the function is translated anew."""
+    """A variable holds numbers of a wider kind than was seen first: the function is translated again."""
 
 
 @dataclass(frozen=True)
@@ -147,6 +148,8 @@ class Scope:
         Values of names, and the kinds of numbers of those that are variables.
     arrays
         For each name of an array, where its address and its lengths are kept.
+    records
+        For each name of a record, its named tuple; the fields are variables by the names of `field_name`.
     loops
         The loops under way, the innermost last.
     returned
@@ -163,6 +166,7 @@ class Scope:
     names: dict[str, Value | ir.AllocaInstr] = field(default_factory=dict)
     kinds: dict[str, Kind] = field(default_factory=dict)
     arrays: dict[str, Array] = field(default_factory=dict)
+    records: dict[str, type[Any]] = field(default_factory=dict)
     loops: list[Loop] = field(default_factory=list)
     returned: Value | None = None
     results: int | None = None
@@ -173,6 +177,11 @@ class Scope:
         if given.defaults or given.kwonlyargs or given.vararg or given.kwarg or given.posonlyargs:
             raise UntranslatableError("arguments of other forms than a plain name")
         self.bound = _names_bound(self.source.node)
+
+
+def field_name(record: str, field: str) -> str:
+    """Name of the variable of a field of a record."""
+    return f"{record}.{field}"
 
 
 def result_name(number: int) -> str:

@@ -40,6 +40,8 @@ def state_value(
     value = getattr(value, "py_func", value)
     if isinstance(value, _STATED) or (isinstance(value, tuple) and all(isinstance(x, _STATED) for x in value)):
         state(f"{name} {value!r}\0".encode())
+    elif isinstance(value, type) and hasattr(value, "_fields"):
+        state(f"{name} {value.__module__}.{value.__qualname__} {value._fields}\0".encode())
     elif isinstance(value, np.ndarray):
         state(f"{name} {value.dtype.str} {value.shape}\0".encode() + value.tobytes())
     elif isinstance(value, types.FunctionType):

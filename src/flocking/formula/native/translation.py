@@ -1,14 +1,14 @@
 """A function of Python, with the kinds of its arguments, as a function of LLVM.
 
 The part of Python that is understood: assignments, ``for`` over ``range``, ``while``, ``if``, ``break``,
-``continue``, ``return`` of numbers, arithmetic, comparisons, ``and``, ``or``, ``not``, conditional expressions,
-indices of arrays, their ``shape``, ``np.empty`` and ``np.zeros`` of small arrays that are not returned, and calls of
-the functions of `arithmetic`, of `Primitive`, and of other functions, native or plain: these are put in place, unless
-they are compiled apart. It computes bit for bit what Python does, except that a power with a known whole exponent is
-a product; that whole numbers have 64 bits and wrap; that numbers of several kinds are joined as NumPy joins arrays of
-them; that a float divided by zero, or a function of ``math`` outside its domain, gives what IEEE 754 says; that
-``hypot``, ``gamma`` and ``lgamma`` are those of the C library; that powers of 2.0 and powers 0.5 are LLVM's ``exp2``
-and ``sqrt``, which may differ from Python's in the last bit; and that an index is not checked and does not count from
+``continue``, ``return`` of numbers, arithmetic, comparisons, ``and``, ``or``, ``not``, conditional expressions, named
+tuples and their fields, indices of arrays, their ``shape``, ``np.empty`` and ``np.zeros`` of small arrays that are not
+returned, and calls of the functions of `arithmetic`, of `Primitive`, and of other functions, native or plain: these are
+inlined, unless they are compiled separately. It computes bit for bit what Python does, with these exceptions: a power
+with a known integer exponent is a product; integers have 64 bits and wrap; numbers of several kinds are promoted as
+NumPy promotes arrays of them; a float divided by zero, or a function of ``math`` outside its domain, gives what
+IEEE 754 says; ``hypot``, ``gamma`` and ``lgamma`` are those of the C library; powers of 2.0 and powers 0.5 are LLVM's
+``exp2`` and ``sqrt``, which may differ from Python's in the last bit; an index is not checked and does not count from
 the end. Numbers and arrays of a module are those of the first call.
 
 What else would differ is refused: a name that may have no value where it is read, a return that may be left out, ``or``
@@ -36,9 +36,12 @@ from flocking.formula.native.kinds import (
     Constant,
     Kind,
     Number,
+    Record,
+    RecordKind,
     Several,
     UntranslatableError,
     Value,
+    flat,
 )
 from flocking.formula.native.scopes import Loop, Scope, Source, WiderError, result_name
 
@@ -82,8 +85,8 @@ class _Translator(Expressions):
     ) -> None:
         module = ir.Module(name)
         types: list[ir.Type] = []
-        for kind in arguments:
-            types += [kind.stored] if isinstance(kind, Kind) else [kind.stored.as_pointer(), *[I8.type] * kind.axes]
+        for part in flat(arguments):
+            types += [part.stored] if isinstance(part, Kind) else [part.stored.as_pointer(), *[I8.type] * part.axes]
         shape = ir.FunctionType(I4.type, [*types, I8.type.as_pointer()])
         function = ir.Function(module, shape, name)
         entry = function.append_basic_block("entry")
@@ -96,17 +99,23 @@ class _Translator(Expressions):
         if len(names) != len(arguments):
             raise UntranslatableError(f"it has {len(names)} arguments, and {len(arguments)} kinds are stated")
         for text, kind in zip(names, arguments, strict=True):
-            if isinstance(kind, Kind):
-                code = given.pop(0)
-                self.store(text, Number(kind, self.builder.trunc(code, B1.type) if kind == B1 else code))
-            else:
-                self.store(text, Array(kind, given[0], tuple(given[1 : 1 + kind.axes])))
-                del given[: 1 + kind.axes]
-        self._whole_body(source)
+            self.store(text, self._received(kind, given))
+        self._function_body(source)
         self.builder.position_at_end(leave)
         self.found = self._finish(given[0])
         ir.IRBuilder(entry).branch(begin)
         add_entry(module, function, arguments)
+
+    def _received(self, kind: Argument, given: list[ir.Value]) -> Value:
+        """Value of an argument; what it is made of is taken from the front of ``given``."""
+        if isinstance(kind, RecordKind):
+            return Record(tuple(self._received(field, given) for field in kind.fields), kind.record)
+        if isinstance(kind, Kind):
+            code = given.pop(0)
+            return Number(kind, self.builder.trunc(code, B1.type) if kind == B1 else code)
+        data, *shape = given[: 1 + kind.axes]
+        del given[: 1 + kind.axes]
+        return Array(kind, data, tuple(shape))
 
     def _finish(self, place: ir.Value) -> tuple[Kind, ...]:
         if self.scope.returned is not None:
@@ -124,7 +133,7 @@ class _Translator(Expressions):
         self.builder.ret(self.builder.load(self.fault))
         return tuple(found)
 
-    def _whole_body(self, source: Source) -> None:
+    def _function_body(self, source: Source) -> None:
         self._body(source.node.body)
         if not self.builder.block.is_terminated:
             if self.scope.results:
@@ -136,8 +145,8 @@ class _Translator(Expressions):
         """What a function gives, translated where it is called."""
         self.calls += 1
         outer = self.scope
-        path = f"{outer.path}/{source.node.name}{self.calls}"
-        if path.count(f"/{source.node.name}") > 1:
+        path = f"{outer.path}/{source.node.name}:{self.calls}"
+        if path.count(f"/{source.node.name}:") > 1:
             raise UntranslatableError(f"{source.node.name}, which calls itself")
         leave = self.builder.append_basic_block("leave")
         scope = self.scope = Scope(path, source, leave)
@@ -145,7 +154,7 @@ class _Translator(Expressions):
             raise UntranslatableError(f"{source.node.name} with {len(values)} arguments")
         for argument, value in zip(source.node.args.args, values, strict=True):
             self.store(argument.arg, value)
-        self._whole_body(source)
+        self._function_body(source)
         self.builder.position_at_end(leave)
         found = scope.returned
         if found is None:

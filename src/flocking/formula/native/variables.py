@@ -6,6 +6,7 @@ import ast
 import builtins
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Container
 
 import numpy as np
 from llvmlite import ir
@@ -23,13 +24,14 @@ from flocking.formula.native.kinds import (
     Constant,
     Kind,
     Number,
+    Record,
     Several,
     UntranslatableError,
     Value,
     joined,
     kind_of,
 )
-from flocking.formula.native.scopes import Scope, WiderError
+from flocking.formula.native.scopes import Scope, WiderError, field_name
 
 CASTS: dict[object, Kind] = {
     np.float64: F8, np.float32: F4, np.int64: I8, np.int32: Kind("i4"), np.uint64: Kind("u8"), np.uint32: Kind("u4"),
@@ -104,11 +106,20 @@ class Variables(ABC):
             value = number(value)
         scope = self.scope
         scope.assigned.add(name)
-        before = Array if name in scope.arrays else Number if name in scope.kinds else scope.names.get(name)
-        if before is not None and before is not (type(value) if isinstance(value, Array | Number) else None):
+        groups: tuple[tuple[type, Container[str]], ...] = (
+            (Array, scope.arrays), (Number, scope.kinds), (Record, scope.records)
+        )  # fmt: skip
+        before = next((kind for kind, group in groups if name in group), scope.names.get(name))
+        if before is not None and before is not (type(value) if isinstance(value, Array | Number | Record) else None):
             raise UntranslatableError(f"{name}, which is given several values that are not all numbers or all arrays")
         if isinstance(value, Array):
             self._store_array(name, value)
+            return
+        if isinstance(value, Record):
+            if scope.records.setdefault(name, value.record) is not value.record:
+                raise UntranslatableError(f"{name}, which is given records of several kinds")
+            for field, part in zip(value.record._fields, value.values, strict=True):
+                self.store(field_name(name, field), part)
             return
         if not isinstance(value, Number):
             scope.names[name] = value
@@ -163,6 +174,9 @@ class Variables(ABC):
             array = self.scope.arrays[name]
             lengths = tuple(self.builder.load(place) for place in array.shape)
             return Array(array.kind, self.builder.load(array.data), lengths, array.passing)
+        if name in self.scope.records:
+            record = self.scope.records[name]
+            return Record(tuple(self.load(field_name(name, field)) for field in record._fields), record)
         if name in self.scope.names:
             found = self.scope.names[name]
             assert not isinstance(found, ir.AllocaInstr)
@@ -174,6 +188,26 @@ class Variables(ABC):
         if hasattr(builtins, name):
             return Constant(getattr(builtins, name))
         raise UntranslatableError(f"the name {name}")
+
+    def field(self, name: str, field: str) -> Value:
+        """A field of a name that is a record; the others are not even loaded.
+
+        Parameters
+        ----------
+        name, field
+            The name, and that of the field.
+
+        Raises
+        ------
+        UntranslatableError
+            When the name may have no value, or its record no such field.
+        """
+        known = name not in self.scope.bound or name in self.scope.assigned
+        if known and field in self.scope.records[name]._fields:
+            return self.load(field_name(name, field))
+        value = self.load(name)
+        assert isinstance(value, Record)
+        return value.field(field)
 
     def _constant_array(self, values: np.ndarray) -> Array:
         kind = ArrayKind(kind_of(values.dtype), values.ndim)

@@ -5,14 +5,18 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
+from flocking.arrays import Indices
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, axes_of, integer, listed, number
 from flocking.model.graphs.connectivity import Links, is_connected
 from flocking.model.graphs.weights import PairWeights
+from flocking.model.parts import values
+from flocking.model.parts.description import Group, add_group
+from flocking.model.parts.registration import register_part
 
 if TYPE_CHECKING:
     import networkx
@@ -26,10 +30,14 @@ class Graph(ABC):
     unlinked when its distance rises above `break_radius`. Equal radii give a graph without hysteresis.
     """
 
+    keeps_identity = True
     directed: bool = False
     """Whether i may sense j while j does not sense i."""
     moves: bool = True
     """Whether links appear and break as the agents move."""
+    follows_radii: bool = False
+    """Whether two agents are linked at the start when they are closer than `break_radius`, and later as `Graph.update`
+    says: then engines may find links from these two distances alone."""
     sees_headings: bool = False
     """Whether links depend on the agents' headings."""
 
@@ -112,6 +120,9 @@ class Graph(ABC):
         return None
 
 
+add_group(Group("graph", Graph, names="graph"))
+
+
 def pair_distances(q: Array) -> Array:
     """Distances of all pairs, shape (N, N), infinite on the diagonal."""
     offsets = q[None, :, :] - q[:, None, :]
@@ -120,6 +131,7 @@ def pair_distances(q: Array) -> Array:
     return np.asarray(distance)
 
 
+@register_part("fixed")
 @dataclass(frozen=True)
 class Fixed(Graph):
     """A graph given once and for all (Tanner I, Definition IV.1).
@@ -139,9 +151,9 @@ class Fixed(Graph):
         When a pair joins an agent with itself or names an agent that is not there.
     """
 
-    n: int
-    edges: tuple[tuple[int, int], ...]
-    directed: bool = False
+    n: Annotated[int, values.FEW_AGENTS]
+    edges: Annotated[tuple[tuple[int, int], ...], values.PAIRS]
+    directed: Annotated[bool, values.hidden(values.TRUTH)] = False
     moves: bool = field(default=False, init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -157,6 +169,12 @@ class Fixed(Graph):
                 raise InvalidInput("Fixed", "edges", f"must join two different agents of 0..{self.n - 1}", (i, j))
             pairs.add((i, j) if self.directed else (min(i, j), max(i, j)))
         object.__setattr__(self, "edges", tuple(sorted(pairs)))
+
+    def of_agents(self, chosen: Indices) -> Fixed:
+        """The graph of the agents ``chosen``, in the order they get; one may stand there twice."""
+        i, j = np.nonzero(self.initial(np.zeros((self.n, 1)))[np.ix_(chosen, chosen)])
+        pairs = tuple((int(a), int(b)) for a, b in zip(i, j, strict=True) if a != b)
+        return Fixed(len(chosen), pairs, directed=self.directed)
 
     @classmethod
     def from_networkx(cls, graph: networkx.Graph[object]) -> Fixed:
@@ -229,6 +247,15 @@ class Fixed(Graph):
             raise InvalidInput("Fixed", "n", f"must be the number of agents, {n}", self.n)
 
 
+@register_part("random_connected")
+def random_connected(
+    n: Annotated[int, values.FEW_AGENTS], probability: float, seed: Annotated[int, values.SEED]
+) -> Fixed:
+    """`Fixed.random_connected` of ``n``, ``probability`` and ``seed``, as files name it."""
+    return Fixed.random_connected(n, probability, seed)
+
+
+@register_part("proximity")
 @dataclass(frozen=True)
 class Proximity(Graph):
     """Agents closer than one radius are neighbours (Tanner II Definition IV.1, Olfati-Saber (8)).
@@ -248,6 +275,7 @@ class Proximity(Graph):
 
     radius: float
     closed: bool = False
+    follows_radii = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "radius", number("Proximity", "radius", self.radius, above=0.0))
@@ -268,6 +296,7 @@ class Proximity(Graph):
         return np.asarray(distance <= self.radius if self.closed else distance < self.radius)
 
 
+@register_part("hysteresis")
 @dataclass(frozen=True)
 class Hysteresis(Graph):
     """Links break at ``radius`` and appear only below ``radius - gap`` (Zhou (1), rules (i)-(iii)).
@@ -287,6 +316,7 @@ class Hysteresis(Graph):
 
     radius: float
     gap: float
+    follows_radii = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "radius", number("Hysteresis", "radius", self.radius, above=0.0))

@@ -12,12 +12,14 @@ from flocking.errors import InvalidInput
 from flocking.model.checks import Array, array, number
 from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import Graph, pair_distances
+from flocking.model.parts.registration import register_part
 from flocking.model.potentials.bumps import Bump, bump_named
 
 if TYPE_CHECKING:
     import sympy
 
 
+@register_part("smooth")
 @dataclass(frozen=True)
 class Smooth(Graph):
     """Links of weight a_ij = rho(r/R), with support r < R (Olfati-Saber (17)).
@@ -40,6 +42,7 @@ class Smooth(Graph):
     radius: float
     onset: float
     bump: str | Bump = "cosine"
+    follows_radii = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "radius", number("Smooth", "radius", self.radius, above=0.0))
@@ -89,6 +92,7 @@ class Smooth(Graph):
         return (self.onset * self.radius,)
 
 
+@register_part("per_agent_radii")
 @dataclass(frozen=True, eq=False)
 class PerAgentRadii(Graph):
     """Agent i senses whoever is within its own radius r_i: a directed net (Olfati-Saber (1)-(2)).
@@ -109,6 +113,7 @@ class PerAgentRadii(Graph):
     radii: Array
     closed: bool = True
     directed = True
+    follows_radii = True
 
     def __post_init__(self) -> None:
         radii = array("PerAgentRadii", "radii", self.radii, ndim=1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
@@ -14,6 +14,8 @@ from flocking.model.checks import Array, number, one_of, scalar_or_each
 from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import Graph, pair_distances
 from flocking.model.graphs.weights import PairWeights
+from flocking.model.parts import values
+from flocking.model.parts.registration import register_part
 from flocking.model.potentials.bumps import Bump, bump_named
 
 if TYPE_CHECKING:
@@ -93,6 +95,7 @@ def heading_gaps(headings: Array, measure: str) -> Array:
     return np.asarray(0.5 * (size - np.einsum("jab,iab->ij", headings, headings)))
 
 
+@register_part("cone")
 @dataclass(frozen=True, eq=False)
 class Cone(HeadingGraph):
     """Agents within a radius and with a similar heading are neighbours (Olfati-Saber (4)-(6)).
@@ -117,7 +120,7 @@ class Cone(HeadingGraph):
 
     radius: float | Array
     opening: float | Array
-    measure: str = "real"
+    measure: Annotated[str, values.choice(*MEASURES)] = "real"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "radius", scalar_or_each("Cone", "radius", self.radius, least=0.0))
@@ -171,6 +174,7 @@ class Cone(HeadingGraph):
                 )
 
 
+@register_part()
 @dataclass(frozen=True)
 class HeadingWeights(PairWeights):
     """The factor rho(|theta_j - theta_i|/phi_0) of a smooth cone, a number per pair.
@@ -188,7 +192,7 @@ class HeadingWeights(PairWeights):
     opening: float
     onset: float
     bump: Bump
-    measure: str
+    measure: Annotated[str, values.choice(*MEASURES)]
     symmetric = True
 
     def matrix(self, n: int) -> Array:
@@ -216,6 +220,7 @@ class HeadingWeights(PairWeights):
         return self.bump(heading_gaps(np.asarray(headings), self.measure) / self.opening, self.onset)
 
 
+@register_part("smooth_cone")
 @dataclass(frozen=True)
 class SmoothCone(HeadingGraph):
     """Links of weight rho(r/R) rho(|theta_j - theta_i|/phi_0) (Olfati-Saber (18)).
@@ -243,7 +248,7 @@ class SmoothCone(HeadingGraph):
     onset: float
     opening: float
     bump: str | Bump = "cosine"
-    measure: str = "real"
+    measure: Annotated[str, values.choice(*MEASURES)] = "real"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "radius", number("SmoothCone", "radius", self.radius, above=0.0))
@@ -298,6 +303,7 @@ class SmoothCone(HeadingGraph):
         return (self.onset * self.radius,)
 
 
+@register_part("field_of_view")
 @dataclass(frozen=True, eq=False)
 class FieldOfView(HeadingGraph):
     """Agent i sees whoever is within a radius and an angle of its heading (Olfati-Saber, Fig. 1(b)): directed.

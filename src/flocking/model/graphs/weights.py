@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, array, integer, number
+from flocking.model.parts import values
+from flocking.model.parts.description import Group, Short, add_group
+from flocking.model.parts.registration import register_part
 
 
 class PairWeights(ABC):
@@ -30,6 +34,7 @@ class PairWeights(ABC):
         return self.matrix(n)
 
 
+@register_part()
 @dataclass(frozen=True, eq=False)
 class MatrixWeights(PairWeights):
     """Weights given as a matrix.
@@ -45,7 +50,7 @@ class MatrixWeights(PairWeights):
         When the matrix is not square, or a weight is negative or not finite.
     """
 
-    values: Array
+    values: Annotated[Array, values.PAIR_MATRIX]
 
     def __post_init__(self) -> None:
         values = array("Consensus", "weights", self.values, ndim=2)
@@ -85,6 +90,20 @@ class MatrixWeights(PairWeights):
         return self.values
 
 
+def _of_rows(rows: object) -> MatrixWeights:
+    return MatrixWeights(np.array(rows))
+
+
+def _rows_of(weights: object) -> object:
+    return weights.values if isinstance(weights, MatrixWeights) else weights
+
+
+add_group(
+    Group("weights", PairWeights, default="hashed", short=Short(values.ROWS, _of_rows, (MatrixWeights,), _rows_of))
+)
+
+
+@register_part("hashed")
 @dataclass(frozen=True)
 class HashedWeights(PairWeights):
     """Symmetric weights drawn from [low, high) by a hash of the pair: nothing is stored.
@@ -104,7 +123,7 @@ class HashedWeights(PairWeights):
 
     low: float
     high: float
-    seed: int
+    seed: Annotated[int, values.SEED]
     symmetric = True
 
     def __post_init__(self) -> None:

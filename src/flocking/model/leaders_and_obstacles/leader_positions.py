@@ -16,8 +16,11 @@ if TYPE_CHECKING:
     import sympy
 
 MOST_ADDENDS = 64
+"""Addends of a velocity up to which its integral is sought in closed form, a bound on time."""
 HIGHEST_POWER = 8
+"""Highest power in such an addend, a bound on the number of terms of its integral."""
 MOST_PIECES = 256
+"""Pieces of an interval that is integrated numerically: about one for each unit of time, up to this bound on time."""
 
 Complex = tuple["sympy.Expr", "sympy.Expr"]
 """Real and imaginary part."""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,8 +15,12 @@ from flocking.errors import InvalidInput
 from flocking.formula.compiled import generated_module
 from flocking.formula.grammar import Formula
 from flocking.formula.interval_jets import Jet, on_jets
-from flocking.model.checks import Array, array, listed, number
+from flocking.model.checks import Array, array, listed, named_parameters, number
 from flocking.model.checks import parameters as checked_parameters
+from flocking.model.leaders_and_obstacles.leader_code import leader_source
+from flocking.model.parts import values as fields
+from flocking.model.parts.description import Group, Short, Stored, add_group
+from flocking.model.parts.registration import description_of, register_part
 
 if TYPE_CHECKING:
     import sympy
@@ -28,12 +32,11 @@ SPEED_INTERVALS = 8
 ROUNDED_UP = 1.0 + 1e-12
 """Bounds by interval arithmetic are not widened for rounding; a velocity is a few hundred operations at most."""
 
-MOST_BRANCHES = 64
-"""Branches of a velocity made of pieces that are bounded one by one; beyond, there is no bound."""
-
 
 class Leader(ABC):
     """A virtual leader. One object may be shared by several terms of a law."""
+
+    keeps_identity = True
 
     @property
     @abstractmethod
@@ -89,7 +92,7 @@ class Leader(ABC):
         names = tuple(self.parameters)
         return generated_module(
             ("leader", self.dimension, names), self.structure, (self,), lambda: _motion_formulas(self),
-            lambda stated: _leader_source(stated, names),
+            lambda stated: leader_source(stated, names),
         )  # fmt: skip
 
     def at(self, t: float) -> tuple[Array, Array, Array]:
@@ -118,6 +121,22 @@ class Leader(ABC):
             start = np.array([given[f"start_{k}"] for k in range(self.dimension)])
             found[:, 0] = [start + travelled(self.velocity_at, given["start_time"], float(t)) for t in times]
         return found[:, 0], found[:, 1], found[:, 2]
+
+    def moved_to(self, point: Sequence[float], t: float) -> Leader:
+        """A leader with the same velocity that is at ``point`` at time ``t``.
+
+        Raises
+        ------
+        InvalidInput
+            When it has no place to start from, or the point is none.
+        """
+        described = description_of(self)
+        if described is None or not {"start", "start_time"} <= set(described.fields):
+            rule = "must have the fields start and start_time to be moved"
+            raise InvalidInput(type(self).__name__, "leader", rule, self)
+        moved = described.with_fields(self, {"start": [float(x) for x in point], "start_time": t})
+        assert isinstance(moved, Leader)
+        return moved
 
     def velocity_at(self, t: float) -> Array:
         """Velocity at time ``t``, shape (m,)."""
@@ -149,6 +168,10 @@ class Leader(ABC):
             return np.full((3, self.dimension), np.nan)
 
 
+add_group(Group("leader", Leader, names="leader"))
+
+
+@register_part("sink")
 @dataclass(frozen=True, eq=False)
 class Sink(Leader):
     """A destination at rest (Olfati-Saber, sec. 10: a desired destination with p_d = 0).
@@ -164,7 +187,7 @@ class Sink(Leader):
         When a coordinate is not finite.
     """
 
-    point: Array
+    point: Annotated[Array, fields.POINT]
 
     if TYPE_CHECKING:  # anything that makes an array may be given
 
@@ -172,6 +195,10 @@ class Sink(Leader):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "point", array("Sink", "point", self.point, ndim=1))
+
+    def moved_to(self, point: Sequence[float], t: float) -> Leader:
+        """A sink at ``point``."""
+        return Sink([float(x) for x in point])
 
     @property
     def dimension(self) -> int:
@@ -204,6 +231,10 @@ class Sink(Leader):
         return [parameter(f"start_{k}") for k in range(self.dimension)]
 
 
+add_group(Group("place", Leader, names="leader", short=Short(fields.POINT, lambda point: Sink(np.asarray(point)))))
+
+
+@register_part("velocity")
 @dataclass(frozen=True, eq=False)
 class Velocity(Leader):
     """A leader with constant velocity (Zhou (24), Olfati-Saber p_d).
@@ -223,9 +254,9 @@ class Velocity(Leader):
         When shapes disagree or a value is not finite.
     """
 
-    value: Array
-    start: Array | None = None
-    start_time: float = 0.0
+    value: Annotated[Array, fields.DIRECTION]
+    start: Annotated[Array | None, fields.POINT] = None
+    start_time: Annotated[float, fields.TIME] = 0.0
 
     if TYPE_CHECKING:
 
@@ -267,6 +298,8 @@ class Velocity(Leader):
         return [parameter(f"velocity_{k}") for k in range(self.dimension)]
 
 
+@register_part("path")
+@dataclass(frozen=True, eq=False, init=False)
 class Path(Leader):
     """A leader whose velocity is a formula of time (Shi, v0(t)).
 
@@ -279,7 +312,7 @@ class Path(Leader):
     start_time
         When it is there.
     parameters
-        A value for every other name in the formulas.
+        A value for every other name in the formulas, by keyword or as one mapping ``parameters``.
 
     Raises
     ------
@@ -289,25 +322,32 @@ class Path(Leader):
         When shapes disagree or a value is not finite.
     """
 
+    formulas: Annotated[tuple[Formula, ...], fields.formulas("t"), Stored("velocity")]
+    start: Annotated[Array, fields.POINT] = None  # type: ignore[assignment]
+    start_time: Annotated[float, fields.TIME] = 0.0
+    values: Annotated[Mapping[str, float], fields.NAMED_NUMBERS, Stored("parameters")] = field(default_factory=dict)
+
     def __init__(
         self,
-        velocity: Sequence[str],
+        velocity: Sequence[str | Formula],
         start: Sequence[float] | None = None,
         start_time: float = 0.0,
-        **parameters: float,
+        **parameters: float | Mapping[str, float],
     ) -> None:
         if isinstance(velocity, str):
             raise InvalidInput("Path", "velocity", "must have one formula per axis", velocity, f"Write [{velocity!r}].")
         texts = listed("Path", "velocity", velocity, "must have one formula per axis")
-        self.formulas = tuple(Formula(text, "Path") for text in texts)
-        if not self.formulas:
+        formulas = tuple(text if isinstance(text, Formula) else Formula(text, "Path") for text in texts)
+        if not formulas:
             raise InvalidInput("Path", "velocity", "must have one formula per axis", velocity)
-        self.start = array("Path", "start", np.zeros(len(self.formulas)) if start is None else start, ndim=1)
-        if len(self.start) != len(self.formulas):
-            raise InvalidInput("Path", "start", f"must have {len(self.formulas)} coordinates", start)
-        self.start_time = number("Path", "start_time", start_time)
-        self.values = checked_parameters("Path", parameters)
-        needed = frozenset[str]().union(*(f.names for f in self.formulas)) - {"t"}
+        place = array("Path", "start", np.zeros(len(formulas)) if start is None else start, ndim=1)
+        if len(place) != len(formulas):
+            raise InvalidInput("Path", "start", f"must have {len(formulas)} coordinates", start)
+        object.__setattr__(self, "formulas", formulas)
+        object.__setattr__(self, "start", place)
+        object.__setattr__(self, "start_time", number("Path", "start_time", start_time))
+        object.__setattr__(self, "values", checked_parameters("Path", named_parameters("Path", parameters)))
+        needed = frozenset[str]().union(*(f.names for f in formulas)) - {"t"}
         if taken := sorted(n for n in needed if n.startswith("start_")):
             raise InvalidInput(
                 "Path", taken[0], "must not begin with start_", velocity, "Those names are the leader's own."
@@ -358,31 +398,3 @@ def _motion_formulas(leader: Leader) -> tuple[Sequence[sympy.Expr] | None, Seque
         return sympy.Symbol(name, real=True)
 
     return leader.position(t, parameter), leader.velocity(t, parameter), leader.acceleration(t, parameter)
-
-
-def _leader_source(
-    stated: tuple[Sequence[sympy.Expr] | None, Sequence[sympy.Expr], Sequence[sympy.Expr]], names: tuple[str, ...]
-) -> str:
-    from flocking.formula.printing import code
-
-    def written(values: Sequence[sympy.Expr]) -> str:
-        return "[" + ", ".join(code(v, arrays=False) for v in values) + "]"
-
-    q, p, a = stated
-    place = written(q) if q is not None else f"[math.nan] * {len(p)}"
-    return (
-        f"import math\n\nCLOSED = {q is not None}\n\n\ndef leader(t, {', '.join(names)}):\n"
-        f"    return {place}, {written(p)}, {written(a)}\n\n\n"
-        f"def branches(t, {', '.join(names)}):\n    return [{', '.join(written(_branches(v)) for v in p)}]\n"
-    )
-
-
-def _branches(velocity: sympy.Expr) -> list[sympy.Expr]:
-    """What a component of the velocity is on each of its pieces; not a number where there are too many."""
-    import sympy
-
-    if velocity.count(sympy.Piecewise) > MOST_BRANCHES.bit_length():
-        return [sympy.nan]
-    folded = sympy.piecewise_fold(velocity)
-    pieces = [value for value, _ in folded.args] if isinstance(folded, sympy.Piecewise) else [folded]
-    return pieces if len(pieces) <= MOST_BRANCHES and not any(p.has(sympy.Piecewise) for p in pieces) else [sympy.nan]

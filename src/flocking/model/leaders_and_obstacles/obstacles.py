@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,9 @@ from flocking.errors import InvalidInput
 from flocking.formula.compiled import generated_module
 from flocking.model.checks import Array, array, integer, number
 from flocking.model.leaders_and_obstacles.leaders import Leader, Sink
+from flocking.model.parts import values
+from flocking.model.parts.description import Group, Nested, add_group
+from flocking.model.parts.registration import register_part
 
 if TYPE_CHECKING:
     import sympy
@@ -41,6 +44,8 @@ class Piece:
 
 class Obstacle(ABC):
     """A convex body. It may move with a leader: the leader's position shifts the whole body."""
+
+    keeps_identity = True
 
     @property
     @abstractmethod
@@ -213,6 +218,10 @@ def _place_parameters(leader: Leader) -> dict[str, float]:
     return {f"place_{name}": value for name, value in leader.parameters.items()}
 
 
+add_group(Group("obstacle", Obstacle))
+
+
+@register_part("ball")
 @dataclass(frozen=True, eq=False)
 class Ball(Obstacle):
     """A disc or ball (Olfati-Saber, B(b_k, l_k)).
@@ -230,7 +239,7 @@ class Ball(Obstacle):
         When the radius is not positive or the centre not finite.
     """
 
-    centre: Leader
+    centre: Annotated[Leader, Nested("place")]
     radius: float
 
     def __post_init__(self) -> None:
@@ -281,6 +290,7 @@ class Ball(Obstacle):
         return points
 
 
+@register_part("wall")
 @dataclass(frozen=True, eq=False)
 class Wall(Obstacle):
     """A half space: all points behind a hyperplane.
@@ -300,8 +310,8 @@ class Wall(Obstacle):
         When the normal is zero or has another dimension than the point.
     """
 
-    point: Leader
-    normal: Array
+    point: Annotated[Leader, Nested("place")]
+    normal: Annotated[Array, values.DIRECTION]
     extent: float = 100.0
 
     def __post_init__(self) -> None:

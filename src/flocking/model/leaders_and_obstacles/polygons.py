@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
@@ -12,11 +12,14 @@ from flocking.errors import InvalidInput
 from flocking.model.checks import Array, array, integer, number
 from flocking.model.leaders_and_obstacles.leaders import Leader, Sink
 from flocking.model.leaders_and_obstacles.obstacles import TINY, Obstacle, Piece
+from flocking.model.parts import values
+from flocking.model.parts.registration import register_part
 
 if TYPE_CHECKING:
     import sympy
 
 
+@register_part("polygon")
 @dataclass(frozen=True, eq=False)
 class ConvexPolygon(Obstacle):
     """All points within ``rounding`` of a convex polygon: its boundary has a tangent everywhere.
@@ -36,7 +39,7 @@ class ConvexPolygon(Obstacle):
         When the corners are not those of a strictly convex polygon or the rounding is not positive.
     """
 
-    vertices: Array
+    vertices: Annotated[Array, values.ROWS]
     rounding: float
     motion: Leader | None = None
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +13,9 @@ from flocking.errors import InvalidInput
 from flocking.formula.compiled import generated_module
 from flocking.formula.grammar import Formula
 from flocking.model.checks import Array, number, one_of
+from flocking.model.parts import values
+from flocking.model.parts.description import Group, Short, add_group
+from flocking.model.parts.registration import register_part
 
 if TYPE_CHECKING:
     import sympy
@@ -38,13 +41,16 @@ class Bump:
     """
 
     name: str
-    formula: Formula
+    formula: Annotated[Formula, values.formula("z", "k0")]
 
-    def __init__(self, name: str, formula: str | Formula) -> None:
-        checked = formula if isinstance(formula, Formula) else Formula(formula, "Bump")
+    if TYPE_CHECKING:  # text may be given
+
+        def __init__(self, name: str, formula: str | Formula) -> None: ...
+
+    def __post_init__(self) -> None:
+        checked = self.formula if isinstance(self.formula, Formula) else Formula(self.formula, "Bump")
         if checked.names != {"z", "k0"}:
             raise InvalidInput("Bump", "formula", "must use exactly the names z and k0", checked.text)
-        object.__setattr__(self, "name", name)
         object.__setattr__(self, "formula", checked)
 
     @property
@@ -118,6 +124,10 @@ BUMPS = {
     ),
 }
 """Bumps by name: ``cosine`` has one continuous derivative, ``quintic`` two, ``infinite`` all."""
+
+
+add_group(Group("bump", Bump, default="bump", short=Short(values.choice(*BUMPS), str, (str,))))
+register_part("bump")(Bump)
 
 
 def bump_named(owner: str, bump: str | Bump) -> Bump:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cache, cached_property
 from types import MappingProxyType, ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,8 +14,11 @@ from numpy.typing import ArrayLike
 from flocking.errors import FormulaError
 from flocking.formula.compiled import generated_module
 from flocking.formula.grammar import Formula
-from flocking.model.checks import Array, number
+from flocking.model.checks import Array, named_parameters, number
 from flocking.model.checks import parameters as checked_parameters
+from flocking.model.parts import values as fields
+from flocking.model.parts.description import Group, add_group
+from flocking.model.parts.registration import register_part
 
 if TYPE_CHECKING:
     import sympy
@@ -33,7 +37,7 @@ class Potential:
     formula
         Text in the formula grammar with the distance named ``r``, or a SymPy expression in a symbol ``r``.
     parameters
-        A value for every other name of the formula.
+        A value for every other name of the formula, by keyword or as one mapping ``parameters``.
 
     Raises
     ------
@@ -49,28 +53,29 @@ class Potential:
     1.0
     """
 
-    formula: Formula
-    parameters: Mapping[str, float]
+    formula: Annotated[Formula, fields.formula("r")]
+    parameters: Annotated[Mapping[str, float], fields.NAMED_NUMBERS] = field(default_factory=dict)
 
-    def __init__(self, formula: str | Formula | sympy.Expr, **parameters: float) -> None:
+    def __init__(self, formula: str | Formula | sympy.Expr, **parameters: float | Mapping[str, float]) -> None:
         if isinstance(formula, str):
             formula = Formula(formula, "Potential")
         elif not isinstance(formula, Formula):
             from flocking.formula.symbolic import from_sympy
 
             formula = from_sympy(formula, "Potential")
+        given = named_parameters("Potential", parameters)
         needed = formula.names - {"r"}
-        if "r" in parameters:
-            raise FormulaError("Potential", "r", "is the distance and takes no value", parameters["r"])
-        if missing := sorted(needed - set(parameters)):
+        if "r" in given:
+            raise FormulaError("Potential", "r", "is the distance and takes no value", given["r"])
+        if missing := sorted(needed - set(given)):
             raise FormulaError(
                 "Potential", "formula", f"uses {missing[0]!r}, which has no value", formula.text,
                 f"Give it one: Potential(..., {missing[0]}=1.0). The distance is called r.",
             )  # fmt: skip
-        if unused := sorted(set(parameters) - needed):
+        if unused := sorted(set(given) - needed):
             raise FormulaError("Potential", unused[0], "is not in the formula", formula.text, "Remove it or use it.")
         object.__setattr__(self, "formula", formula)
-        object.__setattr__(self, "parameters", MappingProxyType(checked_parameters("Potential", parameters)))
+        object.__setattr__(self, "parameters", MappingProxyType(checked_parameters("Potential", given)))
 
     def __hash__(self) -> int:
         return hash((self.formula, tuple(self.parameters.items())))
@@ -119,6 +124,11 @@ class Potential:
         """Values psi(r); shape of ``r``."""
         return self._evaluate("value", r)
 
+    @cached_property
+    def at_contact(self) -> float:
+        """psi(0)."""
+        return float(self(0.0))
+
     def slope(self, r: ArrayLike) -> Array:
         """Slopes psi'(r); shape of ``r``."""
         return self._evaluate("slope", r)
@@ -165,30 +175,34 @@ class Potential:
         return self._wrap(f"where(r < fade, PSI, where(r < fade_end, {bump} * PSI, 0))", fade=inner, fade_end=outer)
 
     def _wrap(self, pattern: str, **new: float) -> Potential:
-        from flocking.formula.grammar import render
-
-        inner = render(self.formula.tree)
-        names = {}
-        words = {"PSI": f"({inner})"}
-        for name in new:
+        """The potential put into a pattern: PSI stands for psi(r), PSI_AT_x for psi(x), x for a new parameter."""
+        inner = self.formula.tree
+        values, parts = dict(self.parameters), {"PSI": inner}
+        for name, value in new.items():
             free = name
             while free in self.parameters:
                 free += "_2"
-            names[name] = words[name] = free
-            words[f"PSI_AT_{name}"] = f"({_rename(inner, {'r': free})})"
-        values = {**self.parameters, **{names[k]: v for k, v in new.items()}}
-        return Potential(_rename(pattern, words), **values)
+            values[free], parts[name] = value, ("name", free)
+            parts[f"PSI_AT_{name}"] = self.formula.with_parts({"r": ("name", free)}).tree
+        return Potential(_pattern(pattern).with_parts(parts), parameters=values)
+
+
+@cache
+def _pattern(text: str) -> Formula:
+    return Formula(text, "Potential")
+
+
+def _derived(potential: object) -> object:
+    """Derives the slope, so that a formula that cannot be differentiated is told where it was typed."""
+    return potential.at_contact if isinstance(potential, Potential) else None
+
+
+add_group(Group("potential", Potential, key=None))
+register_part("potential", tried=_derived)(Potential)
 
 
 def _rebuild(text: str, parameters: dict[str, float]) -> Potential:
     return Potential(text, **parameters)
-
-
-def _rename(text: str, words: Mapping[str, str]) -> str:
-    """Replace whole words, all at once: what one puts in, no other one touches."""
-    import re
-
-    return re.sub(r"[^\W\d]\w*", lambda found: words.get(found.group(), found.group()), text)
 
 
 def piece_borders(potential: Potential) -> tuple[float, ...]:

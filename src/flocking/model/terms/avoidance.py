@@ -12,6 +12,7 @@ from flocking.errors import InvalidInput
 from flocking.model.checks import listed, number, truth
 from flocking.model.leaders_and_obstacles.leaders import Leader, Velocity
 from flocking.model.leaders_and_obstacles.obstacles import TINY, Obstacle
+from flocking.model.parts.registration import register_part
 from flocking.model.potentials.bumps import Bump, bump_named
 from flocking.model.potentials.potential import Potential
 from flocking.model.potentials.structural_potential import structural_potential
@@ -123,6 +124,7 @@ class ObstacleTerm(BodyTerm):
                 )
 
 
+@register_part("avoid")
 @dataclass(frozen=True, eq=False)
 class Avoid(ObstacleTerm):
     """Olfati-Saber (54): c3 rho phi_beta n(qhat - q) + phi_gamma n(x_k - q) + c4 (phat - p), for obstacles within r0.

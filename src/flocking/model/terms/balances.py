@@ -32,6 +32,7 @@ SUSPICIOUS, WRONG = 1e-9, 1e-10
 """Of the largest part of the sum: above the first it is evaluated with 40 digits, above the second it is refused."""
 
 FEWEST_STATES = 20
+"""Finite states that a check of a balance needs at least: a wrong formula is exposed by nearly every one."""
 
 
 @dataclass(frozen=True)

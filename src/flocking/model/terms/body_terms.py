@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flocking.model.checks import Array, scalar_or_each
 from flocking.model.leaders_and_obstacles.leaders import Leader, Sink, Velocity
+from flocking.model.parts.registration import register_part
 from flocking.model.terms.pair_terms import SYMMETRIES, Term, Value
 from flocking.model.terms.schedules import Schedule
 from flocking.model.terms.symbols import BodySymbols
@@ -60,6 +61,7 @@ class BodyTerm(Term):
         return frozenset({"relabelling", "locality"})
 
 
+@register_part("track")
 @dataclass(frozen=True)
 class Track(BodyTerm):
     """Pursuit of a leader: -c1 (q - x0) - c2 (p - v0) + g m a0 (Zhou (24), Shi (4), (12), (15), Olfati-Saber (50)).
@@ -87,7 +89,7 @@ class Track(BodyTerm):
         When a gain is negative or not finite.
     """
 
-    leader: Leader
+    leader: Leader = field()
     position_gain: float | Array | Schedule = 0.0
     velocity_gain: float | Array | Schedule = 1.0
     acceleration_gain: float | Array | Schedule = 0.0
@@ -220,6 +222,7 @@ def _saturate(error: Sequence[sympy.Expr]) -> list[sympy.Expr]:
     return [e / scale for e in error]
 
 
+@register_part("compensate")
 @dataclass(frozen=True)
 class Compensate(BodyTerm):
     """Cancels the agents' own velocity damping: + k_i p_i (Shi (2), the term delta).

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, one_of, scalar_or_each, truth
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.weights import HashedWeights, MatrixWeights, PairWeights
+from flocking.model.parts import values
+from flocking.model.parts.description import Group, Nested, add_group
+from flocking.model.parts.registration import register_part
 from flocking.model.potentials.potential import Potential
 from flocking.model.terms.schedules import Schedule
 from flocking.model.terms.symbols import PairSymbols
@@ -23,6 +27,9 @@ if TYPE_CHECKING:
 
 Value = float | Array | PairWeights | Schedule
 """A parameter: one number, one number per agent, or one per pair; the first two possibly changing at given times."""
+
+WEIGHTINGS, STORED = ("energy", "force"), ("integral", "potential")
+"""Words of `Gradient`."""
 
 SYMMETRIES = frozenset({"momentum", "rotation", "relabelling", "galilean", "locality"})
 """Symmetries a pair term may declare; each has a contract test."""
@@ -138,11 +145,15 @@ class PairTerm(Term):
         return ()
 
 
+add_group(Group("term", Term))
+
+
 def _check_graph(owner: str, over: Graph | None) -> None:
     if over is not None and not isinstance(over, Graph):
         raise InvalidInput(owner, "over", "must be a graph", over, "Use Fixed, Proximity or Hysteresis.")
 
 
+@register_part("gradient")
 @dataclass(frozen=True)
 class Gradient(PairTerm):
     """Descent of a pair potential: psi'(r) n_ij summed over neighbours (Tanner (5), Zhou (8), Olfati-Saber (34)-(36)).
@@ -168,10 +179,10 @@ class Gradient(PairTerm):
         When ``weighting`` or ``stored`` is unknown or ``potential`` is no Potential.
     """
 
-    potential: Potential
-    weighting: str = "energy"
+    potential: Annotated[Potential, Nested("potential", inline=True)]
+    weighting: Annotated[str, values.choice(*WEIGHTINGS)] = "energy"
     over: Graph | None = None
-    stored: str = "integral"
+    stored: Annotated[str, values.choice(*STORED)] = "integral"
 
     def __post_init__(self) -> None:
         if not isinstance(self.potential, Potential):
@@ -183,8 +194,8 @@ class Gradient(PairTerm):
                 "Write Gradient(Potential('1/r + 1/(R - r)', R=4)).",
             )
         _check_graph("Gradient", self.over)
-        one_of("Gradient", "weighting", self.weighting, ("energy", "force"), "must be 'energy' or 'force'")
-        one_of("Gradient", "stored", self.stored, ("integral", "potential"), "must be 'integral' or 'potential'")
+        one_of("Gradient", "weighting", self.weighting, WEIGHTINGS, "must be 'energy' or 'force'")
+        one_of("Gradient", "stored", self.stored, STORED, "must be 'integral' or 'potential'")
 
     @property
     def parameters(self) -> dict[str, Value]:
@@ -235,7 +246,8 @@ class Gradient(PairTerm):
         return self.potential.kinks()
 
 
-@dataclass(frozen=True, init=False)
+@register_part("consensus")
+@dataclass(frozen=True)
 class Consensus(PairTerm):
     """Velocity consensus: w_ij (p_j - p_i) summed over neighbours (Tanner (5), Zhou (8), Shi (4)).
 
@@ -258,29 +270,31 @@ class Consensus(PairTerm):
         When a gain or weight is negative or not finite.
     """
 
-    gain: float | Array
-    weights: PairWeights | None
-    weighted: bool
-    functional: bool
-    over: Graph | None
+    gain: float | Array = 1.0
+    weights: PairWeights | None = field(default=None, kw_only=True)
+    weighted: bool = field(default=False, kw_only=True)
+    functional: bool = field(default=False, kw_only=True)
+    over: Graph | None = field(default=None, kw_only=True)
 
-    def __init__(
-        self,
-        gain: float | Array = 1.0,
-        *,
-        weights: PairWeights | Any | None = None,
-        weighted: bool = False,
-        functional: bool = False,
-        over: Graph | None = None,
-    ) -> None:
-        _check_graph("Consensus", over)
-        if weights is not None and not isinstance(weights, PairWeights):
-            weights = MatrixWeights(weights)
-        object.__setattr__(self, "gain", scalar_or_each("Consensus", "gain", gain, least=0.0))
-        object.__setattr__(self, "weights", weights)
-        object.__setattr__(self, "weighted", truth("Consensus", "weighted", weighted))
-        object.__setattr__(self, "functional", truth("Consensus", "functional", functional))
-        object.__setattr__(self, "over", over)
+    if TYPE_CHECKING:  # a matrix may be given
+
+        def __init__(
+            self,
+            gain: float | ArrayLike = 1.0,
+            *,
+            weights: PairWeights | ArrayLike | None = None,
+            weighted: bool = False,
+            functional: bool = False,
+            over: Graph | None = None,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        _check_graph("Consensus", self.over)
+        if self.weights is not None and not isinstance(self.weights, PairWeights):
+            object.__setattr__(self, "weights", MatrixWeights(self.weights))
+        object.__setattr__(self, "gain", scalar_or_each("Consensus", "gain", self.gain, least=0.0))
+        for name in ("weighted", "functional"):
+            object.__setattr__(self, name, truth("Consensus", name, getattr(self, name)))
 
     @property
     def parameters(self) -> dict[str, Value]:

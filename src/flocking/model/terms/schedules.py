@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array, array, listed, scalar_or_each
+from flocking.model.parts import values as fields
+from flocking.model.parts.description import Group, Short, add_group
+from flocking.model.parts.registration import register_part
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,14 +39,18 @@ class Schedule:
     (1.0, 0.0, 1.0)
     """
 
-    times: Array
-    values: tuple[float | Array, ...]
+    times: Annotated[Array, fields.NUMBERS]
+    values: Annotated[tuple[float | Array, ...], fields.VALUES]
 
-    def __init__(self, times: Sequence[float], values: Sequence[float | Sequence[float] | Array]) -> None:
-        checked = array("Schedule", "times", times, ndim=1)
+    if TYPE_CHECKING:  # anything that makes an array may be given
+
+        def __init__(self, times: Sequence[float], values: Sequence[float | Sequence[float] | Array]) -> None: ...
+
+    def __post_init__(self) -> None:
+        checked = array("Schedule", "times", self.times, ndim=1)
         if (np.diff(checked) <= 0).any():
-            raise InvalidInput("Schedule", "times", "must be strictly ascending", list(times))
-        values = listed("Schedule", "values", values, "must be a sequence")
+            raise InvalidInput("Schedule", "times", "must be strictly ascending", list(self.times))
+        values = listed("Schedule", "values", self.values, "must be a sequence")
         if len(values) != len(checked) + 1:
             raise InvalidInput(
                 "Schedule",
@@ -89,3 +97,12 @@ class Schedule:
                 owner, parameter, f"must have one value for each of the {n} agents",
                 f"{np.size(self.values[0])} values",
             )  # fmt: skip
+
+
+add_group(
+    Group(
+        "gain", Schedule, default="schedule",
+        short=Short(fields.NUMBER_OR_NUMBERS, lambda gain: gain, (float, int, np.ndarray)),
+    )
+)  # fmt: skip
+register_part("schedule")(Schedule)

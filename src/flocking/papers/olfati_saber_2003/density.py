@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -118,9 +118,13 @@ def outcome(
 
 
 def density_table(
-    variants: Iterable[Variant] = VARIANTS, seeds: Sequence[int] = (0, 1, 2), **options: Any
+    variants: Iterable[Variant] = VARIANTS,
+    seeds: Sequence[int] = (0, 1, 2),
+    *,
+    agents: int = system.AGENTS,
+    t_end: float = system.OBSTACLE_DURATION,
 ) -> list[Outcome]:
-    """Outcome of every variant for every seed; options are those of `outcome`.
+    """Outcome of every variant for every seed.
 
     Parameters
     ----------
@@ -128,8 +132,10 @@ def density_table(
         The variants.
     seeds
         Seeds of the starts.
+    agents, t_end
+        As for `outcome`.
     """
-    return [outcome(variant, seed, **options) for variant in variants for seed in seeds]
+    return [outcome(variant, seed, agents=agents, t_end=t_end) for variant in variants for seed in seeds]
 
 
 @in_style

@@ -25,6 +25,7 @@ from flocking.study.nets.structure import Defect, defect, is_quasi_realization, 
 from flocking.study.potentials.equilibrium import Equilibrium
 
 EXAMPLE_AGENTS = 12
+"""Agents of the examples: few enough for brute force."""
 WIDE = 10.0
 """d_alpha of Example 2; r is 12."""
 

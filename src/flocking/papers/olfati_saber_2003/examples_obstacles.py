@@ -6,7 +6,7 @@ Every function takes the factor by which its decisive number is off; 1 is the pa
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from flocking.model.checks import Array
 from flocking.model.law import Law
 from flocking.model.leaders_and_obstacles.leaders import Velocity
 from flocking.model.leaders_and_obstacles.obstacles import Ball
+from flocking.model.potentials.potential import Potential
 from flocking.model.potentials.structural_potential import structural_potential
 from flocking.model.state import State
 from flocking.model.terms.avoidance import Avoid
@@ -40,9 +41,21 @@ def first_obstacle(scale: float = 1.0) -> Ball:
     return Ball(CENTRE, SIZE * scale)  # type: ignore[arg-type]
 
 
-def avoidance(**changes: object) -> Avoid:
+class AvoidanceNumbers(TypedDict, total=False):
+    """Numbers of (54), by the names of `Avoid`."""
+
+    range: float
+    repulsion_gain: float
+    damping_gain: float
+    attraction: Potential
+    offset: float
+    onset: float
+    gamma_agents: bool
+
+
+def avoidance(**changes: Unpack[AvoidanceNumbers]) -> Avoid:
     """(54) for the first obstacle with the paper's numbers, some changed."""
-    given: dict[str, Any] = {
+    given: AvoidanceNumbers = {
         "range": system.BETA_RANGE, "repulsion_gain": system.BETA_GAIN, "damping_gain": system.BETA_DAMPING,
         "attraction": structural_potential(system.GAMMA_DISTANCE, system.ATTRACTION, system.REPULSION),
         "offset": system.GAMMA_OFFSET, "onset": system.ONSET, **changes,
@@ -50,7 +63,7 @@ def avoidance(**changes: object) -> Avoid:
     return Avoid((first_obstacle(),), Velocity(system.DESIRED_VELOCITY), **given)
 
 
-def avoided(**changes: object) -> Array:
+def avoided(**changes: Unpack[AvoidanceNumbers]) -> Array:
     """Control of the agents near the first obstacle under (54) alone."""
     return control(Law(system.smooth_net(), (avoidance(**changes),)), nearby())
 

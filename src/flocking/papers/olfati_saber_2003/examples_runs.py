@@ -28,10 +28,13 @@ if TYPE_CHECKING:
     from flocking.show.declaration import Figure
 
 FEW_AGENTS = 24
+"""Agents of the smaller run among obstacles, which takes seconds."""
 FEW_START = ((40.0, 12.5), (40.0, 20.0))
 """Start box of the few agents: as crowded as that of the hundred, close to the first obstacle."""
 FEW_DURATION = 30.0
+"""Time simulated with them."""
 SEEDS = range(5)
+"""Seeds over which claims are judged."""
 
 
 def scaled_law(law: Law, scale: float) -> Law:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flocking.arrays import Array, Reals
 from flocking.engine.runs.run import Run
-from flocking.model.checks import Array
 from flocking.model.leaders_and_obstacles.obstacles import Obstacle
 from flocking.model.terms.avoidance import ObstacleTerm
 from flocking.papers.olfati_saber_2003 import system
@@ -25,7 +25,7 @@ def obstacles_of(run: Run) -> tuple[Obstacle, ...]:
     return tuple(o for term in run.scenario.law.body_terms if isinstance(term, ObstacleTerm) for o in term.obstacles)
 
 
-def between_frames(t: Array, q: Array, p: Array, count: int = BETWEEN) -> tuple[Array, Array]:
+def between_frames(t: Array, q: Reals, p: Reals, count: int = BETWEEN) -> tuple[Array, Array]:
     """Times and positions at and between frames, by the cubic through positions and velocities.
 
     Parameters

@@ -27,9 +27,11 @@ SMOOTH = "olfati-saber-2003-smooth"
 """Protocol (35) alone: the subject of Proposition 5."""
 
 AGENTS = 100
+"""Agents of the simulations with obstacles and with a sink."""
 DISTANCE = 7.0
 """d_alpha."""
 RADIUS = 1.2 * DISTANCE
+"""r: the ratio of the two distances is 1.2, so that k0 is 5/6."""
 ONSET = DISTANCE / RADIUS
 """k0 of the bump: 5/6."""
 ATTRACTION, REPULSION = 1.0, 5.0
@@ -51,17 +53,22 @@ TRACKING_GAIN = 10.0
 START_BOX = ((-140.0, 12.5), (160.0, 20.0))
 """Corner and sides of the region the agents start in: [-140, 20] x [12.5, 32.5]."""
 OBSTACLE_DURATION = 50.0
+"""Time simulated with obstacles."""
 
 SINK_ATTRACTION, SINK_REPULSION = 50.0, 250.0
 """a, b for Fig. 9: with 1 and 5 the sink crushes a hundred agents. c is the same."""
 SINK_DAMPING = 5.0
 """c2 of (50)."""
 SINK_BOX = 120.0
+"""Side of the square about the sink that the agents start in."""
 SINK_DURATION = 40.0
+"""Time simulated with the sink."""
 FREE_AGENTS = 30
+"""Agents of the simulation of a protocol alone; not in the paper."""
 FREE_NOISE, FREE_SPEED = 0.7, 0.5
 """Standard deviations of each coordinate about a lattice of spacing d_alpha, and of each velocity component."""
 FREE_DURATION = 300.0
+"""Time simulated with a protocol alone; not in the paper."""
 
 
 def alpha_terms(

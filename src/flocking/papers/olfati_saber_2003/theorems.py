@@ -18,6 +18,7 @@ from flocking.papers.olfati_saber_2003.system import FREE, KEY, SINK, SMOOTH
 from flocking.study.claims import general_claims as general
 from flocking.study.claims.claim import Claim, Measure, Origin, Verdict, above, below, happens
 from flocking.study.claims.settling import limit_of, limit_of_configuration, limit_of_series, of_configuration
+from flocking.study.claims.subjects import Subject, about
 from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
 
 LEAST_DENSITY = 0.9
@@ -56,6 +57,7 @@ def dense_at_end(e: Evidence) -> Measure:
     )
 
 
+@about(Subject.NET, lasting=True)
 def never_inside(e: Evidence) -> Measure:
     """Smallest distance of any agent from any obstacle."""
     if len(e.t) < 3:
@@ -64,6 +66,7 @@ def never_inside(e: Evidence) -> Measure:
     return above(least, 0.0, f"closest {least:.3g} to an obstacle", error)
 
 
+@about(Subject.VELOCITIES)
 def velocities_near_desired(e: Evidence) -> Measure:
     """Largest |p_i - p_d| at the end, against |p_d|."""
     desired = np.asarray(system.DESIRED_VELOCITY)
@@ -71,6 +74,7 @@ def velocities_near_desired(e: Evidence) -> Measure:
     return replace(below(float(off[-1]), SAME, f"velocities within {off[-1]:.1e} of |p_d|"), everywhere=False)
 
 
+@about(Subject.VELOCITIES)
 def headings_agree(e: Evidence) -> Measure:
     """Largest heading angle against the desired direction, at the end."""
     from flocking.model.observables import headings
@@ -80,12 +84,14 @@ def headings_agree(e: Evidence) -> Measure:
     return replace(below(off, SAME, f"headings within {off:.1e} rad"), everywhere=False)
 
 
+@about(Subject.CONNECTIVITY)
 def splits(e: Evidence) -> Measure:
     """Most flocks while obstacles are active, against the number when the first becomes active."""
     before, most, _ = passage.flock_counts(e)
     return happens(above(most - before, 0.5, f"{before} flocks before the obstacles, {most} among them"))
 
 
+@about(Subject.CONNECTIVITY)
 def rejoins(e: Evidence) -> Measure:
     """Flocks at the end, against the most while obstacles were active."""
     _, most, after = passage.flock_counts(e)
@@ -144,6 +150,7 @@ def connected_since(e: Evidence) -> float:
     return found[0]
 
 
+@about(Subject.CONNECTIVITY)
 def becomes_connected(e: Evidence) -> Measure:
     """When the net becomes connected for good."""
     since = connected_since(e)
@@ -215,6 +222,7 @@ def realizes(e: Evidence) -> Measure:
     return limit_of(e, REALIZED, off, lambda most: f"lengths within {most:.1e} of d_alpha")
 
 
+@about(Subject.LEDGER)
 def structural_energy_vanishes(e: Evidence) -> Measure:
     """H_s at the end against its largest value at a frame (Definition 2 ii)."""
     values = structural_energies(e)
@@ -288,6 +296,7 @@ def settles_as_flock(e: Evidence) -> Measure:
     return general.switching_stops(e)
 
 
+@about(Subject.LEDGER, lasting=True)
 def jumps_by_h0(e: Evidence) -> Measure:
     """Each jump of H_s against h_0 times links created less links lost."""
     h0 = link_energy()
@@ -311,6 +320,7 @@ def some_switch(e: Evidence) -> Measure:
     return happens(above(fewest, 1.5, f"{len(e.link_switches)} switches"))
 
 
+@about(Subject.LEDGER, lasting=True)
 def energy_falls_from_switch_to_switch(e: Evidence) -> Measure:
     """Largest rise of H_s from one switching time to the next (Remark 5)."""
     trace = e.trace

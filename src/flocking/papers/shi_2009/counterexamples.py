@@ -7,9 +7,9 @@ from functools import lru_cache
 
 import numpy as np
 
+from flocking.arrays import Array, Reals
 from flocking.engine.driver.simulate import simulate
 from flocking.engine.runs.run import Run
-from flocking.model.checks import Array
 from flocking.model.energy import Energy
 from flocking.model.graphs.distance_graphs import Fixed
 from flocking.model.graphs.functionals import left_eigenvector
@@ -60,21 +60,21 @@ def single_agent(
     return simulate(Scenario(law, start, t_end=t_end, frames=201, tolerance=1e-11, energy=Energy()), progress=False)
 
 
-def example_1(scale: float) -> tuple[Array, Array, Array]:
+def example_1(scale: float) -> tuple[Array, Reals, Array]:
     """Times and velocity after a leader of constant velocity 2, h_0 = 1 times ``scale``, and the closed form."""
     run = single_agent("v", h0=scale, v=2.0)
     error = free_motion(1.0, 0.0, run.t, run.q[0, 0], run.p[0, 0] - 2.0)[1]
     return run.t, run.p[:, 0, 0], 2.0 + error[:, 0]
 
 
-def example_2(scale: float) -> tuple[Array, Array, Array, tuple[Array, Array]]:
+def example_2(scale: float) -> tuple[Array, Reals, Reals, tuple[Array, Array]]:
     """Times, position and velocity after v0 = alpha t, alpha = 0.7, h_0 = 1.3 times ``scale``, and the closed form."""
     run = single_agent("alpha*t", h0=1.3 * scale, t_end=20.0, alpha=0.7)
     x, v = run.q[:, 0, 0], run.p[:, 0, 0]
     return run.t, x, v, ramp_motion(1.3, 0.7, run.t, float(x[0]), float(v[0]))
 
 
-def example_3(*, distinct: bool) -> Callable[[float], tuple[Array, Array, Array, tuple[Array, Array]]]:
+def example_3(*, distinct: bool) -> Callable[[float], tuple[Array, Reals, Reals, tuple[Array, Array]]]:
     """Builder: times, position and velocity after v0 = exp(alpha h_0 t) under (15), the gain r_0 off by ``scale``, and
     the closed form.
 
@@ -84,7 +84,7 @@ def example_3(*, distinct: bool) -> Callable[[float], tuple[Array, Array, Array,
         Whether the two rates of the homogeneous solution differ; else r_0 makes them equal.
     """
 
-    def build(scale: float) -> tuple[Array, Array, Array, tuple[Array, Array]]:
+    def build(scale: float) -> tuple[Array, Reals, Reals, tuple[Array, Array]]:
         h0, alpha = 1.2, 0.5
         r0 = 0.8 if distinct else h0 * h0 / 4
         run = single_agent("exp(c*t)", h0=h0, r0=r0 * scale, t_end=12.0, c=alpha * h0)
@@ -139,7 +139,7 @@ def centre_for_gains(scale: float) -> list[tuple[Array, Array]]:
     return [centre_motion(law, t, x, v, 0.6 * scale, 2.5 if law == 15 else 0.0) for law in (8, 12, 15)]
 
 
-def decomposed(*, distinct: bool) -> Callable[[float], tuple[Array, Array, Array]]:
+def decomposed(*, distinct: bool) -> Callable[[float], tuple[Array, Reals, Array]]:
     """Builder: A of (16) for h_0 = 1.2, and P and J of Example 3 for h_0 times ``scale``.
 
     Parameters
@@ -148,7 +148,7 @@ def decomposed(*, distinct: bool) -> Callable[[float], tuple[Array, Array, Array
         Whether the eigenvalues differ, r_0 = 0.2; else r_0 = h_0^2/4.
     """
 
-    def build(scale: float) -> tuple[Array, Array, Array]:
+    def build(scale: float) -> tuple[Array, Reals, Array]:
         h0 = 1.2
         r0 = 0.2 if distinct else h0 * h0 / 4
         A = np.array([[0.0, 1.0], [-r0, -h0]])
@@ -157,7 +157,7 @@ def decomposed(*, distinct: bool) -> Callable[[float], tuple[Array, Array, Array
     return build
 
 
-def leading_part(*, distinct: bool) -> Callable[[float], tuple[Array, Array, Array, tuple[Array, Array]]]:
+def leading_part(*, distinct: bool) -> Callable[[float], tuple[Array, Reals, Reals, tuple[Array, Array]]]:
     """Builder: late times, position and velocity after v0 = exp(alpha h_0 t) under (15), and the leading part for r_0
     off by ``scale``.
 
@@ -167,7 +167,7 @@ def leading_part(*, distinct: bool) -> Callable[[float], tuple[Array, Array, Arr
         As for `example_3`.
     """
 
-    def build(scale: float) -> tuple[Array, Array, Array, tuple[Array, Array]]:
+    def build(scale: float) -> tuple[Array, Reals, Reals, tuple[Array, Array]]:
         t, x, v, _ = example_3(distinct=distinct)(1.0)
         late = t > 11.5
         r0 = 0.8 if distinct else 0.36

@@ -25,15 +25,21 @@ from flocking.papers.examples import check_figure
 
 KEY = "shi-2009"
 AGENTS = 10
+"""Agents of the simulations."""
 LAST_FIGURE = 12
+"""Number of the last figure of the paper."""
 SENSING_RADIUS = 4.0
+"""R in (3)."""
 STRENGTH = 0.05
 """a = b in (3)."""
 START_RADIUS = 10.0
+"""Radius of the ball that the agents start in."""
 LARGEST_SPEED = 4.0
+"""Largest initial speed."""
 COMPACT_RADIUS = 3.0
 """Radius of the second start: from the paper's own the graph often falls apart on the way."""
 COMPACT_SPEED = 1.0
+"""Largest initial speed of the second start."""
 SMALLEST_MASS = 0.05
 """The paper draws masses from (0, 1]; very light agents would make the system needlessly stiff."""
 INFORMED = 5
@@ -43,6 +49,7 @@ VELOCITY_GAIN = 1.0
 POSITION_GAIN = 1.0
 """r_0 in (15)."""
 DURATION = 100.0
+"""Time simulated."""
 LEADER_VELOCITY = ("sin(t)", "cos(t)")
 
 

@@ -15,6 +15,7 @@ from flocking.papers.shi_2009.system import KEY, SETTINGS, VELOCITY_GAIN
 from flocking.study.claims import general_claims as general
 from flocking.study.claims.claim import Claim, Measure, Origin, Verdict, below
 from flocking.study.claims.settling import limit_of_series
+from flocking.study.claims.subjects import Subject, about, about_of
 from flocking.study.evidence import Evidence, NotMeasurable
 
 LAST = 2 * np.pi
@@ -42,11 +43,13 @@ def _periodic(e: Evidence, found: Measure) -> Measure:
     return replace(found, unsettled=f"the run is shorter than two periods of the leader, {LAST:.3g} each")
 
 
+@about(Subject.LEADER)
 def tracks_leader(e: Evidence) -> Measure:
     """Largest |v^i - v0| over the last period against its largest value ever."""
     return _fades(e, np.linalg.norm(e.p - leader_velocity(e)[:, None], axis=2).max(axis=1), "v0")
 
 
+@about(Subject.SPREAD)
 def velocities_agree(e: Evidence) -> Measure:
     """Largest |v^i - v*| over the last period against its largest value ever."""
     return _fades(e, e.velocity_spread, "v*")
@@ -64,6 +67,7 @@ def _fades(e: Evidence, error: Array, goal: str) -> Measure:
 def centre_follows(law: int) -> Callable[[Evidence], Measure]:
     """Builder: the centre of mass against its closed form under law (8), (12) or (15)."""
 
+    @about(Subject.LEADER)
     def conclusion(e: Evidence) -> Measure:
         t = e.t
         w = e.masses / e.masses.sum()
@@ -79,6 +83,7 @@ def centre_follows(law: int) -> Callable[[Evidence], Measure]:
 def steady_error(law: int) -> Callable[[Evidence], Measure]:
     """Builder: steady |v* - v0| against its closed form under law (12) or (15)."""
 
+    @about(Subject.LEADER)
     def conclusion(e: Evidence) -> Measure:
         error = np.linalg.norm(e.mean_velocity - leader_velocity(e), axis=1)
         expected = steady_velocity_error(law)
@@ -189,6 +194,7 @@ def _stated(scenario: str) -> Sequence[Claim]:
 
 
 def _negated(conclusion: Callable[[Evidence], Measure]) -> Callable[[Evidence], Measure]:
+    @about(about_of(conclusion).subject)
     def opposite(e: Evidence) -> Measure:
         return conclusion(e).opposite
 

@@ -20,11 +20,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 NAME = "flock-from-noise"
-WHOLE = 7600.0
-PATCH = 1260.0
-CLOSE = 210.0
+ALL, PATCH, CLOSE = 7600.0, 1260.0, 210.0
 """Sides of the three windows about the centre of the flock, each six times smaller than the one before."""
-WHOLE_CELL, PATCH_CELL = 18.0, 5.0
+ALL_CELL, PATCH_CELL = 18.0, 5.0
+"""Sides of the cells of the two larger windows."""
 VIEWS = (5.0, 20.0, 40.0)
 """Earlier times at which the patch is drawn; all three windows are drawn at the end."""
 GAP = 0.8 * DISTANCE
@@ -58,7 +57,7 @@ def keep(run: Run) -> StoredSummary:
         if last or any(abs(t - view) < 1e-6 for view in VIEWS):
             arrays[f"patch_{t:g}"] = _map(q, order, PATCH, PATCH_CELL)
         if last:
-            arrays["whole"] = _map(q, order, WHOLE, WHOLE_CELL)
+            arrays["whole"] = _map(q, order, ALL, ALL_CELL)
             arrays |= _close(q, order, neighbours)
     return StoredSummary(facts | rows, arrays)
 
@@ -79,7 +78,7 @@ def draw(summary: StoredSummary) -> Figure:
         _shades(summary, f"patch_{t:g}", PATCH, f"$t = {t:g}$", inner=CLOSE if t == end else 0.0) for t in patches
     ]
     panels += [
-        _shades(summary, "whole", WHOLE, f"all, $t = {end:g}$", inner=PATCH),
+        _shades(summary, "whole", ALL, f"all, $t = {end:g}$", inner=PATCH),
         lambda axes: draw_close(summary, axes),
     ]
     return sheet(panels, columns=2, width=7.2, ratio=1.0)

@@ -27,9 +27,6 @@ PROVENANCE = (
     "precision", "ranks", "rebuilds",
 )  # fmt: skip
 """What is kept of a run's provenance, where it is there."""
-LEDGER_EVERY = 25
-"""Steps between rows of the ledger under LAMMPS, which computes them on one rank."""
-
 
 FIELD_MIDDLES = {48.0: 438.0, 112.0: 1010.0, 168.0: 1480.0, 232.0: 2040.0, 320.0: 2900.0}
 """x of the middle of the flock at the times drawn."""
@@ -133,6 +130,7 @@ class Showcase:
         InvalidInput
             When ``folder`` holds a run of another scenario.
         """
+        from flocking.engine.driver.registry import engine_named
         from flocking.engine.driver.resuming import resume
         from flocking.engine.driver.simulate import simulate
         from flocking.engine.storage.stored_runs import read_scenario_of
@@ -143,7 +141,10 @@ class Showcase:
                 held = f"{found.name} with {found.start.n} agents until {found.t_end:g}"
                 raise InvalidInput("showcase", "out", "must hold no other run", held, "Choose another folder.")
             return resume(folder, progress=progress)
-        options: dict[str, Any] = {"ledger": LEDGER_EVERY} if engine == "lammps" else {"threads": threads}
+        known = engine_named(engine)
+        options: dict[str, Any] = dict(known.large_group_options)
+        if "threads" in known.option_names:
+            options["threads"] = threads
         return simulate(scenario, engine=engine, save=folder, progress=progress, step=self.step, **options)
 
     def summary_of(self, run: Run, report: Report) -> StoredSummary:
@@ -161,7 +162,7 @@ class Showcase:
             "name": self.name, "agents": run.n, "status": run.status, "provenance": about,
             "audit": {r.claim.key: [str(r.verdict), r.note] for r in report.results},
         }  # fmt: skip
-        if np.isfinite(closest.distance) and "closest" not in run.provenance:
+        if np.isfinite(closest.distance) and not run.fidelity.approaches.looked:
             facts["closest"] = {"distance": closest.distance, "time": closest.time}
         if len(run.trace):
             facts["ledger_share"] = float(np.abs(run.residual).max() / max(run.turnover, 1e-300))
@@ -189,7 +190,7 @@ def showcase(name: str) -> Showcase:
     InvalidInput
         When there is none of that name.
     """
-    from flocking.study.scenario_files.scenario_values import nearest
+    from flocking.model.parts.values import nearest
 
     if name not in SHOWCASES:
         raise InvalidInput("showcase", "name", "must be a showcase", name, nearest(name, SHOWCASES))

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from flocking.study.sweeps.sweep_file import SweepFile
 from flocking.study.sweeps.table import SweepTable
 
 
-def run_file(file: SweepFile, out: str | Path | None = None, **arguments: Any) -> SweepTable:
+def run_file(
+    file: SweepFile, out: str | Path | None = None, *, workers: int | None = None, cluster: str | None = None,
+    progress: bool = True,
+) -> SweepTable:  # fmt: skip
     """Make the runs of a sweep file, or those that are missing in ``out``.
 
     Parameters
@@ -18,8 +20,8 @@ def run_file(file: SweepFile, out: str | Path | None = None, **arguments: Any) -
         The sweep.
     out
         Folder of the results.
-    arguments
-        Further arguments of `flocking.study.sweeps.sweep.sweep`: workers, cluster, progress.
+    workers, cluster, progress
+        As for `flocking.study.sweeps.sweep.sweep`.
     """
     from flocking.papers.auditing import audit
     from flocking.study.sweeps.sweep import sweep
@@ -28,5 +30,6 @@ def run_file(file: SweepFile, out: str | Path | None = None, **arguments: Any) -
     return sweep(
         file.make, grid=file.plan.grid, sample=file.plan.sample, seeds=seeds, seed=file.plan.root,
         measures=file.measures, more_measures=file.more_measures, audit=audit if file.audit else False, out=out,
-        engine=file.engine, record=file.record, most_runs=file.plan.most_runs, **arguments,
+        engine=file.engine, record=file.record, most_runs=file.plan.most_runs, workers=workers,
+        cluster=cluster, progress=progress,
     )  # fmt: skip

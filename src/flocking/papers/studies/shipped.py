@@ -62,19 +62,22 @@ class Study:
 
         return read_sweep(Path(__file__).parent / "results" / self.name)
 
-    def run(self, out: str | Path | None = None, **arguments: object) -> SweepTable:
+    def run(
+        self, out: str | Path | None = None, *, workers: int | None = None, cluster: str | None = None,
+        progress: bool = True,
+    ) -> SweepTable:  # fmt: skip
         """Make its runs, or those that are missing in ``out``.
 
         Parameters
         ----------
         out
             Folder of the results.
-        arguments
-            Further arguments of `flocking.study.sweeps.sweep.sweep`: workers, cluster, progress.
+        workers, cluster, progress
+            As for `flocking.study.sweeps.sweep.sweep`.
         """
         from flocking.papers.studies.running import run_file
 
-        return run_file(self.plan(), out, **arguments)
+        return run_file(self.plan(), out, workers=workers, cluster=cluster, progress=progress)
 
 
 def study(name: str) -> Study:
@@ -85,7 +88,7 @@ def study(name: str) -> Study:
     InvalidInput
         When there is none of that name.
     """
-    from flocking.study.scenario_files.scenario_values import nearest
+    from flocking.model.parts.values import nearest
 
     if name not in STUDIES:
         raise InvalidInput("studies", "name", "must be a shipped study", name, nearest(name, STUDIES))
@@ -117,13 +120,16 @@ def _olfati_saber(table: SweepTable) -> Figure:
     from flocking.show.style import figure_of
     from flocking.show.sweep_pictures import bands
 
+    def region(length: object) -> str:
+        return f"{length:g} × {OBSTACLE_AREA / length:.3g}" if isinstance(length, int | float) else str(length)
+
     axes = bands(
         table, "density", "tracking_gain", by="length", x_label="tracking gain $c_2$",
         y_label="density (7) after the obstacles", runs=True,
-        shown=lambda length: f"{length:g} × {OBSTACLE_AREA / length:.3g}",
+        shown=region,
     )  # fmt: skip
     axes.set_xscale("log")
-    gains = table.plan.grid["tracking_gain"]
+    gains = [gain for gain in table.plan.grid["tracking_gain"] if isinstance(gain, int | float)]
     axes.set_xticks(gains, [f"{gain:g}" for gain in gains], minor=False)
     axes.minorticks_off()
     axes.axhline(0.97, color="0.5", lw=0.8, ls="--")

@@ -15,11 +15,17 @@ from flocking.papers.examples import check_figure
 
 KEY = "tanner-2003-dynamic"
 AGENTS = 10
+"""Agents of the simulations."""
 LAST_FIGURE = 7
+"""Number of the last figure of the paper."""
 START_RADIUS = 2.5
+"""Radius of the ball that the agents start in."""
 LARGEST_SPEED = 1.0
+"""Largest initial speed."""
 RADIUS = 2.0
+"""Distance up to which agents sense each other."""
 DURATION = 100.0
+"""Time simulated."""
 SNAPSHOT_TIMES = (0.0, 2.0, 5.0, 25.0, 100.0)
 """Times of Fig. 3-7. The paper prints them under its pictures, not in its text: these show the same stages."""
 

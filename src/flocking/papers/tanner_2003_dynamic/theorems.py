@@ -11,17 +11,20 @@ from flocking.papers.tanner_2003_dynamic.grounds import grounds
 from flocking.papers.tanner_2003_dynamic.system import KEY
 from flocking.study.claims import general_claims as general
 from flocking.study.claims.claim import Claim, Measure, Origin, Verdict, above
+from flocking.study.claims.subjects import Subject, about
 from flocking.study.evidence import Evidence
 
 THEOREM = "Theorem VI.2"
 
 
+@about(Subject.NET, lasting=True)
 def distances_bounded(e: Evidence) -> Measure:
     """Largest distance against (N-1) R, the longest path of links."""
     bound = (e.run.n - 1) * float(np.max(np.asarray(e.law.graph.break_radius)))
     return general.at_most(e, "diameter", float(e.diameter.max()), bound)
 
 
+@about(Subject.CLOSEST, lasting=True)
 def kept_apart(e: Evidence) -> Measure:
     """Closest pair ever against the distance at which one pair alone would hold the whole initial Q."""
     found, least = e.closest, forbidden_distance(e)

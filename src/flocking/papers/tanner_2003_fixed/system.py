@@ -15,10 +15,15 @@ KEY = "tanner-2003-fixed"
 COMPLETE = "tanner-2003-fixed-complete"
 """The same system with every agent linked to every other (Remark IV.5)."""
 AGENTS = 10
+"""Agents of the simulations."""
 LAST_FIGURE = 8
+"""Number of the last figure of the paper."""
 START_RADIUS = 2.5
+"""Radius of the ball that the agents start in."""
 LARGEST_SPEED = 1.0
+"""Largest initial speed."""
 DURATION = 100.0
+"""Time simulated."""
 LINK_PROBABILITY = 0.3
 """Not in the paper, which says only that the graph is random and connected."""
 PRINTED_TIMES = (2.22842, 5.21464, 22.8931, 55.0766)

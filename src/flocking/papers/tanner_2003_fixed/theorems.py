@@ -11,6 +11,7 @@ from flocking.papers.tanner_2003_fixed.system import COMPLETE, KEY
 from flocking.study.claims import general_claims as general
 from flocking.study.claims.claim import Claim, Measure, Origin, Verdict
 from flocking.study.claims.potential_minimum import distance_of
+from flocking.study.claims.subjects import Subject, about
 from flocking.study.evidence import Evidence
 
 THEOREM = "Theorem IV.4"
@@ -36,6 +37,7 @@ def longest_path(potential: Potential, links: int, c: float) -> float:
     return links * distance_of(potential, c, 0.0, 50.0 + c)
 
 
+@about(Subject.NET, lasting=True)
 def distances_bounded(e: Evidence) -> Measure:
     """Largest distance against (N-1) V^-1(c), the larger branch of the inverse, along a path of links."""
     bound = longest_path(e.potential, e.run.n - 1, float(e.trace["energy"][0]))
@@ -85,6 +87,7 @@ def _stated(scenario: str) -> Sequence[Claim]:
     )  # fmt: skip
 
 
+@about(Subject.CLOSEST, lasting=True)
 def unlinked_keep_distance(e: Evidence) -> Measure:
     """Closest unlinked pair against the distance the energy forbids to linked ones."""
     c = float(e.trace["energy"][0])

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 
 FIRST_WITH_LEADER = 8
+"""Number of the first figure of the system with a virtual leader."""
 
 
 def scaled_potential(stiffness: float) -> Potential:

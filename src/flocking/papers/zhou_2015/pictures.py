@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     pass
 
 FIRST_WITH_LEADER = 8
+"""Number of the first figure of the system with a virtual leader."""
 FINAL_TIME = 12.0
 """When the final states are shown and curves end. The paper does not say; velocities agree, the rest is drift."""
 SERIES = {4: ("velocities", 0), 5: ("velocities", 1), 6: ("positions", 0), 7: ("positions", 1),

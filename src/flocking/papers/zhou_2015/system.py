@@ -18,13 +18,21 @@ KEY = "zhou-2015"
 LEADER = "zhou-2015-leader"
 """The system with a virtual leader of sec. 4.2."""
 AGENTS = 10
+"""Agents of the simulations."""
 LAST_FIGURE = 14
+"""Number of the last figure of the paper."""
 SIDE = 8.0
+"""Side of the square that the agents start in."""
 LARGEST_COMPONENT = 4.0
+"""Upper end of the interval that velocity components are drawn from."""
 RADIUS = 4.0
+"""r, the sensing radius."""
 GAP = 0.1
+"""eps: links appear below r - eps."""
 LEADER_POSITION = (10.0, 10.0)
+"""Initial position of the virtual leader."""
 LEADER_VELOCITY = (3.0, 3.0)
+"""Its velocity."""
 LEADER_GAIN = 1.0
 """c_1, the same for all agents."""
 DURATION = 100.0

@@ -14,6 +14,7 @@ from flocking.papers.zhou_2015.system import KEY, LEADER
 from flocking.study.claims import general_claims as general
 from flocking.study.claims.claim import Claim, Measure, Origin, Verdict, above, below
 from flocking.study.claims.settling import limit_of, limit_of_series, of_configuration
+from flocking.study.claims.subjects import Subject, about
 from flocking.study.evidence import Evidence, NotMeasurable
 
 
@@ -23,12 +24,14 @@ def energy_limit(e: Evidence) -> float:
     return largest_energy(float(e.trace["energy"][0]), e.run.n, e.potential, new)
 
 
+@about(Subject.LEDGER, lasting=True)
 def energy_bounded(e: Evidence) -> Measure:
     """Largest energy of the run against its bound."""
     largest, bound = float(e.trace["energy"].max()), energy_limit(e)
     return below(largest, bound, f"largest {largest:.4g}, bound {bound:.4g}")
 
 
+@about(Subject.LINKS, lasting=True)
 def new_links_bounded(e: Evidence) -> Measure:
     """Number of links added over the whole run against M of (16)."""
     most = most_new_links(e.run.n)
@@ -40,6 +43,7 @@ def new_links_bounded(e: Evidence) -> Measure:
     return below(fewest, most + 0.5, f"{e.links_created} created, at most {most}")
 
 
+@about(Subject.LEDGER, lasting=True)
 def new_links_cost_the_same(e: Evidence) -> Measure:
     """Jump of the energy at each new link against psi(r - eps): what (17) adds for it."""
     psi = e.potential
@@ -50,18 +54,21 @@ def new_links_cost_the_same(e: Evidence) -> Measure:
     return below(off, allowed, f"{e.links_created} new links added {paid:.6g}, {price:.6g} each")
 
 
+@about(Subject.VELOCITIES, lasting=True)
 def speeds_bounded(e: Evidence) -> Measure:
     """Largest speed against sqrt(2 Q_max), after (18)."""
     bound = float(np.sqrt(2 * energy_limit(e)))
     return general.at_most(e, "speed", float(e.speeds.max()), bound)
 
 
+@about(Subject.NET, lasting=True)
 def distances_bounded(e: Evidence) -> Measure:
     """Largest distance against (N-1) r, after (18)."""
     bound = (e.run.n - 1) * float(np.max(np.asarray(e.law.graph.break_radius)))
     return general.at_most(e, "diameter", float(e.diameter.max()), bound)
 
 
+@about(Subject.CLOSEST, lasting=True)
 def unlinked_apart(e: Evidence) -> Measure:
     """Closest unlinked pair ever against r - eps, below which every pair is linked."""
     least = float(np.min(np.asarray(e.law.graph.appear_radius)))
@@ -101,6 +108,7 @@ def tracking(e: Evidence) -> Track:
     return found
 
 
+@about(Subject.LEADER)
 def velocities_follow(e: Evidence) -> Measure:
     """Largest difference from the leader's velocity at the end against the largest of the run."""
     goal = tracking(e).leader.at(float(e.t[-1]))[1]
@@ -109,6 +117,7 @@ def velocities_follow(e: Evidence) -> Measure:
     return limit_of_series(e.t, ratios, general.SETTLED, lambda r: f"difference fell to {r:.1e} of its maximum")
 
 
+@about(Subject.LEADER)
 def mean_velocity_decays(e: Evidence) -> Measure:
     """Largest difference between the mean velocity and the closed form (34)."""
     track = tracking(e)
@@ -211,6 +220,7 @@ def _stated(scenario: str) -> Sequence[Claim]:
     )  # fmt: skip
 
 
+@about(Subject.VELOCITIES, lasting=True)
 def relative_speeds_bounded(e: Evidence) -> Measure:
     """Largest speed relative to the leader against sqrt(2 U_max)."""
     goal = tracking(e).leader.at(float(e.t[0]))[1]

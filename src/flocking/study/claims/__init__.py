@@ -1,1 +1,8 @@
 """Claims about runs: hypotheses, conclusions, verdicts, and judgements over many runs."""
+
+from typing import TYPE_CHECKING
+
+if not TYPE_CHECKING:
+    from flocking.moved_names import moved_from
+
+    __getattr__ = moved_from(__name__)

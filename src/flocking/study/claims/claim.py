@@ -10,6 +10,7 @@ from enum import StrEnum
 import numpy as np
 
 from flocking.model.law import Scenario
+from flocking.study.claims.subjects import About, Finder, Subject, about_of
 from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
 
 UNCOMPUTED = "could not be computed"
@@ -154,6 +155,13 @@ class Claim:
         The proof or the theorem in a few words, for a basis of `Basis.PROOF`.
     counterexample
         Makes a scenario that refutes the claim, for a basis of `Basis.COUNTEREXAMPLE`: one is enough.
+    subject
+        What it speaks of; that of the conclusion when absent, see `flocking.study.claims.subjects.about`.
+    witness
+        Finds the moment and the agents that broke it; that of the conclusion when absent.
+    lasting
+        Whether nothing mends it once it fails; else a failure is pending until the end of the run. That of the
+        conclusion when absent.
 
     Raises
     ------
@@ -174,6 +182,9 @@ class Claim:
     basis: Basis = Basis.ASKED
     ground: str = ""
     counterexample: Callable[[], Scenario] | None = None
+    subject: Subject | None = None
+    witness: Finder | None = None
+    lasting: bool | None = None
 
     def __post_init__(self) -> None:
         if (self.basis is Basis.PROOF) != bool(self.ground):
@@ -181,6 +192,15 @@ class Claim:
         refuted = self.basis is Basis.COUNTEREXAMPLE
         if refuted != (self.counterexample is not None) or (refuted and self.expected is not Verdict.FAILS):
             raise ValueError(f"{self.key}: a claim that a counter-example refutes is expected to fail, and names it")
+
+    @property
+    def about(self) -> About:
+        """What it speaks of, who witnesses it and whether it lasts."""
+        said = about_of(self.conclusion)
+        lasting = said.lasting if self.lasting is None else self.lasting
+        return replace(
+            said, subject=self.subject or said.subject, witness=self.witness or said.witness, lasting=lasting
+        )
 
     @property
     def expectation(self) -> str:

@@ -12,13 +12,13 @@ short for its motion, in which nothing could change much, does not count as sett
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.model.checks import Array
+from flocking.arrays import Array, Reals
 from flocking.study.claims.claim import Measure
 from flocking.study.evidence import Evidence
 
@@ -120,7 +120,7 @@ def limit_of(
 
 
 def limit_of_series(
-    t: Array, values: Array, bound: float, note: Callable[[float], str], *, error: float = 0.0
+    t: Array, values: Reals, bound: float, note: Callable[[float], str], *, error: float = 0.0
 ) -> Measure:
     """The same for a quantity that is known at all times of a series.
 
@@ -141,13 +141,13 @@ def _unseen(bound: float, end: float, note: Callable[[float], str], error: float
     return Measure(bound - end, error, note(end), FEW, everywhere=False)
 
 
-def _judged(bound: float, tenths: list[Array], first: Array, note: Callable[[float], str], error: float) -> Measure:
+def _judged(bound: float, tenths: Sequence[Reals], first: Reals, note: Callable[[float], str], error: float) -> Measure:
     end = float(tenths[0][-1])
     missing = [part - bound for part in tenths]
     return Measure(bound - end, error, note(end), _unsettled(missing, first - bound), everywhere=False)
 
 
-def _unsettled(missing: list[Array], first: Array) -> str:
+def _unsettled(missing: Sequence[Reals], first: Reals) -> str:
     """Why what is missing to a limit, in each tenth of the last half and in the first half, has not settled."""
     late = missing[0]
     if np.isnan(late).any():

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from flocking.engine.runs.run import Closest
-from flocking.study.evidence.basis import NotMeasurable, NotResolvable
+from flocking.study.evidence.basis import NotMeasurable, NotResolvable, stated
 from flocking.study.evidence.doubts import DoubtEvidence
 from flocking.study.evidence.motion import MotionEvidence
 
@@ -23,12 +23,11 @@ class ApproachEvidence(DoubtEvidence, MotionEvidence):
         found
             The closest approach that was recorded.
         """
-        if self.sampled:
-            return self.provenance_number("gap")
-        if "farthest" in self.run.provenance:
-            return self.provenance_number("farthest")
-        if "closest" in self.run.provenance:
-            raise NotMeasurable(f"agents' distances were looked at only {self.run.provenance['closest']}")
+        near = self.fidelity.approaches
+        if near.looked:
+            raise NotMeasurable(f"agents' distances were looked at only {near.looked}")
+        if near.error is not None:
+            return stated(near.error, "how close its agents came between two looks")
         self.accuracy  # noqa: B018
         if np.isnan(found.error) and np.isfinite(found.distance):
             raise NotResolvable("the error of the closest approach is not known")
@@ -39,9 +38,7 @@ class ApproachEvidence(DoubtEvidence, MotionEvidence):
         """Closest approach ever of two linked agents; infinitely far where there was never a link."""
         found = self._sound(self.run.closest_linked)
         if not np.isfinite(found.distance) and self.run.links.any():
-            raise NotMeasurable(
-                f"the engine {self.run.provenance.get('engine')} did not look at linked agents' distances"
-            )
+            raise NotMeasurable(f"the engine {self.fidelity.engine} did not look at linked agents' distances")
         return found
 
     @property
@@ -55,8 +52,9 @@ class ApproachEvidence(DoubtEvidence, MotionEvidence):
         """
         found = self._sound(self.run.closest_unlinked)
         if not np.isfinite(found.distance) and self.run.n > 1 and not self._looks_at_all_pairs:
-            engine = self.run.provenance.get("engine")
-            raise NotResolvable(f"out of reach: the engine {engine} looks at linked agents' distances alone")
+            raise NotResolvable(
+                f"out of reach: the engine {self.fidelity.engine} looks at linked agents' distances alone"
+            )
         return found
 
     @property
@@ -69,15 +67,13 @@ class ApproachEvidence(DoubtEvidence, MotionEvidence):
         if self._looks_at_all_pairs:
             return min(self._sound(self.run.closest_unlinked), self.closest_linked, key=lambda c: c.distance)
         if not self.law.graph.moves:
-            raise NotMeasurable(
-                f"the engine {self.run.provenance.get('engine')} looks at linked agents' distances alone"
-            )
+            raise NotMeasurable(f"the engine {self.fidelity.engine} looks at linked agents' distances alone")
         reach = float(np.min(np.asarray(self.law.graph.appear_radius)))
         return min(self.closest_linked, Closest(reach), key=lambda c: c.distance)
 
     @property
     def _looks_at_all_pairs(self) -> bool:
-        return "farthest" not in self.run.provenance
+        return self.fidelity.approaches.pairs == "all"
 
     def _sound(self, found: Closest) -> Closest:
         inside = all(-1 <= agent < self.run.n for agent in found.pair)

@@ -6,7 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from flocking.arrays import Records
+from flocking.arrays import Reals, Records
+from flocking.engine.runs.fidelity import Fidelity
 from flocking.engine.runs.run import Run
 from flocking.model.checks import Array
 from flocking.model.law import Law
@@ -25,6 +26,26 @@ class NotMeasurable(Exception):  # noqa: N818  a verdict, not a fault
 
 class NotResolvable(Exception):  # noqa: N818  a verdict, not a fault
     """A quantity that exists and that this run leaves open; a claim that needs it is not resolved."""
+
+
+def stated(value: float, what: str) -> float:
+    """A number that a run states of itself.
+
+    Parameters
+    ----------
+    value
+        The number; NaN where it is not known.
+    what
+        What it is, for the message.
+
+    Raises
+    ------
+    NotResolvable
+        When it is not known.
+    """
+    if not np.isfinite(value):
+        raise NotResolvable(f"the run does not tell {what}")
+    return value
 
 
 class RunEvidence:
@@ -48,22 +69,14 @@ class RunEvidence:
         return self.run.scenario.law
 
     @property
+    def fidelity(self) -> Fidelity:
+        """The account that the run gives of itself."""
+        return self.run.fidelity
+
+    @property
     def sampled(self) -> bool:
         """Whether the run is made of samples from elsewhere: nothing is known between them."""
-        return self.run.provenance.get("engine") == "samples"
-
-    def provenance_number(self, name: str) -> float:
-        """A number of the run's provenance.
-
-        Raises
-        ------
-        NotResolvable
-            When it is not there, or no number.
-        """
-        value = self.run.provenance.get(name)
-        if not isinstance(value, int | float) or not np.isfinite(value):
-            raise NotResolvable(f"the run's provenance does not tell its {name}")
-        return float(value)
+        return self.fidelity.sampled
 
     @property
     def goes_on(self) -> bool:
@@ -78,7 +91,7 @@ class RunEvidence:
     @property
     def switches_known(self) -> bool:
         """Whether every switch of a link is recorded; else only the frames say who was linked."""
-        return not self.law.graph.moves or (not self.sampled and self.run.provenance.get("switches") != "not recorded")
+        return not self.law.graph.moves or self.fidelity.switches_located
 
     @property
     def masses(self) -> Array:
@@ -88,7 +101,7 @@ class RunEvidence:
     @property
     def fixed_step(self) -> bool:
         """Whether the engine took fixed steps: its ledger closes to the order of its scheme, not to a tolerance."""
-        return "scheme" in self.run.provenance
+        return self.fidelity.ledger.kind == "share"
 
     @cached_property
     def t(self) -> Array:
@@ -109,12 +122,12 @@ class RunEvidence:
         return t
 
     @cached_property
-    def q(self) -> Array:
+    def q(self) -> Reals:
         """Positions at the frames, shape (F, N, m); raises as `t` does, and where they cannot be computed with."""
         return self._usable("positions", self.run.q)
 
     @cached_property
-    def p(self) -> Array:
+    def p(self) -> Reals:
         """Velocities at the frames, shape (F, N, m); raises as `q` does, and where agents of order 1 keep none."""
         if self.run.scenario.agents.order == 1:
             raise NotResolvable("frames of agents of order 1 hold no velocities")
@@ -153,7 +166,7 @@ class RunEvidence:
                 raise NotResolvable(f"the ledger holds values of {name} that are not finite or too large")
         return trace
 
-    def _usable(self, what: str, values: Array) -> Array:
+    def _usable(self, what: str, values: Reals) -> Reals:
         if values.shape != (len(self.t), self.run.n, self.run.q.shape[2]):
             raise NotResolvable(f"the {what} do not fit the other arrays of the run")
         wrong = np.flatnonzero(~(np.abs(values) <= LARGEST).all(axis=(1, 2)))

@@ -118,7 +118,7 @@ class DoubtEvidence(LinkEvidence):
     def end_links(self) -> Links:
         """Link matrix at the end, shape (N, N); raises as that of `LinkEvidence`, and when a pair is in doubt then."""
         if self.run.accuracy is not None and self.switches_known and self.law.graph.moves:
-            still = self.link_doubts[self.link_doubts["end"] >= self.run.t[-1]]
+            still = self.link_doubts[self.link_doubts["end"] >= self.t[-1]]
             if len(still) or self.known_until < np.inf:
                 raise NotResolvable(_described(still[0]) if len(still) else self.loss_note)
         return super().end_links

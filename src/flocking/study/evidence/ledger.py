@@ -9,6 +9,7 @@ import numpy as np
 from flocking.engine.fixed_step.step_checks import RESIDUAL
 from flocking.model.checks import Array
 from flocking.model.graphs.distance_graphs import pair_distances
+from flocking.study.evidence.basis import NotResolvable, stated
 from flocking.study.evidence.links import LinkEvidence
 
 LEDGER_FACTOR = 100.0
@@ -51,17 +52,18 @@ class LedgerEvidence(LinkEvidence):
         Between samples of a motion from elsewhere the powers are interpolated, and their error takes its place. A
         fixed step is held to what its engine holds it to, a share of the energy moved.
         """
-        if self.fixed_step:
-            return RESIDUAL * self.energy_moved + 1e-14
-        if self.sampled:
+        rule = self.fidelity.ledger
+        if rule.kind == "unknown":
+            raise NotResolvable("the run does not tell what its ledger is held to")
+        held_to = stated(rule.size, "what its ledger is held to")
+        if rule.kind == "share":
+            return held_to * self.energy_moved + 1e-14
+        if rule.kind == "estimate":
             size = float(np.abs(self.trace["energy"]).max(initial=0.0))
-            return 3 * self.provenance_number("ledger_error") + self.provenance_number("switch_error") + 1e-9 * size
-        tolerance = (
-            self.provenance_number("tolerance") if "tolerance" in self.run.provenance else self.run.scenario.tolerance
-        )
+            return 3 * held_to + stated(rule.switch_error, "what switches add to its ledger") + 1e-9 * size
         size = float(np.abs(self.trace["energy"]).max(initial=0.0))
         explained = min(self.explained_residual, MOST_EXPLAINED * self.energy_moved)
-        return max(LEDGER_FACTOR * tolerance * self.run.turnover, explained) + 1e-12 * size + 1e-14
+        return max(LEDGER_FACTOR * held_to * self.run.turnover, explained) + 1e-12 * size + 1e-14
 
     @property
     def explained_residual(self) -> float:
@@ -134,9 +136,10 @@ class LedgerEvidence(LinkEvidence):
         A fixed step's ledger closes to the error of the step, which hides a gain that is off by a per cent; forces
         themselves agree to rounding.
         """
-        if "law_gap" not in self.run.provenance:
+        law = self.fidelity.law
+        if law is None:
             return ""
-        gap, allowed = self.provenance_number("law_gap"), self.provenance_number("law_gap_allowed")
+        gap, allowed = (stated(value, "how far forces are from its law") for value in (law.gap, law.allowed))
         if gap <= allowed:
             return ""
         return (
@@ -156,8 +159,9 @@ class LedgerEvidence(LinkEvidence):
 
     @property
     def _ledger_sizes(self) -> str:
-        share = f" ({100 * RESIDUAL:g} % of the energy moved, for a fixed step)" if self.fixed_step else ""
-        if checks := self.run.provenance.get("law_checks", 0):
-            gap = self.provenance_number("law_gap")
-            share += f"; forces are those of the law to {gap:.0e} of their parts, looked at {checks} times"
+        rule, law = self.fidelity.ledger, self.fidelity.law
+        share = f" ({100 * rule.size:g} % of the energy moved, for a fixed step)" if rule.kind == "share" else ""
+        if law is not None and law.checks:
+            gap = stated(law.gap, "how far forces are from its law")
+            share += f"; forces are those of the law to {gap:.0e} of their parts, looked at {law.checks} times"
         return f"ledger residual {self.residual:.2e}, allowed {self.ledger_bound:.2e}{share}"

@@ -137,8 +137,8 @@ class LinkEvidence(RunEvidence):
         """
         if self.sampled:
             raise NotResolvable("out of reach: samples do not show the switches")
-        if self.run.provenance.get("switches") == "not recorded":
-            engine = self.run.provenance.get("engine")
+        if not self.fidelity.switches_located:
+            engine = self.fidelity.engine
             raise NotResolvable(f"out of reach: the engine {engine} records no switches; engine='exact' locates them")
         s = self.run.switches
         if not np.isfinite(s["time"]).all() or (np.diff(s["time"]) < 0).any():

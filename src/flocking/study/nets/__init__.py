@@ -1,1 +1,8 @@
 """Matrices, structure and rigidity of nets."""
+
+from typing import TYPE_CHECKING
+
+if not TYPE_CHECKING:
+    from flocking.moved_names import moved_from
+
+    __getattr__ = moved_from(__name__)

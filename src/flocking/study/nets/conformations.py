@@ -16,6 +16,7 @@ from flocking.model.checks import Array, integer, number
 from flocking.model.graphs.connectivity import Links, components
 
 LARGEST = 4
+"""Agents up to which conformations are listed: beyond, no complete list is stated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,11 +67,14 @@ class Conformation:
 
 
 _ROOT2, _ROOT3 = float(np.sqrt(2.0)), float(np.sqrt(3.0))
+"""Diagonal of the unit square, and twice the height of the equilateral triangle of side 1."""
 _TRIANGLE = [(0.0, 0.0), (1.0, 0.0), (0.5, _ROOT3 / 2)]
 _PENDANT = (-_ROOT3 / 2, -0.5)
 """The point at distance 1 from the corner at the origin that is furthest from the other two."""
 _FAR = float(np.hypot(_PENDANT[0] - 1.0, _PENDANT[1]))
+"""Distance of the end of the tail from the corner of the triangle that is nearest to it without a link."""
 _SINGLE = (0.0, 0.0)
+"""Position of agents whose distances do not matter."""
 
 _TABLE: tuple[tuple[str, list[tuple[float, float]], tuple[tuple[int, int], ...], float], ...] = (
     ("single agent", [_SINGLE], (), np.inf),

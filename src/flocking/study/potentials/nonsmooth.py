@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -105,7 +105,7 @@ def _sides(law: Law, state: State) -> list[State]:
     for choice in product((False, True), repeat=len(pairs)):
         for (i, j), linked in zip(pairs, choice, strict=True):
             links[i, j] = links[j, i] = linked
-        found.append(State(state.q, state.p, state.t, links))
+        found.append(replace(state, links=links))
     return found
 
 

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from flocking.engine.storage.atomic_files import write_through
 from flocking.errors import InvalidInput
 from flocking.model.law import Law, Scenario
+from flocking.study.scenario_files.problems import problem_of
+from flocking.study.scenario_files.scenario_misfits import misfits
 from flocking.study.scenario_files.text_files import read_text_file
 
 MOST_AGENTS = 1_000_000
+"""Agents of a scenario in a file unless the caller allows more: a bound on memory for a file of unknown origin."""
 LARGEST_FILE = 32 * 2**20
 """Bytes of the largest file that is read or written: the places and velocities of 200,000 agents in a plane, digit by
 digit, take about 28 million."""
 DEEPEST_NESTING = 20
+"""Nested brackets of a file: far below the depth at which its parser gives up."""
 
 
 class ScenarioFileError(InvalidInput):
@@ -94,30 +98,48 @@ def parse_scenario(
     ScenarioFileError
         When the text has faults; the message lists every one with its place.
     """
-    from flocking.study.scenario_files.scenario_kinds import Context
-    from flocking.study.scenario_files.scenario_schema import read_tables
+    from flocking.study.scenario_files.scenario_reader import Reader
 
     data = _toml(text, source)
     if seed is not None:
         _reseed(data, seed, source)
-    parts, problems = read_tables(data, Context(most_agents))
-    lines = list(dict.fromkeys([*map(str, problems), *_misfits(parts)]))
+    reader = Reader(most_agents)
+    parts = reader.read(data)
+    lines = list(dict.fromkeys(map(str, [*reader.problems, *misfits(parts, data)])))
     if lines:
         raise ScenarioFileError(source, lines)
-    parts.pop("format", None)
-    law = Law(parts.pop("graph"), tuple(parts.pop("terms")))
     try:
-        return Scenario(law, **parts)
+        return _scenario(parts)
     except InvalidInput as error:
-        raise ScenarioFileError(source, [_line(error.parameter, error)]) from None
+        place = error.parameter if error.owner == Scenario.__name__ else "terms"
+        rule = (
+            error
+            if place == error.parameter
+            else InvalidInput(
+                error.owner, place, f"{error.owner}: {error.parameter} {error.rule}", error.value, error.fix
+            )
+        )
+        raise ScenarioFileError(source, [str(problem_of(rule, place))]) from None
     except (ArithmeticError, MemoryError) as error:
         raise ScenarioFileError(source, [f"file: cannot be used ({type(error).__name__}: {error})"]) from None
 
 
-def _reseed(data: dict[str, Any], seed: int, source: str) -> None:
-    graphs = data.get("graphs", {})
-    tables = [data.get("start"), data.get("graph"), *(graphs.values() if isinstance(graphs, dict) else ())]
-    drawn = [x for x in tables if isinstance(x, dict) and ("draw" in x or x.get("kind") == "random_connected")]
+def _scenario(parts: Mapping[str, object]) -> Scenario:
+    """The scenario of fields without fault."""
+    from flocking.model.parts.description import registered_names
+
+    kinds = registered_names()
+    law = kinds[Law.__name__].make({name: parts[name] for name in kinds[Law.__name__].fields})
+    whole = kinds[Scenario.__name__]
+    found = whole.make({"law": law, **{name: value for name, value in parts.items() if name in whole.fields}})
+    assert isinstance(found, Scenario)
+    return found
+
+
+def _reseed(data: dict[str, object], seed: int, source: str) -> None:
+    from flocking.study.scenario_files.scenario_reader import drawn_tables
+
+    drawn = list(drawn_tables(data))
     if not drawn:
         raise InvalidInput(
             source, "seed", "needs a scenario with a random draw", seed, "This file gives its start number by number."
@@ -157,48 +179,6 @@ def _nesting(text: str) -> int:
     return deepest
 
 
-def _line(place: str, error: InvalidInput) -> str:
-    from flocking.study.scenario_files.scenario_schema import Problem, shown
-
-    given = error.value if isinstance(error.value, str) else shown(error.value)
-    return str(Problem(place, error.rule, given, error.fix))
-
-
-def _misfits(parts: dict[str, Any]) -> list[str]:
-    """Faults between parts that are each without fault: numbers of agents and dimensions, times."""
-    from flocking.model.terms.avoidance import ObstacleTerm
-
-    start = parts.get("start")
-    if start is None:
-        return []
-    lines = []
-    owners = [("graph", parts.get("graph")), ("agents", parts.get("agents"))]
-    owners += [(f"terms[{k}]", term) for k, term in enumerate(parts.get("terms") or [])]
-    owners += [(f"terms[{k}].over", getattr(term, "over", None)) for k, term in enumerate(parts.get("terms") or [])]
-    for place, owner in owners:
-        if owner is None:
-            continue
-        try:
-            owner.check_count(start.n)
-        except InvalidInput as error:
-            lines.append(_line(f"{place}.{error.parameter}", error))
-        except (ArithmeticError, MemoryError):
-            lines.append(f"{place}: needs more memory than there is for {start.n} agents")
-        if isinstance(owner, ObstacleTerm):
-            try:
-                owner.check_dimension(start.dimension)
-            except InvalidInput as error:
-                lines.append(_line(f"{place}.obstacles", error))
-        leader = getattr(owner, "leader", None)
-        if leader is not None and leader.dimension != start.dimension:
-            rule = f"{place}.leader: must have {start.dimension} components, as the agents have"
-            lines.append(f"{rule}; got {leader.dimension}")
-    t_end = parts.get("t_end")
-    if t_end is not None and t_end < start.t:
-        lines.append(f"t_end: must be at least {start.t!r}, the time of the start; got {t_end!r}")
-    return lines
-
-
 def scenario_to_text(scenario: Scenario) -> str:
     """A scenario as TOML text. Floats are written so that reading them back gives the same bits.
 
@@ -214,7 +194,9 @@ def scenario_to_text(scenario: Scenario) -> str:
     """
     import tomli_w
 
-    from flocking.study.scenario_files.scenario_values import NAME, RefusedError, plain
+    from flocking.model.parts.description import Nested, registered_names
+    from flocking.model.parts.values import NAME, RefusedError
+    from flocking.study.scenario_files.scenario_reader import inline_kind
     from flocking.study.scenario_files.scenario_writer import PartWriter
 
     if not isinstance(scenario, Scenario):
@@ -224,23 +206,15 @@ def scenario_to_text(scenario: Scenario) -> str:
     except RefusedError as refused:
         raise InvalidInput("write_scenario", "name", refused.rule, scenario.name) from None
     writer = PartWriter()
-    writer.count("graph", scenario.law.graph)
-    writer.count("energy", scenario.energy)
-    for term in scenario.law.terms:
-        writer.count("term", term)
-    head: dict[str, object] = {"format": 1, "name": scenario.name}
-    if scenario.seed is not None:
-        head["seed"] = scenario.seed
-    head |= {"t_end": scenario.t_end, "frames": plain(scenario.frames), "tolerance": scenario.tolerance}
-    body = {
-        "graph": writer.table("graph", scenario.law.graph),
-        "terms": [writer.table("term", term) for term in scenario.law.terms],
-        "agents": writer.table("agents", scenario.agents),
-        "energy": writer.table("energy", scenario.energy),
-        "start": writer.table("start", scenario.start),
-    }
-    sections = {name: tables for name, tables in writer.sections.items() if tables}
-    text = tomli_w.dumps({**head, **body, **sections})
+    kind = registered_names()[Scenario.__name__]
+    writer.count_all(kind, scenario)
+    tables = writer.fields(kind, scenario)
+    parts = {name for name, f in kind.fields.items() if isinstance(f.holds, Nested) and inline_kind(f) is None}
+    parts |= set(registered_names()[Law.__name__].fields)
+    head = {name: value for name, value in tables.items() if name not in parts}
+    sections = {name: section for name, section in writer.sections.items() if section}
+    body = {name: value for name, value in tables.items() if name in parts}
+    text = tomli_w.dumps({"format": 1, **head, **body, **sections})
     if len(text) > LARGEST_FILE:
         raise InvalidInput(
             "write_scenario", "start", f"must fit in {LARGEST_FILE} bytes of text", f"{len(text)} bytes",
@@ -281,7 +255,7 @@ def write_scenario(scenario: Scenario, path: str | Path) -> Path:
     return file
 
 
-def scenario_schema() -> dict[str, Any]:
+def scenario_schema() -> dict[str, object]:
     """JSON schema of scenario files, for editors that complete and check TOML."""
     from flocking.study.scenario_files.scenario_schema import json_schema
 

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import flocking.model.library  # noqa: F401  registers the parts of the library
 from flocking.errors import InvalidInput
-from flocking.study.scenario_files.scenario_kinds import Nested
-from flocking.study.scenario_files.scenario_parts import GROUPS
-from flocking.study.scenario_files.scenario_values import plain
+from flocking.model.parts.description import GROUPS, Description, Group, Nested
+from flocking.model.parts.values import NAMED_NUMBERS, plain
+from flocking.study.scenario_files.scenario_reader import inline_kind, sections
 
 
 class PartWriter:
     """Writes parts as tables; a graph or leader that stands in several places is written once, with a name."""
 
     def __init__(self) -> None:
-        self.sections: dict[str, dict[str, object]] = {"graphs": {}, "leaders": {}}
+        self.sections: dict[str, dict[str, object]] = {name: {} for name in sections()}
         self._places: dict[int, int] = {}
         self._names: dict[int, str] = {}
 
@@ -22,11 +23,19 @@ class PartWriter:
         if kind is None:
             return
         self._places[id(part)] = self._places.get(id(part), 0) + 1
-        for name, entry in kind.fields.items():
-            if isinstance(entry.holds, Nested) and self._places[id(part)] == 1:
-                inner = getattr(part, name)
-                for value in inner if entry.holds.many else [inner]:
-                    self.count(entry.holds.group, value)
+        if self._places[id(part)] == 1:
+            self.count_all(kind, part)
+
+    def count_all(self, kind: Description, part: object) -> None:
+        """Note where the parts inside ``part`` stand."""
+        for name, value in kind.values_of(part).items():
+            field = kind.fields[name]
+            inner = inline_kind(field)
+            if inner is not None:
+                self.count_all(inner, value)
+            elif isinstance(field.holds, Nested):
+                for entry in value if isinstance(value, tuple) else (value,):
+                    self.count(field.holds.group, entry)
 
     def table(self, group_name: str, part: object) -> object:
         """The table of a part of the group ``group_name``, or its name.
@@ -38,35 +47,42 @@ class PartWriter:
         """
         shared = GROUPS[group_name].names
         if shared is None or self._places.get(id(part), 0) < 2:
-            return self._table(group_name, part)
+            return self._table(GROUPS[group_name], part)
         if id(part) not in self._names:
-            section = self.sections[shared + "s"]
+            section = self.sections[f"{shared}s"]
             name = f"{shared}_{len(section) + 1}"
             self._names[id(part)] = name
-            section[name] = self._table(group_name, part)
+            section[name] = self._table(GROUPS[group_name], part)
         return self._names[id(part)]
 
-    def _table(self, group_name: str, part: object) -> object:
-        group = GROUPS[group_name]
+    def _table(self, group: Group, part: object) -> object:
         if group.short and isinstance(part, group.short.types):
             return plain(group.short.take(part))
         kind = group.kind_of(part)
         if kind is None:
-            known = ", ".join(sorted({(k.written or k.part).__name__ for k in group.kinds}))
+            known = ", ".join(sorted({k.builds.__name__ for k in group.kinds}))
             raise InvalidInput(
-                "write_scenario", group_name, f"must be a part that files have a word for ({known})", part,
-                "Keep scenarios with parts of your own in Python.",
+                "write_scenario", group.name, f"must be a part that files have a word for ({known})", part,
+                "Give its class one with @fk.register_part, or keep the scenario in Python.",
             )  # fmt: skip
-        table: dict[str, object] = (
-            {} if group.key is None or kind.word == group.default == "given" else {group.key: kind.word}
-        )
-        for name, value in kind.taken(part).items():
-            holds = kind.fields[name].holds
-            if value is None or (name == "parameters" and not value):
+        unnamed = group.key is None or kind.word == group.default == "given"
+        return ({} if unnamed else {str(group.key): kind.word}) | self.fields(kind, part)
+
+    def fields(self, kind: Description, part: object) -> dict[str, object]:
+        """What the table of a part holds besides its word."""
+        table: dict[str, object] = {}
+        for name, value in kind.values_of(part).items():
+            field = kind.fields[name]
+            holds = field.holds
+            inner = inline_kind(field)
+            if value is None or (holds is NAMED_NUMBERS and not value):
                 continue
-            if isinstance(holds, Nested):
-                many = [self.table(holds.group, x) for x in value] if holds.many else None
-                table[name] = self.table(holds.group, value) if many is None else many
+            if inner is not None:
+                table |= self.fields(inner, value)
+            elif isinstance(holds, Nested) and holds.many and isinstance(value, tuple):
+                table[name] = [self.table(holds.group, x) for x in value]
+            elif isinstance(holds, Nested):
+                table[name] = self.table(holds.group, value)
             else:
-                table[name] = plain(value)
+                table[name] = plain(holds.store(value))
         return table

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NotRequired, Required
 
 from flocking.study.sweeps.scenario_families import Family
 
@@ -19,31 +18,28 @@ def sweep_schema(families: Mapping[str, Family]) -> dict[str, object]:
     families
         Families of scenarios that a file may name.
     """
-    from pydantic import ConfigDict, TypeAdapter
-    from typing_extensions import TypedDict
-
-    from flocking.study.scenario_files.scenario_file import scenario_schema
+    from flocking.study.scenario_files.scenario_schema import json_schema
     from flocking.study.sweeps.measures import MEASURES
-    from flocking.study.sweeps.sweep_schema import REQUIRED, SECTIONS, section_types
+    from flocking.study.sweeps.sweep_schema import REQUIRED, SECTIONS, section_schemas
 
-    fields: dict[str, object] = {
-        name: Required[kind] if name in REQUIRED else NotRequired[kind] for name, kind in section_types().items()
-    }
-    table = TypedDict("Sweep", fields)  # type: ignore[misc]
-    table.__pydantic_config__ = ConfigDict(extra="forbid")  # type: ignore[attr-defined]
-    schema = TypeAdapter(table).json_schema()
-    scenario = scenario_schema()
-    parts = schema["properties"]
+    scenario = json_schema()
+    parts, own_definitions = section_schemas()
     # The parts of scenarios keep their names: both schemas share one list of definitions.
-    schema["$defs"] = {**scenario.pop("$defs"), **schema["$defs"]}
+    shared = scenario.pop("$defs")
+    assert isinstance(shared, dict)
+    definitions = {**shared, **own_definitions}
     head = {"$schema": scenario.pop("$schema"), "title": "flocking sweep"}
     parts["scenario"] = {"anyOf": [{"type": "string", "enum": sorted(families)}, scenario]}
     own = {name: measure[0] for family in families.values() for name, measure in family.measures.items()}
     described = {name: text for name, (text, _) in MEASURES.items()} | own
-    parts["measures"]["items"] = {"oneOf": [{"const": name, "title": text} for name, text in described.items()]}
-    schema["properties"] = {name: parts[name] for name in SECTIONS}
-    schema["allOf"] = [_options_of(name, family) for name, family in families.items()]
-    return {**schema, **head}
+    measures = parts["measures"]
+    assert isinstance(measures, dict)
+    measures["items"] = {"oneOf": [{"const": name, "title": text} for name, text in described.items()]}
+    return {
+        "$defs": definitions, "type": "object", "additionalProperties": False, "required": list(REQUIRED),
+        "properties": {name: parts[name] for name in SECTIONS},
+        "allOf": [_options_of(name, family) for name, family in families.items()], **head,
+    }  # fmt: skip
 
 
 def _options_of(name: str, family: Family) -> dict[str, object]:

@@ -6,7 +6,6 @@ import inspect
 import math
 from collections.abc import Callable, Mapping, Sequence
 from types import CodeType
-from typing import Any
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from flocking.study.claims.general_claims import SETTLED
 from flocking.study.evidence import Evidence, NotMeasurable
 
 Measured = float | bool
-Measuring = Callable[[Evidence], Measured]
+Measuring = Callable[[Evidence], object]
 
 
 def _settling(t: Array, sizes: Array) -> float:
@@ -109,7 +108,7 @@ class OfRun:
     def __init__(self, function: Callable[[Run], object]) -> None:
         self.function = function
 
-    def __call__(self, evidence: Evidence) -> Any:
+    def __call__(self, evidence: Evidence) -> object:
         """Measure the run."""
         return self.function(evidence.run)
 
@@ -132,7 +131,7 @@ def find_measures(
     InvalidInput
         When a name is unknown or taken twice, or a function has no name.
     """
-    from flocking.study.scenario_files.scenario_values import nearest
+    from flocking.model.parts.values import nearest
     from flocking.study.sweeps.plan import RESERVED
 
     known = {**MEASURES, **(more or {})}
@@ -177,7 +176,7 @@ def plain_measure(name: str, value: object) -> Measured | int:
     return value
 
 
-def code_of(function: Any) -> str:
+def code_of(function: Callable[..., object]) -> str:
     """Name of a function with a digest of its code, the same in every process, so that a changed one is noticed."""
     import hashlib
 
@@ -190,7 +189,7 @@ def code_of(function: Any) -> str:
     return f"{name} {hashlib.sha256(_code_text(code, inner).encode()).hexdigest()[:12]}"
 
 
-def _code_text(code: CodeType, function: Any = None) -> str:
+def _code_text(code: CodeType, function: Callable[..., object] | None = None) -> str:
     constants = []
     for c in code.co_consts:
         # The order of a set of texts differs from process to process.

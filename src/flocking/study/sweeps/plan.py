@@ -7,7 +7,6 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -68,7 +67,7 @@ class Plan:
         When a name is taken twice or reserved, an axis is empty, or there are too many parameters or runs.
     """
 
-    grid: Mapping[str, tuple[Any, ...]]
+    grid: Mapping[str, tuple[object, ...]]
     sample: Sample | None = None
     seeds: int | tuple[int, ...] = 1
     root: int = 0

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from rich.progress import Progress as Bar
+    from rich.progress import TaskID
+
     pass
 
 
@@ -23,8 +26,8 @@ class Progress:
     def __init__(self, enabled: bool, total: int, done: int) -> None:
         self._enabled, self._total, self._done = enabled, total, done
         self._failed = 0
-        self._bar: Any = None
-        self._task: Any = None
+        self._bar: Bar | None = None
+        self._task: TaskID | None = None
 
     def __enter__(self) -> Progress:
         if not self._enabled:
@@ -52,6 +55,6 @@ class Progress:
     def advance(self, done: int, failed: int) -> None:
         """Count ``done`` runs, some of which failed."""
         self._failed += failed
-        if self._bar is not None:
+        if self._bar is not None and self._task is not None:
             text = f"{self._failed} failed" if self._failed else ""
             self._bar.update(self._task, advance=done, failed=text)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 from flocking.model.law import Scenario
-from flocking.study.scenario_files.scenario_values import RefusedError, Value
+from flocking.model.parts.values import RefusedError, Value
 from flocking.study.sweeps.measures import Measuring
 
 
@@ -72,7 +71,7 @@ class FamilyScenario:
     family: Family
     fixed: Mapping[str, object]
 
-    def __call__(self, *, seed: int, **options: Any) -> Scenario:
+    def __call__(self, *, seed: int, **options: object) -> Scenario:
         """The scenario with the options that vary."""
         return self.family.make(seed=seed, **{**self.fixed, **options})
 
@@ -80,6 +79,7 @@ class FamilyScenario:
 _PATH = re.compile(r"[A-Za-z_][\w-]*(?:\.[A-Za-z_][\w-]*|\[\d{1,6}\])*", re.ASCII)
 _STEP = re.compile(r"([A-Za-z_][\w-]*)|(\d+)", re.ASCII)
 MOST_STEPS = 20
+"""Steps of a sequence, a bound on the work that a file of unknown origin may ask for."""
 
 
 def path_steps(path: str) -> tuple[str | int, ...]:
@@ -140,14 +140,17 @@ class FileScenario:
             isinstance(x, dict) and x.get("kind") == "random_connected" for x in graphs
         )
 
-    def __call__(self, *, seed: int, **values: Any) -> Scenario:
+    def __call__(self, *, seed: int, **values: object) -> Scenario:
         """The scenario with values at their paths, its draws made with the seed."""
         import tomli_w
 
         from flocking.study.scenario_files.scenario_file import parse_scenario
 
-        data: Any = dict(self.tables)
+        data: dict[str, object] = dict(self.tables)
         for path, value in values.items():
-            data = with_value(data, path_steps(path), value)
+            changed = with_value(data, path_steps(path), value)
+            if not isinstance(changed, dict):
+                raise RefusedError("must be the path of a value in [scenario]")
+            data = changed
         return parse_scenario(tomli_w.dumps(data), source="scenario", seed=seed if self.drawn else None,
                               most_agents=self.most_agents)  # fmt: skip

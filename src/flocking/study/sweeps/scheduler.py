@@ -20,6 +20,7 @@ BATCH_SECONDS = 1.0
 """Results are kept about this often by every worker; no more than that is lost to a crash."""
 
 LARGEST_BATCH = 64
+"""Runs that a worker is given at once; what is lost when it dies."""
 AHEAD = 2
 """Batches that wait for each worker, so that none is idle; no more, so that memory stays bounded."""
 
@@ -154,8 +155,9 @@ class Scheduler:
             self._give_up(given_up)
 
     def _give_up(self, tasks: Sequence[Task]) -> None:
-        row: Row = {"status": "failed", "values": {}, "verdicts": {}, "seconds": 0.0}
         for task in tasks:
             tries = self._deaths[task.index]
             text = f"its worker died each of {tries} times it was tried: killed, most often because memory ran out"
-            self._keep([{**row, "index": task.index, "message": text, "tries": tries}])
+            row: Row = {"index": task.index, "status": "failed", "values": {}, "verdicts": {}, "message": text,
+                        "tries": tries, "seconds": 0.0}  # fmt: skip
+            self._keep([row])

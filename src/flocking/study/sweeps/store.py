@@ -8,7 +8,7 @@ import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 from flocking.engine.storage import atomic_files
 from flocking.errors import StorageError
@@ -20,6 +20,7 @@ FORMAT = 1
 RECORD = "sweep.json"
 ROWS = "rows"
 LARGEST_FILE = 64 * 2**20
+"""Bytes of a file of results that is read, a bound on memory: 64 MiB."""
 _CHUNK = re.compile(r"\d{8}\.json")
 _FIELDS = {"index", "status", "values", "verdicts", "message", "tries", "seconds"}
 
@@ -136,7 +137,7 @@ def _chunks(folder: Path) -> list[Path]:
         return sorted(path for path in rows.iterdir() if _CHUNK.fullmatch(path.name))
 
 
-def _is_row(row: object, size: int) -> bool:
+def _is_row(row: object, size: int) -> TypeGuard[Row]:
     if not isinstance(row, dict) or set(row) != _FIELDS:
         return False
     index, values, verdicts = row["index"], row["values"], row["verdicts"]

@@ -6,13 +6,14 @@ import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
 
+from flocking.engine.driver.registry import check_name
+from flocking.engine.interruption import answered
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
 from flocking.study.claims.claim import Claim
-from flocking.study.sweeps.measures import code_of, find_measures
+from flocking.study.sweeps.measures import Measuring, code_of, find_measures
 from flocking.study.sweeps.plan import MOST_RUNS, Plan, make_plan
 from flocking.study.sweeps.sampling import Sample
 from flocking.study.sweeps.store import FORMAT, open_store, read_record, read_rows
@@ -42,7 +43,7 @@ def sweep(
     most_runs: int = MOST_RUNS,
     progress: bool = True,
     record: Mapping[str, object] | None = None,
-    more_measures: Mapping[str, Any] | None = None,
+    more_measures: Mapping[str, tuple[str, Measuring]] | None = None,
 ) -> SweepTable:
     """Run a family of scenarios over parameters and seeds, and measure every run.
 
@@ -103,7 +104,7 @@ def sweep(
     _check_call(make, plan)
     found = find_measures(measures, more_measures)
     choices = {"engine": engine, **(options or {})}
-    _check_engine(engine)
+    check_name("sweep", engine)
     work = Work(make, found, auditing(audit), choices)
     about = {
         "format": FORMAT,
@@ -151,6 +152,7 @@ def _run(
                 with pool(workers, cluster) as everyone:
                     Scheduler(work, everyone, keep).run(plan.task(k) for k in missing)
             except KeyboardInterrupt:
+                answered()
                 status = "interrupted"
     return SweepTable(plan, rows, tuple(work.measures), about, status)
 
@@ -238,13 +240,6 @@ def _check_call(make: Callable[..., object], plan: Plan) -> None:
         raise InvalidInput(
             "sweep", "make", f"must take the parameters of the sweep and seed ({error})", str(signature)
         ) from None
-
-
-def _check_engine(engine: str) -> None:
-    from flocking.engine.driver.simulate import ENGINES
-
-    if engine not in ENGINES:
-        raise InvalidInput("sweep", "engine", f"must be one of {', '.join(ENGINES)}", engine)
 
 
 def _provenance() -> dict[str, object]:

@@ -7,22 +7,27 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
+from flocking.model.parts.values import RefusedError, nearest
 from flocking.study.scenario_files.scenario_file import MOST_AGENTS, ScenarioFileError
-from flocking.study.scenario_files.scenario_values import RefusedError, nearest
 from flocking.study.scenario_files.text_files import read_text_file
 from flocking.study.sweeps.measures import MEASURES, Measuring
 from flocking.study.sweeps.plan import MOST_RUNS, Plan, make_plan
 from flocking.study.sweeps.sampling import Sample
 from flocking.study.sweeps.scenario_families import Family, FamilyScenario, FileScenario, path_steps, with_value
 
+if TYPE_CHECKING:
+    from flocking.study.sweeps.sweep_schema import Sections
+
 LARGEST_FILE = 2**20
+"""Bytes of a sweep file, a bound on memory: 1 MiB."""
 MOST_TRIED = 200
+"""Points of a sweep that are built before it starts, to find mistakes early; a bound on time."""
 TRYING_SECONDS = 5.0
 """Values of a scenario written in the file that are tried before any run; others are met when their run is made."""
 
@@ -198,9 +203,7 @@ class _Reader:
         Faults, to which more are added.
     """
 
-    def __init__(
-        self, found: Mapping[str, Any], families: Mapping[str, Family], most_agents: int, lines: list[str]
-    ) -> None:
+    def __init__(self, found: Sections, families: Mapping[str, Family], most_agents: int, lines: list[str]) -> None:
         self._found, self._lines, self._most_agents = found, lines, most_agents
         self._reported: set[str] = set()
         self._scenario = found.get("scenario")
@@ -213,7 +216,7 @@ class _Reader:
 
     def say(self, place: str, rule: str, value: object = None, fix: str = "") -> None:
         """Note a fault."""
-        from flocking.study.scenario_files.scenario_schema import Problem, shown
+        from flocking.study.scenario_files.problems import Problem, shown
 
         self._lines.append(str(Problem(place, rule, "" if value is None else shown(value), fix)))
 

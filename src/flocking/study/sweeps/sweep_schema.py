@@ -1,27 +1,80 @@
-"""The sweep file as a strict pydantic schema: its sections, and every fault of them at once with its place."""
+"""The sections of a sweep file: how each is read, with every fault at once, and described to editors."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from dataclasses import dataclass
+from typing import Annotated, TypedDict, cast
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
-
-from flocking.study.scenario_files.scenario_schema import Problem, place_of, shown
-from flocking.study.scenario_files.scenario_values import LARGEST_SEED, nearest
-
-if TYPE_CHECKING:
-    pass
+from flocking.engine.driver.registry import AUTO, engine_names
+from flocking.model.parts import values
+from flocking.model.parts.description import Description
+from flocking.model.parts.registration import described
+from flocking.model.parts.values import RefusedError, Value, nearest
+from flocking.study.scenario_files.problems import Problem, place_of, shown
+from flocking.study.scenario_files.scenario_reader import Faulty, Reader
+from flocking.study.scenario_files.scenario_schema import Schema, table_schema
 
 MOST_VALUES = 10_000
+"""Values of an axis, a bound on memory."""
 MOST_NAMES = 50
-
-_Finite = Annotated[float, Field(allow_inf_nan=False)]
-_Seed = Annotated[int, Field(ge=0, le=LARGEST_SEED, strict=True)]
-_Strict = ConfigDict(extra="forbid", strict=True)
+"""Names of a table, a bound on memory."""
+_NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,79}$"
 
 
-class Spaced(BaseModel):
+def _number(value: object) -> int | float:
+    if isinstance(value, int) and not isinstance(value, bool):
+        return value
+    found = values.NUMBER.check(value)
+    assert isinstance(found, float)
+    return found
+
+
+def _file_name(value: object) -> str:
+    if not isinstance(value, str):
+        raise RefusedError("must be text in quotes")
+    if re.fullmatch(_NAME, value) is None:
+        raise RefusedError("must be letters, digits, - and _, at most 80 of them")
+    return value
+
+
+def _table(value: object) -> dict[str, object]:
+    if not isinstance(value, dict):
+        raise RefusedError("must be a table")
+    return value
+
+
+def _options(value: object) -> dict[str, object]:
+    if len(_table(value)) > MOST_NAMES:
+        raise RefusedError(f"must have at most {MOST_NAMES} entries")
+    return _table(value)
+
+
+def _ranges(value: object) -> dict[str, object]:
+    if not 1 <= len(_table(value)) <= MOST_NAMES:
+        raise RefusedError(f"must have 1 to {MOST_NAMES} entries")
+    return _table(value)
+
+
+def _format(value: object) -> int:
+    if isinstance(value, bool) or value != 1:
+        raise RefusedError("must be 1")
+    return 1
+
+
+def _text(value: object) -> str:
+    if not isinstance(value, str):
+        raise RefusedError("must be text in quotes")
+    return value
+
+
+_EITHER = Value(_number, {"type": "number"})
+"""A number that stays whole where it is."""
+
+
+@dataclass(frozen=True)
+class Spaced:
     """Evenly spaced values of a grid's axis.
 
     Parameters
@@ -34,14 +87,14 @@ class Spaced(BaseModel):
         Whether their logarithms are evenly spaced.
     """
 
-    model_config = _Strict
-    low: _Finite
-    high: _Finite
-    count: Annotated[int, Field(ge=2, le=MOST_VALUES)]
+    low: float
+    high: float
+    count: Annotated[int, values.integer_from(2, MOST_VALUES)]
     log: bool = False
 
 
-class Drawn(BaseModel):
+@dataclass(frozen=True)
+class Drawn:
     """A range that values are drawn from.
 
     Parameters
@@ -52,13 +105,13 @@ class Drawn(BaseModel):
         Whether the logarithm is drawn evenly.
     """
 
-    model_config = _Strict
-    low: int | _Finite
-    high: int | _Finite
+    low: Annotated[float, _EITHER]
+    high: Annotated[float, _EITHER]
     log: bool = False
 
 
-class Sampling(BaseModel):
+@dataclass(frozen=True)
+class Sampling:
     """Points drawn from ranges.
 
     Parameters
@@ -67,37 +120,65 @@ class Sampling(BaseModel):
         How.
     count
         How many.
-    seed
-        Seed of the draw.
     ranges
         Ranges by the name of the parameter.
+    seed
+        Seed of the draw.
     """
 
-    model_config = _Strict
-    method: Literal["random", "latin", "sobol"]
-    count: Annotated[int, Field(ge=1)]
-    seed: _Seed = 0
-    ranges: Annotated[dict[str, Drawn], Field(min_length=1, max_length=MOST_NAMES)]
+    method: Annotated[str, values.choice("random", "latin", "sobol")]
+    count: Annotated[int, values.integer_above(1)]
+    ranges: Annotated[
+        Mapping[str, Drawn],
+        Value(
+            _ranges,
+            {
+                "type": "object", "additionalProperties": {"$ref": "#/$defs/Drawn"},
+                "minProperties": 1, "maxProperties": MOST_NAMES,
+            },
+        ),
+    ]  # fmt: skip
+    seed: Annotated[int, values.SEED] = 0
 
 
-_ALTERNATIVES: dict[str, dict[type, object]] = {
-    "format": {int: Literal[1]},
-    "name": {str: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,79}$")]},
-    "scenario": {str: str, dict: dict[str, Any]},
-    "options": {dict: Annotated[dict[str, Any], Field(max_length=MOST_NAMES)]},
-    "sample": {dict: Sampling},
-    "seeds": {
-        int: Annotated[int, Field(ge=1, strict=True)],
-        list: Annotated[list[_Seed], Field(min_length=1)],
-    },
-    "seed": {int: _Seed},
-    "measures": {list: Annotated[list[Annotated[str, Field(strict=True)]], Field(min_length=1, max_length=MOST_NAMES)]},
-    "audit": {bool: Annotated[bool, Field(strict=True)]},
-    "engine": {str: Literal["auto", "exact", "tiles"]},
+class Sections(TypedDict, total=False):
+    """The sections of a sweep file that are without fault, by their names there."""
+
+    format: int
+    name: str
+    scenario: str | dict[str, object]
+    options: dict[str, object]
+    grid: dict[str, list[object] | Spaced]
+    sample: Sampling
+    seeds: int | list[int]
+    seed: int
+    measures: list[str]
+    audit: bool
+    engine: str
+
+
+SPACED, DRAWN, SAMPLING = described(Spaced), described(Drawn), described(Sampling)
+
+_ALTERNATIVES: dict[str, dict[type, Value | Description]] = {
+    "format": {int: Value(_format, {"const": 1})},
+    "name": {str: Value(_file_name, {"type": "string", "pattern": _NAME})},
+    "scenario": {str: Value(_text, {"type": "string"}), dict: Value(_table, {"type": "object"})},
+    "options": {dict: Value(_options, {"type": "object", "maxProperties": MOST_NAMES})},
+    "sample": {dict: SAMPLING},
+    "seeds": {int: values.integer_above(1), list: values.list_of(values.SEED, "seeds", 1)},
+    "seed": {int: values.SEED},
+    "measures": {list: values.list_of(Value(_text, {"type": "string"}), "names of measures", 1, MOST_NAMES)},
+    "audit": {bool: values.TRUTH},
 }
-"""What each section may be, by the type TOML gives it."""
+"""What each section but the engine may be, by the type TOML gives it."""
 
-_AXIS: dict[type, object] = {list: Annotated[list[Any], Field(min_length=1, max_length=MOST_VALUES)], dict: Spaced}
+
+def _alternatives() -> dict[str, dict[type, Value | Description]]:
+    """What each section may be; the engine is one of those that there are now."""
+    return {**_ALTERNATIVES, "engine": {str: values.choice(AUTO, *engine_names())}}
+
+
+_AXIS: dict[type, Value | Description] = {list: values.list_of(values.ANY, "values", 1, MOST_VALUES), dict: SPACED}
 SECTIONS = ("format", "name", "scenario", "options", "grid", "sample", "seeds", "seed", "measures", "audit", "engine")
 REQUIRED = ("scenario",)
 
@@ -106,27 +187,35 @@ _WORDS: dict[type, str] = {
 }  # fmt: skip
 
 
-def section_types() -> dict[str, object]:
-    """Every section with the type of what it may be, whatever TOML calls it."""
-    from functools import reduce
-    from operator import or_
+def section_schemas() -> tuple[Schema, Schema]:
+    """Schema of every section, and of the tables that they refer to."""
+    definitions: Schema = {}
+    for kind in (SPACED, DRAWN, SAMPLING):
+        definitions[kind.name] = table_schema(kind.name, kind.fields, definitions)
+    found: Schema = {name: _either(choices) for name, choices in _alternatives().items()}
+    grid: Schema = {"type": "object", "maxProperties": MOST_NAMES, "additionalProperties": _either(_AXIS)}
+    return {**found, "grid": grid}, definitions
 
-    found = {name: reduce(or_, choices.values()) for name, choices in _ALTERNATIVES.items()}
-    axes: object = dict[str, reduce(or_, _AXIS.values())]  # type: ignore[misc]
-    return {**found, "grid": Annotated[axes, Field(max_length=MOST_NAMES)]}
+
+def _either(choices: Mapping[type, Value | Description]) -> Schema:
+    found: list[Schema] = [
+        dict(c.schema) if isinstance(c, Value) else {"$ref": f"#/$defs/{c.name}"} for c in choices.values()
+    ]
+    return found[0] if len(found) == 1 else {"anyOf": found}
 
 
-def read_sections(data: Mapping[str, object]) -> tuple[dict[str, Any], list[Problem]]:
+def read_sections(data: Mapping[str, object]) -> tuple[Sections, list[Problem]]:
     """Sections of a sweep file, those without fault, and all faults."""
-    problems: list[Problem] = []
+    reader = Reader(most_agents=0)
+    problems = reader.problems
     found: dict[str, object] = {}
     for name in data:
         if name not in SECTIONS:
             problems.append(Problem(place_of((name,)), "is not known here", "", nearest(name, SECTIONS)))
     problems += [Problem(name, "must be given") for name in REQUIRED if name not in data]
-    for name, choices in _ALTERNATIVES.items():
+    for name, choices in _alternatives().items():
         if name in data:
-            _read(choices, data[name], (name,), found, name, problems)
+            _read(choices, data[name], (name,), found, name, reader)
     grid = data.get("grid", {})
     if not isinstance(grid, dict):
         problems.append(Problem("grid", "must be a table", shown(grid)))
@@ -134,47 +223,44 @@ def read_sections(data: Mapping[str, object]) -> tuple[dict[str, Any], list[Prob
         problems.append(Problem("grid", f"must have at most {MOST_NAMES} parameters", str(len(grid))))
     else:
         axes: dict[str, object] = {}
-        for name, values in grid.items():
-            _read(_AXIS, values, ("grid", name), axes, name, problems)
+        for name, entries in grid.items():
+            _read(_AXIS, entries, ("grid", name), axes, name, reader)
         found["grid"] = axes
-    return found, problems
+    # Every section in it has been read as what it must be.
+    return cast(Sections, found), problems
 
 
 def _read(
-    choices: Mapping[type, Any],
+    choices: Mapping[type, Value | Description],
     value: object,
     place: tuple[str, ...],
     found: dict[str, object],
     key: str,
-    problems: list[Problem],
+    reader: Reader,
 ) -> None:
     expected = choices.get(type(value))
     if expected is None:
         words = " or ".join(_WORDS[kind] for kind in choices)
-        problems.append(Problem(place_of(place), f"must be {words}", shown(value)))
+        reader.problems.append(Problem(place_of(place), f"must be {words}", shown(value)))
         return
-    try:
-        found[key] = TypeAdapter(expected).validate_python(value)
-    except ValidationError as error:
-        problems += [_problem(dict(entry), place) for entry in error.errors(include_url=False)]
+    if isinstance(expected, Value):
+        part = reader.value(expected, value, place)
+    elif isinstance(value, dict):
+        ranges = _read_ranges(value.get("ranges"), place, reader) if expected is SAMPLING else None
+        part = reader.table(expected, None, value, place)
+        if isinstance(part, Sampling):
+            part = None if ranges is None else Sampling(part.method, part.count, ranges, part.seed)
+    if part is not None and not isinstance(part, Faulty):
+        found[key] = part
 
 
-_FIELDS = {name for model in (Spaced, Drawn, Sampling) for name in model.model_fields}
-
-
-def _problem(entry: Mapping[str, Any], place: tuple[str, ...]) -> Problem:
-    # Pydantic names the branch of "int | float" that failed; the file has no such place.
-    steps = tuple(step for step in entry["loc"] if step not in ("int", "constrained-float", "float"))
-    where = place_of((*place, *steps))
-    match entry["type"]:
-        case "missing":
-            return Problem(where, "must be given")
-        case "extra_forbidden":
-            return Problem(where, "is not known here", "", nearest(str(steps[-1]), _FIELDS))
-        case "literal_error":
-            return Problem(where, f"must be {entry['ctx']['expected']}", shown(entry["input"]))
-        case "string_pattern_mismatch":
-            return Problem(where, "must be letters, digits, - and _, at most 80 of them", shown(entry["input"]))
-        case _:
-            text = str(entry["msg"]).lower().removeprefix("input should ").replace("dictionary", "table")
-            return Problem(where, f"must {text}" if text.startswith("be ") else text, shown(entry["input"]))
+def _read_ranges(tables: object, place: tuple[str, ...], reader: Reader) -> dict[str, Drawn] | None:
+    """The ranges of a sample; None where one has faults."""
+    read = {
+        name: reader.table(DRAWN, None, table, (*place, "ranges", name))
+        if isinstance(table, dict)
+        else reader.value(Value(_table, {}), table, (*place, "ranges", name))
+        for name, table in (tables.items() if isinstance(tables, dict) else ())
+    }
+    ranges = {name: part for name, part in read.items() if isinstance(part, Drawn)}
+    return ranges if len(ranges) == len(read) else None

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -74,22 +74,25 @@ class SweepTable:
         return tuple(dict.fromkeys(key for index in sorted(self.rows) for key in self.rows[index]["verdicts"]))
 
     @cached_property
-    def columns(self) -> dict[str, list[Any]]:
+    def columns(self) -> dict[str, Sequence[object]]:
         """One list per column, one entry per run that has a row, in the order of the plan."""
         order = sorted(self.rows)
         tasks = [self.plan.task(index) for index in order]
-        found: dict[str, list[Any]] = {"run": order}
+        found: dict[str, Sequence[object]] = {"run": order}
         for name in self.plan.names:
             values = [task.parameters[name] for task in tasks]
             simple = all(isinstance(v, bool | int | float) for v in values) or all(isinstance(v, str) for v in values)
             found[name] = values if simple else [label(v) for v in values]
         found["seed"] = [task.seed for task in tasks]
-        for name in ("status", "message", "seconds", "tries"):
-            found[name] = [self.rows[index][name] for index in order]
+        rows = [self.rows[index] for index in order]
+        found["status"] = [row["status"] for row in rows]
+        found["message"] = [row["message"] for row in rows]
+        found["seconds"] = [row["seconds"] for row in rows]
+        found["tries"] = [row["tries"] for row in rows]
         for name in self.measures:
-            found[name] = [self.rows[index]["values"].get(name) for index in order]
+            found[name] = [row["values"].get(name) for row in rows]
         for key in self.claims:
-            found[CLAIM + key] = [self.rows[index]["verdicts"].get(key) for index in order]
+            found[CLAIM + key] = [row["verdicts"].get(key) for row in rows]
         return found
 
     def is_share(self, measure: str) -> bool:
@@ -185,7 +188,7 @@ class SweepTable:
                 else mean_interval(column_values, level)
                 for column_values in each
             ]
-            columns: dict[str, list[Any]] = {
+            columns: dict[str, Sequence[object]] = {
                 "": [float(column_values.mean()) if len(column_values) else np.nan for column_values in each],
                 "_low": [interval.low for interval in found],
                 "_high": [interval.high for interval in found],
@@ -233,12 +236,12 @@ class SweepTable:
         return _put(Path(path), sink.getvalue().to_pybytes())
 
 
-def _alike(column: Sequence[Any]) -> Sequence[Any]:
+def _alike(column: Sequence[object]) -> Sequence[object]:
     """A column whose entries have one type: whole numbers beside fractions become fractions."""
     kinds = {type(entry) for entry in column if entry is not None}
-    return (
-        [None if entry is None else float(entry) for entry in column] if len(kinds) > 1 and str not in kinds else column
-    )
+    if len(kinds) < 2 or str in kinds:
+        return column
+    return [float(entry) if isinstance(entry, bool | int | float) else None for entry in column]
 
 
 def write_csv(path: Path, rows: Sequence[Mapping[str, object]], head: Sequence[str] | None = None) -> Path:

@@ -10,18 +10,33 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypedDict
 
+from flocking.engine.driver.registry import Entry, adopt_entries, registered
 from flocking.engine.interruption import interrupted
+from flocking.engine.runs.run import Run
 from flocking.errors import FlockingError, InvalidInput
 from flocking.model.law import Scenario
-from flocking.study.sweeps.measures import Measuring, plain_measure
+from flocking.study.sweeps.measures import Measured, Measuring, plain_measure
 from flocking.study.sweeps.plan import Task
 
-Row = dict[str, Any]
-"""Outcome of one run: its index, status, measured values, verdicts, seconds, and a message where it failed."""
+
+class Row(TypedDict):
+    """Outcome of one run: its number in the plan, status, measured values, verdicts, seconds, and a message where it
+    failed.
+    """
+
+    index: int
+    status: Literal["ok", "failed"]
+    values: dict[str, Measured | int]
+    verdicts: dict[str, str]
+    message: str
+    tries: int
+    seconds: float
+
 
 LONGEST_MESSAGE = 500
+"""Characters of the message of a failed run that are stored."""
 
 
 @dataclass(frozen=True)
@@ -38,18 +53,22 @@ class Work:
         Gives the report on a run; None for no audit.
     options
         Further arguments of `simulate`.
+    engines
+        Engines that the process which sends the work knows by registration.
     """
 
     make: Callable[..., Scenario]
     measures: Mapping[str, Measuring]
-    audit: Callable[[Any], Any] | None = None
+    audit: Callable[[Run], object] | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
+    engines: tuple[Entry, ...] = field(default_factory=registered)
 
 
 def run_task(work: Work, task: Task) -> Row:
     """Run one scenario and measure it, as ``work`` says."""
     begin = time.perf_counter()
-    row: Row = {"index": task.index, "status": "ok", "values": {}, "verdicts": {}, "message": "", "tries": 1}
+    row: Row = {"index": task.index, "status": "ok", "values": {}, "verdicts": {}, "message": "", "tries": 1,
+                "seconds": 0.0}  # fmt: skip
     doing = "make"
     try:
         run = _simulated(work, task)
@@ -64,7 +83,7 @@ def run_task(work: Work, task: Task) -> Row:
                 row["values"][name] = math.nan
         doing = "audit"
         if work.audit is not None:
-            row["verdicts"] = {r.claim.key: str(r.verdict) for r in work.audit(run).results}
+            row["verdicts"] = _verdicts(work.audit(run))
     except Exception as error:
         if interrupted(error):
             raise KeyboardInterrupt from error
@@ -75,7 +94,17 @@ def run_task(work: Work, task: Task) -> Row:
     return row
 
 
-def _simulated(work: Work, task: Task) -> Any:
+def _verdicts(report: object) -> dict[str, str]:
+    from flocking.study.claims.audit import Report
+
+    if not isinstance(report, Report):
+        raise InvalidInput(
+            "sweep", "audit", "must give a Report", report, "Pass fk.audit, or a function that calls it."
+        )
+    return {result.claim.key: str(result.verdict) for result in report.results}
+
+
+def _simulated(work: Work, task: Task) -> Run:
     from flocking.engine.driver.simulate import simulate
     from flocking.model.law import Scenario
 
@@ -107,6 +136,7 @@ def _unpacked(content: bytes) -> Work:
 
     work = pickle.loads(content)
     assert isinstance(work, Work)
+    adopt_entries(work.engines)
     return work
 
 

@@ -23,6 +23,7 @@ IDLE_SECONDS = 30
 """Processes without work leave after this long, whatever became of the one that started them."""
 
 CONNECT_SECONDS = 20
+"""Seconds that a cluster is waited for; then it is taken to be absent."""
 
 LEAST_MEMORY = 2**30
 """Bytes that a worker gets however many share the machine: the library itself takes a quarter of it."""

@@ -10,16 +10,21 @@ from dataclasses import dataclass
 
 HOSTS = ("127.0.0.1", "localhost")
 TOKEN_BYTES = 24
+"""Random bytes of the token: 192 bits cannot be guessed at any rate of requests."""
 
 HANDSHAKES_A_SECOND = 2.0
+"""New connections that are accepted in a second in the long run: a page opens one."""
 MOST_HANDSHAKES = 30
 """Connections that may be opened at once, and how many more each second."""
 
 MESSAGES_A_SECOND = 500.0
+"""Messages of a page that are accepted in a second in the long run: a pointer that is dragged sends one for each
+frame of the screen, 60 to 240 in a second."""
 MOST_MESSAGES = 2000
 """Messages of one tab that are read at once, and how many more each second; what comes faster waits."""
 
 MOST_TABS = 16
+"""Pages that may be open at once; each is sent every frame, so their number bounds the work."""
 
 
 @dataclass(frozen=True)

@@ -6,14 +6,15 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from flocking.apps.lab.experiment.experiment import Experiment
+from flocking.engine.runs.run import SwitchRow
 from flocking.errors import FlockingError, SimulationError
 from flocking.model.law import Scenario
 from flocking.model.state import State
 
 FRAME_SECONDS = 1 / 60
+"""Time between two pictures: the rate of most screens."""
 LONGEST_SLICE = 0.05
 """Wall seconds after which all sessions together stop at the end of a step, so that whoever waits is served soon."""
 
@@ -49,7 +50,7 @@ class Frame:
     time: float
     states: tuple[State, ...]
     scenarios: tuple[Scenario, ...]
-    rows: tuple[Any, ...]
+    rows: tuple[tuple[list[tuple[float, ...]], list[SwitchRow]], ...]
     changed_at: tuple[float, ...]
     versions: tuple[int, ...]
     failure: str

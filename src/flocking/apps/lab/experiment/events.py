@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from flocking.apps.lab.experiment.parts import Step, changed, leader_at_point, substituted, value_at, with_children
 from flocking.apps.lab.experiment.selection import selected, state_of
 from flocking.arrays import Indices
 from flocking.engine.storage.atomic_files import write_through
@@ -20,12 +19,15 @@ from flocking.model.graphs.distance_graphs import Fixed
 from flocking.model.law import Law, Scenario
 from flocking.model.leaders_and_obstacles.leaders import Leader
 from flocking.model.leaders_and_obstacles.obstacles import Ball, Obstacle
+from flocking.model.parts.structure import Step, changed, substituted, value_at, with_children
 from flocking.model.serial import from_data, to_data
 from flocking.model.state import State
 from flocking.model.terms.avoidance import Avoid, ObstacleTerm
 
 FORMAT = 1
+"""Version of the format of the log; another one is refused."""
 LARGEST_LOG = 64 * 2**20
+"""Bytes of a log that is read, a bound on memory: 64 MiB."""
 
 Event = dict[str, Any]
 """An intervention: ``kind``, and what that kind needs. Everything in it survives a round trip through JSON."""
@@ -79,7 +81,14 @@ def outcome(event: Event, scenario: Scenario, base: Scenario, state: State) -> O
 
 def _set(event: Event, scenario: Scenario, base: Scenario, _: State) -> Outcome:
     path, value = event["path"], event["value"]
-    return Outcome(changed(scenario, path, value), changed(base, path, value))
+    return Outcome(_with_value(scenario, path, value), _with_value(base, path, value))
+
+
+def _with_value(scenario: Scenario, path: Sequence[Step], value: object) -> Scenario:
+    """The scenario with one value changed; a number of the law leaves all else as it was checked before."""
+    if path[0] != "law" or type(value) not in (int, float) or scenario.energy.leader is not None:
+        return changed(scenario, path, value)
+    return scenario.with_numbers(changed(scenario.law, path[1:], value), scenario.t_end)
 
 
 def _scale(event: Event, scenario: Scenario, base: Scenario, _: State) -> Outcome:
@@ -92,7 +101,7 @@ def _move(event: Event, scenario: Scenario, base: Scenario, state: State) -> Out
     leader = value_at(scenario, event["path"])
     if not isinstance(leader, Leader):
         raise InvalidInput("lab", "path", "must lead to a leader or to what an obstacle moves with", leader)
-    moved = leader_at_point(leader, event["to"], state.t)
+    moved = leader.moved_to(event["to"], state.t)
     before = value_at(base, event["path"])
     return Outcome(substituted(scenario, leader, moved), substituted(base, before, moved))
 
@@ -105,7 +114,7 @@ def _kick(event: Event, scenario: Scenario, base: Scenario, state: State) -> Out
     )
     p = np.array(state.p)
     p[agents] += speed * draws / np.maximum(np.linalg.norm(draws, axis=1, keepdims=True), 1e-12)
-    return Outcome(scenario, base, State(state.q, p, state.t, state.links))
+    return Outcome(scenario, base, replace(state, p=p))
 
 
 def _kill(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outcome:
@@ -118,13 +127,16 @@ def _add(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outc
     """One more agent, at ``q`` with ``p``: its own numbers are agent 0's, its links those of the graph's rule."""
     q, p = (np.array([event[name]], dtype=np.float64) for name in ("q", "p"))
     chosen = np.append(np.arange(state.n), 0)
-    bare = State(np.concatenate([state.q, q]), np.concatenate([state.p, p]), state.t)
+    columns = {
+        name: np.concatenate([values, scenario.agents.start(name, q, p)]) for name, values in state.columns.items()
+    }
+    bare = State(np.concatenate([state.q, q]), np.concatenate([state.p, p]), state.t, columns=columns)
     larger = selected(scenario, chosen, bare)
     links = None
     if state.links is not None:
         links = np.array(larger.law.graph.start_links(bare.q, larger.agents.headings))
         links[:-1, :-1] = state.links
-    grown = State(bare.q, bare.p, state.t, links)
+    grown = replace(bare, links=links)
     return Outcome(larger.with_(start=grown), selected(base, chosen, grown), anew=True)
 
 
@@ -143,7 +155,7 @@ def _cut(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outc
     links = np.array(state.links)
     for i, j in pairs:
         links[i, j] = links[j, i] = False
-    return Outcome(scenario, base, State(state.q, state.p, state.t, links))
+    return Outcome(scenario, base, replace(state, links=links))
 
 
 def _term(event: Event, scenario: Scenario, base: Scenario, _: State) -> Outcome:
@@ -188,6 +200,7 @@ def _remove(event: Event, scenario: Scenario, base: Scenario, _: State) -> Outco
 def _without_obstacle(scenario: Scenario, path: Sequence[Step]) -> Scenario:
     *parents, _, number = path
     term = value_at(scenario, parents)
+    assert isinstance(term, ObstacleTerm)
     left = tuple(x for k, x in enumerate(term.obstacles) if k != number)
     if left:
         found: Scenario = substituted(scenario, term, with_children(term, {"obstacles": left}))

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 from flocking.apps.lab.experiment.events import Event, EventLog, outcome
-from flocking.engine.driver.simulate import before
-from flocking.engine.driver.simulate import start as start_session
-from flocking.errors import InvalidInput, SimulationError, UnsupportedLaw
+from flocking.engine.driver.registry import check_name, chosen_engine, engine_named
+from flocking.engine.protocol.session import Session
+from flocking.engine.runs.run import SwitchRow
+from flocking.errors import InvalidInput, SimulationError
 from flocking.model.law import Scenario
 from flocking.model.state import State
 
-MOST_EXACT = 300
-"""Larger groups run under the tiled engine, where it can run their law."""
+Moment = tuple[Callable[[], Session], Scenario, int, float]
+"""The way back to a session, what factors multiply then, how many events were before, and the time."""
 
 MOST_EVENTS = 100_000
 """Longest log; an experiment with more interventions can no longer be replayed, and says so."""
@@ -34,7 +34,7 @@ class Experiment:
     scenario
         What to start.
     engine
-        ``"exact"``, ``"tiles"``, or ``"auto"``: exact for up to 300 agents.
+        Name of an engine, or ``"auto"``: the exact one for up to 300 agents, the tiled one beyond.
 
     Raises
     ------
@@ -59,25 +59,23 @@ class Experiment:
         """Rises with every event that changes the scenario."""
         self.complete = True
         """Whether the log holds everything that was done."""
-        self._kept: list[tuple[Any, Scenario, int, float]] = []
+        self._moments: list[Moment] = []
         self._begin = self._moment()
 
     @property
     def scenario(self) -> Scenario:
         """The scenario as it is now."""
-        found: Scenario = self.session.scenario
-        return found
+        return self.session.scenario
 
     @property
     def time(self) -> float:
         """Time of the session."""
-        return float(self.session.time)
+        return self.session.time
 
     @property
     def state(self) -> State:
         """State of the session."""
-        found: State = self.session.state
-        return found
+        return self.session.state
 
     @property
     def untouched(self) -> bool:
@@ -91,7 +89,7 @@ class Experiment:
 
     def reached(self, to: float) -> bool:
         """Whether time ``to`` is reached."""
-        return not before(self.session, to)
+        return self.session.reached(to)
 
     def advance(self, to: float, seconds: float = math.inf) -> None:
         """Go on until ``to``, or for ``seconds``. After a failure nothing moves until `go_back` or `restart`.
@@ -154,32 +152,27 @@ class Experiment:
         """
         if self.failure or not self.session.steady:
             return
-        self._kept = [*self._kept[-1:], self._moment()]
+        self._moments = [*self._moments[-1:], self._moment()]
 
-    def _moment(self) -> tuple[Any, Scenario, int, float]:
-        snapshot = self.session.snapshot(records=False) if self.engine == "exact" else self.session.snapshot()
-        return snapshot, self.base, len(self.log.entries), self.time
+    def _moment(self) -> Moment:
+        return self.session.moment(), self.base, len(self.log.entries), self.time
 
     def go_back(self) -> None:
         """Return to the last good moment, or the start; what was done after it is off the record."""
-        snapshot, self.base, events, time = self._kept[0] if self._kept else self._begin
-        self._kept = self._kept[:1]
-        self.session = type(self.session).resume(snapshot)
-        records = self._records()
-        for rows in (records.trace, getattr(records, "switches", [])):
-            rows[:] = [row for row in rows if row[0] <= time]
+        back, self.base, events, time = self._moments[0] if self._moments else self._begin
+        self._moments = self._moments[:1]
+        self.session = back()
+        trace, switches = self.records()
+        trace[:] = [row for row in trace if row[0] <= time]
+        switches[:] = [row for row in switches if row[0] <= time]
         del self.log.entries[events:]
         self.log.end = self.changed_at = time
         self.failure = ""
         self.version += 1
 
-    def _records(self) -> Any:
-        return self.session.recorder if self.engine == "exact" else self.session.records
-
-    def records(self) -> tuple[list[tuple[float, ...]], list[tuple[Any, ...]]]:
-        """The last rows of the ledger and the last switches; the tiled engine records no switches."""
-        records = self._records()
-        return records.trace, getattr(records, "switches", [])
+    def records(self) -> tuple[list[tuple[float, ...]], list[SwitchRow]]:
+        """The last rows of the ledger and the last switches; engines that locate none record none."""
+        return self.session.records.trace, self.session.records.switches
 
     def _forget(self) -> None:
         """Keep what is recorded bounded, however long this goes on."""
@@ -188,7 +181,7 @@ class Experiment:
                 del rows[:-MOST_ROWS]
 
 
-def opened(scenario: Scenario, engine: str) -> tuple[Any, str]:
+def opened(scenario: Scenario, engine: str) -> tuple[Session, str]:
     """A session that keeps no frames, and the name of its engine.
 
     Raises
@@ -196,14 +189,8 @@ def opened(scenario: Scenario, engine: str) -> tuple[Any, str]:
     InvalidInput, UnsupportedLaw
         When the scenario cannot be started, or not by that engine.
     """
-    if engine == "tiles" or (engine == "auto" and scenario.start.n > MOST_EXACT):
-        try:
-            return start_session(scenario, "tiles", keep_frames=False), "tiles"
-        except UnsupportedLaw:
-            if engine == "tiles":
-                raise
-    # Frames do not move the steps of the exact engine, but they would fill the memory.
-    return start_session(scenario.with_(frames=1), "exact"), "exact"
+    found = engine_named(chosen_engine(scenario, check_name("lab", engine), interactive=True))
+    return found.open_unrecorded(scenario), found.name
 
 
 def replay(log: EventLog, goes_on: Callable[[], bool] = lambda: True) -> Experiment:

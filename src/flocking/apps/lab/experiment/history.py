@@ -5,21 +5,25 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 
 from flocking.apps.lab.experiment.clock import Frame
 from flocking.arrays import Array
-from flocking.engine.runs.run import SWITCH_FIELDS, TRACE_FIELDS, Accuracy, Closest, Run
+from flocking.engine.runs.fidelity import UNSTATED, Fidelity
+from flocking.engine.runs.run import SWITCH_FIELDS, TRACE_FIELDS, Accuracy, Closest, Run, SwitchRow
 from flocking.model.state import State
 
 MOST_FRAMES = 400
+"""Frames that can be gone back to, a bound on memory."""
 MOST_BYTES = 60e6
 """Size that the frames kept for the claims may have."""
 
 MOST_ROWS = 4000
+"""Rows of the ledger and switches that are remembered, a bound on memory."""
 SERIES_POINTS = 400
+"""Points of a curve: about one for each pixel of its width on the page."""
 CUMULATIVE = ("work", "dissipated", "supplied", "jumped")
 
 
@@ -41,7 +45,7 @@ class History:
         self._mark: tuple[float, ...] = ()
         self.frames: list[State] = []
         self._trace: list[tuple[float, ...]] = []
-        self._switches: list[tuple[Any, ...]] = []
+        self._switches: list[SwitchRow] = []
 
     def take(self, frame: Frame) -> None:
         """Look at a frame: nothing is kept twice, and an intervention begins a new history."""
@@ -81,7 +85,9 @@ class History:
         """From when until when."""
         return (self.frames[0].t, self.frames[-1].t) if self.frames else (0.0, 0.0)
 
-    def run(self, closest: tuple[Closest, Closest], accuracy: Accuracy | None = None) -> Run | None:
+    def run(
+        self, closest: tuple[Closest, Closest], accuracy: Accuracy | None = None, fidelity: Fidelity = UNSTATED
+    ) -> Run | None:
         """What happened as a run; None before there are three frames.
 
         Parameters
@@ -90,6 +96,8 @@ class History:
             Closest linked and unlinked pairs, which frames cannot tell.
         accuracy
             What is known of the errors of the session, where anything is.
+        fidelity
+            The account that the session gives of itself.
         """
         frames = self.frames
         if len(frames) < 3:
@@ -110,11 +118,15 @@ class History:
             np.array([s.p for s in frames]),
             np.array([s.links for s in frames]) if with_links else np.zeros((len(frames), 0, 0), dtype=bool),
             np.array(self._switches, dtype=SWITCH_FIELDS), trace, *closest, "running",
-            {"engine": "lab", "tolerance": self._scenario.tolerance}, accuracy=known,
+            {"engine": "lab", "tolerance": self._scenario.tolerance}, accuracy=known, fidelity=fidelity,
         )  # fmt: skip
 
 
-def _between(rows: Iterable[Any], after: float, until: float) -> list[Any]:
+TimedRow = TypeVar("TimedRow", tuple[float, ...], SwitchRow)
+"""A row of the ledger, or a switch: its time comes first."""
+
+
+def _between(rows: Iterable[TimedRow], after: float, until: float) -> list[TimedRow]:
     """Rows later than ``after`` and not later than ``until``; rows may be added and dropped meanwhile."""
     found = []
     for row in reversed(list(rows)):

@@ -9,29 +9,23 @@ from typing import Any
 
 import numpy as np
 
-from flocking.apps.lab.experiment.parts import FORMULA, Step, children
 from flocking.arrays import AnyArray
-from flocking.model.graphs.distance_graphs import Fixed
-from flocking.model.graphs.views import MEASURES
+from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.weights import PairWeights
 from flocking.model.law import Scenario
-from flocking.model.leaders_and_obstacles.leaders import Leader, Path
+from flocking.model.leaders_and_obstacles.leaders import Leader
 from flocking.model.leaders_and_obstacles.obstacles import Obstacle
-from flocking.model.potentials.bumps import BUMPS
+from flocking.model.parts import values
+from flocking.model.parts.description import GROUPS, Nested
+from flocking.model.parts.structure import Step, children, field_at
+from flocking.model.parts.values import Value
 from flocking.model.potentials.potential import Potential
-
-CHOICES = {
-    "weighting": ("energy", "force"),
-    "stored": ("integral", "potential"),
-    "bump": tuple(BUMPS),
-    "measure": MEASURES,
-}
-"""What fields that hold a word may hold."""
 
 WIDE, ROOM = 4.0, 5.0
 """A slider reaches this many times its value; one that stands at 0 reaches this far."""
 
 LARGEST_FACTOR = 4.0
+"""Largest factor that a slider offers on an array of values; a convention."""
 
 
 @dataclass(frozen=True)
@@ -117,8 +111,6 @@ def _role(part: object) -> str:
 
 def _inner(part: object, path: tuple[Step, ...]) -> Iterator[tuple[tuple[Step, ...], object]]:
     """Leaders, obstacles and graphs inside a term, each with its path."""
-    from flocking.model.graphs.distance_graphs import Graph
-
     for step, child in children(part).items():
         if isinstance(child, Leader | Obstacle | Graph):
             yield (*path, step), child
@@ -134,39 +126,52 @@ def _section(
 
 
 def _settings(part: object, path: tuple[Step, ...]) -> Iterator[Setting]:
-    if isinstance(part, Fixed):
-        return
     for step, value in children(part).items():
         here = (*path, step)
-        if isinstance(value, bool):
-            yield Setting(here, "flag", value)
-        elif isinstance(value, str):
-            if str(step).startswith(FORMULA) and isinstance(part, Potential | Path):
-                yield Setting(here, "formula", value)
-            elif step in CHOICES:
-                yield Setting(here, "choice", value, choices=CHOICES[str(step)])
-        elif isinstance(value, int) and not isinstance(part, tuple):
-            if step == "seed":
-                yield Setting(here, "count", value)
-        elif isinstance(value, float) and math.isfinite(value):
-            if step != "start_time":
-                low, high = _ends(value)
-                yield Setting(here, "number", value, low, high)
-        elif isinstance(value, np.ndarray):
-            if isinstance(part, Leader | Obstacle):
-                yield from _components(value, here)
-            elif step != "headings":
-                yield Setting(here, "factor", 1.0, 0.0, LARGEST_FACTOR)
-        elif isinstance(value, Potential | PairWeights):
+        field = field_at(part, step)
+        if field is None:
+            continue
+        if isinstance(value, Potential | PairWeights):
             yield from _settings(value, here)
+        else:
+            yield from _controls(_shown(field.holds), value, here)
+
+
+def _shown(holds: Value | Nested) -> Value:
+    """How a plain value in a field is shown: that of a group's short form where parts of the group may stand there."""
+    if isinstance(holds, Value):
+        return holds
+    short = GROUPS[holds.group].short
+    return values.hidden(values.ANY) if short is None else short.value
+
+
+def _controls(holds: Value, value: object, here: tuple[Step, ...]) -> Iterator[Setting]:
+    """Controls of a value; one that a part from outside does not describe is told by its type."""
+    unknown = holds is values.ANY
+    if isinstance(value, bool):
+        if holds.control == "flag" or unknown:
+            yield Setting(here, "flag", value)
+    elif isinstance(value, str):
+        if holds.control in ("formula", "choice"):
+            yield Setting(here, holds.control, value, choices=holds.words)
+    elif isinstance(value, np.ndarray):
+        if holds.control == "components":
+            yield from _components(value, here)
+        elif holds.control in ("factor", "number") or unknown:
+            yield Setting(here, "factor", 1.0, 0.0, LARGEST_FACTOR)
+    elif isinstance(value, int):
+        if holds.control == "count":
+            yield Setting(here, "count", value)
+    elif isinstance(value, float) and math.isfinite(value) and (holds.control in ("number", "numbers") or unknown):
+        low, high = _ends(value)
+        yield Setting(here, "number", value, low, high)
 
 
 def _components(value: AnyArray, here: tuple[Step, ...]) -> Iterator[Setting]:
     """Components of a velocity or a direction; places are dragged in the scene instead."""
-    if here[-1] in ("value", "normal"):
-        reach = WIDE * float(np.abs(value).max()) or ROOM
-        for k, x in enumerate(value):
-            yield Setting((*here, k), "number", float(x), -reach, reach)
+    reach = WIDE * float(np.abs(value).max()) or ROOM
+    for k, x in enumerate(value):
+        yield Setting((*here, k), "number", float(x), -reach, reach)
 
 
 def _ends(value: float) -> tuple[float, float]:

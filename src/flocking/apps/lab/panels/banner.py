@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from viser import GuiApi
 
 REFRESH_SECONDS = 0.2
+"""Seconds between two updates of the text: five in a second can still be read."""
 STYLE = "font-size:0.85em;padding:0.2em 0.8em 0.4em"
 TURN = ("right", "up", "left", "down")
 

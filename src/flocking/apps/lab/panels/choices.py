@@ -14,15 +14,16 @@ from flocking.errors import InvalidInput
 from flocking.model import starts
 from flocking.model.graphs.distance_graphs import Hysteresis
 from flocking.model.law import Law, Scenario
+from flocking.model.parts.values import nearest
 from flocking.model.potentials.potential import Potential
 from flocking.model.state import State
 from flocking.model.terms.pair_terms import Consensus, Gradient
 from flocking.papers.showcases.files import TITLES
 from flocking.study.scenario_files.scenario_file import read_scenario
-from flocking.study.scenario_files.scenario_values import nearest
 
 FAVOURITES = ("olfati-saber-2003", "zhou-2015")
 MOST_FILES = 200
+"""Scenario files that a menu offers; a longer one cannot be searched by eye."""
 
 
 def _larger_group(n: int, dimension: int) -> Callable[[int], Scenario]:

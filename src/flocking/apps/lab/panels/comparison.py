@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 from flocking.apps.lab.experiment.events import Event
 from flocking.apps.lab.experiment.experiment import Experiment
-from flocking.apps.lab.experiment.parts import Step
 from flocking.apps.lab.experiment.settings import Setting, sections
 from flocking.errors import FlockingError
+from flocking.model.parts.structure import Step
 
 if TYPE_CHECKING:
     from viser import GuiApi

@@ -7,11 +7,11 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from flocking.apps.lab.experiment.events import Event
-from flocking.apps.lab.experiment.parts import Step
 from flocking.apps.lab.experiment.settings import Section, Setting, sections
 from flocking.errors import FlockingError
 from flocking.formula.grammar import Formula
 from flocking.model.law import Scenario
+from flocking.model.parts.structure import Step
 
 if TYPE_CHECKING:
     from viser import GuiApi, GuiEvent, GuiFolderHandle, GuiInputHandle, GuiMarkdownHandle

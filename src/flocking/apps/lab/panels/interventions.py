@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from viser import GuiApi
 
 MOST_CHOSEN = 100_000
+"""Agents that one range of numbers may choose, a bound on memory for what is typed."""
 
 
 class Interventions:

@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from viser import GuiApi, GuiButtonHandle
 
 READ_SECONDS = 0.2
+"""Least seconds between two measurements: five in a second can still be read."""
 LAMP_SECONDS = 1.0
+"""Least seconds between two judgements of the claims, which take longer than measurements."""
 PATIENCE = 5.0
 """Lamps rest this many times as long as they took."""
 
@@ -149,13 +151,10 @@ class MeasurementPanel:
 
     def window(self) -> Run | None:
         """What happened since the last intervention, as a run."""
-        from flocking.engine.runs.run import Closest
-
-        experiment = self._clock.experiments[0]
-        session = experiment.session
-        closest = session.closest_pairs if experiment.engine == "exact" else (Closest(), Closest())
+        session = self._clock.experiments[0].session
+        closest, accuracy = session.known
         with self._lock:
-            return self.history.run(closest, session.accuracy)
+            return self.history.run(closest, accuracy, session.fidelity)
 
     def judge(self, frame: Frame) -> None:
         """Light the lamps."""

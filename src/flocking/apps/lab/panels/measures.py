@@ -17,6 +17,8 @@ from flocking.study.claims.witnesses import Witness, witness_of
 from flocking.study.evidence import Evidence
 
 MOST_CONNECTIVITY = 400
+"""Agents up to which the algebraic connectivity is computed: the cost of its eigenvalues grows with the cube of their
+number."""
 MOST_CLAIMS = 400
 """Larger groups get no algebraic connectivity and no lamps: both look at every pair."""
 
@@ -24,16 +26,6 @@ LEDGER = ("dissipated", "supplied", "jumped", "residual")
 """What the energy did since the last intervention: `residual` is what the others leave unexplained of its change."""
 
 NAMES = ("energy", "velocity spread", "connectivity", "flocks", "closest pair", "defect")
-
-_LASTING = frozenset(
-    {general.ledger_residual, general.momentum_drift, general.energy_rise, general.energy_continuous,
-     general.linked_apart, general.all_apart, general.stays_connected, general.no_link_lost,
-     general.crossings_transversal}
-)  # fmt: skip
-"""Conclusions about every moment: once they fail nothing mends them."""
-
-_WHILE_CONNECTED = frozenset({general.velocities_agree, general.distances_settle})
-"""What the theorems conclude from a graph that stays connected."""
 
 
 def measured(state: State, energy: float) -> dict[str, float]:
@@ -122,7 +114,7 @@ def claims_of(scenario_name: str) -> tuple[Claim, ...]:
 
 
 def _conditional(claim: Claim) -> Claim:
-    if claim.conclusion not in _WHILE_CONNECTED:
+    if not claim.about.while_connected:
         return claim
     statement = f"While the graph stays connected, {claim.statement[0].lower()}{claim.statement[1:]}"
     return replace(claim, statement=statement, hypothesis=general.stays_connected)
@@ -144,6 +136,6 @@ def lamps(run: Run, claims: Sequence[Claim]) -> list[Lamp]:
 
 def _word(claim: Claim, verdict: Verdict, run: Run) -> str:
     """The verdict, or that it is too early for one: a paper speaks of the end of its scenario."""
-    if verdict is not Verdict.FAILS or claim.conclusion in _LASTING:
+    if verdict is not Verdict.FAILS or claim.about.lasting:
         return str(verdict)
     return str(Verdict.NOT_YET if run.t[-1] < run.scenario.t_end else verdict)

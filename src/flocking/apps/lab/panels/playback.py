@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
 STEPS = {"0.01": 0.01, "0.1": 0.1, "1": 1.0}
 SLOWEST, FASTEST = 0.01, 100.0
+"""Bounds of the speed of playback, in units of time per second: a hundredth and a hundred times real time."""
 PACES = {"slower": 0.5, "faster": 2.0}
 RESTART, RESET, LIFT = "Restart", "Reset", "In 3-D"
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 NO_RUN = "(none here)"
 MOST_RUNS = 200
+"""Saved runs that a menu offers; a longer one cannot be searched by eye."""
 FILMS = (".mp4", ".gif")
 
 
@@ -104,10 +105,12 @@ class SavingPanel:
 
     def save_scenario(self) -> None:
         """Write the scenario as TOML; where something was done since the start, also what, as a log that replays."""
+        from flocking.engine.driver.registry import chosen_engine
         from flocking.study.scenario_files.scenario_file import write_scenario
 
         experiment: Experiment = self._page.experiment
-        engine = "" if experiment.engine == "exact" else " --engine tiles"
+        usual = chosen_engine(experiment.original, "auto") == experiment.engine
+        engine = "" if usual else f" --engine {experiment.engine}"
         faults: list[FlockingError] = []
         paths: list[Path] = []
 

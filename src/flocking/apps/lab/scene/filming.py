@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,14 +16,19 @@ from flocking.model.law import Scenario
 from flocking.model.state import State
 from flocking.model.terms.avoidance import ObstacleTerm
 
+if TYPE_CHECKING:
+    from flocking.show.plane import NetOptions
+
 MOST_FRAMES = 600
+"""States that are recorded for a film, a bound on memory: 30 s at 20 pictures in a second."""
 FRAME_SECONDS = 0.05
+"""Seconds between two recorded states: 20 pictures in a second look smooth."""
 PLAIN = "plain"
 
 _drawing = threading.Lock()
 
 
-def _options(scenario: Scenario, look: Look) -> dict[str, Any]:
+def _options(scenario: Scenario, look: Look) -> NetOptions:
     obstacles = [x for term in scenario.law.terms if isinstance(term, ObstacleTerm) for x in term.obstacles]
     color = look.color if look.color in ("speed", "heading", "flock") else PLAIN
     return {"links": look.links, "color": color, "obstacles": obstacles}

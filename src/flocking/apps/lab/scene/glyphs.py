@@ -14,6 +14,7 @@ Bytes = NDArray[np.uint8]
 
 COLORINGS = ("speed", "heading", "flock", "energy")
 HIGHLIGHT = (255, 0, 200)
+"""Colour of chosen agents, red, green and blue: magenta stands out on a light and on a dark background."""
 
 RAMPS = {
     False: np.array([(68, 1, 84), (59, 82, 139), (33, 145, 140), (110, 170, 50), (240, 150, 0)], dtype=np.float64),

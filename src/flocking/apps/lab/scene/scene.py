@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.apps.lab.experiment.clock import Clock, Frame
-from flocking.apps.lab.experiment.parts import Step
 from flocking.apps.lab.scene import glyphs
 from flocking.apps.lab.scene.framing import box_around, centre_of
 from flocking.apps.lab.scene.solids import Solid, imagined, solids
 from flocking.arrays import Positions
 from flocking.model.law import Scenario
+from flocking.model.parts.structure import Step
 from flocking.model.state import State
 
 if TYPE_CHECKING:
@@ -31,22 +31,30 @@ if TYPE_CHECKING:
     )
 
 LINK_BUDGET = 6000
+"""Links that are drawn at most: more would delay the page and hide each other."""
 MOST_GLYPHS = 20_000
 """Larger groups are drawn as points."""
 
 MOST_TRAILS = 500
+"""Agents up to which trails are drawn: more would delay the page and hide each other."""
 MOST_LARGE, MOST_EXACTLY_SEEN = 60, 400
 """Groups up to these sizes are drawn with agents that stay large when the view widens."""
 
 TRAIL_POINTS = 30
+"""Positions that a trail remembers."""
 MOST_ENERGIES = 500
+"""Agents up to which colours show energies: their cost grows with the number of pairs."""
 FASTEST_PAINT = 1 / 30
+"""Least seconds between two pictures that are sent; more often would be lost on the way to most screens."""
 AMBIENT = 1.0
+"""Brightness of the light that comes from everywhere, in units of the viewer."""
 HIGHLIGHT_SCALE = 1.6
+"""Size of a chosen agent beside the others, large enough to be found in a group."""
 BESIDE = 1.25
 """Distance of two groups that are compared, in extents of the first."""
 
 FIELD_OF_VIEW = 0.9
+"""Angle of the camera from the lower to the upper edge of the picture, in radians: about 52 degrees."""
 MARGIN = 1.15
 """Room around what a view is fitted to."""
 LEADER_SIZE = 0.02
@@ -56,6 +64,7 @@ GRID = {False: ((225, 225, 225), (190, 190, 190)), True: ((45, 45, 48), (75, 75,
 """Colours of the grid's lines and of every fifth of them, in light and dark."""
 
 LIGHT, DARK = (70, 70, 80), (200, 200, 210)
+"""Colours of lines on a light and on a dark background, red, green and blue."""
 
 
 @dataclass

@@ -7,16 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.apps.lab.experiment.parts import Step
 from flocking.apps.lab.scene.glyphs import in_space
 from flocking.model.checks import NO_LESS, Array
 from flocking.model.law import Scenario
 from flocking.model.leaders_and_obstacles.obstacles import Ball, Obstacle, Wall
+from flocking.model.parts.structure import Step
 from flocking.model.state import State
 from flocking.model.terms.avoidance import Avoid, ObstacleTerm
 
 OUTLINE = 48
+"""Corners of the polygon that stands for a round outline: its sides stray from a circle by 0.2 % of the radius."""
 RINGS = 8
+"""Rings of the mesh of a sphere: the edges of its faces stray from it by 2 % of the radius."""
 WALL_DEPTH = 0.03
 """Thickness of a drawn wall in its extent."""
 

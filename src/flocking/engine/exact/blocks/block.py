@@ -7,31 +7,26 @@ from typing import cast
 
 import numpy as np
 
-from flocking.engine.exact.blocks.loop import (
-    BASE,
+from flocking.engine.exact.blocks.arrays import (
     BEGIN,
-    BOUND,
-    END,
     ENERGY,
     ERRORS,
-    FINEST,
     KINETIC,
     LENGTH,
-    LIMITS,
-    NOW,
-    OPEN,
+    PROGRESS,
     PROPOSED,
     RATE,
-    REACH,
-    REFUSED,
+    STEP_NUMBERS,
     STOP,
     TIME,
-    TOLERANCE,
     TRIED,
-    UNLINKED,
-    VELOCITY_ROUNDING,
-    step_block,
+    Limits,
+    Method,
+    Records,
+    Solution,
+    Watches,
 )
+from flocking.engine.exact.blocks.loop import OPEN, REFUSED, step_block
 from flocking.engine.exact.companion import FEW_PAIRS, INSIDE, SECOND, Difference
 from flocking.engine.exact.crossings.switching import Crossing, LinkState
 from flocking.engine.exact.dynamics import Dynamics
@@ -139,7 +134,7 @@ def take_block(
     seconds
         Wall time that is left.
     """
-    law, watched, memory = dynamics.compiled, links.tables(), stepper.memory
+    law, watched, memory = dynamics.compiled, links.tables(dynamics.barriers), stepper.memory
     known = error.difference
     if law is None or watched is None or memory.step == 0.0 or known.lost < np.inf:
         return None
@@ -147,47 +142,57 @@ def take_block(
     if pairs > FEW_PAIRS:
         return None
     room = 1 if seconds < SHORT_SLICE else max(1, min(MOST_STEPS, WORK // (n * n + 8 * pairs + 1)))
+    solution = _solution(memory, known, stepper.slopes, energies)
     size = len(memory.y)
-    now, limits = np.zeros(NOW), np.zeros(LIMITS)
-    now[TIME], now[LENGTH], now[RATE] = memory.t, memory.step, known.rate
-    now[ENERGY], now[KINETIC] = energies
-    limits[END], limits[BOUND] = until
-    limits[BASE], limits[TOLERANCE], limits[REACH] = dynamics.base, dynamics.scenario.tolerance, error.reach
-    limits[FINEST], limits[UNLINKED] = precision.finest, dynamics.unlinked
-    limits[VELOCITY_ROUNDING] = origin.rounded(memory.t, 0.0, 0.0)[1]
-    y, slope = memory.y.copy(), memory.slope.copy()
-    coefficients, whole, difference = np.empty((DEGREE + 1, size)), np.empty(size), known.nodes.copy()
-    errors, crossed = np.empty(ERRORS), np.empty((MOST_CROSSINGS, 4))
-    frames, frame_errors = np.empty((MOST_FRAMES, size)), np.empty((MOST_FRAMES, 2))
-    rows = extremes.rows.copy()
-    steps, states = np.empty((room, 4)), np.empty((room, size))
+    looked_at = Watches(
+        *watched, dynamics.zones, dynamics.zone_graphs, *dynamics.linked_pairs(), dynamics.singular, precision.timed
+    )
+    limits = Limits(
+        *until, dynamics.base, dynamics.scenario.tolerance, stepper.tolerance, error.reach, precision.finest,
+        dynamics.unlinked, not error.in_doubt,
+    )  # fmt: skip
+    records = Records(
+        links.links[0], extremes.rows.copy(), origin.rounded(memory.t, 0.0, 0.0)[1], frame_times[: MOST_FRAMES + 1],
+        np.empty((MOST_FRAMES, size)), np.empty((MOST_FRAMES, 2)), np.empty((room, STEP_NUMBERS)),
+        np.empty((room, size)),
+    )  # fmt: skip
+    method = Method(tableau(), TO_BERNSTEIN, INSIDE, SECOND)
     with np.errstate(all="ignore"):
-        found = step_block(
-            *law, *tableau(), TO_BERNSTEIN, INSIDE, SECOND, links.barred(dynamics.barriers), *watched, dynamics.zones,
-            dynamics.zone_graphs, *dynamics.linked_pairs(), dynamics.singular, precision.timed, not error.in_doubt,
-            stepper.tolerance, limits, links.links[0], extremes.shares, extremes.goal, extremes.has_goal,
-            origin.velocity, now, y, slope, stepper.slopes, coefficients, whole, difference, errors, crossed,
-            rows, frame_times[: MOST_FRAMES + 1], frames, frame_errors, steps, states,
-        )  # fmt: skip
+        found = step_block(law, method, looked_at, limits, extremes.references(origin), solution, records)
     taken, recorded, shown, ending, count = cast(tuple[int, int, int, int, int], found)
-    t, stop, length, proposed = now[[TIME, STOP, LENGTH, PROPOSED]].tolist()
-    if now[TRIED]:
-        stepper.tried = float(now[TRIED]), y
+    progress, coefficients, crossed = solution.progress, solution.coefficients, solution.crossed[:count]
+    t, stop, length, proposed = progress[[TIME, STOP, LENGTH, PROPOSED]].tolist()
+    if progress[TRIED]:
+        stepper.tried = float(progress[TRIED]), solution.y
     segment = tried = None
     if ending == OPEN:
-        segment = Segment(float(now[BEGIN]), t, coefficients)
+        segment = Segment(float(progress[BEGIN]), t, coefficients)
     elif ending == REFUSED:
         after = StepperMemory(stop, coefficients[-1].copy(), stepper.slopes[STAGES].copy(), proposed)
         tried = Segment(t, stop, coefficients), after
     if taken:
         # Where a step was cut, the stepper has gone on to its whole end.
-        memory = StepperMemory(*((stop, whole) if ending == OPEN else (t, y)), slope, length)
-        known = Difference(difference, float(now[RATE]), np.inf)
+        memory = StepperMemory(
+            *((stop, solution.uncut) if ending == OPEN else (t, solution.y)), solution.slope, length
+        )  # fmt: skip
+        known = Difference(solution.difference, float(progress[RATE]), np.inf)
     pending = [
-        Crossing(w, crossed[:count][crossed[:count, 0] == w, 2:].astype(np.int64))
-        for w in sorted({int(w) for w in crossed[:count, 0]})
+        Crossing(w, crossed[crossed[:, 0] == w, 2:].astype(np.int64)) for w in sorted({int(w) for w in crossed[:, 0]})
     ]
     return StepBlock(
-        recorded, steps[:taken], states[:recorded], (frames[:shown], frame_errors[:shown]), memory, known, rows,
-        segment, errors, pending, tried,
+        recorded, records.steps[:taken], records.states[:recorded],
+        (records.frames[:shown], records.frame_errors[:shown]), memory, known, records.extremes, segment,
+        solution.errors, pending, tried,
+    )  # fmt: skip
+
+
+def _solution(memory: StepperMemory, known: Difference, slopes: Array, energies: tuple[float, float]) -> Solution:
+    """The solution where a stepper stands, in arrays that may change."""
+    size = len(memory.y)
+    progress = np.zeros(PROGRESS)
+    progress[TIME], progress[LENGTH], progress[RATE] = memory.t, memory.step, known.rate
+    progress[ENERGY], progress[KINETIC] = energies
+    return Solution(
+        progress, memory.y.copy(), memory.slope.copy(), slopes, np.empty((DEGREE + 1, size)), np.empty(size),
+        known.nodes.copy(), np.empty(ERRORS), np.empty((MOST_CROSSINGS, 4)),
     )  # fmt: skip

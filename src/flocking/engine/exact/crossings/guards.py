@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.arrays import Indices
-from flocking.engine.exact.integrator.segment import bound_excursions
 from flocking.formula.native.functions import native, native_apart
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
@@ -27,7 +26,10 @@ FINEST = 1e-13
 
 _PRODUCT = np.array([[comb(7, a) * comb(7, b) / comb(14, a + b) for b in range(8)] for a in range(8)])
 _DEPTH = 80
+"""Rows of the stack of intervals: each halving needs one more, and an interval of 1e-15 is reached after 50."""
 _RETRIES = 20
+"""How often a crossing is looked for further on where the velocities disagree. Each time a place is passed at which a
+polynomial of degree 14 rises through zero, of which there are at most 7."""
 
 
 def squared_distance(B: Array, i: int, j: int, out: Array) -> None:
@@ -142,18 +144,6 @@ def smallest_value(g: Array, below: float) -> tuple[float, float]:
     return best, where
 
 
-def reach(B: Array) -> Array:
-    """Bound on how far each agent strays from its start on the segment, seen from the group's mean, shape (N,)."""
-    far = np.zeros(B.shape[1])
-    _reach(B, far)
-    return far
-
-
-@native
-def _reach(B: Array, far: Array) -> None:
-    bound_excursions(B, far)
-
-
 def part_from(g: Array, x: float) -> Array:
     """Bernstein coefficients, on [x, 1], of the polynomial with coefficients ``g``; the first is its value at x.
 
@@ -251,7 +241,7 @@ def crossings(
     B
         Bernstein coefficients of the positions, shape (8, N, m).
     far
-        Result of `reach`.
+        See `flocking.engine.exact.integrator.segment.Motion`.
     near
         Matrix (N, N): pairs that are within their distance now. They cross by rising above ``leave``, the
         others by falling below ``enter``.
@@ -322,34 +312,22 @@ def find_crossings(
     return count
 
 
-def closest(B: Array, far: Array, linked: Links, best_linked: float, best_free: float) -> Array:
+@native
+def find_closest(B: Array, far: Array, linked: Links, best_linked: float, best_free: float, found: Array) -> None:
     """Closest approach on the segment of a linked and of an unlinked pair, where closer than the best so far.
 
     Parameters
     ----------
+    B
+        Bernstein coefficients of the positions, shape (8, N, m).
+    far
+        See `flocking.engine.exact.integrator.segment.Motion`.
+    linked
+        Links during the segment, shape (N, N).
     best_linked, best_free
         Smallest distances of linked and of unlinked pairs so far.
-
-    Returns
-    -------
-    Array
-        Rows (linked, free): squared distance, position in [0, 1] or `NEVER`, and the pair; shape (2, 4).
-    """
-    found = np.empty((2, 4))
-    find_closest(B, far, linked, best_linked, best_free, found)
-    return found
-
-
-@native
-def find_closest(B: Array, far: Array, linked: Links, best_linked: float, best_free: float, found: Array) -> None:
-    """Fill the rows of `closest`.
-
-    Parameters
-    ----------
-    B, far, linked, best_linked, best_free
-        As for `closest`.
     found
-        Takes them, shape (2, 4).
+        Takes the rows (linked, free): squared distance, position in [0, 1] or `NEVER`, and the pair; shape (2, 4).
     """
     n = B.shape[1]
     for row in range(2):

@@ -10,13 +10,13 @@ watched by `ball_guards`, which misses nothing.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flocking.engine.exact.crossings.ball_guards import ball_crossings, ball_slack, centre_paths, uniform_balls
 from flocking.engine.exact.crossings.guards import NEVER
+from flocking.engine.exact.crossings.watch_tables import BallWatches
 from flocking.engine.exact.integrator.method import DEGREE
 from flocking.engine.exact.integrator.segment import Segment
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
@@ -31,7 +31,10 @@ from flocking.model.leaders_and_obstacles.obstacles import Obstacle
 Indices = NDArray[np.intp]
 
 FINE = 1e-7
+"""Fraction of a step below which excursions that leave no trace at ends and middles are not looked for."""
 SPEED_SAMPLES = 9
+"""Samples of a speed on a step, the ends of 8 parts: one part more than the degree of the polynomial that resolves
+the motion of a step."""
 SPEED_MARGIN = 1.5
 """Covers a speed that changes by a third between neighbouring samples of a step, which is more than steps that resolve
 the motion have. It proves nothing: used where a velocity has no bound by interval arithmetic."""
@@ -54,7 +57,9 @@ class ObstacleContacts(ObstacleDistances):
         self._reading = Reading()
         self._balls = [uniform_balls(g) for g in self.groups]
 
-    def record(self, group: int, t: float, q: Array, p: Array, pair: tuple[int, int]) -> tuple[Any, ...]:
+    def record(
+        self, group: int, t: float, q: Array, p: Array, pair: tuple[int, int]
+    ) -> tuple[float, int, int, str, int, float, bool]:
         """The switch of one pair (agent, obstacle), fields `SWITCH_FIELDS`; ``j`` numbers the obstacle in its term.
 
         Parameters
@@ -129,11 +134,10 @@ class ObstacleContacts(ObstacleDistances):
                     found.append((int(number), when[hit], np.stack([i[hit], o[hit]], axis=1)))
         return found
 
-    def tables(self, near: list[Links], active: list[Links]) -> tuple[Array, ...] | None:
-        """Distances from balls at rest that are watched, level by level; None where there are other obstacles.
+    def tables(self, near: list[Links], active: list[Links]) -> BallWatches | None:
+        """Distances from balls at rest that are watched; None where there are other obstacles.
 
-        The balls, shape (levels, 8, K, m), their radii, shape (levels, K), which agents are within the level and which
-        pairs are looked at, shape (levels, N, K), and the levels. K is the largest number of balls of a group.
+        K of the arrays is the largest number of balls of a group.
 
         Parameters
         ----------
@@ -153,7 +157,7 @@ class ObstacleContacts(ObstacleDistances):
             radii[number, balls] = self._rows[level.group][list(self.groups[level.group].rows).index("radius")]
             inside[number, :, balls] = near[number]
             watched[number, :, balls] = active[level.group] if level.kind == "rim" else True
-        return centres, radii, inside, watched, np.array([level.distance for level in self.levels])
+        return BallWatches(centres, radii, inside, watched, np.array([level.distance for level in self.levels]))
 
     def _ball_crossings(
         self, g: int, segment: Segment, B: Array, near: list[Links], active: list[Links], slack: float

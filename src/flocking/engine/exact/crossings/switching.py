@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from copy import copy
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flocking.arrays import Indices
 from flocking.engine.exact.crossings.guards import crossings
 from flocking.engine.exact.crossings.obstacle_contacts import ObstacleContacts
 from flocking.engine.exact.crossings.view_guards import view_crossings
-from flocking.engine.exact.integrator.segment import ROUNDING, Segment
+from flocking.engine.exact.crossings.watch_tables import NO_BALLS, BallWatches, PairWatches, slack_at
+from flocking.engine.exact.crossings.watches import Watch, watches_of
+from flocking.engine.exact.integrator.segment import Segment
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.views import FieldOfView
 from flocking.model.law import Law
-from flocking.model.terms.pair_terms import Consensus, Gradient, PairTerm
 
 SLIDE = 1e-6
 """A pair that crosses back and has moved less than this fraction of the distance has not really left it."""
@@ -32,50 +34,9 @@ GRAZE = 1e-9
 TIE = 1e-12
 """Crossings closer than this fraction of a step count as one instant."""
 
-
-NO_BALLS = (
-    np.zeros((0, 8, 0, 1)), np.zeros((0, 0)), np.zeros((0, 1, 0), dtype=bool), np.zeros((0, 1, 0), dtype=bool),
-    np.zeros(0),
-)  # fmt: skip
-"""What `ObstacleContacts.tables` gives of a law without obstacles."""
-
-
-@dataclass(frozen=True)
-class Watch:
-    """One family of distances to watch: the links of a graph, or a kink of its formulas.
-
-    Parameters
-    ----------
-    graph
-        Number of the graph.
-    kind
-        ``"link"`` or ``"kink"``; ``"obstacle"`` or ``"rim"`` for pairs (agent, obstacle), see `Level`. Groups of
-        obstacles are numbered after the graphs.
-    enter, leave
-        Distances per sensing agent, shape (N,).
-    rise
-        By how much the stored energy of a pair jumps up as it leaves: not zero where pieces of a formula do not meet.
-    smooth
-        Whether the force is continuous there: then nothing can slide, and a crossing by less than `GRAZE` of the
-        distance changes the force by less than the tolerance.
-    """
-
-    graph: int
-    kind: str
-    enter: Array
-    leave: Array
-    rise: float = 0.0
-    smooth: bool = False
-
-    @cached_property
-    def farthest(self) -> float:
-        """The largest distance at which a pair leaves."""
-        return float(self.leave.max())
-
-    @property
-    def inner(self) -> bool:
-        """Whether pieces of a formula meet there, inside the reach of the link or the obstacle."""
-        return self.kind in ("kink", "rim")
+ROUNDED = 1e-13
+"""The same at other distances: above the error of a distance from rounding, some units of 2.2e-16, and a tenth of
+`TIE`, so that what counts as one instant does not depend on it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,8 +57,7 @@ class Crossing:
 
 def slack_of(watch: Watch, size: float) -> float:
     """How far a pair must pass the distance of a watch to have crossed it, where coordinates have this ``size``."""
-    graze = GRAZE if watch.smooth else 1e-13
-    return graze * watch.farthest + ROUNDING * size
+    return slack_at((GRAZE if watch.smooth else ROUNDED) * watch.farthest, size)
 
 
 class LinkState:
@@ -134,7 +94,7 @@ class LinkState:
         self.links: list[Links] = [np.array(g.start_links(q, headings)) for g in self.graphs]
         if links is not None:
             self.links[0] = np.array(links)
-        self.watches = _watches(law, len(q))
+        self.watches = watches_of(law, len(q))
         self.near: list[Links] = [self._near_at(q, w) for w in self.watches]
         self.encounters = ObstacleContacts(law)
         self._first_level = len(self.watches)
@@ -150,13 +110,32 @@ class LinkState:
             (g.directions(headings), g.cosines(len(q))) if isinstance(g, FieldOfView) else None for g in self.graphs
         ]
 
+    def under(self, law: Law) -> LinkState | None:
+        """The same links under another law, if its graphs, kinks and obstacles are where they were; else None."""
+        watches, encounters = watches_of(law, len(self._allowed[0])), ObstacleContacts(law)
+        obstacles = [(g.structure, g.rows) for g in encounters.groups] == [
+            (g.structure, g.rows) for g in self.encounters.groups
+        ]
+        before = self.watches[: self._first_level]
+        if not (
+            law.graphs == self.graphs and obstacles and encounters.levels == self.encounters.levels
+            and len(watches) == len(before) and all(map(Watch.is_where, watches, before))
+        ):  # fmt: skip
+            return None
+        found = copy(self)
+        found._law, found.graphs, found.encounters = law, law.graphs, encounters
+        found.watches = [*watches, *self.watches[self._first_level :]]
+        found.recall((self.links, self.near))
+        found.sliding = {}
+        return found
+
     def _near_at(self, q: Array, watch: Watch) -> Links:
         if watch.kind == "link":
             return self.links[watch.graph]
         offsets = q[None] - q[:, None]
         return np.asarray((offsets**2).sum(axis=-1) < watch.leave[:, None] ** 2)
 
-    def pairs(self) -> tuple[Array, Array, Array, Array]:
+    def pairs(self) -> tuple[Indices, Indices, Indices, NDArray[np.int32]]:
         """Ordered pairs of all graphs, one after the other: sensing agents, sensed agents, offsets, pieces in force.
 
         Pairs (agent, obstacle) within range follow, one group of obstacles after the other. Pieces are numbered from
@@ -173,12 +152,8 @@ class LinkState:
                 piece += ~self.near[number][i, j]
             pieces.append(piece)
             first += len(inner) + 1
-        return (
-            np.concatenate([i for i, _ in found]),
-            np.concatenate([j for _, j in found]),
-            offsets,
-            np.concatenate(pieces),
-        )
+        senders, sensed = (np.concatenate([pair[k] for pair in found]) for k in (0, 1))
+        return senders, sensed, offsets, np.concatenate(pieces)
 
     def borders(self) -> list[list[float]]:
         """Distances at which pieces of the formulas meet, for each graph and group of obstacles, ascending.
@@ -214,16 +189,17 @@ class LinkState:
             active = self.links[watch.graph] if watch.kind == "kink" else self._allowed[watch.graph]
             yield number, watch, active, self._views[watch.graph]
 
-    def tables(self) -> tuple[Array, ...] | None:
-        """What is watched, watch by watch; None where there are fields of view, or obstacles other than balls at rest.
+    def tables(self, barriers: Sequence[bool]) -> tuple[PairWatches, BallWatches] | None:
+        """What is watched; None where there are fields of view, or obstacles other than balls at rest.
 
-        Of pairs of agents which are within their distance and which are looked at, shape (watches, N, N); the distances
-        at which they enter and leave, shape (watches, N); how far beyond these a pair has crossed but for rounding;
-        whether pairs are ordered; whether the force is continuous there. Then the balls, see `ObstacleContacts.tables`.
+        Parameters
+        ----------
+        barriers
+            As for `lost_link`.
         """
         if any(view is not None for view in self._views):
             return None
-        balls: tuple[Array, ...] | None = NO_BALLS
+        balls: BallWatches | None = NO_BALLS
         if self.encounters.levels:
             balls = self.encounters.tables(self.near[self._first_level :], self.active())
         if balls is None:
@@ -235,20 +211,11 @@ class LinkState:
         watches = [watch for _, watch, _, _ in found]
         enter = np.array([w.enter for w in watches]).reshape(-1, n)
         leave = np.array([w.leave for w in watches]).reshape(-1, n)
-        graze = np.array([slack_of(w, 0.0) for w in watches])
+        slack = np.array([slack_of(w, 0.0) for w in watches])
         directed = np.array([self.graphs[w.graph].directed for w in watches], dtype=bool)
         smooth = np.array([w.smooth for w in watches], dtype=bool)
-        return near, active, enter, leave, graze, directed, smooth, *balls
-
-    def barred(self, barriers: Sequence[bool]) -> Array:
-        """Of each watch of pairs of agents, whether a link that crosses it outwards is lost, see `lost_link`.
-
-        Parameters
-        ----------
-        barriers
-            As for `lost_link`.
-        """
-        return np.array([w.kind == "link" and barriers[w.graph] for _, w, _, _ in self.watched()], dtype=bool)
+        barred = np.array([w.kind == "link" and barriers[w.graph] for w in watches], dtype=bool)
+        return PairWatches(near, active, enter, leave, slack, directed, smooth, barred), balls
 
     def would(self, number: int, i: int, j: int) -> str:
         """Kind of the switch that a pair would make next, as in `SWITCH_FIELDS`.
@@ -275,7 +242,7 @@ class LinkState:
             Order of the agents: only those of order 2 have velocities.
         """
         motion = segment.motion(n, m, order)
-        B, P, far, size = motion.positions, motion.velocities, motion.far, motion.size
+        B, P, far, size = motion
         found: list[tuple[int, Array, NDArray[np.integer]]] = []
         for number, watch, active, view in self.watched():
             directed, slack = self.graphs[watch.graph].directed, slack_of(watch, size)
@@ -374,38 +341,3 @@ class LinkState:
         self.near = [
             self.links[w.graph] if w.kind == "link" else x.copy() for w, x in zip(self.watches, near, strict=True)
         ]
-
-
-def _watches(law: Law, n: int) -> list[Watch]:
-    found = []
-    for number, graph in enumerate(law.graphs):
-        enter = np.broadcast_to(np.asarray(graph.appear_radius, dtype=np.float64), n).copy()
-        leave = np.broadcast_to(np.asarray(graph.break_radius, dtype=np.float64), n).copy()
-        if graph.moves:
-            found.append(Watch(number, "link", enter, leave))
-        kinks = set(graph.kinks())
-        for term in law.pair_terms:
-            if law.graph_number(term) == number:
-                kinks |= set(term.kinks())
-        for distance in sorted(k for k in kinks if k < float(leave.max())):
-            terms = [t for t in law.pair_terms if law.graph_number(t) == number]
-            rise = sum(_rise(t, distance) for t in terms)
-            smooth = not rise and all(_meets(t, distance) for t in terms)
-            found.append(Watch(number, "kink", np.full(n, distance), np.full(n, distance), rise, smooth))
-    return found
-
-
-def _rise(term: PairTerm, distance: float) -> float:
-    if not isinstance(term, Gradient):
-        return 0.0
-    inside, outside = term.potential(distance * (1 + np.array([-1e-12, 1e-12])))
-    rise = float(outside - inside)
-    return rise if abs(rise) > 1e-9 * max(1.0, abs(float(inside)), abs(float(outside))) else 0.0
-
-
-def _meets(term: PairTerm, distance: float) -> bool:
-    """Whether the force of a term is continuous at a kink of its own formulas; graph weights always are."""
-    if not isinstance(term, Gradient) or distance not in term.kinks():
-        return isinstance(term, Gradient | Consensus)
-    inside, outside = term.potential.slope(distance * (1 + np.array([-1e-9, 1e-9])))
-    return bool(abs(outside - inside) <= 1e-6 * max(1.0, abs(float(inside)), abs(float(outside))))

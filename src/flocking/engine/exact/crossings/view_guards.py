@@ -124,7 +124,7 @@ def view_crossings(
     B
         Bernstein coefficients of the positions, shape (8, N, m).
     far
-        Result of `reach`.
+        See `flocking.engine.exact.integrator.segment.Motion`.
     near
         Matrix (N, N): pairs that are seen now.
     headings

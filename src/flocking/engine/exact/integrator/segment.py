@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import comb
+from typing import NamedTuple
 
 import numpy as np
 
@@ -53,8 +54,7 @@ def powers_at(places: Sequence[float]) -> Array:
     return np.asarray(weights_at(places) @ TO_BERNSTEIN)
 
 
-@dataclass(frozen=True, eq=False)
-class Motion:
+class Motion(NamedTuple):
     """How the agents move on a segment.
 
     Parameters

@@ -133,8 +133,8 @@ class Stepper:
         nodes, weights, third, fifth, dense = tableau()
         shortest = SPACINGS * abs(float(np.nextafter(t, np.inf)) - t)
         with np.errstate(all="ignore"):
-            wanted = before.step or self._first_length(bound, longest)
-            length = min(max(wanted, shortest), longest)
+            proposed = before.step or self._first_length(bound, longest)
+            length = min(max(proposed, shortest), longest)
             error = np.inf
             for trial in range(1, 2**30):
                 interruption.check()

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import NDArray
 
+from flocking.arrays import Array
+from flocking.engine.kernels.layout import Place
 from flocking.engine.tiles.kernels.spec import KernelSpec
-from flocking.model.graphs.weights import HashedWeights, MatrixWeights
+from flocking.model.graphs.weights import HashedWeights, MatrixWeights, PairWeights
 from flocking.model.law import Scenario
 from flocking.model.terms.avoidance import PerObstacle
 from flocking.model.terms.schedules import Schedule
 
+KernelNumbers = tuple[Array, list[float | Array], NDArray[np.uint64], Array]
+"""Single numbers, values per agent, hash seeds and matrices of pair weights, see `kernel_numbers`."""
 
-def kernel_numbers(scenario: Scenario, spec: KernelSpec, t: float) -> tuple[Any, list[Any], Any, Any]:
+
+def kernel_numbers(scenario: Scenario, spec: KernelSpec, t: float) -> KernelNumbers:
     """Numbers of a law at time ``t``.
 
     Parameters
@@ -29,9 +33,8 @@ def kernel_numbers(scenario: Scenario, spec: KernelSpec, t: float) -> tuple[Any,
     """
     n, agents = scenario.start.n, scenario.agents
     numbers: list[float] = []
-    rows: list[Any] = [agents.masses, agents.damping]
-    pairs: list[Any] = []
-    value: Any
+    rows: list[float | Array] = [agents.masses, agents.damping]
+    pairs: list[HashedWeights | MatrixWeights] = []
     for _, owned in spec.layout.owners():
         for value in owned.values():
             if isinstance(value, PerObstacle):
@@ -40,6 +43,8 @@ def kernel_numbers(scenario: Scenario, spec: KernelSpec, t: float) -> tuple[Any,
                 value = value.at(t)
             if isinstance(value, HashedWeights | MatrixWeights):
                 pairs.append(value)
+            elif isinstance(value, PairWeights | Place):
+                raise TypeError(f"tiles takes no {type(value).__name__}")
             elif np.ndim(value):
                 rows.append(value)
             else:

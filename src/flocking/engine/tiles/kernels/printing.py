@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from flocking.errors import UnsupportedLaw
 
@@ -32,17 +32,17 @@ class Lifter:
     def __init__(self, uniform: Callable[[str], bool], prefix: str = "same") -> None:
         self._uniform = uniform
         self._prefix = prefix
-        self._names: dict[Any, sympy.Symbol] = {}
+        self._names: dict[sympy.Basic, sympy.Symbol] = {}
 
     @property
     def definitions(self) -> dict[str, sympy.Expr]:
         """What was lifted out, by name."""
         return {symbol.name: value for value, symbol in self._names.items()}
 
-    def _is_uniform(self, expression: Any) -> bool:
+    def _is_uniform(self, expression: sympy.Basic) -> bool:
         return all(self._uniform(s.name) for s in expression.free_symbols)
 
-    def _named(self, expression: Any) -> Any:
+    def _named(self, expression: sympy.Basic) -> sympy.Basic:
         import sympy
 
         if expression.is_number:
@@ -51,7 +51,7 @@ class Lifter:
             self._names[expression] = sympy.Symbol(f"{self._prefix}{len(self._names)}", real=True)
         return self._names[expression]
 
-    def lift(self, expression: Any) -> Any:
+    def lift(self, expression: sympy.Basic) -> sympy.Basic:
         """``expression`` with its uniform parts replaced."""
         import sympy
 
@@ -71,13 +71,13 @@ class Lifter:
             return sympy.Piecewise(*((self.lift(v), self._condition(c)) for v, c in expression.args))
         return expression.func(*(self.lift(a) for a in expression.args)) if expression.args else expression
 
-    def _condition(self, condition: Any) -> Any:
+    def _condition(self, condition: sympy.Basic) -> sympy.Basic:
         if condition.is_Atom:
             return condition
         return condition.func(*(self._condition(a) if a.is_Boolean else self.lift(a) for a in condition.args))
 
 
-def without_branches(expression: Any) -> Any:
+def without_branches(expression: sympy.Basic) -> sympy.Basic:
     """Every Piecewise turned into nested two-way selections, which common subexpressions may pass through.
 
     Parameters
@@ -111,7 +111,7 @@ def without_branches(expression: Any) -> Any:
     return expression.func(*(without_branches(a) for a in expression.args))
 
 
-def _selected(condition: Any, yes: Any, no: Any) -> Any:
+def _selected(condition: sympy.Basic, yes: sympy.Basic, no: sympy.Basic) -> sympy.Basic:
     import sympy
 
     if condition == sympy.true:
@@ -147,9 +147,9 @@ class _Writer:
         self.lines: list[str] = []
         self._prefix = prefix
         self._inverses = dict(inverses)
-        self._under_root: dict[str, Any] = {}
+        self._under_root: dict[str, sympy.Basic] = {}
 
-    def assign(self, name: str, value: Any) -> None:
+    def assign(self, name: str, value: sympy.Basic) -> None:
         """Append the assignment of an expression to a name."""
         import sympy
 
@@ -158,7 +158,7 @@ class _Writer:
         if isinstance(value, sympy.Pow) and value.exp == sympy.Rational(1, 2):
             self._under_root[name] = value.base
 
-    def _inverse(self, base: Any, exponent: Any) -> list[str] | None:
+    def _inverse(self, base: sympy.Expr, exponent: sympy.Expr) -> list[str] | None:
         """Factors of ``base`` to the power ``-exponent`` where a cheap inverse is at hand."""
         import sympy
 
@@ -181,7 +181,7 @@ class _Writer:
         self.lines.append(f"{name} = {text}")
         return name
 
-    def write(self, e: Any) -> str:
+    def write(self, e: sympy.Basic) -> str:
         """Source text of an expression; assignments it needs are appended to ``lines``."""
         import sympy
 
@@ -210,20 +210,20 @@ class _Writer:
             return f"each_lane(math.{name}, {arguments})"
         raise UnsupportedLaw(f"The tiled engine has no form of the function {name}. Use engine='exact'.")
 
-    def _factor(self, e: Any) -> str:
+    def _factor(self, e: sympy.Basic) -> str:
         import sympy
 
         text = self.write(e)
         return f"({text})" if isinstance(e, sympy.Add) or text.startswith("-") else text
 
-    def _product(self, e: Any) -> str:
+    def _product(self, e: sympy.Basic) -> str:
         import sympy
 
         if e.could_extract_minus_sign():
             inner = self.write(-e)
             return f"-({inner})"
         above: list[str] = []
-        below: list[Any] = []
+        below: list[sympy.Basic] = []
         for a in e.args:
             if isinstance(a, sympy.Pow) and a.exp.is_number and a.exp.is_negative:
                 factors = self._inverse(a.base, -a.exp)
@@ -238,7 +238,7 @@ class _Writer:
             return top
         return f"{top} / ({' * '.join(self._factor(b) for b in below)})"
 
-    def _power(self, base: Any, exponent: Any) -> str:
+    def _power(self, base: sympy.Expr, exponent: sympy.Expr) -> str:
         import sympy
 
         if not exponent.is_number:
@@ -264,7 +264,9 @@ class _Writer:
         return [half, half] + ([text] if times % 2 else [])
 
 
-def vector_statements(results: Mapping[str, Any], prefix: str, inverses: Mapping[str, str] | None = None) -> list[str]:
+def vector_statements(
+    results: Mapping[str, sympy.Basic], prefix: str, inverses: Mapping[str, str] | None = None
+) -> list[str]:
     """Assignments that compute all ``results``: common subexpressions once, selections without branches.
 
     Parameters

@@ -8,8 +8,9 @@ import numpy as np
 
 from flocking.engine.kernels.layout import Layout
 from flocking.errors import UnsupportedLaw
-from flocking.model.graphs.distance_graphs import Fixed, Graph, Hysteresis, Proximity
-from flocking.model.graphs.smooth_graphs import PerAgentRadii, Smooth
+from flocking.formula.origins import library_states_all
+from flocking.model.bodies.point_bodies import is_point_mass
+from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.weights import HashedWeights, MatrixWeights
 from flocking.model.law import Scenario
 
@@ -19,6 +20,7 @@ SCHEMES = ("verlet", "damped", "rk4")
 PRECISIONS: dict[str, type[np.float32] | type[np.float64]] = {"float64": np.float64, "float32": np.float32}
 
 MOST_AGENTS = 2**31 - 64
+"""Largest number of agents: entries of neighbour lists have 31 bits for it, and the last tile is padded."""
 
 
 @dataclass(frozen=True)
@@ -102,12 +104,14 @@ def check_supported(scenario: Scenario) -> None:
 
     if agents.order != 2:
         raise refuse("first-order agents (Agents(order=1))")
+    if not is_point_mass(agents):
+        raise refuse(f"{type(agents).__name__} agents, only point masses")
     if dimension not in (2, 3):
         raise refuse(f"{dimension} dimensions, only 2 or 3")
     if n > MOST_AGENTS:
         raise UnsupportedLaw(f"The tiled engine numbers agents with 31 bits: {n} are too many.")
     for graph in law.graphs:
-        if not isinstance(graph, Fixed | Proximity | Hysteresis | Smooth | PerAgentRadii):
+        if graph.moves and not graph.follows_radii:
             raise refuse(f"the graph {type(graph).__name__}")
     for term in law.pair_terms:
         if getattr(term, "functional", False):
@@ -137,3 +141,16 @@ def _kind(graph: Graph, barrier: bool, ledger: bool) -> GraphKind:
     uneven = np.ndim(graph.break_radius) > 0
     remembers = graph.moves and (ledger or barrier or bool(np.any(graph.appear_radius != graph.break_radius)))
     return GraphKind(not graph.moves, remembers, uneven, barrier)
+
+
+def only_numbers_differ(spec: KernelSpec, other: KernelSpec) -> bool:
+    """Whether two laws have one kernel, the same graphs and no obstacles, so that lists of neighbours serve both.
+
+    Parameters
+    ----------
+    spec, other
+        What fixes their kernels.
+    """
+    layout, changed = spec.layout, other.layout
+    alike = changed.law.graphs == layout.law.graphs and not changed.encounters() and spec.kind == other.kind
+    return alike and changed.structure == layout.structure and library_states_all(changed.parts)

@@ -8,20 +8,29 @@ keep 0, kick 1, drift 0 gives the acceleration itself.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from flocking.engine.kernels.source_text import free_names, indented
+from flocking.engine.tiles.kernels.pair_loop import pair_loop
 from flocking.engine.tiles.kernels.spec import KernelSpec
 from flocking.engine.tiles.kernels.tile_sums import SUMS, sums_of
+from flocking.engine.tiles.kernels.writer import Writer, parameter
 from flocking.formula.compiled import generated_module
 from flocking.formula.contact import ENDLESS
 
 if TYPE_CHECKING:
-    from flocking.engine.kernels.expressions import LawFormulas, PairFormulas
+    import sympy
+
+    from flocking.engine.kernels.expressions import LawFormulas
     from flocking.engine.kernels.obstacle_formulas import EncounterFormulas
 
 GRAPH_ARGUMENTS = ("rows", "first", "count", "each", "limits")
+"""Arguments of ``move`` for each graph: its lists, and its squared radii per agent and for all."""
+
+HUGE = 1e36
+"""Squared distance and squared speed above which numbers count as infinite: it fits into single precision (3.4e38),
+and so does the sum of three such squares."""
 
 
 def tile_kernels(spec: KernelSpec) -> ModuleType:
@@ -53,19 +62,9 @@ def _arguments(spec: KernelSpec) -> list[str]:
     ``C``; results ``tile_extremes`` and ``sums`` per tile.
     """
     found = [
-        "first_tile",
-        "last_tile",
-        "t",
-        "keep",
-        "kick",
-        "drift",
-        "velocity_lag",
-        "exponential_damping",
-        "hold",
-        "X",
-        "Y",
-        "n",
-    ]
+        "first_tile", "last_tile", "t", "keep", "kick", "drift", "velocity_lag", "exponential_damping", "hold", "X",
+        "Y", "n",
+    ]  # fmt: skip
     for number in range(len(spec.graphs)):
         found += [f"{name}{number}" for name in GRAPH_ARGUMENTS]
     for number in range(len(spec.layout.encounters())):
@@ -73,154 +72,8 @@ def _arguments(spec: KernelSpec) -> list[str]:
     return [*found, "P", "A", "O", "ids", "seeds", "matrices", "M", "C", "tile_extremes", "sums"]
 
 
-def _indented(lines: Iterable[str], depth: int) -> str:
-    return "".join("    " * depth + line + "\n" for line in lines)
-
-
-class _Writer:
-    """Collects the parts of the kernel's source."""
-
-    def __init__(self, spec: KernelSpec, formulas: LawFormulas) -> None:
-        from flocking.engine.tiles.kernels.printing import Lifter
-
-        self.spec, self.formulas = spec, formulas
-        self.axes = range(spec.dimension)
-        self.lifter = Lifter(self.uniform)
-        self.per_agent: set[str] = set()
-        self.encounter_values: list[Any] = []
-
-    def uniform(self, name: str) -> bool:
-        """Whether a symbol has one value for all agents."""
-        if name in ("A0", "A1"):
-            return not (self.spec.mass_each, self.spec.damping_each)[int(name[1])]
-        return name in ("t", ENDLESS) or name.startswith(("P", "mean_"))
-
-    def statements(self, results: dict[str, Any], prefix: str, inverses: dict[str, str] | None = None) -> list[str]:
-        """Lines that compute ``results`` for one lane; notes which rows of A they read.
-
-        ``inverses`` names what holds one over a symbol.
-        """
-        from flocking.engine.kernels.codegen import free_names
-        from flocking.engine.tiles.kernels.printing import vector_statements
-
-        lifted = {name: self.lifter.lift(value) for name, value in results.items()}
-        names = free_names(lifted.values())
-        self.per_agent |= {a for a in names.per_agent if not self.uniform(a)}
-        weights = [self._weight(w) for w in names.per_pair]
-        return weights + vector_statements(lifted, prefix, inverses)
-
-    def _weight(self, name: str) -> str:
-        number = int(name[1:])
-        mine, theirs = "load(ids, base)", "gather(ids, j)"
-        if self.spec.weights[number] == "hash":
-            uniform = f"pair_uniform(seeds[{number}], {mine}, {theirs})"
-            return f"{name} = narrow(seed_low{number} + seed_width{number} * {uniform}, T(0.0))"
-        return f"{name} = narrow(gather(matrices[{number}], widen({mine}) * n + widen({theirs})), T(0.0))"
-
-    def frame(self) -> list[str]:
-        """Velocity of the energy's frame, one name per axis."""
-        return [f"frame{k}" for k in self.axes]
-
-
-def _pair_block(w: _Writer, number: int, pair: PairFormulas) -> list[str]:
-    """Loop over the neighbours of one tile under one graph."""
-    spec, axes = w.spec, w.axes
-    kind = spec.graphs[number]
-    requested = {"along": pair.along, "drag": pair.drag}
-    if spec.ledger:
-        requested |= {"storage": pair.storage, "dissipation": pair.dissipation, "supply": pair.supply}
-    requested = {name: value for name, value in requested.items() if value != 0}
-    if not requested and not kind.barrier:
-        return []
-    from flocking.engine.kernels.codegen import free_names
-
-    names = free_names(requested.values())
-    lane = [
-        f"at = (first{number}[tile] + step) * 16",
-        f"entry = load(rows{number}, at)",
-        "j = entry & NUMBER" if kind.memory or kind.fixed else "j = entry",
-    ]
-    there = [f"{letter}{k}_there" for letter in "qp" for k in axes]
-    mask = "NUMBER" if kind.memory or kind.fixed else "ALL"
-    lane += [f"{', '.join(there)} = gather_agents(X, rows{number}, at, {mask})"]
-    lane += [f"d{k} = q{k}_there - q{k}" for k in axes]
-    if "drag" in requested or names.others & {"speed2", "radial", "pull"}:
-        lane += [f"v{k} = p{k}_there - p{k}" for k in axes]
-    lane += ["square = " + " + ".join(f"d{k} * d{k}" for k in axes), "other = j != i"]
-    if kind.fixed:
-        lane += ["linked = other"]
-    else:
-        leave = f"load(each{number}, base)" if kind.uneven else f"leave{number}"
-        lane += [f"inside = square < {leave}"]
-        if kind.memory:
-            enter = "inside" if kind.uneven else f"(square < enter{number})"
-            lane += [
-                "was = other & (entry > NUMBER)",
-                f"linked = select(hold, was, other & inside & (was | {enter}))",
-                f"store(rows{number}, at, select(linked, j | LINKED, j))",
-            ]
-        else:
-            lane += ["linked = other & inside"]
-    lane += ["apart = linked & (square > T(0.0))", f"safe = select(square > T(0.0), square, safe{number})"]
-    lane += ["inverse_r = inverse_root(safe)", "r = safe * inverse_r"]
-    lane += ["near = select(linked & (square < near), square, near)"]
-    if kind.barrier:
-        lane += ["broken = select(was & ~inside, T(1.0), broken)"]
-    if "speed2" in names.others:
-        lane += ["speed2 = " + " + ".join(f"v{k} * v{k}" for k in axes)]
-    if "radial" in names.others:
-        lane += ["radial = (" + " + ".join(f"d{k} * v{k}" for k in axes) + ") * inverse_r"]
-    relative = [f"(p{k} - {f})" for k, f in enumerate(w.frame())]
-    if "push" in names.others:
-        lane += ["push = (" + " + ".join(f"d{k} * {f}" for k, f in enumerate(relative)) + ") * inverse_r"]
-    if "pull" in names.others:
-        lane += ["pull = " + " + ".join(f"v{k} * {f}" for k, f in enumerate(relative))]
-    results = dict(requested)
-    if "along" in results:
-        # Dividing inside the expression lets common factors of r cancel.
-        results["along"] = results["along"] / _distance()
-    met = _at_contact(requested)
-    results |= {f"met_{name}": value for name, value in met.items()}
-    lane += w.statements(results, f"g{number}_", {"r": "inverse_r"})
-    lane += [f"{name} = select(square > T(0.0), {name}, met_{name})" for name in met]
-    for k in axes:
-        terms = []
-        if "along" in requested:
-            terms.append(f"select(apart, along, T(0.0)) * d{k}")
-        if "drag" in requested:
-            terms.append(f"select(linked, drag, T(0.0)) * v{k}")
-        if terms:
-            lane += [f"pull{k} = pull{k} + " + " + ".join(terms)]
-    if spec.damped and "drag" in requested:
-        lane += ["dragged = dragged + select(linked, drag, T(0.0))"]
-    if spec.ledger:
-        for name in ("storage", "dissipation", "supply"):
-            if name in requested:
-                lane += [f"total_{name} = total_{name} + select(linked, {name}, T(0.0))"]
-        if "storage" in requested and kind.memory:
-            change = "select(linked, storage, T(0.0)) - select(was, storage, T(0.0))"
-            lane += [f"total_jumped = total_jumped + ({change})"]
-        if number == 0:
-            lane += ["links = links + select(linked, T(1.0), T(0.0))"]
-    return [f"for step in range(count{number}[tile]):", *("    " + line for line in lane)]
-
-
-def _at_contact(requested: dict[str, Any]) -> dict[str, Any]:
-    """Limits, where two agents coincide, of the formulas that depend on the distance and have one."""
-    from flocking.formula.contact import limit_at_contact
-
-    still = {_parameter("radial"): 0, _parameter("push"): 0}
-    found = {}
-    for name, value in requested.items():
-        limit = limit_at_contact(value.subs(still), _distance()) if name != "along" else None
-        if limit is not None and value.has(_distance()):
-            found[name] = limit
-    return found
-
-
-def _encounter_block(w: _Writer, number: int, encounter: EncounterFormulas) -> list[str]:
+def _encounter_block(w: Writer, number: int, encounter: EncounterFormulas) -> list[str]:
     """Loop over the obstacles of one group that a tile may meet."""
-    from flocking.engine.kernels.codegen import free_names
     from flocking.engine.tiles.kernels.printing import Lifter
     from flocking.formula.printing import code
 
@@ -243,31 +96,19 @@ def _encounter_block(w: _Writer, number: int, encounter: EncounterFormulas) -> l
     rows = sorted({s for e in definitions.values() for s in map(str, e.free_symbols) if re.fullmatch(r"O\d+", s)})
     head = [f"o = who{number}[at]"] + [f"{n} = O[{n[1:]}, o]" for n in rows]
     head += [f"{name} = T({code(value, arrays=False)})" for name, value in definitions.items()]
-    w.encounter_values += [_parameter(reach)]
+    w.encounter_values += [parameter(reach)]
     assert not free_names(definitions.values()).per_pair
     return [f"for at in range(begin{number}[tile], begin{number}[tile + 1]):", *("    " + x for x in [*head, *body])]
 
 
-def _parameter(name: str) -> Any:
-    import sympy
-
-    return sympy.Symbol(name, real=True)
-
-
-def _distance() -> Any:
-    import sympy
-
-    return sympy.Symbol("r", positive=True)
-
-
-def _tail_block(w: _Writer) -> list[str]:
+def _tail_block(w: Writer) -> list[str]:
     """What happens to the agents of one tile after the pair sums."""
     import sympy
 
     spec, axes, body = w.spec, w.axes, w.formulas.body
     mass, damping = sympy.Symbol("A0", real=True), sympy.Symbol("A1", real=True)
     velocity = [sympy.Symbol(f"p{k}", real=True) for k in axes]
-    results: dict[str, Any] = {}
+    results: dict[str, sympy.Expr] = {}
     for k in axes:
         total = sympy.Symbol(f"pull{k}", real=True) + body.force[k]
         results[f"a{k}"] = (total - damping * velocity[k]) / mass
@@ -319,7 +160,7 @@ def _has_barriers(spec: KernelSpec) -> bool:
     return any(kind.barrier for kind in spec.graphs)
 
 
-def _scratch(w: _Writer) -> list[str]:
+def _scratch(w: Writer) -> list[str]:
     """Sums over the neighbours of a tile, which start at zero."""
     names = [f"pull{k}" for k in w.axes]
     if _has_barriers(w.spec):
@@ -336,9 +177,9 @@ def _source(spec: KernelSpec, formulas: LawFormulas) -> str:
     from flocking.engine.tiles.simd import elementary_functions as vector_math
     from flocking.formula.printing import code
 
-    w = _Writer(spec, formulas)
+    w = Writer(spec, formulas)
     axes = w.axes
-    pairs = [_pair_block(w, number, pair) for number, pair in enumerate(formulas.pairs)]
+    pairs = [pair_loop(w, number, pair) for number, pair in enumerate(formulas.pairs)]
     pairs += [_encounter_block(w, number, encounter) for number, encounter in enumerate(formulas.encounters)]
     tail = _tail_block(w)
     scratch = _scratch(w)
@@ -347,7 +188,7 @@ def _source(spec: KernelSpec, formulas: LawFormulas) -> str:
         frames = [f"frame{k} = T({code(f, arrays=False)})" for k, f in enumerate(formulas.body.frame)]
     uniform = [f"{name} = T({code(value, arrays=False)})" for name, value in w.lifter.definitions.items()]
     scalars = _scalars(w, [*w.lifter.definitions.values(), *formulas.body.frame, *w.encounter_values])
-    top = ["huge = T(1e36)", f"{ENDLESS} = T(np.inf)", *scalars, *frames, *uniform]
+    top = [f"huge = T({HUGE!r})", f"{ENDLESS} = T(np.inf)", *scalars, *frames, *uniform]
     for number, kind in enumerate(spec.graphs):
         top += [f"safe{number} = limits{number}[2]"]
         if not kind.fixed:
@@ -377,13 +218,11 @@ def _source(spec: KernelSpec, formulas: LawFormulas) -> str:
         header += _HASH
     header += "@native\n"
     header += f"def move({', '.join(_arguments(spec))}):\n"
-    return header + _indented(top, 1) + _indented(["for tile in range(first_tile, last_tile):"], 1) + _indented(tile, 2)
+    return header + indented(top, 1) + indented(["for tile in range(first_tile, last_tile):"], 1) + indented(tile, 2)
 
 
-def _scalars(w: _Writer, expressions: list[Any]) -> list[str]:
+def _scalars(w: Writer, expressions: list[sympy.Expr]) -> list[str]:
     """Unpack the run-time numbers that expressions use: parameters, then mass and damping, then ranges of hashes."""
-    from flocking.engine.kernels.codegen import free_names
-
     names = free_names(expressions)
     count = sum(1 for s in w.spec.layout.slots.values() if s.startswith("P"))
     lines = [f"{n} = P[{n[1:]}]" for n in names.scalars]
@@ -399,7 +238,7 @@ def _scalars(w: _Writer, expressions: list[Any]) -> list[str]:
 
 _PRIMITIVES = (
     "each_lane", "float_bits", "float_of", "float_of_bits", "floor_of", "gather", "load",
-    "narrow", "numbers_from", "root", "select", "spread", "store", "whole_of", "widen",
+    "narrow", "numbers_from", "root", "select", "spread", "store", "integer_of", "widen",
 )  # fmt: skip
 
 _HASH = """def pair_uniform(seed, i, j):

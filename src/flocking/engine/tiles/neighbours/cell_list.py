@@ -7,21 +7,20 @@ far places then share cells, which costs a few needless distance tests and nothi
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from flocking.arrays import Numbers32, Reals, Vector
 from flocking.engine.tiles.threads import Workers
 from flocking.formula.native.functions import native
 
 MOST_BUCKETS = 4096
+"""Buckets of the first level of the sort: few enough for their counters to stay in the fast caches of a processor."""
 CHUNK = 16384
 """Agents counted together; fixed, so that the order never depends on the number of threads."""
 
 ROUNDING = 1e-9
 """Cells are wider than the reach by this fraction, so that rounding never hides a neighbour two cells away."""
-
-Ints = np.ndarray[Any, np.dtype[np.int32]]
 
 
 @dataclass(frozen=True)
@@ -48,7 +47,7 @@ class Grid:
         return self.shape[0] * self.shape[1] * self.shape[2]
 
 
-def choose_grid(low: Any, high: Any, reach: float, n: int) -> Grid:
+def choose_grid(low: Vector, high: Vector, reach: float, n: int) -> Grid:
     """A grid of cells of width ``reach`` over the box from ``low`` to ``high``, wrapped where it would be too large.
 
     Parameters
@@ -181,9 +180,9 @@ class Survey:
         Mean velocity, shape (m,).
     """
 
-    low: Any
-    high: Any
-    velocity: Any
+    low: Vector
+    high: Vector
+    velocity: Vector
 
 
 class Sorter:
@@ -202,8 +201,8 @@ class Sorter:
         self.key = np.empty(n, np.int32)
         self.key_buffer = np.empty(n, np.int32)
         self.index_buffer = np.empty(n, np.int32)
-        self.order: Ints = np.empty(n, np.int32)
-        self.start: Ints = np.empty(1, np.int32)
+        self.order: Numbers32 = np.empty(n, np.int32)
+        self.start: Numbers32 = np.empty(1, np.int32)
         self.grid = Grid((0.0, 0.0, 0.0), 1.0, (3, 3, 1))
         self.crowding = 0.0
 
@@ -212,14 +211,14 @@ class Sorter:
         """Number of chunks of agents."""
         return (self.n + CHUNK - 1) // CHUNK
 
-    def survey(self, agents: Any) -> Survey:
+    def survey(self, agents: Reals) -> Survey:
         """Extent and mean velocity of agents, shape (at least n, 2m)."""
         m = agents.shape[1] // 2
         found = np.empty((self.chunks, 3 * m))
         self.workers.each_large(_survey, self.chunks, agents, self.n, found)
         return Survey(found[:, :m].min(axis=0), found[:, m : 2 * m].max(axis=0), found[:, 2 * m :].sum(axis=0) / self.n)
 
-    def sort(self, agents: Any, seen: Survey, reach: float) -> None:
+    def sort(self, agents: Reals, seen: Survey, reach: float) -> None:
         """Sort agents, shape (at least n, 2m), into cells of width ``reach``: fills `order`, `start` and `crowding`.
 
         `crowding` grows with the number of ordered pairs within reach: were the agents of a cell spread evenly over
@@ -257,7 +256,9 @@ class Sorter:
         self.start[cells] = n
         self.crowding = float(crowded.sum())
 
-    def arrange(self, agents: Any, ids: Any, target: Any, target_ids: Any, reference: Any) -> Any:
+    def arrange(
+        self, agents: Reals, ids: Numbers32, target: Reals, target_ids: Numbers32, reference: Reals
+    ) -> Numbers32:
         """Agents, identities and reference positions into the new order; returns the new place of each old one.
 
         Parameters

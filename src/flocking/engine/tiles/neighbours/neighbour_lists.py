@@ -7,10 +7,12 @@ stands there and adds nothing. A graph with memory keeps whether a pair is linke
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from flocking.arrays import Array, Numbers, Numbers32, Reals
 from flocking.engine.tiles.neighbours.cell_list import Grid, cell_of
 from flocking.engine.tiles.simd.interleaved_arrays import column
 from flocking.engine.tiles.simd.reductions import bits_of, first_bit, highest
@@ -44,9 +46,9 @@ class TileLists:
         Rows of each tile, shape (tiles,), int32.
     """
 
-    rows: Any
-    first: Any
-    count: Any
+    rows: NDArray[np.uint32]
+    first: Numbers
+    count: Numbers32
 
     def copy(self) -> TileLists:
         """A copy that shares nothing."""
@@ -58,77 +60,74 @@ class TileLists:
         return int(self.rows.nbytes + self.first.nbytes + self.count.nbytes)
 
 
+class Cells(NamedTuple):
+    """Agents sorted by the cells of a grid.
+
+    Parameters
+    ----------
+    agents
+        Positions and velocities in sorted order, shape (16 tiles, 2m).
+    n
+        Number of agents.
+    origin, inverse, shape
+        See `flocking.engine.tiles.neighbours.cell_list.Grid`, as arrays.
+    start
+        Place of the first agent of each cell, and the number of agents, shape (cells + 1,).
+    """
+
+    agents: Reals
+    n: int
+    origin: Array
+    inverse: float
+    shape: Numbers
+    start: Numbers32
+
+
+class Reach(NamedTuple):
+    """Squared distance within which agents are listed, and that of each sensing agent where there is one for each."""
+
+    square: np.floating
+    each: Reals
+
+
+class ListRoom(NamedTuple):
+    """Where the lists of the chunks go.
+
+    Parameters
+    ----------
+    rows, first, many
+        See `TileLists`; ``many`` is its ``count``, a name that tuples have taken.
+    stretch, capacity
+        First row of each chunk, and how many it has, shape (chunks,).
+    need
+        Takes the number of rows that each chunk needs, shape (chunks,).
+    numbers
+        Room for the numbers of neighbours of a tile, shape (chunks, 16).
+    """
+
+    rows: NDArray[np.uint32]
+    first: Numbers
+    many: Numbers32
+    stretch: Numbers
+    capacity: Numbers
+    need: Numbers
+    numbers: NDArray[np.uint32]
+
+
 @native
-def _search(  # type: ignore[no-untyped-def]
-    first_chunk, last_chunk, agents, n, reach2, each_reach2, origin, inverse, shape, start,
-    rows, first, count, stretch, capacity, need, numbers,
-):  # fmt: skip
-    """Neighbours of all agents of some chunks: candidates are tested against the agents of a tile side by side."""
-    three = agents.shape[1] == 6
-    nx, ny, nz = shape[0], shape[1], shape[2]
-    tiles = first.shape[0]
+def _search(first_chunk: int, last_chunk: int, cells: Cells, reach: Reach, room: ListRoom) -> None:
+    """Neighbours of all agents of some chunks."""
+    tiles = room.first.shape[0]
     for chunk in range(first_chunk, last_chunk):
-        cursor = stretch[chunk]
-        end = cursor + capacity[chunk]
+        cursor = room.stretch[chunk]
+        end = cursor + room.capacity[chunk]
         needed = np.int64(0)
-        found = numbers[chunk]
+        found = room.numbers[chunk]
         for tile in range(chunk * TILES_IN_CHUNK, min((chunk + 1) * TILES_IN_CHUNK, tiles)):
             base = tile * WIDTH
-            many = min(WIDTH, n - base)
             own = numbers_from(base)
-            own_x, own_y = column(agents, base, 0), column(agents, base, 1)
-            own_z = column(agents, base, 2 if three else 1)
-            limit = load(each_reach2, base) if each_reach2.shape[0] > 1 else spread(reach2)
             store(found, 0, own ^ own)
-            lane = 0
-            while lane < many:
-                # Agents in one row of cells look at the same candidates.
-                i = base + lane
-                low = high = cell_of(agents[i, 0], origin[0], inverse, nx)
-                cy = cell_of(agents[i, 1], origin[1], inverse, ny)
-                cz = cell_of(agents[i, 2], origin[2], inverse, nz) if three else 0
-                last = lane + 1
-                while last < many:
-                    i = base + last
-                    c = cell_of(agents[i, 0], origin[0], inverse, nx)
-                    if c < high or c > low + LONGEST or cell_of(agents[i, 1], origin[1], inverse, ny) != cy:
-                        break
-                    if three and cell_of(agents[i, 2], origin[2], inverse, nz) != cz:
-                        break
-                    high = c
-                    last += 1
-                members = (1 << last) - (1 << lane)
-                for line in range(9 if three else 3):
-                    row = (cy + line % 3 - 1 + ny) % ny
-                    if three:
-                        row += ny * ((cz + line // 3 - 1 + nz) % nz)
-                    # Cells from low - 1 to high + 1 are one run of agents, or two where the row wraps.
-                    a, b, c = low - 1, high + 2, 0
-                    if b - a >= nx:
-                        a, b = 0, nx
-                    elif a < 0:
-                        a, c = 0, 1
-                    elif b > nx:
-                        b, c = nx, 2
-                    for part in range(2 if c else 1):
-                        if part:
-                            a, b = (nx - 1, nx) if c == 1 else (0, 1)
-                        for j in range(start[row * nx + a], start[row * nx + b]):
-                            dx = agents[j, 0] - own_x
-                            dy = agents[j, 1] - own_y
-                            s = dx * dx + dy * dy
-                            if three:
-                                dz = agents[j, 2] - own_z
-                                s = s + dz * dz
-                            bits = bits_of((s < limit) & (own != np.uint32(j))) & members
-                            while bits:
-                                at = first_bit(bits)
-                                bits &= bits - 1
-                                k = np.int64(found[at])
-                                found[at] = np.uint32(k + 1)
-                                if cursor + k < end:
-                                    rows[cursor + k, at] = j
-                lane = last
+            _search_tile(cells, reach, room.rows, base, cursor, end, found)
             held = load(found, 0)
             most = np.int64(highest(held))
             needed += most
@@ -136,12 +135,88 @@ def _search(  # type: ignore[no-untyped-def]
                 cursor = np.int64(end + 1)
                 continue
             for number in range(most):
-                entries = rows[cursor + number]
+                entries = room.rows[cursor + number]
                 store(entries, 0, select(held > np.uint32(number), load(entries, 0), own))
-            first[tile] = cursor
-            count[tile] = most
+            room.first[tile] = cursor
+            room.many[tile] = most
             cursor += most
-        need[chunk] = needed
+        room.need[chunk] = needed
+
+
+def _search_tile(
+    cells: Cells, reach: Reach, rows: NDArray[np.uint32], base: int, cursor: int, end: int, found: NDArray[np.uint32]
+) -> None:
+    """Neighbours of the agents of one tile, from row ``cursor`` on; how many each has goes to ``found``."""
+    agents, shape = cells.agents, cells.shape
+    three = agents.shape[1] == 6
+    many = min(WIDTH, cells.n - base)
+    lane = 0
+    while lane < many:
+        # Agents in one row of cells look at the same candidates.
+        low, cy, cz = _cell(cells, base + lane)
+        high = low
+        last = lane + 1
+        while last < many:
+            c, y, z = _cell(cells, base + last)
+            if c < high or c > low + LONGEST or y != cy or z != cz:
+                break
+            high = c
+            last += 1
+        members = (1 << last) - (1 << lane)
+        for line in range(9 if three else 3):
+            row = (cy + line % 3 - 1 + shape[1]) % shape[1]
+            if three:
+                row += shape[1] * ((cz + line // 3 - 1 + shape[2]) % shape[2])
+            # Cells from low - 1 to high + 1 are one run of agents, or two where the row wraps.
+            a, b, c = low - 1, high + 2, 0
+            if b - a >= shape[0]:
+                a, b = 0, shape[0]
+            elif a < 0:
+                a, c = 0, 1
+            elif b > shape[0]:
+                b, c = shape[0], 2
+            for part in range(2 if c else 1):
+                if part:
+                    a, b = (shape[0] - 1, shape[0]) if c == 1 else (0, 1)
+                first, behind = cells.start[row * shape[0] + a], cells.start[row * shape[0] + b]
+                _test_candidates(agents, reach, rows, base, members, first, behind, cursor, end, found)
+        lane = last
+
+
+def _cell(cells: Cells, i: int) -> tuple[int, int, int]:
+    """Cell of an agent along each axis; 0 along an axis that there is not."""
+    agents, origin, inverse, shape = cells.agents, cells.origin, cells.inverse, cells.shape
+    x = cell_of(agents[i, 0], origin[0], inverse, shape[0])
+    y = cell_of(agents[i, 1], origin[1], inverse, shape[1])
+    z = cell_of(agents[i, 2], origin[2], inverse, shape[2]) if agents.shape[1] == 6 else 0
+    return x, y, z
+
+
+def _test_candidates(
+    agents: Reals, reach: Reach, rows: NDArray[np.uint32], base: int, members: int, first: int, behind: int,
+    cursor: int, end: int, found: NDArray[np.uint32],
+) -> None:  # fmt: skip
+    """List those of a run of candidates that are within the reach of members of a tile, which are tested together."""
+    three = agents.shape[1] == 6
+    own = numbers_from(base)
+    own_x, own_y = column(agents, base, 0), column(agents, base, 1)
+    own_z = column(agents, base, 2 if three else 1)
+    limit = load(reach.each, base) if reach.each.shape[0] > 1 else spread(reach.square)
+    for j in range(first, behind):
+        dx = agents[j, 0] - own_x
+        dy = agents[j, 1] - own_y
+        s = dx * dx + dy * dy
+        if three:
+            dz = agents[j, 2] - own_z
+            s = s + dz * dz
+        bits = bits_of((s < limit) & (own != np.uint32(j))) & members
+        while bits:
+            at = first_bit(bits)
+            bits &= bits - 1
+            k = np.int64(found[at])
+            found[at] = np.uint32(k + 1)
+            if cursor + k < end:
+                rows[cursor + k, at] = j
 
 
 @native
@@ -222,8 +297,8 @@ class ListBuilder:
         self.spare: TileLists | None = None
 
     def build(
-        self, agents: Any, reach: float, each_reach: Any, grid: Grid, start: Any, old: TileLists | None, order: Any,
-        place: Any, begin2: Any | None, remember: bool,
+        self, agents: Reals, reach: float, each_reach: Reals, grid: Grid, start: Numbers32, old: TileLists | None,
+        order: Numbers32, place: Numbers32, begin2: Reals | None, remember: bool,
     ) -> tuple[TileLists, tuple[int, int] | None]:  # fmt: skip
         """Lists of all pairs closer than ``reach``, or than the sensing agent's entry of ``each_reach``.
 
@@ -265,11 +340,12 @@ class ListBuilder:
             self.spare = old
         return lists, (int(lost[0]), int(lost[1])) if lost[0] >= 0 else None
 
-    def _searched(self, agents: Any, reach: float, each_reach: Any, grid: Grid, start: Any) -> TileLists:
+    def _searched(self, agents: Reals, reach: float, each_reach: Reals, grid: Grid, start: Numbers32) -> TileLists:
         """Lists without links, with room enough."""
         dtype = agents.dtype.type
         limits = np.asarray(each_reach, dtype=dtype) ** 2
-        origin, shape = np.array(grid.origin), np.array(grid.shape)
+        cells = Cells(agents, self.n, np.array(grid.origin), grid.inverse, np.array(grid.shape), start)
+        distances = Reach(dtype(reach) ** 2, limits)
         numbers = np.empty((self.chunks, WIDTH), np.uint32)
         while True:
             total = int(self.capacity.sum())
@@ -278,10 +354,8 @@ class ListBuilder:
             lists = self._reuse(total)
             stretch = np.cumsum(self.capacity) - self.capacity
             need = np.zeros(self.chunks, np.int64)
-            self.workers.each_large(
-                _search, self.chunks, agents, self.n, dtype(reach) ** 2, limits, origin, grid.inverse, shape, start,
-                lists.rows, lists.first, lists.count, stretch, self.capacity, need, numbers,
-            )  # fmt: skip
+            room = ListRoom(lists.rows, lists.first, lists.count, stretch, self.capacity, need, numbers)
+            self.workers.each_large(_search, self.chunks, cells, distances, room)
             if (need <= self.capacity).all():
                 return lists
             self.capacity = np.where(need > self.capacity, need + need // 8 + 8, self.capacity)
@@ -310,7 +384,9 @@ def _fixed(first_tile, last_tile, n, ids, place, offsets, neighbours, rows, firs
                 rows[first[tile] + rest, lane] = np.uint32(i)
 
 
-def fixed_lists(ids: Any, place: Any, offsets: Any, neighbours: Any, workers: Workers) -> TileLists:
+def fixed_lists(
+    ids: Numbers32, place: Numbers32, offsets: Numbers, neighbours: Numbers32, workers: Workers
+) -> TileLists:
     """Lists of given links.
 
     Parameters

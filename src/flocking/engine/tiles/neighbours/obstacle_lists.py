@@ -7,10 +7,9 @@ by the margin.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from flocking.arrays import Array, Numbers, Numbers32, Reals
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 from flocking.engine.tiles.neighbours.neighbour_lists import WIDTH
 from flocking.model.law import Law
@@ -37,7 +36,7 @@ class ObstacleLists:
     def __init__(self, law: Law, ranges: list[float]) -> None:
         self.encounters = ObstacleDistances(law)
         self.ranges = ranges
-        self.lists: list[tuple[Any, Any]] = []
+        self.lists: list[tuple[Numbers, Numbers32]] = []
         self.used = np.inf
         self.margin = 0.0
         self.speed = 0.0
@@ -54,7 +53,7 @@ class ObstacleLists:
         """Somebody may have moved by ``distance`` within ``duration``."""
         self.used += distance + (0.0 if np.isinf(self.speed) else self.speed * duration)
 
-    def require(self, q: Any, tiles: int, t: float, stride: float) -> None:
+    def require(self, q: Reals, tiles: int, t: float, stride: float) -> None:
         """Make sure that the lists are valid for positions ``q``, shape (m, 16 tiles); ``stride``: length of a step."""
         if self.used <= self.margin:
             return
@@ -65,7 +64,7 @@ class ObstacleLists:
         self.lists = [self._near(g, centre, radius, t) for g in range(len(self.ranges))]
         self.used = 0.0
 
-    def _near(self, group: int, centre: Any, radius: Any, t: float) -> tuple[Any, Any]:
+    def _near(self, group: int, centre: Array, radius: Array, t: float) -> tuple[Numbers, Numbers32]:
         tiles, count = len(centre), len(self.encounters.groups[group].obstacles)
         begin = np.zeros(tiles + 1, np.int64)
         found = [np.zeros(0, np.int32)]

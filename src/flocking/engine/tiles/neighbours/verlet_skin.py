@@ -6,10 +6,9 @@ lattice a wider skin costs nothing until it meets the next shell.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from flocking.arrays import Array, Numbers, Reals
 from flocking.engine.tiles.neighbours.cell_list import Sorter
 from flocking.engine.tiles.simd.vectors import WIDTH
 
@@ -28,7 +27,7 @@ REBUILD_COST, REBUILD_ROW_COST = 30.0, 6.0
 """Cost of a rebuild, per tile and per row, in rows of a step."""
 
 
-def _candidates(sorter: Sorter, q: Any, far: float) -> tuple[Any, Any]:
+def _candidates(sorter: Sorter, q: Reals, far: float) -> tuple[Numbers, Numbers]:
     """Agents in the cells within ``far`` cells of positions q, shape (k, m): whom each is near, and its place."""
     grid, m = sorter.grid, q.shape[1]
     # As the sort does; wrapped axes show every cell once.
@@ -46,7 +45,7 @@ def _candidates(sorter: Sorter, q: Any, far: float) -> tuple[Any, Any]:
     return whose, np.arange(len(whose)) + np.repeat(first - (ends - many), many)
 
 
-def _lengths(agents: Any, sorter: Sorter, limits: Any) -> Any:
+def _lengths(agents: Reals, sorter: Sorter, limits: Array) -> Array:
     """Mean number of rows that the lists of the sampled tiles would have with each distance of ``limits``."""
     m, n = agents.shape[1] // 2, sorter.n
     count = (n + WIDTH - 1) // WIDTH
@@ -66,7 +65,7 @@ def _lengths(agents: Any, sorter: Sorter, limits: Any) -> Any:
     return rows / len(tiles)
 
 
-def best_skin(agents: Any, sorter: Sorter, cutoff: float, stride: float) -> float:
+def best_skin(agents: Reals, sorter: Sorter, cutoff: float, stride: float) -> float:
     """The skin that makes a step cheapest.
 
     Parameters

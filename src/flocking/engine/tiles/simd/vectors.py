@@ -15,6 +15,7 @@ from flocking.formula.native.kinds import F8, I8, Array, Constant, Kind, Number,
 from flocking.formula.native.primitives import Primitive
 
 WIDTH = 16
+"""Numbers in a vector: sixteen of single precision fill the registers of AVX-512."""
 
 _U4 = ir.IntType(32)
 
@@ -142,7 +143,7 @@ float_bits = Primitive(_cast("bitcast"))
 """Bits of floats as integers of their width."""
 float_of_bits = Primitive(_cast("bitcast"))
 """Floats that have the given bits."""
-whole_of = Primitive(_cast("fptosi"))
+integer_of = Primitive(_cast("fptosi"))
 """Floats without fraction as integers of their width."""
 float_of = Primitive(_cast("sitofp"))
 """Integers as floats of their width."""

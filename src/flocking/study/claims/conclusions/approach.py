@@ -5,9 +5,21 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.study.claims.claim import Measure, above
+from flocking.study.claims.subjects import Subject, Witness, about
 from flocking.study.evidence import Evidence
 
 
+def _closest_linked(e: Evidence) -> Witness:
+    c = e.run.closest_linked
+    return Witness(c.time, c.pair)
+
+
+def _closest(e: Evidence) -> Witness:
+    c = e.run.closest
+    return Witness(c.time, c.pair)
+
+
+@about(Subject.CLOSEST, _closest_linked, lasting=True)
 def linked_apart(e: Evidence) -> Measure:
     """Closest approach ever of two linked agents."""
     together = [found for found in e.coincidences if e.linked_together(*found)]
@@ -22,6 +34,7 @@ def linked_apart(e: Evidence) -> Measure:
     )
 
 
+@about(Subject.CLOSEST, _closest, lasting=True)
 def all_apart(e: Evidence) -> Measure:
     """Closest approach ever of any two agents."""
     if e.coincidences:

@@ -7,13 +7,30 @@ from dataclasses import replace
 
 import numpy as np
 
+from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.study.claims.claim import Measure, below
+from flocking.study.claims.subjects import Subject, Witness, about
 from flocking.study.evidence import Evidence, NotResolvable
 
 SUPPLY_ROUNDING = 1e-12
 """Supplied energy that rounding explains, relative to all that was moved."""
 
 
+def _worst_residual(e: Evidence) -> Witness:
+    return Witness(float(e.run.trace["time"][int(np.abs(e.run.residual).argmax())]))
+
+
+def _largest_rise(e: Evidence) -> Witness:
+    rises = np.diff(e.run.trace["energy"]) - np.diff(e.run.trace["jumped"])
+    return Witness(float(e.run.trace["time"][1 + int(rises.argmax())]))
+
+
+def _fastest_agent(e: Evidence) -> Witness:
+    frame = int(e.speeds.argmax())
+    return Witness(float(e.run.t[frame]), (int(np.linalg.norm(e.run.p[frame], axis=1).argmax()),))
+
+
+@about(Subject.LEDGER, _worst_residual, lasting=True)
 def ledger_residual(e: Evidence) -> Measure:
     """Residual of the energy ledger against what the tolerance allows; links and forces must be the declared ones."""
     if e.foreign_link or e.foreign_force:
@@ -23,6 +40,7 @@ def ledger_residual(e: Evidence) -> Measure:
     return below(e.residual, e.ledger_bound, e.ledger_note)
 
 
+@about(Subject.VELOCITIES, _fastest_agent, lasting=True)
 def momentum_drift(e: Evidence) -> Measure:
     """Largest change of the mean velocity against rounding and tolerance."""
     drift = float(np.abs(e.mean_velocity - e.mean_velocity[0]).max(initial=0.0))
@@ -31,6 +49,7 @@ def momentum_drift(e: Evidence) -> Measure:
     return replace(below(drift, allowed, f"mean velocity moved by {drift:.1e}"), everywhere=False)
 
 
+@about(Subject.LEDGER, _largest_rise, lasting=True)
 def energy_rise(e: Evidence) -> Measure:
     """Largest rise of the energy between switches, beyond what the ledger leaves open."""
     rise = float((np.diff(e.trace["energy"]) - np.diff(e.trace["jumped"])).max(initial=0.0))
@@ -52,6 +71,7 @@ def supplied_energy(e: Evidence) -> float:
     return supplied if supplied > least else 0.0
 
 
+@about(Subject.LEDGER, lasting=True)
 def energy_continuous(e: Evidence) -> Measure:
     """Total absolute jump of the energy at switches."""
     jumps = float(np.abs(np.diff(e.trace["jumped"])).sum())
@@ -63,6 +83,7 @@ def energy_continuous(e: Evidence) -> Measure:
 def speeds_bounded(factor: float) -> Callable[[Evidence], Measure]:
     """Largest speed against sqrt(factor c), c the initial energy."""
 
+    @about(Subject.VELOCITIES, lasting=True)
     def conclusion(e: Evidence) -> Measure:
         bound = float(np.sqrt(max(factor * e.trace["energy"][0], 0.0)))
         return at_most(e, "speed", float(e.speeds.max()), bound)
@@ -97,6 +118,9 @@ def needs_momentum(e: Evidence) -> str:
         return "a body term acts from outside"
     if "momentum" not in e.law.symmetries:
         return "pair forces are not equal and opposite"
+    agents = e.run.scenario.agents
+    if agents.order == 2 and not is_point_mass(agents):
+        return "agents are no point masses"
     return (
         "" if np.ndim(e.run.scenario.agents.damping) == 0 and not e.run.scenario.agents.damping else "agents are damped"
     )

@@ -11,6 +11,7 @@ from flocking.model.graphs.weights import PairWeights
 from flocking.model.terms.pair_terms import Gradient
 from flocking.study.claims.claim import Measure, above
 from flocking.study.claims.settling import LAST, configuration_unsettled, limit_of, limit_of_series, of_configuration
+from flocking.study.claims.subjects import Subject, Witness, about
 from flocking.study.evidence import Evidence
 
 SETTLED = 1e-2
@@ -20,6 +21,21 @@ STATIONARY = 1e-3
 """Forces count as balanced when they cancel to this fraction of the sum of their sizes."""
 
 
+def _odd_velocity(e: Evidence) -> Witness:
+    offsets = np.linalg.norm(e.run.p[-1] - e.mean_velocity[-1], axis=1)
+    return Witness(float(e.run.t[-1]), (int(offsets.argmax()),))
+
+
+def _last_switch(e: Evidence) -> Witness:
+    row = e.link_switches[-1]
+    return Witness.pair(row["time"], row["i"], row["j"])
+
+
+def _unbalanced(e: Evidence) -> Witness:
+    return Witness(float(e.run.t[-1]), (int(np.linalg.norm(e.equilibrium.forces, axis=1).argmax()),))
+
+
+@about(Subject.SPREAD, _odd_velocity, while_connected=True)
 def velocities_agree(e: Evidence) -> Measure:
     """Velocity spread at the end against the largest of the run."""
     most = e.largest_spread
@@ -27,6 +43,7 @@ def velocities_agree(e: Evidence) -> Measure:
     return limit_of_series(e.spread_times, ratios, SETTLED, lambda r: f"spread fell to {r:.1e} of its maximum")
 
 
+@about(Subject.NET, while_connected=True)
 def distances_settle(e: Evidence) -> Measure:
     """Fastest change of a pair distance at the end against the largest velocity spread of the run."""
     e.need_few()
@@ -38,6 +55,7 @@ def distances_settle(e: Evidence) -> Measure:
     return limit_of(e, SETTLED, ratio, lambda r: f"distances change at {r:.1e} of the first spread")
 
 
+@about(Subject.LINKS, _last_switch)
 def switching_stops(e: Evidence) -> Measure:
     """Whether the last tenth of the run is free of switches.
 
@@ -95,6 +113,7 @@ def imbalance(e: Evidence) -> float:
     return _imbalance_at(e, -1, _force_scale(e))
 
 
+@about(Subject.NET, _unbalanced)
 def forces_vanish(e: Evidence) -> Measure:
     """Whether the potential forces of every agent cancel at the end."""
     if len(e.equilibrium.r) == 0:

@@ -4,10 +4,40 @@ from __future__ import annotations
 
 import numpy as np
 
+from flocking.model.graphs.connectivity import Links, components
 from flocking.study.claims.claim import Measure, above
+from flocking.study.claims.subjects import Subject, Witness, about
 from flocking.study.evidence import Evidence, NotResolvable
 
 
+def _apart(links: Links, time: float) -> Witness:
+    """The agents outside the largest flock."""
+    flock = components(links)
+    largest = int(np.bincount(flock).argmax())
+    return Witness(time, tuple(int(i) for i in np.flatnonzero(flock != largest)))
+
+
+def _first_split(e: Evidence) -> Witness:
+    links = next((links for t, links in e.link_looks if t == e.seen_disconnected), e.link_looks[-1][1])
+    return _apart(links, float(e.seen_disconnected))
+
+
+def _split_at_start(e: Evidence) -> Witness:
+    time, links = e.link_looks[0]
+    return _apart(links, time)
+
+
+def _first_break(e: Evidence) -> Witness:
+    rows = e.link_switches[e.link_switches["kind"] == "break"]
+    return Witness.pair(rows["time"][0], rows["i"][0], rows["j"][0])
+
+
+def _slowest_crossing(e: Evidence) -> Witness:
+    row = e.link_switches[np.abs(e.link_switches["speed"]).argmin()]
+    return Witness.pair(row["time"], row["i"], row["j"])
+
+
+@about(Subject.CONNECTIVITY, _first_split, lasting=True)
 def stays_connected(e: Evidence) -> Measure:
     """Whether the graph is connected at all times; every switch is looked at.
 
@@ -30,6 +60,7 @@ def stays_connected(e: Evidence) -> Measure:
     return Measure(-1.0, 0.0, f"fell apart at t = {lost:.3g} of {end:g}{flocks}", decided=decided)
 
 
+@about(Subject.LINKS, _first_break, lasting=True)
 def no_link_lost(e: Evidence) -> Measure:
     """Number of links that broke. Where switches are not recorded, frames can refute it but not show it."""
     if e.seen_lost and not e.switches_known:
@@ -42,6 +73,7 @@ def no_link_lost(e: Evidence) -> Measure:
     return Measure(0.5 - certain, 0.0, f"{e.links_lost} lost, {e.links_created} created", decided=decided)
 
 
+@about(Subject.LINKS, _slowest_crossing, lasting=True)
 def crossings_transversal(e: Evidence) -> Measure:
     """Smallest rate of change of a pair distance at a switch."""
     switches = e.link_switches
@@ -56,6 +88,7 @@ def crossings_transversal(e: Evidence) -> Measure:
     return above(slowest, 0.0, note, error if error > 0 else 0.0)
 
 
+@about(Subject.CONNECTIVITY, _split_at_start)
 def starts_connected(e: Evidence) -> Measure:
     """Whether the graph is connected at the start."""
     holds = e.connected_at_start

@@ -9,7 +9,7 @@ from inspect import signature
 from flocking.errors import InvalidInput
 
 
-def check_whole_numbers(command: Callable[..., object], words: Sequence[str]) -> None:
+def check_integers(command: Callable[..., object], words: Sequence[str]) -> None:
     """Check that options of a command that count something were given as whole numbers.
 
     Parameters

@@ -12,6 +12,10 @@ from flocking.errors import InvalidInput
 Options = TypeVar("Options")
 
 
+class UnknownOption(InvalidInput):
+    """An option that the engine does not have."""
+
+
 def from_keywords(kind: type[Options], given: Mapping[str, object], engine: str) -> Options:
     """Options of one kind.
 
@@ -22,12 +26,12 @@ def from_keywords(kind: type[Options], given: Mapping[str, object], engine: str)
     given
         The keyword arguments.
     engine
-        What the message calls the engine.
+        Name of the engine.
 
     Raises
     ------
     InvalidInput
-        When there is no such option.
+        When there is no such option, or a value breaks a rule.
     """
     known = {f.name for f in fields(kind)}  # type: ignore[arg-type]
     for name in sorted(set(given) - known):
@@ -35,7 +39,7 @@ def from_keywords(kind: type[Options], given: Mapping[str, object], engine: str)
     return kind(**given)
 
 
-def unknown_option(name: str, value: object, known: Iterable[str], engine: str) -> InvalidInput:
+def unknown_option(name: str, value: object, known: Iterable[str], engine: str) -> UnknownOption:
     """Why an option is refused: it is unknown, and there is one of about that name, or none.
 
     Parameters
@@ -45,11 +49,23 @@ def unknown_option(name: str, value: object, known: Iterable[str], engine: str) 
     known
         Names that there are.
     engine
-        What the message calls the engine.
+        Name of the engine.
     """
     names = sorted(known)
-    near = difflib.get_close_matches(name, names, n=1)
-    fix = f"Did you mean {near[0]}? " if near else ""
-    return InvalidInput(
-        "start", name, f"is not known to {engine}", value, f"{fix}Known: {', '.join(names)}." if names else fix.strip()
-    )
+    near = nearest(name, names)
+    fix = f"{near} Known: {', '.join(names)}." if names else "It has no options."
+    return UnknownOption("start", name, f"is not known to engine={engine!r}", value, fix.strip())
+
+
+def nearest(name: str, names: Iterable[str]) -> str:
+    """A sentence that asks for the nearest of some names; empty where none is near.
+
+    Parameters
+    ----------
+    name
+        What was given.
+    names
+        What there is.
+    """
+    near = difflib.get_close_matches(name, sorted(names), n=1)
+    return f"Did you mean {near[0]}?" if near else ""

@@ -9,20 +9,21 @@ have moved is kept at every step, and lists are rebuilt before it exceeds half t
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from flocking.arrays import Array, Links, Reals
-from flocking.engine.tiles.kernels.parameters import kernel_numbers
-from flocking.engine.tiles.kernels.spec import PRECISIONS, KernelSpec
+from flocking.arrays import Array, Links, Numbers32, Reals
+from flocking.engine.tiles.kernels.spec import PRECISIONS, KernelSpec, only_numbers_differ
 from flocking.engine.tiles.kernels.step_kernel import tile_kernels
 from flocking.engine.tiles.kernels.tile_sums import sums_of
-from flocking.engine.tiles.measures import cutoffs_of, extremes_of, fastest, sensed_offsets, squared_displacements
+from flocking.engine.tiles.measures import extremes_of, fastest
 from flocking.engine.tiles.neighbours.cell_list import Sorter
 from flocking.engine.tiles.neighbours.listed_pairs import nearest_pair_beyond, remember_links
 from flocking.engine.tiles.neighbours.neighbour_lists import WIDTH, ListBuilder, TileLists, fixed_lists
 from flocking.engine.tiles.neighbours.obstacle_lists import ObstacleLists
 from flocking.engine.tiles.neighbours.pair_count_bound import PairCountBound
 from flocking.engine.tiles.neighbours.verlet_skin import FIRST_SKIN, best_skin
+from flocking.engine.tiles.particles.displacement import CERTAIN, Displacement
+from flocking.engine.tiles.particles.graph_radii import GraphRadii
+from flocking.engine.tiles.particles.law_parameters import LawParameters
 from flocking.engine.tiles.planted_law import PassArrays, Planted
 from flocking.engine.tiles.threads import Workers
 from flocking.model.law import Scenario
@@ -30,9 +31,6 @@ from flocking.model.state import State
 
 SAME_CELLS = 0.9
 """Share of the width of cells that must be needed for them to be kept: (1/0.9)^3 = 1.4 times the pairs at most."""
-
-CERTAIN = 0.999
-"""Share of half the skin that may be used up; the rest covers rounding."""
 
 
 class ParticleArrays:
@@ -68,24 +66,24 @@ class ParticleArrays:
         self.agents: Reals = np.empty((self.size, 2 * m), self.dtype)
         self.agents[:n, :m], self.agents[:n, m:] = state.q, state.p
         self.successor: Reals = np.empty((self.size, 2 * m), self.dtype)
-        self.ids: NDArray[np.int32] = np.zeros(self.size, np.int32)
+        self.ids: Numbers32 = np.zeros(self.size, np.int32)
         self.ids[:n] = np.arange(n, dtype=np.int32)
-        self._ids_buffer: NDArray[np.int32] = np.zeros(self.size, np.int32)
+        self._ids_buffer: Numbers32 = np.zeros(self.size, np.int32)
         self.tile_extremes: Reals = np.zeros((self.tiles, 3), self.dtype)
         self.extremes: Array = np.zeros(3)
         self.sums: Array = np.zeros((self.tiles if spec.ledger else 1, len(sums_of(spec))), np.float64)
         self.planted: Planted | None = None
-        self._set_graphs(scenario, memory_limit)
-        self._set_parameters(scenario, state.t)
+        self.moving = any(not kind.fixed for kind in spec.graphs)
         self._fill_pads()
-        self.C: Reals = np.zeros(m, self.dtype)
+        self.radii = GraphRadii(scenario.law.graphs, spec, self.ids, n)
+        self.sorter = Sorter(n if self.moving else 1, workers)
+        self.pair_count_bound = PairCountBound(memory_limit)
+        self.builders = [ListBuilder(n, memory_limit, workers) for _ in scenario.law.graphs]
+        self._set_parameters(scenario, state.t)
         self.M: Array = np.zeros(2 * m, np.float64)
-        self.reference: Reals = np.empty((self.size if self.moving else 0, m), self.dtype)
-        self.elapsed = 0.0
-        self.bound = np.inf
-        self.skin = 0.0
+        self.displacement = Displacement(self.size if self.moving else 0, m, self.dtype)
         self.rebuilds = 0
-        self.lists: list[TileLists | None] = [None] * len(self.graphs)
+        self.lists: list[TileLists | None] = [None] * len(spec.graphs)
         self._first_links = state.links
         self._set_obstacles(scenario)
         self.lost: tuple[int, int] | None = None
@@ -105,57 +103,13 @@ class ParticleArrays:
         """The state before or beside `X`, shape (2m, size)."""
         return self.successor.T
 
-    def _set_graphs(self, scenario: Scenario, memory_limit: float) -> None:
-        n, law = self.n, scenario.law
-        self.graphs = law.graphs
-        self.moving = any(not kind.fixed for kind in self.spec.graphs)
-        self.cutoffs = cutoffs_of(self.graphs, self.spec)
-        self.sorter = Sorter(n if self.moving else 1, self.workers)
-        self.pair_count_bound = PairCountBound(memory_limit)
-        self.builders = [ListBuilder(n, memory_limit, self.workers) for _ in self.graphs]
-        self.limits, self.each, self.edges = [], [], []
-        for graph, kind in zip(self.graphs, self.spec.graphs, strict=True):
-            self.limits.append(np.zeros(3, self.dtype))
-            self.each.append(np.zeros(1, self.dtype))
-            self.edges.append(sensed_offsets(graph, n) if kind.fixed else None)
-        self.set_radii(scenario)
-
     def _set_obstacles(self, scenario: Scenario) -> None:
         met = self.spec.layout.encounters()
         self.obstacles = ObstacleLists(scenario.law, [term.range for term, _ in met]) if met else None
         self.O: object = self.spec.layout.obstacle_rows()
 
-    def set_radii(self, scenario: Scenario) -> None:
-        """Take the radii of the graphs of a law of the same structure; `bound` must then be reset by a rebuild."""
-        for number, (graph, kind) in enumerate(zip(scenario.law.graphs, self.spec.graphs, strict=True)):
-            if kind.fixed:
-                self.limits[number][:] = (0.0, 0.0, 1.0)
-                continue
-            leave, enter = np.asarray(graph.break_radius), np.asarray(graph.appear_radius)
-            square = self.dtype(np.max(leave)) ** 2
-            closed = bool(getattr(graph, "closed", False))
-            if closed:
-                square = np.nextafter(square, self.dtype(np.inf))
-            self.limits[number][:] = (square, self.dtype(np.max(enter)) ** 2, 0.5 * float(np.max(leave)))
-            if kind.uneven:
-                each = np.zeros(self.size, self.dtype)
-                each[: self.n] = leave.astype(self.dtype)[self.ids[: self.n]] ** 2
-                each[self.n :] = 0.0
-                self.each[number] = np.nextafter(each, self.dtype(np.inf)) if closed else each
-
     def _set_parameters(self, scenario: Scenario, t: float) -> None:
-        n = self.n
-        self.P, rows, self.seeds, self.matrices = kernel_numbers(scenario, self.spec, t)
-        masses = np.asarray(rows[0], dtype=np.float64)
-        self.mass = float(masses.sum()) if masses.ndim else n * float(masses)
-        several = len(rows) > 2 or self.spec.mass_each or self.spec.damping_each
-        self.A: Reals = np.zeros((len(rows) if several else 0, self.size), self.dtype)
-        for k, value in enumerate(rows if several else []):
-            if np.ndim(value):
-                self.A[k, :n] = np.asarray(value, dtype=self.dtype)[self.ids[:n]]
-            else:
-                self.A[k] = value
-        self.A[:, n:] = self.A[:, n - 1 : n]
+        self.parameters = LawParameters(scenario, self.spec, t, self.ids)
 
     def pass_switch_time(self, scenario: Scenario, t: float) -> None:
         """Take the values of scheduled gains from time ``t`` on."""
@@ -167,10 +121,9 @@ class ParticleArrays:
         n = self.n
         self.agents[n:] = self.agents[n - 1]
         self.ids[n:] = self.ids[n - 1]
-        self.A[:, n:] = self.A[:, n - 1 : n]
 
     @property
-    def place(self) -> NDArray[np.int32]:
+    def place(self) -> Numbers32:
         """Place of each identity, shape (n,)."""
         found = np.empty(self.n, np.int32)
         found[self.ids[: self.n]] = np.arange(self.n, dtype=np.int32)
@@ -180,17 +133,14 @@ class ParticleArrays:
         """Whether the lists hold every pair within the cutoffs, whatever happened since the rebuild."""
         if not self.moving:
             return self.lists[0] is not None
-        half = 0.5 * CERTAIN * self.skin
-        if self.bound > half and self.rebuilds:
-            self.bound = self.displacement_bound()
-        return bool(self.bound <= half)
+        displacement = self.displacement
+        if displacement.bound > displacement.allowed and self.rebuilds:
+            displacement.bound = self.displacement_bound()
+        return bool(displacement.bound <= displacement.allowed)
 
     def displacement_bound(self) -> float:
-        """How far an agent has moved since the rebuild at most, seen from the crowd."""
-        out = np.empty(self.tiles)
-        shift = self.elapsed * self.C.astype(np.float64)
-        self.workers.each(squared_displacements, self.tiles, self.agents, self.reference, shift, self.n, out)
-        return float(np.sqrt(out.max())) + self._rounding
+        """How far an agent has moved since the rebuild at most, seen from the group."""
+        return self.displacement.measured(self.agents, self.n, self.workers)
 
     def require_lists(self, step: float) -> None:
         """Make sure that the lists hold every pair within the cutoffs.
@@ -203,32 +153,26 @@ class ParticleArrays:
         if not self.usable():
             self.rebuild(step)
 
-    def _reaches(self) -> list[float]:
-        """Distance within which every agent certainly lists another, of each moving graph."""
-        kinds = enumerate(self.spec.graphs)
-        return [float(np.sqrt(self.each[k][: self.n].min())) if kind.uneven else self.cutoffs[k]
-                for k, kind in kinds if not kind.fixed]  # fmt: skip
-
     def _sort(self, step: float, skin: float | None) -> None:
         """Sort the agents into cells for the skin that is given, wanted or best at the speed they have now."""
-        cutoff, sorter = max(self.cutoffs), self.sorter
+        cutoff, sorter = max(self.radii.cutoffs), self.sorter
         seen = sorter.survey(self.agents)
         given = skin if skin is not None else self.given_skin
-        guess = float(given if given is not None else self.skin or FIRST_SKIN * cutoff)
+        guess = float(given if given is not None else self.displacement.skin or FIRST_SKIN * cutoff)
         sorter.sort(self.agents, seen, cutoff + guess)
-        self.pair_count_bound.check(sorter.crowding, self.agents[: self.n, : self.m], self._reaches)
+        self.pair_count_bound.check(sorter.crowding, self.agents[: self.n, : self.m], self.radii.certain_reaches)
         if given is None:
             guess, sorted_for = best_skin(self.agents, sorter, cutoff, 2.0 * self.top_speed * step / CERTAIN), guess
             if not SAME_CELLS * (cutoff + sorted_for) <= cutoff + guess <= cutoff + sorted_for:
                 sorter.sort(self.agents, seen, cutoff + guess)
-                self.pair_count_bound.check(sorter.crowding, self.agents[: self.n, : self.m], self._reaches)
-        self.skin = guess
-        self.C[:] = seen.velocity
+                self.pair_count_bound.check(
+                    sorter.crowding, self.agents[: self.n, : self.m], self.radii.certain_reaches
+                )
         farthest = max(float(np.abs(seen.low).max()), float(np.abs(seen.high).max()))
-        self._rounding = 4.0 * float(np.finfo(self.dtype).eps) * farthest
+        self.displacement.begin(guess, seen.velocity, farthest)
 
     def rebuild(self, step: float, skin: float | None = None) -> None:
-        """Sort the agents and build all lists anew, keeping the memory of links.
+        """Sort the agents and rebuild all lists, keeping the memory of links.
 
         Parameters
         ----------
@@ -242,49 +186,46 @@ class ParticleArrays:
         TooManyNeighboursError
             When the lists would exceed the memory limit; positions and links are kept.
         """
-        n = self.n
         if not self.moving:
             self._build_fixed()
             return
         self._sort(step, skin)
         sorter, order = self.sorter, self.sorter.order
-        old_place = sorter.arrange(self.agents, self.ids, self.successor, self._ids_buffer, self.reference)
+        old_place = sorter.arrange(self.agents, self.ids, self.successor, self._ids_buffer, self.displacement.reference)
         self.agents, self.successor = self.successor, self.agents
         self.ids, self._ids_buffer = self._ids_buffer, self.ids
-        for k in range(len(self.A)):
-            self.A[k, :n] = self.A[k, order]
-        for number, kind in enumerate(self.spec.graphs):
-            if kind.uneven:
-                self.each[number][:n] = self.each[number][order]
+        self.parameters.reorder(order)
+        self.radii.reorder(order)
         self._fill_pads()
+        radii, skin = self.radii, self.displacement.skin
         for number, kind in enumerate(self.spec.graphs):
             if kind.fixed:
                 continue
-            uneven = np.sqrt(self.each[number]) + self.dtype(self.skin) if kind.uneven else self.each[number]
+            each_reach = radii.each[number]
+            if kind.uneven:
+                each_reach = np.sqrt(each_reach) + self.dtype(skin)
             old = self.lists[number]
-            inside = self.each[number] if kind.uneven else self.limits[number][:1]
+            inside = radii.each[number] if kind.uneven else radii.limits[number][:1]
             self.lists[number], lost = self.builders[number].build(
-                self.agents, self.cutoffs[number] + self.skin, uneven, sorter.grid, sorter.start, old, order, old_place,
-                begin2=inside if kind.memory and old is None else None, remember=kind.memory,
+                self.agents, radii.cutoffs[number] + skin, each_reach, sorter.grid, sorter.start, old, order,
+                old_place, begin2=inside if kind.memory and old is None else None, remember=kind.memory,
             )  # fmt: skip
             if lost is not None and kind.barrier:
                 self.lost = (int(self.ids[lost[0]]), int(self.ids[lost[1]]))
         self._build_fixed()
         if self._first_links is not None:
             self._take_links(self._first_links)
-        self.elapsed, self.bound = 0.0, 0.0
+        self.displacement.elapsed, self.displacement.bound = 0.0, 0.0
         if self.obstacles is not None:
             self.obstacles.used = np.inf
         self.rebuilds += 1
-
-    _rounding = 0.0
 
     def _build_fixed(self) -> None:
         place = None
         for number, kind in enumerate(self.spec.graphs):
             if kind.fixed:
                 place = self.place if place is None else place
-                edges = self.edges[number]
+                edges = self.radii.edges[number]
                 assert edges is not None
                 self.lists[number] = fixed_lists(self.ids, place, *edges, self.workers)
 
@@ -320,20 +261,22 @@ class ParticleArrays:
         ):
             self._fill_means()
         lists: list[object] = []
+        radii, parameters, velocity = self.radii, self.parameters, self.displacement.velocity
         for number, found in enumerate(self.lists):
             assert found is not None
-            lists += [found.rows.reshape(-1), found.first, found.count, self.each[number], self.limits[number]]
+            lists += [found.rows.reshape(-1), found.first, found.count, radii.each[number], radii.limits[number]]
         if self.obstacles is not None:
-            speed = self.top_speed + float(np.linalg.norm(self.C))
+            speed = self.top_speed + float(np.linalg.norm(self.displacement.velocity))
             self.obstacles.require(self.X[: self.m], self.tiles, t, speed * abs(drift))
             lists += [x for pair in self.obstacles.lists for x in pair]
         begin = (float(t), T(keep), T(kick), T(drift), T(velocity_lag), T(exponential_damping))
         self.workers.each(
-            self.kernel, self.tiles, *begin, hold, self.agents, self.successor, self.n, *lists, self.P, self.A, self.O,
-            self.ids, self.seeds, self.matrices, self.M, self.C, self.tile_extremes, self.sums,
+            self.kernel, self.tiles, *begin, hold, self.agents, self.successor, self.n, *lists, parameters.P,
+            parameters.A, self.O, self.ids, parameters.seeds, parameters.matrices, self.M, velocity,
+            self.tile_extremes, self.sums,
         )  # fmt: skip
         if self.planted is not None:
-            arrays = PassArrays(self.agents, self.successor, self.ids, self.n, self.M, self.C, self.tile_extremes)
+            arrays = PassArrays(self.agents, self.successor, self.ids, self.n, self.M, velocity, self.tile_extremes)
             self.planted.move(self.workers, arrays, begin, lists)
         self.read_tile_extremes()
         if self.extremes[2] > 0 and self.lost is None and not hold:
@@ -342,7 +285,7 @@ class ParticleArrays:
     def _broken_pair(self) -> tuple[int, int]:
         """The nearest pair beyond its radius in the tiles that report a broken link; numbers of the agents."""
         kinds = self.spec.graphs
-        least = min(float(x[0]) for x, kind in zip(self.limits, kinds, strict=True) if kind.barrier)
+        least = min(float(x[0]) for x, kind in zip(self.radii.limits, kinds, strict=True) if kind.barrier)
         tiles = np.flatnonzero(self.tile_extremes[:, 2] > 0)[:4]
         i, j = nearest_pair_beyond(least, self.lists, tiles, self.X[: self.m], self.n)
         return int(self.ids[i]), int(self.ids[j])
@@ -353,8 +296,8 @@ class ParticleArrays:
 
     def _fill_means(self) -> None:
         n = self.n
-        if len(self.A) and self.spec.mass_each:
-            mass = self.A[0, :n].astype(np.float64)
+        if len(self.parameters.A) and self.spec.mass_each:
+            mass = self.parameters.A[0, :n].astype(np.float64)
             self.M[:] = (self.X[:, :n] * mass).sum(axis=1) / mass.sum()
         else:
             self.M[:] = self.X[:, :n].mean(axis=1, dtype=np.float64)
@@ -362,11 +305,12 @@ class ParticleArrays:
     def swap(self, stride: float) -> None:
         """Make Y the state, reached by a drift over the time ``stride``."""
         self.agents, self.successor = self.successor, self.agents
-        self.elapsed += stride
         self.top_speed = float(np.sqrt(self.extremes[0]))
         if self.obstacles is not None:
-            self.obstacles.moved(abs(stride) * (self.top_speed + float(np.linalg.norm(self.C))), abs(stride))
-        self.bound += abs(stride) * self.top_speed * (1.0 + 1e-6) + self._rounding
+            self.obstacles.moved(
+                abs(stride) * (self.top_speed + float(np.linalg.norm(self.displacement.velocity))), abs(stride)
+            )
+        self.displacement.add(stride, self.top_speed)
 
     def adopt(self, scenario: Scenario, spec: KernelSpec, t: float) -> None:
         """Obey another law over graphs of the same kinds from now on; links are kept.
@@ -376,18 +320,18 @@ class ParticleArrays:
         spec
             What fixes the kernel of the other law.
         """
-        self.spec, self.graphs = spec, scenario.law.graphs
+        before, self.spec = self.spec, spec
+        if only_numbers_differ(before, spec):
+            self.radii.graphs = scenario.law.graphs
+            self._set_parameters(scenario, t)
+            return
         self.kernel = tile_kernels(spec).move
         self.sums = np.zeros((self.tiles if spec.ledger else 1, len(sums_of(spec))), np.float64)
-        self.cutoffs = cutoffs_of(self.graphs, spec)
         self._set_obstacles(scenario)
-        self.set_radii(scenario)
+        self.radii = GraphRadii(scenario.law.graphs, spec, self.ids, self.n)
         self._set_parameters(scenario, t)
-        self.edges = [
-            sensed_offsets(g, self.n) if k.fixed else None for g, k in zip(self.graphs, spec.graphs, strict=True)
-        ]
         self._build_fixed()
-        self.bound = np.inf
+        self.displacement.bound = np.inf
         if self.moving:
             self.rebuild(0.0)
 
@@ -407,10 +351,10 @@ class ParticleArrays:
             self._ids_buffer,
             self.tile_extremes,
             self.sums,
-            self.A,
-            self.reference,
+            self.parameters.A,
+            self.displacement.reference,
         ]
         sorter = self.sorter
-        arrays += [sorter.key, sorter.key_buffer, sorter.index_buffer, sorter.order, sorter.start, *self.each]
+        arrays += [sorter.key, sorter.key_buffer, sorter.index_buffer, sorter.order, sorter.start, *self.radii.each]
         spares = [b.spare for b in self.builders if b.spare is not None]
         return int(sum(a.nbytes for a in arrays)) + sum(x.nbytes for x in [*self.lists, *spares] if x is not None)

@@ -1,0 +1,340 @@
+"""All engines by name: those of this library, those that other packages bring, and those registered while it runs.
+
+An engine is imported when it is used. A package brings one by an entry point of the group ``flocking.engines``, whose
+name is that of the engine and whose object is an instance of `flocking.engine.protocol.engine.Engine`.
+"""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, is_dataclass
+from functools import lru_cache
+from importlib import import_module
+
+from flocking.engine.interruption import interrupted
+from flocking.engine.protocol.engine import Engine
+from flocking.engine.protocol.options import UnknownOption, nearest, unknown_option
+from flocking.errors import EngineMissing, FlockingError, InvalidInput, SuspectInput
+from flocking.model.law import Law, Scenario
+
+GROUP = "flocking.engines"
+"""Group of the entry points that bring engines."""
+
+AUTO = "auto"
+NAME = re.compile(r"[a-z][a-z0-9_-]*")
+OWN_PACKAGE = "flocking"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Where an engine is found.
+
+    Parameters
+    ----------
+    name
+        Its name.
+    target
+        The engine itself, or ``"module:attribute"``.
+    package
+        The package that brings it.
+    automatic_from, interactive_from
+        Smallest group for which ``"auto"`` takes it, in a run and on a page that is looked at; never where absent.
+    """
+
+    name: str
+    target: Engine | str
+    package: str
+    automatic_from: int | None = None
+    interactive_from: int | None = None
+
+    def load(self) -> Engine:
+        """The engine.
+
+        Raises
+        ------
+        EngineMissing
+            When it cannot be imported, or is no engine.
+        """
+        if isinstance(self.target, Engine):
+            return self.target
+        module, _, attribute = self.target.partition(":")
+        try:
+            found = vars(import_module(module)).get(attribute)
+        except FlockingError:
+            raise
+        except Exception as error:
+            if interrupted(error) or self.package == OWN_PACKAGE:
+                raise
+            raise EngineMissing(
+                f"engine={self.name!r} of the package {self.package} cannot be imported: "
+                f"{type(error).__name__}: {error}. Install it afresh, or report it to its authors."
+            ) from error
+        try:
+            check_engine(found)
+        except InvalidInput as error:
+            raise EngineMissing(f"engine={self.name!r}: {self.target} of the package {self.package}: {error}") from None
+        assert isinstance(found, Engine)
+        if found.name != self.name:
+            raise EngineMissing(
+                f"engine={self.name!r} of the package {self.package} calls itself {found.name!r}. "
+                "Its entry point must have the engine's name."
+            )
+        return found
+
+
+BUILT_IN = {
+    entry.name: entry
+    for entry in (
+        Entry("exact", "flocking.engine.exact.engine:ENGINE", OWN_PACKAGE, 0, 0),
+        Entry("tiles", "flocking.engine.tiles.engine:ENGINE", OWN_PACKAGE, 2001, 301),
+        Entry("lammps", "flocking.engine.lammps.engine:ENGINE", OWN_PACKAGE),
+    )
+}
+"""Engines of this library. Beyond 2,000 agents, 300 on a page, ``"auto"`` takes the tiled one where it can run them."""
+
+_registered: dict[str, Entry] = {}
+
+
+def check_engine(engine: object) -> None:
+    """Refuse what is no engine.
+
+    Raises
+    ------
+    InvalidInput
+        When it is not an `Engine`, or its name or its options are none.
+    """
+    if not isinstance(engine, Engine):
+        raise InvalidInput(
+            "register_engine", "engine", "must be an instance of flocking.engine.protocol.engine.Engine", engine,
+            "Derive a class from it, and register an instance.",
+        )  # fmt: skip
+    try:
+        name: object = engine.name
+        options: object = engine.options
+    except AttributeError as error:
+        raise InvalidInput(
+            "register_engine", str(error.name), "must be stated by the class of an engine", engine
+        ) from None
+    if not isinstance(name, str) or not NAME.fullmatch(name) or name == AUTO:
+        raise InvalidInput(
+            "register_engine", "name", f"must be lower-case letters, digits, - and _, and not {AUTO!r}", name
+        )
+    if not (isinstance(options, type) and is_dataclass(options)):
+        raise InvalidInput("register_engine", "options", f"of engine {name!r} must be a dataclass", options)
+
+
+def register_engine(engine: Engine) -> None:
+    """Let ``engine=`` and ``--engine`` know another engine, in this process and in the workers of its sweeps.
+
+    A package that is to be known to every process declares an entry point of the group ``flocking.engines`` instead.
+
+    Parameters
+    ----------
+    engine
+        The engine.
+
+    Raises
+    ------
+    InvalidInput
+        When it is none, or another one has its name.
+    """
+    check_engine(engine)
+    register_entry(Entry(engine.name, engine, type(engine).__module__.partition(".")[0]))
+
+
+def register_entry(entry: Entry) -> None:
+    """Let another engine be known; one that is known already under this entry stays.
+
+    Raises
+    ------
+    InvalidInput
+        When another one has its name.
+    """
+    other = BUILT_IN.get(entry.name) or _registered.get(entry.name) or _installed().get(entry.name)
+    if other is not None and other != entry and other.target is not entry.target:
+        raise InvalidInput(
+            "register_engine", "name", f"must not be that of another engine, which the package {other.package} brings",
+            entry.name, "Give it another name, or take the other one out with unregister_engine.",
+        )  # fmt: skip
+    _registered[entry.name] = entry
+
+
+def unregister_engine(name: str) -> None:
+    """Forget an engine that `register_engine` was given.
+
+    Raises
+    ------
+    InvalidInput
+        When there is none of that name.
+    """
+    if name not in _registered:
+        raise InvalidInput("unregister_engine", "name", "must be that of a registered engine", name)
+    del _registered[name]
+
+
+def adopt_entries(entries: Iterable[Entry]) -> None:
+    """Let engines be known that the process knows for which this one works.
+
+    Parameters
+    ----------
+    entries
+        What `registered` gave there.
+    """
+    _registered.update({entry.name: entry for entry in entries if entry.name not in BUILT_IN})
+
+
+def registered() -> tuple[Entry, ...]:
+    """Engines that this process alone knows, for other processes that work for it."""
+    return tuple(_registered.values())
+
+
+@lru_cache(maxsize=1)
+def _installed() -> Mapping[str, Entry]:
+    """Engines that installed packages bring. They are not imported."""
+    from importlib.metadata import entry_points
+
+    found: dict[str, Entry] = {}
+    for point in sorted(entry_points(group=GROUP), key=lambda p: (p.name, p.value)):
+        package = point.dist.name if point.dist is not None else point.module
+        other = BUILT_IN.get(point.name) or found.get(point.name)
+        entry = Entry(point.name, f"{point.module}:{point.attr}", package)
+        if other is not None and other != entry:
+            warnings.warn(
+                f"The engine {point.name!r} of the package {package} is not used: the package {other.package} brings "
+                "one of that name.",
+                SuspectInput, stacklevel=2,
+            )  # fmt: skip
+        elif NAME.fullmatch(point.name) and point.name != AUTO:
+            found[point.name] = entry
+        else:
+            warnings.warn(
+                f"The engine {point.name!r} of the package {package} is not used: its name must be lower-case "
+                "letters, digits, - and _.",
+                SuspectInput, stacklevel=2,
+            )  # fmt: skip
+    return found
+
+
+def entry_named(name: str) -> Entry | None:
+    """Where the engine of a name is found; None where there is none."""
+    return BUILT_IN.get(name) or _registered.get(name) or _installed().get(name)
+
+
+def engine_names() -> tuple[str, ...]:
+    """Names of all engines that there are."""
+    return tuple({**BUILT_IN, **_registered, **_installed()})
+
+
+def check_name(owner: str, name: object) -> str:
+    """The name of an engine, or ``"auto"``.
+
+    Parameters
+    ----------
+    owner
+        What the message speaks of.
+    name
+        What was given.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no such engine.
+    """
+    if isinstance(name, str) and (name == AUTO or entry_named(name) is not None):
+        return name
+    names = (AUTO, *engine_names())
+    fix = nearest(name, names) if isinstance(name, str) else ""
+    raise InvalidInput(owner, "engine", f"must be one of {', '.join(names)}", name, fix)
+
+
+def engine_named(name: str) -> Engine:
+    """The engine of a name.
+
+    Raises
+    ------
+    InvalidInput
+        When there is none.
+    EngineMissing
+        When it cannot be imported.
+    """
+    check_name("start", name)
+    entry = entry_named(name)
+    if entry is None:
+        raise InvalidInput("start", "engine", f"must be one of {', '.join(engine_names())} here", name)
+    return entry.load()
+
+
+def chosen_engine(scenario: Scenario, engine: str, plant: Law | None = None, *, interactive: bool = False) -> str:
+    """The engine that ``"auto"`` means for a scenario; any other name is left as it is.
+
+    Parameters
+    ----------
+    engine
+        Name of an engine, or ``"auto"``.
+    plant
+        The law the agents really obey, where it is not the scenario's; then it is the engine of the smallest groups.
+    interactive
+        Whether somebody looks on and waits.
+    """
+    if not isinstance(engine, str) or engine != AUTO:
+        return engine
+    n = scenario.start.n if plant is None else 0
+
+    def smallest(entry: Entry) -> int | None:
+        return entry.interactive_from if interactive else entry.automatic_from
+
+    ranked = sorted(
+        ((least, name) for name, entry in BUILT_IN.items() if (least := smallest(entry)) is not None and least <= n),
+        reverse=True,
+    )
+    return next((name for _, name in ranked[:-1] if not BUILT_IN[name].load().why_not(scenario, plant)), ranked[-1][1])
+
+
+ARGUMENTS = ("engine", "fine", "plant", "progress", "save")
+"""What `flocking.simulate` takes beside the options of an engine."""
+
+
+def options_of(engine: Engine, given: Mapping[str, object]) -> object:
+    """Options of an engine; the error of an unknown one names the engines that have it.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no such option, or a value breaks a rule.
+    """
+    try:
+        return engine.options_from(given)
+    except UnknownOption as error:
+        having = [name for name in engine_names() if error.parameter in _option_names(name)]
+        if not having:
+            own = {*engine.option_names, *ARGUMENTS}
+            raise unknown_option(error.parameter, error.value, own, engine.name) from None
+        owners = " and ".join(f"engine={name!r}" for name in having)
+        raise InvalidInput("start", error.parameter, f"is an option of {owners} alone", error.value) from None
+
+
+def _option_names(name: str) -> tuple[str, ...]:
+    entry = entry_named(name)
+    try:
+        return () if entry is None else entry.load().option_names
+    except EngineMissing:
+        return ()
+
+
+def missing_engine(folder: object, name: str, package: str) -> EngineMissing:
+    """Why a stored run cannot go on: its engine is not there.
+
+    Parameters
+    ----------
+    folder
+        Where the run is.
+    name, package
+        The engine, and the package that brought it; empty where the run does not say.
+    """
+    fix = f"Install the package {package!r}" if package else "Install the package that brings it"
+    return EngineMissing(
+        f"{folder}: this run was made by engine={name!r}, which is not registered here. {fix}, or give the engine to "
+        "flocking.register_engine before the run goes on. What is stored can be read without it."
+    )

@@ -1,0 +1,75 @@
+"""The entry of the exact engine, and runs of it to one end after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+from flocking.engine.exact.session import ExactOptions, ExactSession
+from flocking.engine.protocol.engine import Engine
+from flocking.engine.protocol.session import Packed, Session, Stored
+from flocking.engine.protocol.stages import longer
+from flocking.engine.runs.run import Run
+from flocking.errors import InvalidInput
+from flocking.model.law import Law, Scenario
+
+MOST_AGENTS = 20_000
+"""Largest group of this engine, which holds a matrix of all pairs."""
+
+LEAD = 0.02
+"""How long before an end, in parts of the scenario's own length, the session that goes on is left for it."""
+
+
+class ExactEngine(Engine):
+    """Adaptive steps of order 8, each of which ends where a link switches."""
+
+    name = "exact"
+    summary = "locates every switch of a link; up to 20,000 agents"
+    options = ExactOptions
+
+    def check(self, scenario: Scenario, plant: Law | None = None) -> None:
+        """Refuse groups whose matrix of pairs would not fit."""
+        if scenario.start.n > MOST_AGENTS:
+            raise InvalidInput(
+                "start", "engine", f"must be 'tiles' for more than {MOST_AGENTS} agents",
+                f"{self.name!r} for {scenario.start.n}", "The exact engine looks at every pair.",
+            )  # fmt: skip
+
+    def open(self, scenario: Scenario, options: object, *, plant: Law | None = None) -> ExactSession:
+        """Start a session."""
+        assert isinstance(options, ExactOptions)
+        self.check(scenario, plant)
+        return ExactSession(scenario, options, plant=plant)
+
+    def open_unrecorded(self, scenario: Scenario) -> Session:
+        """Start a session that keeps no frames, which do not move its steps."""
+        return self.open(scenario.with_(frames=1), ExactOptions())
+
+    def unpack(self, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:
+        """The session that was packed."""
+        return ExactSession.unpack(packed, stored, changes)
+
+    def in_stages(
+        self, scenario: Scenario, ends: Sequence[float], options: object, *, plant: Law | None = None
+    ) -> Iterator[Run]:
+        """Runs to each of several ends without starting anew for any; the first alone keeps fine samples."""
+        assert isinstance(options, ExactOptions)
+        first = scenario.t_end - scenario.start.t
+        # This session meets no end: its steps near one are those of a run that has it far ahead.
+        complete = longer(scenario, ends[-1]).with_(t_end=ends[-1] + first)
+        session = ExactSession(complete, options, plant=plant)
+        left = session.snapshot()
+        for end in ends:
+            session.advance(max(end - LEAD * first, session.time))
+            if session.snapshot(records=False).segment.t1 <= end:
+                left = session.snapshot()
+            part = longer(scenario, end)
+            left.recorder.frame_times = part.frame_times
+            last = ExactSession.resume(replace(left, scenario=part))
+            last.advance(end)
+            yield last.run()
+            session.records.fine = left.recorder.fine = None
+
+
+ENGINE = ExactEngine()
+"""The one entry."""

@@ -1,0 +1,173 @@
+"""The entry of an engine: its name, its options, what it supports, and how its sessions are opened."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields
+
+from flocking.engine.protocol.options import from_keywords
+from flocking.engine.protocol.session import Packed, Session, Stored
+from flocking.engine.protocol.stages import longer
+from flocking.engine.protocol.team import ONE_PROCESS, Team
+from flocking.engine.runs.run import Run
+from flocking.errors import FlockingError
+from flocking.model.law import Law, Scenario
+
+
+class Engine(ABC):
+    """One way to compute a scenario.
+
+    Attributes
+    ----------
+    name
+        What ``engine=`` and ``--engine`` call it: lower-case letters, digits, ``-`` and ``_``.
+    summary
+        What it is for, in a few words.
+    options
+        A dataclass of its options, each with a default, which refuses values that break a rule.
+    """
+
+    name: str
+    summary: str
+    options: type[object]
+
+    free_options: frozenset[str] = frozenset()
+    """Options on which results do not depend: another value may be given where a stored run goes on."""
+
+    command_line_options: Mapping[str, object] = {}
+    """Values that the command line gives to options which its user leaves out."""
+
+    large_group_options: Mapping[str, object] = {}
+    """Values that suit groups of millions."""
+
+    @abstractmethod
+    def check(self, scenario: Scenario, plant: Law | None = None) -> None:
+        """Refuse by name what this engine cannot run.
+
+        Parameters
+        ----------
+        plant
+            The law the agents really obey, where it is not the scenario's.
+
+        Raises
+        ------
+        UnsupportedLaw, InvalidInput
+            When it cannot; the message names the part and the way out.
+        """
+
+    @abstractmethod
+    def open(self, scenario: Scenario, options: object, *, plant: Law | None = None) -> Session:
+        """Start a session.
+
+        Parameters
+        ----------
+        scenario
+            What to simulate.
+        options
+            An instance of `options`.
+        plant
+            The law the agents really obey, where it is not the scenario's.
+
+        Raises
+        ------
+        UnsupportedLaw, InvalidInput
+            As `check` does, and where the scenario cannot be started.
+        EngineMissing
+            When a package that the engine needs is not installed.
+        """
+
+    @abstractmethod
+    def unpack(self, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:
+        """The session that was packed.
+
+        Parameters
+        ----------
+        packed, stored, changes
+            As `flocking.engine.protocol.session.Session.unpack` takes them.
+
+        Raises
+        ------
+        MalformedError, ValueError, KeyError, TypeError
+            As that does.
+        """
+
+    def open_unrecorded(self, scenario: Scenario) -> Session:
+        """Start a session that keeps no frames, however long it goes on; its steps are those of `open`.
+
+        Raises
+        ------
+        UnsupportedLaw, InvalidInput
+            As `open` does.
+        """
+        session = self.open(scenario, self.options())
+        session.records.keep_no_frames()
+        return session
+
+    def team(self) -> Team:
+        """The processes that run it together, before there is a session."""
+        return ONE_PROCESS
+
+    def why_not(self, scenario: Scenario, plant: Law | None = None) -> str:
+        """Why it cannot run a scenario; empty where it can.
+
+        Parameters
+        ----------
+        plant
+            The law the agents really obey, where it is not the scenario's.
+        """
+        try:
+            self.check(scenario, plant)
+        except FlockingError as error:
+            return str(error)
+        return ""
+
+    @property
+    def option_names(self) -> tuple[str, ...]:
+        """Names of its options."""
+        return tuple(f.name for f in fields(self.options))  # type: ignore[arg-type]
+
+    def options_from(self, given: Mapping[str, object]) -> object:
+        """Its options from keyword arguments.
+
+        Raises
+        ------
+        InvalidInput
+            When there is no such option, or a value breaks a rule.
+        """
+        return from_keywords(self.options, given, self.name)
+
+    def stored_options(self, data: Mapping[str, object]) -> object:
+        """Its options as a run on disk holds them.
+
+        Raises
+        ------
+        InvalidInput, TypeError
+            When they are none.
+        """
+        return self.options_from(data)
+
+    def in_stages(
+        self, scenario: Scenario, ends: Sequence[float], options: object, *, plant: Law | None = None
+    ) -> Iterator[Run]:
+        """Runs of a scenario to each of several ends, each as if that had been the end from the start.
+
+        An engine whose steps do not depend on the end need not start anew for each.
+
+        Parameters
+        ----------
+        ends
+            Ascending times, the first no earlier than the scenario's end.
+        options
+            An instance of `options`.
+
+        Raises
+        ------
+        SimulationError
+            When the run cannot go on.
+        """
+        for end in ends:
+            session = self.open(longer(scenario, end), options, plant=plant)
+            session.advance(end)
+            yield session.run()
+            session.close()

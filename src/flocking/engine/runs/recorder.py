@@ -1,0 +1,284 @@
+"""What a session writes down while it runs, and what of it is already on disk; engines add what is theirs."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Self
+
+import numpy as np
+
+from flocking.arrays import Array, Links, Reals
+from flocking.engine.runs.columns import GROWING
+from flocking.engine.runs.new_records import NewRecords, RecordLayout, RecordTables, stacked_columns
+from flocking.engine.runs.run import OBSERVED_FIELDS, SWITCH_FIELDS, TRACE_FIELDS, Closest, Run, SwitchRow
+from flocking.errors import InvalidInput
+from flocking.model.law import Scenario
+
+MOST_FRAME_BYTES = 8 * 2**30
+"""Frames of a run that is not written to disk while it goes on may take so much memory."""
+
+MOST_LINKED = 2000
+"""Larger groups carry no link matrix in their states and frames."""
+
+MOST_LINK_BYTES = 256 * 2**20
+"""Frames hold link matrices only up to this size in total."""
+
+UNKNOWN_ERRORS = (np.inf, np.inf)
+"""Errors of a frame of which nothing is known."""
+
+NO_COLUMNS: Mapping[str, Array] = MappingProxyType({})
+"""What frames of agents without further columns hold of them."""
+
+
+class Recorder:
+    """Collects the records of a run.
+
+    Attributes
+    ----------
+    t, q, p, columns, links, errors
+        Frames in memory: times, positions, velocities, further columns and, where they are kept, links and errors.
+    switches, trace, observed
+        Rows of `SWITCH_FIELDS`, `TRACE_FIELDS` and `OBSERVED_FIELDS` in memory.
+    stored
+        Numbers of records that are on disk alone.
+    closest_linked, closest_unlinked
+        Closest pairs until now.
+
+    Parameters
+    ----------
+    scenario
+        Frame times and sizes.
+    precision
+        ``"float64"`` or ``"float32"``, of the stored frames.
+    keep_frames
+        Whether positions and velocities are stored.
+    with_links
+        Whether frames hold link matrices; where absent those of groups that are not too large do.
+    with_errors
+        Whether errors of frames are known.
+    observe
+        Whether there are observations.
+    lets_go
+        Whether records that are on disk leave memory.
+    """
+
+    open_rows = 0
+    """How many of the last rows of the ledger may still change."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        *,
+        precision: str = "float64",
+        keep_frames: bool = True,
+        with_links: bool | None = None,
+        with_errors: bool = False,
+        observe: bool = False,
+        lets_go: bool = True,
+    ) -> None:
+        self.frame_times = scenario.frame_times
+        self.n, self.m = scenario.start.q.shape
+        self.precision, self.dtype = precision, np.dtype(precision)
+        self.keep_frames, self.with_errors, self.observe, self.lets_go = keep_frames, with_errors, observe, lets_go
+        small = self.n <= MOST_LINKED and len(self.frame_times) * self.n**2 <= MOST_LINK_BYTES
+        self.with_links = keep_frames and (small if with_links is None else with_links)
+        self.stored = dict.fromkeys(GROWING, 0)
+        self.t: list[float] = []
+        self.q: list[Reals] = []
+        self.p: list[Reals] = []
+        self.columns: list[Mapping[str, Array]] = []
+        self.links: list[Links] = []
+        self.errors: list[tuple[float, float]] = []
+        self.switches: list[SwitchRow] = []
+        self.trace: list[tuple[float, ...]] = []
+        self.observed: list[tuple[float, ...]] = []
+        self.closest_linked = Closest()
+        self.closest_unlinked = Closest()
+        self._skipped = 0
+
+    def copy(self) -> Self:
+        """One that goes on by itself. The records are shared: none is changed after it was made."""
+        other = copy.copy(self)
+        for name, value in vars(self).items():
+            if isinstance(value, list | dict):
+                setattr(other, name, copy.copy(value))
+        return other
+
+    @property
+    def count(self) -> int:
+        """Number of frames until now: in memory, on disk, or not kept."""
+        return self._skipped + self.stored["time"] + len(self.t)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Numbers of records of each kind, on disk and in memory."""
+        now = {
+            "time": len(self.t), "step": len(self.trace), "switch": len(self.switches),
+            "observation": len(self.observed),
+        }  # fmt: skip
+        return {name: self.stored[name] + now[name] for name in GROWING}
+
+    def due(self, t: float) -> bool:
+        """Whether a frame is due at time ``t``, on or after its time."""
+        return self.count < len(self.frame_times) and bool(t >= self.frame_times[self.count])
+
+    def keep_no_frames(self) -> None:
+        """Drop the frames in memory, and keep none that comes later."""
+        self._skipped += len(self.t)
+        for rows in (self.t, self.q, self.p, self.columns, self.links, self.errors):
+            rows.clear()
+        self.keep_frames = self.with_links = False
+
+    def skip(self) -> None:
+        """Pass a frame that is due and not kept."""
+        self._skipped += 1
+
+    def frame(
+        self,
+        t: float,
+        q: Reals,
+        p: Reals,
+        links: Links | None = None,
+        errors: tuple[float, float] = UNKNOWN_ERRORS,
+        observed: tuple[float, ...] | None = None,
+        columns: Mapping[str, Array] = NO_COLUMNS,
+    ) -> None:
+        """Store a frame.
+
+        Parameters
+        ----------
+        q, p
+            Positions and velocities, shape (N, m).
+        links
+            Link matrix, shape (N, N), where there is one.
+        errors
+            Errors of any position and of any velocity in it.
+        observed
+            Observations of the frame, fields `OBSERVED_FIELDS`.
+        columns
+            Further columns of the agents by name, shape (N, width) each.
+        """
+        if observed is not None:
+            self.observed.append(observed)
+        if not self.keep_frames:
+            self.skip()
+            return
+        # The time comes last: a frame counts once it has one, so an interrupt in between loses nothing else.
+        count = len(self.t)
+        self.q[count:], self.p[count:] = [q.astype(self.dtype)], [p.astype(self.dtype)]
+        self.columns[count:] = [{name: values.copy() for name, values in columns.items()}]
+        if self.with_links and links is not None:
+            self.links[count:] = [np.array(links, dtype=bool)]
+        if self.with_errors:
+            self.errors[count:] = [errors]
+        self.t.append(t)
+
+    @property
+    def frame_bytes(self) -> float:
+        """Memory of a frame that leaves memory once it is on disk."""
+        return self.n * self.m * 2.0 * self.dtype.itemsize if self.keep_frames and self.lets_go else 0.0
+
+    @property
+    def waiting(self) -> float:
+        """Bytes of frames in memory that wait for the disk."""
+        return len(self.t) * self.frame_bytes
+
+    def check_fits(self) -> None:
+        """Refuse frames that memory cannot hold together.
+
+        Raises
+        ------
+        InvalidInput
+            When they would take more than 8 GiB.
+        """
+        size = len(self.frame_times) * self.frame_bytes
+        if size > MOST_FRAME_BYTES:
+            raise InvalidInput(
+                "Scenario", "frames", f"must fit in {MOST_FRAME_BYTES / 2**30:g} GiB of memory for {self.n} agents",
+                f"{len(self.frame_times)} frames ({size / 2**30:.3g} GiB)",
+                "Save the run while it goes on (save=folder, --out), ask for fewer frames, or set keep_frames=False "
+                "and observe=True.",
+            )  # fmt: skip
+
+    @property
+    def layout(self) -> RecordLayout:
+        """How the records are stored on disk, as options of `flocking.engine.storage.run_writer.RunWriter.create`."""
+        return {
+            "with_links": self.with_links, "precision": self.precision, "observed": self.observe,
+            "with_errors": self.with_errors,
+        }  # fmt: skip
+
+    def since(self, counts: Mapping[str, int], *, complete: bool) -> NewRecords:
+        """What came after the first ``counts`` records of each kind; unless ``complete``, without open ledger rows."""
+        first = {name: counts[name] - self.stored[name] for name in GROWING}
+        frames = slice(first["time"], len(self.t))
+        rows = self.trace if complete else self.trace[: len(self.trace) - self.open_rows]
+        q, p = self._motion(frames)
+        return NewRecords(
+            np.array(self.t[frames]), q, p, np.array(self.links[frames]) if self.with_links else None,
+            np.array(self.switches[first["switch"] :], dtype=SWITCH_FIELDS),
+            np.array(rows[first["step"] :], dtype=TRACE_FIELDS),
+            np.array(self.observed[first["observation"] :], dtype=OBSERVED_FIELDS) if self.observe else None,
+            np.array(self.errors[frames]).reshape(-1, 2) if self.with_errors else None,
+            stacked_columns(self.columns[frames]),
+        )  # fmt: skip
+
+    def forget(self, counts: Mapping[str, int]) -> None:
+        """Let go of the first ``counts`` records of each kind, which are on disk now, unless all stay in memory."""
+        if not self.lets_go:
+            return
+        for rows, kind in (
+            (self.t, "time"), (self.q, "time"), (self.p, "time"), (self.columns, "time"), (self.links, "time"),
+            (self.errors, "time"), (self.trace, "step"), (self.switches, "switch"), (self.observed, "observation"),
+        ):  # fmt: skip
+            del rows[: counts[kind] - self.stored[kind]]
+        self.stored = {name: counts[name] for name in GROWING}
+
+    def recall(self, counts: Mapping[str, int], read: Callable[[], Run]) -> None:
+        """Go on after the records of a run that was stopped.
+
+        Parameters
+        ----------
+        counts
+            Numbers of records on disk, by kind.
+        read
+            Gives the run; called only where all records stay in memory.
+        """
+        if self.lets_go:
+            self.stored = {name: counts.get(name, 0) for name in GROWING}
+            return
+        run = read()
+        self.t, self.q, self.p = [float(t) for t in run.t], list(run.q), list(run.p)
+        self.columns = [{name: x[k] for name, x in run.columns.items()} for k in range(len(run.t))]
+        self.links = list(run.links) if self.with_links else []
+        self.switches, self.trace = run.switches.tolist(), run.trace.tolist()
+        self.observed = [] if run.observables is None else run.observables.tolist()
+        self.closest_linked, self.closest_unlinked = run.closest_linked, run.closest_unlinked
+        if self.with_errors:
+            known = run.accuracy
+            self.errors = [UNKNOWN_ERRORS] * len(run.t) if known is None else [(q, p) for q, p in known.frames.tolist()]
+
+    def _motion(self, frames: slice) -> tuple[Reals, Reals]:
+        none = np.zeros((0, self.n, self.m), self.dtype)
+        q, p = (np.array(x[frames]) if x[frames] else none for x in (self.q, self.p))
+        return q, p
+
+    def tables(self) -> RecordTables:
+        """The records in memory as arrays, by the names of `Run`."""
+        frames = len(self.t)
+        q, p = self._motion(slice(0, frames))
+        links = np.zeros((frames, 0, 0), dtype=bool)
+        if self.with_links and len(self.links) >= frames:
+            links = np.array(self.links[:frames], dtype=bool).reshape(frames, self.n, self.n)
+        return {
+            "t": np.array(self.t), "q": q, "p": p, "links": links, "columns": stacked_columns(self.columns[:frames]),
+            "switches": np.array(self.switches, dtype=SWITCH_FIELDS),
+            "trace": np.array(self.trace, dtype=TRACE_FIELDS),
+            "observables": np.array(self.observed, dtype=OBSERVED_FIELDS) if self.observe else None,
+        }  # fmt: skip
+
+    def frame_errors(self) -> Array:
+        """Errors of positions and velocities at the frames in memory, shape (F, 2)."""
+        return np.array(self.errors[: len(self.t)], dtype=np.float64).reshape(len(self.t), 2)

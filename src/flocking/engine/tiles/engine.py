@@ -1,0 +1,47 @@
+"""The entry of the tiled engine."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from flocking.engine.protocol.engine import Engine
+from flocking.engine.protocol.session import Packed, Session, Stored
+from flocking.engine.reference.plants import check_plant
+from flocking.engine.tiles.kernels.spec import check_supported
+from flocking.engine.tiles.options import TilesOptions
+from flocking.engine.tiles.session import TilesSession
+from flocking.model.law import Law, Scenario
+
+
+class TilesEngine(Engine):
+    """Fixed steps over neighbour lists, sixteen agents at a time."""
+
+    name = "tiles"
+    summary = "fixed steps, for large groups"
+    options = TilesOptions
+    free_options = frozenset({"threads"})
+    command_line_options = {"observe": True}  # noqa: RUF012  never changed
+
+    def check(self, scenario: Scenario, plant: Law | None = None) -> None:
+        """Refuse what has no tiled kernel."""
+        check_supported(scenario)
+        if plant is not None:
+            check_plant("TilesSession", scenario.law, plant)
+            check_supported(scenario.with_(law=plant))
+
+    def open(self, scenario: Scenario, options: object, *, plant: Law | None = None) -> TilesSession:
+        """Start a session."""
+        assert isinstance(options, TilesOptions)
+        return TilesSession(scenario, options, plant=plant)
+
+    def open_unrecorded(self, scenario: Scenario) -> Session:
+        """Start a session that keeps no frames; its steps fall on their times all the same."""
+        return self.open(scenario, TilesOptions(keep_frames=False))
+
+    def unpack(self, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:
+        """The session that was packed."""
+        return TilesSession.unpack(packed, stored, changes)
+
+
+ENGINE = TilesEngine()
+"""The one entry."""

@@ -1,0 +1,144 @@
+"""The loop of a kernel over the neighbours of one tile."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from flocking.engine.tiles.kernels.spec import GraphKind
+from flocking.engine.tiles.kernels.writer import Writer, distance, parameter
+
+if TYPE_CHECKING:
+    import sympy
+
+    from flocking.engine.kernels.expressions import PairFormulas
+
+
+def pair_loop(w: Writer, number: int, pair: PairFormulas) -> list[str]:
+    """Loop over the neighbours of one tile under one graph.
+
+    Parameters
+    ----------
+    w
+        Takes the formulas that are the same for all agents.
+    number
+        Number of the graph.
+    pair
+        Formulas of its pairs.
+    """
+    from flocking.engine.kernels.source_text import free_names
+
+    spec = w.spec
+    kind = spec.graphs[number]
+    requested = {"along": pair.along, "drag": pair.drag}
+    if spec.ledger:
+        requested |= {"storage": pair.storage, "dissipation": pair.dissipation, "supply": pair.supply}
+    requested = {name: value for name, value in requested.items() if value != 0}
+    if not requested and not kind.barrier:
+        return []
+    names = free_names(requested.values()).others
+    lane = _neighbour_lines(w, number, needs_velocity="drag" in requested or bool(names & {"speed2", "radial", "pull"}))
+    lane += _link_lines(kind, number)
+    lane += ["apart = linked & (square > T(0.0))", f"safe = select(square > T(0.0), square, safe{number})"]
+    lane += ["inverse_r = inverse_root(safe)", "r = safe * inverse_r"]
+    lane += ["near = select(linked & (square < near), square, near)"]
+    if kind.barrier:
+        lane += ["broken = select(was & ~inside, T(1.0), broken)"]
+    lane += _relative_motion_lines(w, names)
+    results = dict(requested)
+    if "along" in results:
+        # Dividing inside the expression lets common factors of r cancel.
+        results["along"] = results["along"] / distance()
+    met = _at_contact(requested)
+    results |= {f"met_{name}": value for name, value in met.items()}
+    lane += w.statements(results, f"g{number}_", {"r": "inverse_r"})
+    lane += [f"{name} = select(square > T(0.0), {name}, met_{name})" for name in met]
+    lane += _sum_lines(w, number, requested)
+    return [f"for step in range(count{number}[tile]):", *("    " + line for line in lane)]
+
+
+def _neighbour_lines(w: Writer, number: int, *, needs_velocity: bool) -> list[str]:
+    """The neighbours in one row of a list, and where they are, seen from the agents of the tile."""
+    kind, axes = w.spec.graphs[number], w.axes
+    marked = kind.memory or kind.fixed
+    lines = [
+        f"at = (first{number}[tile] + step) * 16",
+        f"entry = load(rows{number}, at)",
+        "j = entry & NUMBER" if marked else "j = entry",
+    ]
+    there = [f"{letter}{k}_there" for letter in "qp" for k in axes]
+    lines += [f"{', '.join(there)} = gather_agents(X, rows{number}, at, {'NUMBER' if marked else 'ALL'})"]
+    lines += [f"d{k} = q{k}_there - q{k}" for k in axes]
+    if needs_velocity:
+        lines += [f"v{k} = p{k}_there - p{k}" for k in axes]
+    return [*lines, "square = " + " + ".join(f"d{k} * d{k}" for k in axes), "other = j != i"]
+
+
+def _link_lines(kind: GraphKind, number: int) -> list[str]:
+    """Which of the neighbours are linked; the entries of a graph with memory remember it."""
+    if kind.fixed:
+        return ["linked = other"]
+    leave = f"load(each{number}, base)" if kind.uneven else f"leave{number}"
+    lines = [f"inside = square < {leave}"]
+    if not kind.memory:
+        return [*lines, "linked = other & inside"]
+    enter = "inside" if kind.uneven else f"(square < enter{number})"
+    return [
+        *lines,
+        "was = other & (entry > NUMBER)",
+        f"linked = select(hold, was, other & inside & (was | {enter}))",
+        f"store(rows{number}, at, select(linked, j | LINKED, j))",
+    ]
+
+
+def _relative_motion_lines(w: Writer, names: frozenset[str]) -> list[str]:
+    """Products of distances and velocities that the formulas of a pair read."""
+    axes, lines = w.axes, []
+    if "speed2" in names:
+        lines += ["speed2 = " + " + ".join(f"v{k} * v{k}" for k in axes)]
+    if "radial" in names:
+        lines += ["radial = (" + " + ".join(f"d{k} * v{k}" for k in axes) + ") * inverse_r"]
+    relative = [f"(p{k} - {f})" for k, f in enumerate(w.frame())]
+    if "push" in names:
+        lines += ["push = (" + " + ".join(f"d{k} * {f}" for k, f in enumerate(relative)) + ") * inverse_r"]
+    if "pull" in names:
+        lines += ["pull = " + " + ".join(f"v{k} * {f}" for k, f in enumerate(relative))]
+    return lines
+
+
+def _sum_lines(w: Writer, number: int, requested: dict[str, sympy.Expr]) -> list[str]:
+    """What the neighbours in one row add to the forces and to the ledger."""
+    spec, lines = w.spec, []
+    for k in w.axes:
+        terms = []
+        if "along" in requested:
+            terms.append(f"select(apart, along, T(0.0)) * d{k}")
+        if "drag" in requested:
+            terms.append(f"select(linked, drag, T(0.0)) * v{k}")
+        if terms:
+            lines += [f"pull{k} = pull{k} + " + " + ".join(terms)]
+    if spec.damped and "drag" in requested:
+        lines += ["dragged = dragged + select(linked, drag, T(0.0))"]
+    if not spec.ledger:
+        return lines
+    for name in ("storage", "dissipation", "supply"):
+        if name in requested:
+            lines += [f"total_{name} = total_{name} + select(linked, {name}, T(0.0))"]
+    if "storage" in requested and spec.graphs[number].memory:
+        change = "select(linked, storage, T(0.0)) - select(was, storage, T(0.0))"
+        lines += [f"total_jumped = total_jumped + ({change})"]
+    if number == 0:
+        lines += ["links = links + select(linked, T(1.0), T(0.0))"]
+    return lines
+
+
+def _at_contact(requested: dict[str, sympy.Expr]) -> dict[str, sympy.Expr]:
+    """Limits, where two agents coincide, of the formulas that depend on the distance and have one."""
+    from flocking.formula.contact import limit_at_contact
+
+    still = {parameter("radial"): 0, parameter("push"): 0}
+    found = {}
+    for name, value in requested.items():
+        limit = limit_at_contact(value.subs(still), distance()) if name != "along" else None
+        if limit is not None and value.has(distance()):
+            found[name] = limit
+    return found

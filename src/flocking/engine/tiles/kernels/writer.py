@@ -1,0 +1,89 @@
+"""Parts of the source of a kernel, with what they read."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from flocking.engine.tiles.kernels.spec import KernelSpec
+from flocking.formula.contact import ENDLESS
+
+if TYPE_CHECKING:
+    import sympy
+
+    from flocking.engine.kernels.expressions import LawFormulas
+
+
+class Writer:
+    """Collects the parts of the source of a kernel.
+
+    Parameters
+    ----------
+    spec
+        What fixes the kernel.
+    formulas
+        Formulas of the law.
+    """
+
+    def __init__(self, spec: KernelSpec, formulas: LawFormulas) -> None:
+        from flocking.engine.tiles.kernels.printing import Lifter
+
+        self.spec, self.formulas = spec, formulas
+        self.axes = range(spec.dimension)
+        self.lifter = Lifter(self.uniform)
+        self.per_agent: set[str] = set()
+        self.encounter_values: list[sympy.Expr] = []
+
+    def uniform(self, name: str) -> bool:
+        """Whether a symbol, by name, has one value for all agents."""
+        if name in ("A0", "A1"):
+            return not (self.spec.mass_each, self.spec.damping_each)[int(name[1])]
+        return name in ("t", ENDLESS) or name.startswith(("P", "mean_"))
+
+    def statements(
+        self, results: dict[str, sympy.Expr], prefix: str, inverses: dict[str, str] | None = None
+    ) -> list[str]:
+        """Lines that compute ``results`` for one lane; notes which rows of A they read.
+
+        Parameters
+        ----------
+        results
+            Formulas by name.
+        prefix
+            Start of the names of intermediate values.
+        inverses
+            Names of what holds one over a symbol.
+        """
+        from flocking.engine.kernels.source_text import free_names
+        from flocking.engine.tiles.kernels.printing import vector_statements
+
+        lifted = {name: self.lifter.lift(value) for name, value in results.items()}
+        names = free_names(lifted.values())
+        self.per_agent |= {a for a in names.per_agent if not self.uniform(a)}
+        weights = [self._weight(w) for w in names.per_pair]
+        return weights + vector_statements(lifted, prefix, inverses)
+
+    def _weight(self, name: str) -> str:
+        number = int(name[1:])
+        mine, theirs = "load(ids, base)", "gather(ids, j)"
+        if self.spec.weights[number] == "hash":
+            uniform = f"pair_uniform(seeds[{number}], {mine}, {theirs})"
+            return f"{name} = narrow(seed_low{number} + seed_width{number} * {uniform}, T(0.0))"
+        return f"{name} = narrow(gather(matrices[{number}], widen({mine}) * n + widen({theirs})), T(0.0))"
+
+    def frame(self) -> list[str]:
+        """Velocity of the energy's frame, one name per axis."""
+        return [f"frame{k}" for k in self.axes]
+
+
+def parameter(name: str) -> sympy.Symbol:
+    """The symbol of a value that may have either sign."""
+    import sympy
+
+    return sympy.Symbol(name, real=True)
+
+
+def distance() -> sympy.Symbol:
+    """The symbol of the distance of a pair."""
+    import sympy
+
+    return sympy.Symbol("r", positive=True)

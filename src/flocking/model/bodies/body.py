@@ -1,0 +1,221 @@
+"""The declaration of a body: named columns, their rates, and the input that a wanted force becomes."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array, array, axes_of, scalar_or_each
+from flocking.model.parts.description import Group, add_group
+
+if TYPE_CHECKING:
+    import sympy
+
+MOTION = ("q", "p")
+"""Columns that hold the point a law sees: its position, and its velocity where a body has one."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A named quantity that every agent has beside position and velocity, and that changes with time.
+
+    Parameters
+    ----------
+    name
+        Its name, an identifier of Python.
+    width
+        How many numbers it has; None for one for each axis of space.
+
+    Raises
+    ------
+    InvalidInput
+        When the name is no identifier or that of a position or velocity, or the width is not positive.
+    """
+
+    name: str
+    width: int | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name.isidentifier() or self.name in MOTION:
+            raise InvalidInput("Column", "name", "must be an identifier other than q and p", self.name)
+        if self.width is not None and (
+            isinstance(self.width, bool) or not isinstance(self.width, int) or self.width < 1
+        ):
+            raise InvalidInput("Column", "width", "must be a positive whole number, or None", self.width)
+
+    def size(self, dimension: int) -> int:
+        """How many numbers an agent has in ``dimension`` dimensions."""
+        return dimension if self.width is None else self.width
+
+
+@dataclass(frozen=True)
+class MotionSymbols:
+    """What a body may use about agent i.
+
+    Parameters
+    ----------
+    q, p
+        Position and velocity, m expressions each; velocities of bodies without that column are zero.
+    u
+        Force that the law wants, m expressions.
+    t
+        Time.
+    mass, damping
+        m_i and k_i.
+    columns
+        Expressions of each further column, by name.
+    parameter
+        Symbol of one of the body's own parameters, by name.
+    let
+        Symbol of one of the expressions of `Body.lets`, by name.
+    """
+
+    q: Sequence[sympy.Expr]
+    p: Sequence[sympy.Expr]
+    u: Sequence[sympy.Expr]
+    t: sympy.Expr
+    mass: sympy.Expr
+    damping: sympy.Expr
+    columns: Mapping[str, Sequence[sympy.Expr]]
+    parameter: Callable[[str], sympy.Expr]
+    let: Callable[[str], sympy.Expr]
+
+
+class Body(ABC):
+    """What an agent is: which numbers describe it and how they change under the force that its law wants.
+
+    A body has a position ``q``, which is the point that the law sees. One of order 2 has a velocity ``p`` beside it,
+    with ``q' = p``; one of order 1 has none, and the law sees zero. Further columns are those of `columns`.
+    A subclass is a frozen dataclass that states `order` and `rates`, and what else is not as here. Its fields may be
+    numbers or one number for each agent; those that formulas need are its `parameters`.
+    """
+
+    masses: float | Array = 1.0
+    """One mass for all, or one for each agent: the weight of an agent in means, and that of terms which use it."""
+    damping: float | Array = 0.0
+    """Velocity damping gains k_i, one for all or one for each agent."""
+    headings: Array | None = None
+    """Directions that do not change, for graphs that look at them."""
+
+    @property
+    @abstractmethod
+    def order(self) -> int:
+        """2 where an agent has a velocity of its own, 1 where its velocity is its input."""
+
+    @abstractmethod
+    def rates(self, x: MotionSymbols) -> dict[str, Sequence[sympy.Expr]]:
+        """Rate of change of every column: ``p`` for bodies of order 2, ``q`` for those of order 1, and all others."""
+
+    def lets(self, x: MotionSymbols) -> dict[str, sympy.Expr]:
+        """Expressions that are computed once for `rates`, in order: each may use those before it, by ``x.let``."""
+        return {}
+
+    def kinetic(self, x: MotionSymbols, relative: Sequence[sympy.Expr]) -> sympy.Expr:
+        """Kinetic energy of an agent: m |w|^2/2 of its velocity relative to the frame of the energy, 0 for order 1.
+
+        Parameters
+        ----------
+        x
+            The agent.
+        relative
+            Its velocity w relative to the frame, m expressions.
+        """
+        import sympy
+
+        if self.order == 1:
+            return sympy.Integer(0)
+        return x.mass * sum((w**2 for w in relative), sympy.Integer(0)) / 2
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """What an agent has beside position and velocity."""
+        return ()
+
+    def widths(self, dimension: int) -> dict[str, int]:
+        """How many numbers an agent has in each of `columns`, in ``dimension`` dimensions, by name."""
+        return {column.name: column.size(dimension) for column in self.columns}
+
+    @property
+    def parameters(self) -> dict[str, float | Array]:
+        """Numbers that formulas use, by name, beside masses and damping."""
+        return {}
+
+    @property
+    def structure(self) -> tuple[object, ...]:
+        """What fixes the formulas: the kind of body and everything of it that is no run-time parameter."""
+        return (type(self).__module__, type(self).__qualname__)
+
+    def start(self, column: str, q: Array, p: Array) -> Array:
+        """Values of a column where a start does not give them: zero.
+
+        Parameters
+        ----------
+        column
+            Its name.
+        q, p
+            Positions and velocities, shape (N, m).
+        """
+        return np.zeros((len(q), self.widths(q.shape[1])[column]))
+
+    def missing_columns(self, given: Mapping[str, Array], q: Array, p: Array) -> dict[str, Array]:
+        """Where the columns begin that a state does not give, by name.
+
+        Parameters
+        ----------
+        given
+            Columns of the state by name.
+        q, p
+            Its positions and velocities, shape (N, m).
+        """
+        return {c.name: self.start(c.name, q, p) for c in self.columns if c.name not in given}
+
+    @property
+    def homogeneous(self) -> bool:
+        """Whether rates are the same everywhere and at all times; then engines may choose the origin."""
+        return False
+
+    @property
+    def inert(self) -> bool:
+        """Whether rates are also the same for all observers who move uniformly."""
+        return False
+
+    def check_fields(self) -> None:
+        """Check masses, damping and headings, and put them in the form that engines use.
+
+        Raises
+        ------
+        InvalidInput
+            When a mass is not positive, a damping gain is negative, or headings have no such shape.
+        """
+        owner = type(self).__name__
+        object.__setattr__(self, "masses", scalar_or_each(owner, "masses", self.masses, above=0.0))
+        object.__setattr__(self, "damping", scalar_or_each(owner, "damping", self.damping, least=0.0))
+        if self.headings is not None:
+            ndim = axes_of(self.headings)
+            if ndim not in (1, 3):
+                raise InvalidInput(owner, "headings", "must have shape (N,) or (N, d, d)", f"{ndim} axes")
+            object.__setattr__(self, "headings", array(owner, "headings", self.headings, ndim=ndim))
+
+    def check_count(self, n: int) -> None:
+        """Check that per-agent values are given for exactly ``n`` agents.
+
+        Raises
+        ------
+        InvalidInput
+            When an array has another length.
+        """
+        own = {"masses": self.masses, "damping": self.damping, "headings": self.headings, **self.parameters}
+        for name, value in own.items():
+            if value is not None and np.ndim(value) and len(np.asarray(value)) != n:
+                raise InvalidInput(
+                    type(self).__name__, name, f"must have one value for each of the {n} agents",
+                    f"{len(np.asarray(value))} values",
+                )  # fmt: skip
+
+
+add_group(Group("agents", Body, key="kind", default="agents"))

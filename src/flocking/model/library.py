@@ -1,0 +1,43 @@
+"""All parts of this library, and what parts of one's own are made of: importing this module registers them."""
+
+from flocking.model import starts as _starts  # noqa: F401
+from flocking.model.bodies.body import Body as Body
+from flocking.model.bodies.body import Column as Column
+from flocking.model.bodies.point_bodies import PointMass as PointMass
+from flocking.model.bodies.point_bodies import SingleIntegrator as SingleIntegrator
+from flocking.model.energy import Energy as Energy
+from flocking.model.graphs.distance_graphs import Fixed as Fixed
+from flocking.model.graphs.distance_graphs import Graph as Graph
+from flocking.model.graphs.distance_graphs import Hysteresis as Hysteresis
+from flocking.model.graphs.distance_graphs import Proximity as Proximity
+from flocking.model.graphs.smooth_graphs import PerAgentRadii as PerAgentRadii
+from flocking.model.graphs.smooth_graphs import Smooth as Smooth
+from flocking.model.graphs.views import Cone as Cone
+from flocking.model.graphs.views import FieldOfView as FieldOfView
+from flocking.model.graphs.views import SmoothCone as SmoothCone
+from flocking.model.graphs.weights import HashedWeights as HashedWeights
+from flocking.model.graphs.weights import MatrixWeights as MatrixWeights
+from flocking.model.law import Law as Law
+from flocking.model.law import Scenario as Scenario
+from flocking.model.leaders_and_obstacles.leaders import Leader as Leader
+from flocking.model.leaders_and_obstacles.leaders import Path as Path
+from flocking.model.leaders_and_obstacles.leaders import Sink as Sink
+from flocking.model.leaders_and_obstacles.leaders import Velocity as Velocity
+from flocking.model.leaders_and_obstacles.obstacles import Ball as Ball
+from flocking.model.leaders_and_obstacles.obstacles import Obstacle as Obstacle
+from flocking.model.leaders_and_obstacles.obstacles import Wall as Wall
+from flocking.model.leaders_and_obstacles.polygons import ConvexPolygon as ConvexPolygon
+from flocking.model.parts.registration import register_part as register_part
+from flocking.model.potentials.bumps import Bump as Bump
+from flocking.model.potentials.potential import Potential as Potential
+from flocking.model.potentials.structural_potential import structural_potential as structural_potential
+from flocking.model.state import Agents as Agents
+from flocking.model.state import State as State
+from flocking.model.terms.avoidance import Avoid as Avoid
+from flocking.model.terms.body_terms import BodyTerm as BodyTerm
+from flocking.model.terms.body_terms import Compensate as Compensate
+from flocking.model.terms.body_terms import Track as Track
+from flocking.model.terms.pair_terms import Consensus as Consensus
+from flocking.model.terms.pair_terms import Gradient as Gradient
+from flocking.model.terms.pair_terms import PairTerm as PairTerm
+from flocking.model.terms.schedules import Schedule as Schedule

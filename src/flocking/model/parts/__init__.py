@@ -1,0 +1,1 @@
+"""What a part is: its fields, described once, from which files, JSON, schemas, controls and messages derive."""

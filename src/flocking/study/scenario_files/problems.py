@@ -1,0 +1,64 @@
+"""Faults of a file, each with its place, its rule, what was given and the usual way out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from flocking.errors import InvalidInput, said
+
+LONGEST_SHOWN = 60
+"""Characters of a wrong value that a message repeats."""
+
+Path = tuple[str | int, ...]
+"""Keys and positions that lead to a place in a file."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One fault of a file.
+
+    Parameters
+    ----------
+    place
+        Path in the file, such as ``terms[1].gain``.
+    rule
+        What must hold.
+    given
+        What was given, as text; empty where nothing was.
+    fix
+        The usual way out.
+    """
+
+    place: str
+    rule: str
+    given: str = ""
+    fix: str = ""
+
+    def __str__(self) -> str:
+        got = f"; got {self.given}" if self.given else ""
+        return f"{self.place}: {self.rule}{got}" + (f". {self.fix}" if self.fix else "")
+
+
+def place_of(path: Iterable[str | int]) -> str:
+    """A path as text, such as ``terms[1].gain``."""
+    text = ""
+    for step in path:
+        text += f"[{step}]" if isinstance(step, int) else f".{step}" if text else step
+    return text or "file"
+
+
+def shown(value: object) -> str:
+    """A value as text of at most 60 characters."""
+    if isinstance(value, dict):
+        return "a table"
+    if isinstance(value, list) and len(value) > 8:
+        return f"a list of {len(value)} entries"
+    text = said(value)
+    return text if len(text) <= LONGEST_SHOWN else text[: LONGEST_SHOWN - 3] + "..."
+
+
+def problem_of(error: InvalidInput, place: str) -> Problem:
+    """The fault that a part tells, at a place of the file."""
+    given = error.value if isinstance(error.value, str) else shown(error.value)
+    return Problem(place, error.rule, given, error.fix)

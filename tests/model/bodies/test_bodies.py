@@ -1,0 +1,144 @@
+"""Bodies: declarations are checked, and a scenario completes what a start leaves out."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.engine.kernels.expressions import motion_formulas
+from flocking.engine.kernels.layout import Layout
+from flocking.model.serial import from_data, to_data
+from tests.bodies import Actuated
+
+LAW = fk.Law(fk.Proximity(2.0), [fk.Consensus(1.0)])
+START = fk.State(np.array([[0.0, 0.0], [1.0, 0.5], [0.2, 1.1]]), np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.2]]))
+
+
+def motion(body, dimension=2):
+    return motion_formulas(Layout(LAW, fk.Energy(), body), dimension)
+
+
+def test_agents_are_point_masses_or_single_integrators():
+    for agents, body in (
+        (fk.Agents(2.0, 0.3), fk.PointMass(2.0, 0.3)), (fk.Agents(order=1), fk.SingleIntegrator()),
+    ):  # fmt: skip
+        assert motion(agents) == motion(body)
+        assert agents.structure == body.structure
+        assert agents.order == body.order
+
+
+def test_runs_of_agents_and_of_bodies_are_equal_to_the_bit():
+    for agents, body in (
+        (fk.Agents(2.0, 0.3), fk.PointMass(2.0, 0.3)), (fk.Agents(order=1), fk.SingleIntegrator()),
+    ):  # fmt: skip
+        one, two = (fk.simulate(fk.Scenario(LAW, START, 1.0, agents=x, frames=3)) for x in (agents, body))
+        assert fk.first_difference(one, two) is None
+
+
+def test_bodies_is_another_word_for_agents():
+    body = fk.PointMass(2.0)
+    scenario = fk.Scenario(LAW, START, 1.0, bodies=body)
+    assert scenario.agents is scenario.bodies is body
+    assert scenario.with_(bodies=fk.SingleIntegrator()).agents.order == 1
+    assert replace(scenario, t_end=2.0).bodies is body
+    with pytest.raises(fk.InvalidInput, match="Scenario: bodies must be given once"):
+        fk.Scenario(LAW, START, 1.0, agents=body, bodies=body)
+    with pytest.raises(fk.InvalidInput, match="must be a body, such as PointMass"):
+        fk.Scenario(LAW, START, 1.0, bodies=2.0)
+
+
+def test_an_ideal_body_departs_in_nothing():
+    assert motion(fk.PointMass()).departure == 0
+    assert motion(fk.SingleIntegrator()).departure == 0
+    assert motion(Actuated()).departure != 0
+
+
+def test_a_scenario_has_every_column():
+    scenario = fk.Scenario(LAW, START, 1.0, bodies=Actuated())
+    assert scenario.start.columns["force"].tolist() == [[0.0, 0.0]] * 3
+    given = replace(START, columns={"force": np.ones((3, 2))})
+    assert fk.Scenario(LAW, given, 1.0, bodies=Actuated()).start.columns["force"].tolist() == [[1.0, 1.0]] * 3
+
+
+@pytest.mark.parametrize(
+    ("columns", "says"),
+    [
+        ({"torque": np.zeros((3, 2))}, "columns of Actuated alone, which are: force"),
+        ({"force": np.zeros((3, 3))}, "2 numbers for each agent in column 'force'"),
+        ({"force": np.zeros((2, 2))}, "a row for each of the 3 agents"),
+        ({"force": np.full((3, 2), np.nan)}, "must be finite"),
+    ],
+)
+def test_columns_that_do_not_fit_are_refused(columns, says):
+    with pytest.raises(fk.InvalidInput, match=says):
+        fk.Scenario(LAW, replace(START, columns=columns), 1.0, bodies=Actuated())
+
+
+def test_columns_of_a_body_without_any_are_refused():
+    with pytest.raises(fk.InvalidInput, match="columns of Agents alone, which are: none"):
+        fk.Scenario(LAW, replace(START, columns={"force": np.zeros((3, 2))}), 1.0)
+
+
+@pytest.mark.parametrize("name", ["q", "p", "not a name", 3])
+def test_names_of_columns_are_checked(name):
+    with pytest.raises(fk.InvalidInput, match="identifier other than q and p"):
+        fk.Column(name)
+
+
+@pytest.mark.parametrize("width", [0, -1, 1.5, True])
+def test_widths_of_columns_are_checked(width):
+    with pytest.raises(fk.InvalidInput, match="positive whole number"):
+        fk.Column("force", width)
+
+
+@pytest.mark.parametrize(
+    ("kind", "fields", "says"),
+    [
+        (fk.PointMass, {"masses": 0.0}, "PointMass: masses must be greater than 0"),
+        (fk.PointMass, {"damping": -1.0}, "PointMass: damping"),
+        (fk.SingleIntegrator, {"masses": [1.0, -1.0]}, "SingleIntegrator: masses must be greater than 0"),
+        (fk.PointMass, {"headings": np.zeros((2, 2))}, "PointMass: headings"),
+    ],
+)
+def test_values_of_bodies_are_checked(kind, fields, says):
+    with pytest.raises(fk.InvalidInput, match=says):
+        kind(**fields)
+
+
+def test_values_of_other_groups_are_refused():
+    with pytest.raises(fk.InvalidInput, match="time_constant must have one value for each of the 3 agents"):
+        fk.Scenario(LAW, START, 1.0, bodies=Actuated(time_constant=np.ones(4)))
+
+
+def test_rates_that_do_not_fit_the_columns_are_refused():
+    @dataclass(frozen=True, eq=False)
+    class Silent(Actuated):
+        def rates(self, x):
+            return {"p": list(x.u)}
+
+    @dataclass(frozen=True, eq=False)
+    class Slow(fk.SingleIntegrator):
+        def rates(self, x):
+            return {"q": [u / 2 for u in x.u]}
+
+    for body, says in (
+        (Silent(), "Silent: rates must be those of"),
+        (Slow(), "Slow: rates must move agents of order 1"),
+    ):
+        with pytest.raises(fk.InvalidInput, match=says):
+            fk.simulate(fk.Scenario(LAW, START, 1.0, bodies=body))
+
+
+def test_bodies_go_through_files():
+    for body in (fk.PointMass([1.0, 2.0, 3.0], 0.1), fk.SingleIntegrator(2.0)):
+        scenario = fk.Scenario(LAW, START, 1.0, bodies=body)
+        again = from_data(to_data(scenario))
+        assert to_data(again) == to_data(scenario)
+        assert type(again.agents) is type(body)
+
+
+@pytest.mark.parametrize("engine", ["tiles", "lammps"])
+def test_other_engines_refuse_other_bodies_by_name(engine):
+    with pytest.raises(fk.FlockingError, match="Actuated agents, only point masses"):
+        fk.simulate(fk.Scenario(LAW, START, 1.0, bodies=Actuated()), engine=engine)
