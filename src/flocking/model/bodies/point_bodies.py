@@ -66,7 +66,13 @@ class PointMass(Body):
 
 
 def is_point_mass(body: Body) -> bool:
-    """Whether agents move as `PointMass` says, which engines with a fixed step and theorems of the papers assume."""
+    """Whether agents move as `PointMass` says, which engines with a fixed step and theorems of the papers assume.
+
+    Parameters
+    ----------
+    body
+        The agents of a scenario.
+    """
     return body.structure == PointMass().structure
 
 
