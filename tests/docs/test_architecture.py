@@ -20,6 +20,8 @@ HOMES = {
     "change what beta- and gamma-agents do": "class Avoid(",
     "add a body, such as one with an actuator": "class PointMass(",
     "change how rates of bodies are printed": "def motion_source(",
+    "change what agents of order 1 see of a law": "def flow_formulas(",
+    "let the engines with a fixed step move another body": "STRUCTURES =",
     "add a graph with another link rule": "class Graph(",
     "add a bump function": "class Bump",
     "add a shape of obstacle": "class Obstacle(",

@@ -18,6 +18,7 @@ import pytest
 
 import flocking as fk
 from flocking.apps import cli
+from tests.bodies import Actuated
 
 LARGE = """
 name = "large"
@@ -109,8 +110,9 @@ def test_the_engine_is_chosen_by_size(large: Path, tmp_path: Path, capsys: pytes
         scenario = fk.Scenario(law, fk.start.hexagonal(n, spacing=2.0, seed=1), t_end=0.01, frames=1)
         engines[n] = fk.simulate(scenario, progress=False).provenance["engine"]
     assert engines == {2000: "exact", 2001: "tiles"}
-    first = scenario.with_(agents=fk.Agents(order=1))
-    assert fk.start(first).engine == "exact", "what the tiled engine cannot run is left to the exact one"
+    assert fk.start(scenario.with_(agents=fk.Agents(order=1))).engine == "tiles"
+    actuated = scenario.with_(agents=Actuated())
+    assert fk.start(actuated).engine == "exact", "what the tiled engine cannot run is left to the exact one"
     large.write_text(LARGE.replace("n = 2500", "n = 30000"))
     code, _, err = call(capsys, "run", large, "--engine", "exact")
     assert code == 2

@@ -69,6 +69,9 @@ def scenario(kind: str, n: int = 500) -> fk.Scenario:
         law = fk.Law(fk.Proximity(1.2), [fk.Gradient(structural()), fk.Consensus(0.1, weights=weights, over=ring)])
     else:
         law = zhou(1.2, 0.1) if kind == "hysteresis" else saber()
+    if kind == "single integrators":
+        law = fk.Law(PerAgentRadii(np.linspace(0.8, 1.4, n)), [fk.Gradient(structural())])
+        return fk.Scenario(law, begin, t_end=0.5, frames=11, agents=fk.SingleIntegrator(), name=kind)
     agents = fk.Agents(masses=np.random.default_rng(4).uniform(0.5, 1.0, n)) if kind == "uneven" else fk.Agents()
     return fk.Scenario(law, begin, t_end=0.5, frames=11, agents=agents, name=kind)
 
@@ -101,7 +104,8 @@ OPTIONS: dict[str, Any] = {"engine": "tiles", "step": 0.004, "observe": True, "p
 @pytest.mark.parametrize(
     ("kind", "scheme"),
     [("proximity", "verlet"), ("proximity", "rk4"), ("hysteresis", "verlet"), ("hysteresis", "rk4"),
-     ("scheduled", "damped"), ("obstacles", "verlet"), ("uneven", "verlet"), ("two graphs", "verlet")],
+     ("scheduled", "damped"), ("obstacles", "verlet"), ("uneven", "verlet"), ("two graphs", "verlet"),
+     ("single integrators", "rk4"), ("single integrators", "euler")],
 )  # fmt: skip
 def test_a_stopped_run_goes_on_bit_for_bit_with_any_number_of_threads(
     tmp_path: Path, stop_after: Callable[[int], None], monkeypatch: pytest.MonkeyPatch,

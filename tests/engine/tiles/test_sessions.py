@@ -361,7 +361,7 @@ def test_energy_ledger_sees_a_wrong_kernel(monkeypatch):
 
 
 def test_options_are_checked():
-    for wrong in ({"scheme": "euler"}, {"precision": "half"}, {"step": -1.0}, {"memory_limit": 0.0}):
+    for wrong in ({"scheme": "leapfrog"}, {"precision": "half"}, {"step": -1.0}, {"memory_limit": 0.0}):
         with pytest.raises(fk.InvalidInput):
             TilesOptions(**wrong)
     assert dataclasses.is_dataclass(TilesOptions)

@@ -207,7 +207,16 @@ def test_agents_of_order_1_hold_no_velocities_to_judge() -> None:
     law = fk.Law(fk.Proximity(5.0), [fk.Gradient(fk.Potential("(r-2)**2/2"))])
     start = fk.State([[0.0, 0.0], [1.0, 0.0], [0.0, 1.5]])
     scenario = fk.Scenario(law, start, agents=fk.Agents(order=1), t_end=1.0, frames=101)
-    report = fk.audit(fk.simulate(scenario, progress=False))
+    run = fk.simulate(scenario, progress=False)
+    report = fk.audit(run)
     for key in ("momentum", "velocities-agree", "distances-settle"):
         assert report[key].verdict is Verdict.NOT_RESOLVED, key
         assert "order 1" in report[key].note
+    for key in ("ledger", "energy-falls"):
+        assert report[key].verdict is Verdict.HOLDS, key
+        sampled = fk.audit(run_from_samples(scenario, run.t, run.q, run.p))[key]
+        assert sampled.verdict is Verdict.NOT_APPLICABLE
+        assert "order 1" in sampled.note or "no ledger" in sampled.note
+    # A spring twice as strong descends twice as fast: the declared one does not explain it.
+    plant = fk.Law(fk.Proximity(5.0), [fk.Gradient(fk.Potential("(r-2)**2"))])
+    assert fk.audit(fk.simulate(scenario, plant=plant, progress=False))["ledger"].verdict is Verdict.FAILS

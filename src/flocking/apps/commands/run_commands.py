@@ -53,7 +53,7 @@ def run(
     step
         Time step of the engines with a fixed one; they choose one when absent.
     scheme
-        How tiles takes its steps: verlet, damped (for strong damping) or rk4.
+        How tiles takes its steps: verlet, damped (for strong damping) or rk4; agents of order 1: rk4 or euler.
     precision
         Numbers of tiles: float64 or float32.
     threads

@@ -7,7 +7,7 @@ scenario's own parameters: neither the kernels of an engine nor the numbers it h
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +41,8 @@ class Group:
     Parameters
     ----------
     q, p
-        Positions and velocities of all agents, shape (N, m).
+        Positions and velocities of all agents, shape (N, m). Velocities of agents of order 1 are their controls, which
+        the law does not see: they tell the supply alone, and are the engine's own.
     ids
         Number of each agent, shape (N,).
     t
@@ -98,7 +99,7 @@ class Declared:
 
     def __init__(self, scenario: Scenario, rounding: float) -> None:
         self.scenario, self.rounding = scenario, rounding
-        self._layout = Layout(scenario.law, scenario.energy)
+        self._layout = Layout(scenario.law, scenario.energy, scenario.agents)
         self._module = array_kernels(self._layout, scenario.start.dimension)
 
     def _slots(self, since: float) -> tuple[Array, list[float | Array], list[PairWeights]]:
@@ -128,6 +129,59 @@ class Declared:
             For each graph the places of linked pairs, sensing agents as numbers within ``judged``, and whether it is
             certain that they are linked.
         """
+        if self.scenario.agents.order == 2:
+            return self._seen(group, judged, pairs)
+        still = replace(group, p=np.zeros_like(group.p), mean_p=np.zeros_like(group.mean_p))
+        return self._flow(group, judged, pairs, self._seen(still, judged, pairs))
+
+    def _flow(self, group: Group, judged: Indices, pairs: Sequence[LinkedPairs], seen: Statement) -> Statement:
+        """The same with the powers of agents of order 1; see `flocking.engine.kernels.flow_formulas`."""
+        P, rows, weights = self._slots(group.since)
+        m, count, n = group.q.shape[1], len(judged), self.scenario.start.n
+        q, u = (np.asarray(x[judged], dtype=np.float64) for x in (group.q, group.p))
+        who = group.ids[judged]
+        A = [np.broadcast_to(row, n)[who].astype(np.float64) for row in rows]
+        speed = np.sqrt((seen.force**2).sum(axis=1))
+        square = speed**2
+        off_square = (2.0 * speed + seen.force_error) * (seen.force_error + SAFETY * self.rounding * seen.size)
+        supply, off_supply = np.zeros(count), np.zeros(count)
+        for number, (k, j, certain) in enumerate(pairs):
+            if not len(k):
+                continue
+            d = np.asarray(group.q[j], dtype=np.float64) - q[k]
+            # Controls stand where the formulas of the flow have velocities.
+            given = _pair_values(d, np.asarray(group.p[j], dtype=np.float64) - u[k], u[k])
+            given |= {f"A{x}": row[k] for x, row in enumerate(A)}
+            given |= {f"W{x}": _weights(w, who[k], group.ids[j]) for x, w in enumerate(weights)}
+            found, off = self._both(f"pair_flow{number}", P, given, len(k))
+            still = {**given, "radial": 0.0 * given["radial"], "push": 0.0 * given["push"]}
+            parts = self._sizes(f"pair_sizes{number}", P, still, len(k))["along"]
+            parts = 2.0 * parts * (2.0 * np.abs(given["push"]) + np.abs(given["radial"])) + np.abs(found["supply"])
+            value = 0.5 * found["supply"]
+            doubt = 0.5 * (off["supply"] + SAFETY * self.rounding * parts) + np.where(certain, 0.0, np.abs(value))
+            supply += np.bincount(k, value, minlength=count)
+            off_supply += np.bincount(k, doubt, minlength=count)
+        own_values: dict[str, object] = {"t": group.t, **{f"A{k}": row for k, row in enumerate(A)}}
+        mass = np.broadcast_to(rows[0], n)[group.ids[:n]]
+        mean_u = mass @ np.asarray(group.p[:n], dtype=np.float64) / mass.sum()
+        for x in range(m):
+            own_values |= {f"q{x}": q[:, x], f"p{x}": 0.0 * u[:, x], f"u{x}": u[:, x], f"mean_u{x}": mean_u[x]}
+            own_values |= {f"mean_q{x}": group.mean_q[x], f"mean_p{x}": 0.0}
+        own, off = self._both("body_flow", P, own_values, count)
+        supply += own["supply"]
+        size = np.abs(own["supply"])
+        for met, values in obstacles_met(self.scenario.law, self._layout, self._module, q, P, own_values):
+            push = np.stack([values[f"force{x}"] for x in range(m)], axis=1)
+            np.add.at(supply, met, (push * u[met]).sum(axis=1))
+            strength = np.sqrt((push**2).sum(axis=1) * (u[met] ** 2).sum(axis=1))
+            np.add.at(off_supply, met, NEAR_OBSTACLES * self.rounding * strength)
+        off_supply += off["supply"] + SAFETY * self.rounding * (size + np.abs(supply))
+        powers = np.column_stack([seen.powers[:, :2], square, square, supply])
+        errors = np.column_stack([seen.power_errors[:, :2], off_square, off_square, off_supply])
+        return replace(seen, powers=powers, power_errors=errors)
+
+    def _seen(self, group: Group, judged: Indices, pairs: Sequence[LinkedPairs]) -> Statement:
+        """What is said by the law of the velocities of the group."""
         P, rows, weights = self._slots(group.since)
         m, count = group.q.shape[1], len(judged)
         force, size, error = np.zeros((count, m)), np.zeros(count), np.zeros(count)

@@ -22,7 +22,9 @@ def choose(particles: ParticleArrays, scenario: Scenario, scheme: str) -> float:
     scheme
         Name of the scheme that will take the steps.
     """
-    return largest_step(scenario, [_sampled(particles, number) for number in range(len(particles.lists))], scheme)
+    sampled = [_sampled(particles, number) for number in range(len(particles.lists))]
+    moving = particles.X[particles.m :, : particles.n].T.astype(np.float64) if particles.spec.order == 1 else None
+    return largest_step(scenario, sampled, scheme, moving)
 
 
 def resolves(particles: ParticleArrays, scenario: Scenario, scheme: str) -> float:

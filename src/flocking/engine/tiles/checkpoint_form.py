@@ -66,7 +66,7 @@ class OptionFields(TypedDict, total=False):
     """The options of a session, by the names of `TilesOptions`."""
 
     step: float | None
-    scheme: str
+    scheme: str | None
     precision: str
     threads: int | None
     ledger: bool
@@ -79,8 +79,9 @@ class OptionFields(TypedDict, total=False):
 _OPTIONS = Names(
     {},
     {
-        "step": Maybe(Real()), "scheme": Text(), "precision": Text(), "threads": Maybe(Integer()), "ledger": Flag(),
-        "observe": Flag(), "keep_frames": Flag(), "skin": Maybe(Real()), "memory_limit": Maybe(Real(finite=False)),
+        "step": Maybe(Real()), "scheme": Maybe(Text()), "precision": Text(), "threads": Maybe(Integer()),
+        "ledger": Flag(), "observe": Flag(), "keep_frames": Flag(), "skin": Maybe(Real()),
+        "memory_limit": Maybe(Real(finite=False)),
     },
 )  # fmt: skip
 

@@ -25,6 +25,10 @@ UNSTABLE = 40.0
 """A step so many times longer than one that resolves the start turns damped velocities round, to three times their
 size, and skips whole periods of its oscillations."""
 
+UNSTABLE_DESCENTS = {"euler": 80.0, "rk4": 11.2}
+"""The same for agents of order 1, by scheme: twice the limit of stability, 2 and 2.8, over `DESCENTS`, since the rate
+that a step resolves is a bound by sums, which the true one may be half of."""
+
 MOST_TILES = 4096
 """Tiles whose pairs are measured one by one after a step, those with the closest pairs first: a bound on the time and
 the memory of a check, some 65,000 agents. A pair moves too far for its distance where distances are least."""
@@ -124,7 +128,7 @@ def _check_contact(particles: ParticleArrays, time: float) -> None:
             )  # fmt: skip
 
 
-def stiff_start(step: float, resolves: float, scheme: str, time: float) -> None:
+def stiff_start(step: float, resolves: float, scheme: str, order: int, time: float) -> None:
     """Whether a step that no ledger will judge is beyond all stability at the start.
 
     Parameters
@@ -135,13 +139,16 @@ def stiff_start(step: float, resolves: float, scheme: str, time: float) -> None:
         A step that resolves the forces of the start.
     scheme
         Name of the integrator.
+    order
+        Order of the agents.
 
     Raises
     ------
     StepTooLarge
         When it is.
     """
-    if scheme != "damped" and step > UNSTABLE * resolves:
+    unstable = UNSTABLE if order == 2 else UNSTABLE_DESCENTS[scheme]
+    if scheme != "damped" and step > unstable * resolves:
         why = f"it is {step / resolves:.3g} times one that resolves the forces of the start, and unstable"
         raise step_too_large(step, resolves, why, time=time)
 

@@ -1,4 +1,8 @@
-"""Fixed-step schemes: what one step does to the crowd and to the integrals of the ledger."""
+"""Fixed-step schemes: what one step does to the crowd and to the integrals of the ledger.
+
+Arrays of agents hold position and velocity. Agents of order 1 have no velocity of their own; theirs is that of the last
+step, which no formula reads: neighbour lists and checks do.
+"""
 
 from __future__ import annotations
 
@@ -138,6 +142,30 @@ class Verlet(Integrator):
         return particles.Y[particles.m :] if self.last else particles.X[particles.m :]
 
 
+class Euler(Integrator):
+    """The forward Euler method for agents of order 1: q' = q + h u(q). Links are held during a step.
+
+    Order 1. The ledger's integrals are taken by the same rule, and close to that order.
+    """
+
+    order = 1
+
+    def step(self, particles: ParticleArrays, t: float, h: float) -> None:
+        """Drift by the control at the begin of the step."""
+        particles.require_lists(h)
+        self.ledger_sums.catch_up()
+        particles.move(t, keep=0.0, kick=1.0, drift=h, exponential_damping=0.0)
+        if self.ledger:
+            self.ledger_sums.ahead = h * self.ledger_sums.read(particles)
+            self.ledger_sums.jumped += self.ledger_sums.sums["jumped"]
+        particles.swap(h)
+        self.last, self.counted = h, False
+
+    def look(self, particles: ParticleArrays, t: float, h: float) -> Reals:
+        """One pass without a move; agents of order 1 have no velocity."""
+        return _looked(self, particles, t, h)
+
+
 @native
 def _combine(first, last, base, gained, agents, slopes, weight, ahead, begin):  # type: ignore[no-untyped-def]
     """Add a stage's slope (velocity of ``agents``, acceleration in ``slopes``) to the gain; set the next stage."""
@@ -155,8 +183,37 @@ def _combine(first, last, base, gained, agents, slopes, weight, ahead, begin):  
             agents[i, m + k] = base[i, m + k] + ahead * pull
 
 
+@native
+def _combine_flow(first, last, base, gained, agents, slopes, weight, ahead, begin):  # type: ignore[no-untyped-def]
+    """The same for agents of order 1, whose velocity lies in ``slopes``."""
+    m = agents.shape[1] // 2
+    for i in range(first, last):
+        for k in range(m):
+            speed = slopes[i, m + k]
+            if begin:
+                gained[i, k] = weight * speed
+            else:
+                gained[i, k] += weight * speed
+            agents[i, k] = base[i, k] + ahead * speed
+
+
+def _looked(scheme: Integrator, particles: ParticleArrays, t: float, h: float) -> Reals:
+    """Velocities of agents after a pass that moves nobody, from which the ledger is brought up to date."""
+    particles.require_lists(h)
+    particles.move(t, keep=0.0, kick=1.0, drift=0.0, exponential_damping=0.0)
+    if scheme.ledger:
+        scheme.ledger_sums.catch_up()
+        scheme.ledger_sums.read(particles)
+        scheme.ledger_sums.jumped += scheme.ledger_sums.sums["jumped"]
+    velocities = particles.X[particles.m :]
+    return velocities if particles.spec.order == 2 else np.zeros_like(velocities)
+
+
 class RungeKutta(Integrator):
-    """Classical Runge-Kutta of order 4 with a fixed step; links are held during a step."""
+    """Classical Runge-Kutta of order 4 with a fixed step, for agents of either order; links are held during a step.
+
+    Order 4 between switches; the ledger's integrals are taken by the same rule.
+    """
 
     order = 4
     _stages = ((1.0 / 6.0, 0.5, 0.0), (1.0 / 3.0, 0.5, 0.5), (1.0 / 3.0, 1.0, 0.5), (1.0 / 6.0, 0.0, 1.0))
@@ -187,7 +244,8 @@ class RungeKutta(Integrator):
 
     def _try(self, particles: ParticleArrays, t: float, h: float, base: Reals) -> bool:
         T = particles.dtype
-        gained = np.empty_like(base)
+        gained, second = np.empty_like(base), particles.spec.order == 2
+        combine = _combine if second else _combine_flow
         powers = np.zeros(3)
         for number, (weight, ahead, when) in enumerate(self._stages):
             particles.move(t + when * h, keep=0.0, kick=1.0, drift=0.0, exponential_damping=0.0, hold=number > 0)
@@ -204,10 +262,14 @@ class RungeKutta(Integrator):
                 tile_extremes = particles.tile_extremes.copy()
             both = particles.agents, particles.successor
             particles.workers.each(
-                _combine, particles.size, base, gained, *both, T(weight * h), T(ahead * h), number == 0
+                combine, particles.size, base, gained, *both, T(weight * h), T(ahead * h), number == 0
             )
-            if number == 3:
+            if number == 3 and second:
                 np.add(base, gained, out=particles.agents)
+            elif number == 3:
+                m = particles.m
+                np.add(base[:, :m], gained[:, :m], out=particles.agents[:, :m])
+                np.divide(gained[:, :m], T(h), out=particles.agents[:, m:])
             if particles.obstacles is not None:
                 particles.obstacles.used = np.inf
             particles.displacement.bound = np.inf
@@ -230,22 +292,17 @@ class RungeKutta(Integrator):
         return True
 
     def look(self, particles: ParticleArrays, t: float, h: float) -> Reals:
-        """One pass without a move; velocities are those of the state."""
-        particles.require_lists(h)
-        particles.move(t, keep=0.0, kick=1.0, drift=0.0, exponential_damping=0.0)
-        if self.ledger:
-            self.ledger_sums.catch_up()
-            self.ledger_sums.read(particles)
-            self.ledger_sums.jumped += self.ledger_sums.sums["jumped"]
-        return particles.X[particles.m :]
+        """One pass without a move; velocities are those of the state, of agents of order 1 zero."""
+        return _looked(self, particles, t, h)
 
 
 def integrator_named(name: str, ledger: bool) -> Integrator:
-    """The scheme of a name in `flocking.engine.tiles.kernels.spec.SCHEMES`.
+    """The scheme of a name among the ``SCHEMES`` of `flocking.engine.tiles.kernels.spec`.
 
     Parameters
     ----------
     ledger
         Whether energies are summed on the way.
     """
-    return RungeKutta(ledger) if name == "rk4" else Verlet(ledger)
+    kinds: dict[str, type[Integrator]] = {"rk4": RungeKutta, "euler": Euler}
+    return kinds.get(name, Verlet)(ledger)

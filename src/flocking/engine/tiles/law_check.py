@@ -44,8 +44,8 @@ class Moment:
 class LawCheck:
     """Holds a group against the law its scenario declares.
 
-    With half-step velocities the agents' own change of velocity and place during a step is judged. Elsewhere the
-    accelerations of an extra pass over the state before the step are.
+    Where a step has one pass, the agents' own change of velocity and place during it is judged. Elsewhere the
+    accelerations, of agents of order 1 the velocities, of an extra pass over the state before the step are.
 
     Parameters
     ----------
@@ -53,21 +53,22 @@ class LawCheck:
         The declared scenario.
     dtype
         Type of the numbers of the state.
-    half_steps
-        Whether velocities lie half a step behind positions, without damping within the kick.
+    motion
+        Whether a step has one pass, without damping within the kick: half-step velocities, and the Euler method.
     refuses
         Whether a law that is not obeyed is an error; where agents obey another law on purpose it is only recorded.
     """
 
     def __init__(
-        self, scenario: Scenario, dtype: type[np.float32] | type[np.float64], *, half_steps: bool, refuses: bool
+        self, scenario: Scenario, dtype: type[np.float32] | type[np.float64], *, motion: bool, refuses: bool
     ) -> None:
-        self.scenario, self.half_steps, self.refuses = scenario, half_steps, refuses
+        self.scenario, self.motion, self.refuses = scenario, motion, refuses
+        self.order = scenario.agents.order
         self.eps = float(np.finfo(dtype).eps)
         self.declared = Declared(scenario, self.eps)
 
     def before_step(self, particles: ParticleArrays, moment: Moment, gaps: LawGaps) -> None:
-        """Judge the accelerations of the state before a step; the ledger and the links stay as they are.
+        """Judge what the law makes of the state before a step; the ledger and the links stay as they are.
 
         Parameters
         ----------
@@ -83,23 +84,25 @@ class LawCheck:
         LawNotObeyed
             When they are not those of the declared law.
         """
-        if self.half_steps:
+        if self.motion:
             return
         particles.move(moment.time, keep=0.0, kick=1.0, drift=0.0, exponential_damping=0.0, hold=True)
         places = self._places(particles, moment)
         q, p = (np.asarray(x.T) for x in (particles.X[: particles.m], particles.X[particles.m :]))
-        mass = self._mass(particles, places)
+        mass = self._inertia(particles, places)
         force = mass[:, None] * particles.Y[particles.m :, places].T.astype(np.float64)
+        if self.order == 1:
+            p = np.asarray(particles.Y[particles.m :].T)
         found = self._compared(particles, (q, p), places, force, np.zeros(len(places)), moment, gaps, remembered=True)
         self._require(found, moment, gaps)
 
     def after_step(self, particles: ParticleArrays, kick: float, h: float, moment: Moment, gaps: LawGaps) -> None:
-        """Judge the motion of a step of half-step velocities. The state before it is still in ``particles.Y``.
+        """Judge the motion of a step of one pass. The state before it is still in ``particles.Y``.
 
         Parameters
         ----------
         kick, h
-            Times for which forces acted on velocities, and velocities on places.
+            Times for which forces acted on velocities, of agents of order 2 alone, and velocities on places.
         moment
             When the look is taken.
         gaps
@@ -110,19 +113,25 @@ class LawCheck:
         LawNotObeyed
             When it is not that of the declared law.
         """
-        if not self.half_steps:
+        if not self.motion:
             return
         m, places = particles.m, self._places(particles, moment)
         before, after = (x[:, places].T.astype(np.float64) for x in (particles.Y, particles.X))
-        mass = self._mass(particles, places)
-        force = mass[:, None] * (after[:, m:] - before[:, m:]) / kick
-        speed = np.maximum(np.abs(after[:, m:]).sum(axis=1), np.abs(before[:, m:]).sum(axis=1))
-        rounding = 4.0 * self.eps * mass * speed / kick
+        mass = self._inertia(particles, places)
+        if self.order == 1:
+            # The velocity of the step stands beside the place that it led to.
+            force, kick = after[:, m:].copy(), 1.0
+            speed, rounding = np.abs(force).sum(axis=1), np.zeros(len(places))
+        else:
+            force = mass[:, None] * (after[:, m:] - before[:, m:]) / kick
+            speed = np.maximum(np.abs(after[:, m:]).sum(axis=1), np.abs(before[:, m:]).sum(axis=1))
+            rounding = 4.0 * self.eps * mass * speed / kick
         # A place that is off counts as the force that would have put it there.
         excess = np.sqrt(((after[:, :m] - before[:, :m] - h * after[:, m:]) ** 2).sum(axis=1))
         excess = np.maximum(excess - 4.0 * self.eps * (np.abs(after[:, :m]).sum(axis=1) + h * speed), 0.0)
         force += (mass * excess / (h * kick))[:, None]
-        q, p = (np.asarray(x.T) for x in (particles.Y[:m], particles.Y[m:]))
+        q = np.asarray(particles.Y[:m].T)
+        p = np.asarray((particles.Y if self.order == 2 else particles.X)[m:].T)
         found = self._compared(particles, (q, p), places, force, rounding, moment, gaps, remembered=False)
         self._require(found, moment, gaps)
 
@@ -139,6 +148,10 @@ class LawCheck:
         within: Indices = places[places < particles.n]
         return within
 
+    def _inertia(self, particles: ParticleArrays, places: Indices) -> Array:
+        """By what rates of change are multiplied to be controls: masses, for agents of order 1 one."""
+        return self._mass(particles, places) if self.order == 2 else np.ones(len(places))
+
     def _mass(self, particles: ParticleArrays, places: Indices) -> Array:
         masses = self.scenario.agents.masses
         return np.broadcast_to(masses, particles.n)[particles.ids[places]].astype(np.float64)
@@ -147,7 +160,10 @@ class LawCheck:
         self, particles: ParticleArrays, state: tuple[Reals, Reals], places: Indices, force: Reals, rounding: Reals,
         moment: Moment, gaps: LawGaps, *, remembered: bool,
     ) -> tuple[int | None, str | None]:  # fmt: skip
-        """The agent whose force is not that of the law, and the name of a power that is not; None for none."""
+        """The agent whose force is not that of the law, and the name of a power that is not; None for none.
+
+        ``state`` has positions and velocities; those of agents of order 1 are what the law gave them.
+        """
         scenario = self.scenario
         q, p = state
         energy = scenario.energy

@@ -23,8 +23,8 @@ from flocking.engine.runs.recorder import MOST_LINKED
 from flocking.engine.tiles import automatic_step, checks
 from flocking.engine.tiles.checkpoint import pack_tiles, restore_tiles
 from flocking.engine.tiles.instability import Instability
-from flocking.engine.tiles.integrators import Integrator, Verlet, integrator_named
-from flocking.engine.tiles.kernels.spec import KernelSpec, check_supported, graph_kinds
+from flocking.engine.tiles.integrators import Euler, Integrator, Verlet, integrator_named
+from flocking.engine.tiles.kernels.spec import KernelSpec, check_supported, graph_kinds, scheme_of
 from flocking.engine.tiles.law_check import LawCheck, Moment
 from flocking.engine.tiles.neighbours.listed_pairs import listed_pairs
 from flocking.engine.tiles.neighbours.neighbour_lists import TooManyNeighboursError
@@ -78,7 +78,7 @@ class TilesSession(Session):
         if plant is not None:
             check_plant("TilesSession", scenario.law, plant)
             check_supported(scenario.with_(law=plant))
-        self.scenario, self.options = scenario, options or TilesOptions()
+        self.scenario, self.options = scenario, (options or TilesOptions()).of_order(scenario.agents.order)
         self.plant = plant
         self.time, self.steps = scenario.start.t, 0
         self.workers = Workers(self.options.threads)
@@ -87,7 +87,7 @@ class TilesSession(Session):
         )
         self.farthest = 0.0
         self.law_gaps, self.instability = LawGaps(), Instability()
-        self._integrator: Integrator = integrator_named(self.options.scheme, self.options.ledger)
+        self._integrator: Integrator = integrator_named(self.scheme, self.options.ledger)
         self._particles = self._new_particles(scenario, scenario.start)
         checks.resolution(self._particles, scenario.start.q, self.time)
         self.step, span = self.options.step or self._automatic_step(), scenario.t_end - scenario.start.t
@@ -99,13 +99,18 @@ class TilesSession(Session):
         self._plan = (self.time, self.time, 1, 1)
         self._record()
 
+    @property
+    def scheme(self) -> str:
+        """Name of the integrator."""
+        return scheme_of(self.options.scheme, self.scenario.agents.order)
+
     def _spec(self, scenario: Scenario) -> KernelSpec:
-        layout = Layout(scenario.law, scenario.energy)
+        layout = Layout(scenario.law, scenario.energy, scenario.agents)
         kinds = layout.weight_kinds()
         agents = scenario.agents
         return KernelSpec(
             layout, scenario.start.dimension, self.options.precision, graph_kinds(scenario, self.options.ledger), kinds,
-            np.ndim(agents.masses) > 0, np.ndim(agents.damping) > 0, self.options.scheme == "damped",
+            np.ndim(agents.masses) > 0, np.ndim(agents.damping) > 0, self.scheme == "damped",
             self.options.ledger,
         )  # fmt: skip
 
@@ -119,7 +124,9 @@ class TilesSession(Session):
 
     def _automatic_step(self) -> float:
         self._guarded(lambda: self._particles.require_lists(0.0))
-        return automatic_step.choose(self._particles, self.scenario, self.options.scheme)
+        if self.scenario.agents.order == 1:
+            self._particles.take_velocities(self.time)
+        return automatic_step.choose(self._particles, self.scenario, self.scheme)
 
     @cached_property
     def singular_reach(self) -> float | None:
@@ -129,8 +136,8 @@ class TilesSession(Session):
 
     @cached_property
     def _law_check(self) -> LawCheck:
-        half_steps = isinstance(self._integrator, Verlet) and not self._particles.spec.damped
-        return LawCheck(self.scenario, self._particles.dtype, half_steps=half_steps, refuses=self.plant is None)
+        motion = isinstance(self._integrator, Verlet | Euler) and not self._particles.spec.damped
+        return LawCheck(self.scenario, self._particles.dtype, motion=motion, refuses=self.plant is None)
 
     @property
     def memory_in_use(self) -> int:
@@ -172,7 +179,7 @@ class TilesSession(Session):
         return links
 
     def accelerations(self) -> Array:
-        """Acceleration of every agent at the session's time, without moving; shape (N, m)."""
+        """Acceleration, of agents of order 1 velocity, of every agent now, without moving; shape (N, m)."""
         particles = self._particles
         self._guarded(lambda: particles.require_lists(self.step))
         particles.move(self.time, keep=0.0, kick=1.0, drift=0.0, exponential_damping=0.0, hold=True)
@@ -231,11 +238,11 @@ class TilesSession(Session):
         resolves = np.inf
         if not (self.steps or self.options.ledger):
             self._guarded(lambda: particles.require_lists(h))
-            resolves = automatic_step.resolves(particles, self.scenario, self.options.scheme)
+            resolves = automatic_step.resolves(particles, self.scenario, self.scheme)
         law_checked = self.options.ledger and is_due(self.steps + 1)
         try:
             if law_checked:
-                if not self._law_check.half_steps:
+                if not self._law_check.motion:
                     self._guarded(lambda: particles.require_lists(h))
                 self._law_check.before_step(particles, self._moment, self.law_gaps)
             self._guarded(lambda: self._integrator.step(particles, self.time, h))
@@ -243,12 +250,12 @@ class TilesSession(Session):
             why = "agents move further than the reach of their neighbour lists"
             raise step_too_large(self.step, h, why, time=self.time) from None
         checks.after_step(particles, h, self.records, self.step, self.time, self.singular_reach)
-        checks.stiff_start(self.step, resolves, self.options.scheme, self.time)
+        checks.stiff_start(self.step, resolves, self.scheme, particles.spec.order, self.time)
         if law_checked:
             self._law_check.after_step(particles, 0.5 * (last + h), h, self._moment, self.law_gaps)
         if not self.options.ledger:
             self.instability.look(
-                particles, self.steps, h, self.step, self.time, alternating=self.options.scheme == "verlet"
+                particles, self.steps, h, self.step, self.time, alternating=self.scheme in ("verlet", "euler")
             )  # fmt: skip
         self.farthest = max(self.farthest, 2.0 * particles.top_speed * h)
         if self.options.ledger:
@@ -315,7 +322,7 @@ class TilesSession(Session):
         session = cls.__new__(cls)
         session.scenario, session.options, session.plant = snapshot.scenario, snapshot.options, snapshot.plant
         session.workers = Workers(threads or snapshot.options.threads)
-        session._integrator = integrator_named(snapshot.options.scheme, snapshot.options.ledger)
+        session._integrator = integrator_named(session.scheme, snapshot.options.ledger)
         session._particles = session._new_particles(snapshot.scenario, snapshot.scenario.start)
         snapshot.particles.put_back(session._particles)
         session._integrator.recall(snapshot.scheme)
@@ -354,7 +361,8 @@ class TilesSession(Session):
                 raise InvalidInput("TilesSession", "state", "must keep the number of agents", state.q.shape)
             self._particles = self._new_particles(scenario, state)
         elif spec.graphs == particles.spec.graphs:
-            particles.X[particles.m :] = velocities
+            if self.scenario.agents.order == 2:
+                particles.X[particles.m :] = velocities
             self._guarded(lambda: particles.adopt(scenario, spec, self.time))
         else:
             q, p = particles.in_order(particles.X[: particles.m]), particles.in_order(velocities)
@@ -393,7 +401,7 @@ class TilesSession(Session):
         """Where the results come from, as the run's provenance says."""
         o = self.options
         return super().about | {
-            "step": self.step, "scheme": o.scheme,
+            "step": self.step, "scheme": self.scheme,
             "precision": o.precision, "rebuilds": self._particles.rebuilds, "switches": "not recorded",
             "farthest": self.farthest, **(self.law_gaps.about if o.ledger else {}),
         }  # fmt: skip

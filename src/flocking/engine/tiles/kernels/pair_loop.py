@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from flocking.engine.kernels.expressions import PairFormulas
 
 
-def pair_loop(w: Writer, number: int, pair: PairFormulas) -> list[str]:
+def pair_loop(w: Writer, number: int, pair: PairFormulas, *, flow: bool = False) -> list[str]:
     """Loop over the neighbours of one tile under one graph.
 
     Parameters
@@ -24,6 +24,8 @@ def pair_loop(w: Writer, number: int, pair: PairFormulas) -> list[str]:
         Number of the graph.
     pair
         Formulas of its pairs.
+    flow
+        Whether the supply of agents of order 1 is summed, from their controls in the state beside, and nothing else.
     """
     from flocking.engine.kernels.source_text import free_names
 
@@ -32,18 +34,21 @@ def pair_loop(w: Writer, number: int, pair: PairFormulas) -> list[str]:
     requested = {"along": pair.along, "drag": pair.drag}
     if spec.ledger:
         requested |= {"storage": pair.storage, "dissipation": pair.dissipation, "supply": pair.supply}
+    if flow:
+        requested = {"supply": pair.flow}
     requested = {name: value for name, value in requested.items() if value != 0}
-    if not requested and not kind.barrier:
+    if not requested and (flow or not kind.barrier):
         return []
     names = free_names(requested.values()).others
-    lane = _neighbour_lines(w, number, needs_velocity="drag" in requested or bool(names & {"speed2", "radial", "pull"}))
+    needs_velocity = "drag" in requested or bool(names & {"speed2", "radial", "pull"})
+    lane = _neighbour_lines(w, number, needs_velocity=needs_velocity, flow=flow)
     lane += _link_lines(kind, number)
     lane += ["apart = linked & (square > T(0.0))", f"safe = select(square > T(0.0), square, safe{number})"]
     lane += ["inverse_r = inverse_root(safe)", "r = safe * inverse_r"]
-    lane += ["near = select(linked & (square < near), square, near)"]
-    if kind.barrier:
+    lane += [] if flow else ["near = select(linked & (square < near), square, near)"]
+    if kind.barrier and not flow:
         lane += ["broken = select(was & ~inside, T(1.0), broken)"]
-    lane += _relative_motion_lines(w, names)
+    lane += _relative_motion_lines(w, names, flow=flow)
     results = dict(requested)
     if "along" in results:
         # Dividing inside the expression lets common factors of r cancel.
@@ -52,11 +57,11 @@ def pair_loop(w: Writer, number: int, pair: PairFormulas) -> list[str]:
     results |= {f"met_{name}": value for name, value in met.items()}
     lane += w.statements(results, f"g{number}_", {"r": "inverse_r"})
     lane += [f"{name} = select(square > T(0.0), {name}, met_{name})" for name in met]
-    lane += _sum_lines(w, number, requested)
+    lane += _sum_lines(w, number, requested, counts_links=not flow)
     return [f"for step in range(count{number}[tile]):", *("    " + line for line in lane)]
 
 
-def _neighbour_lines(w: Writer, number: int, *, needs_velocity: bool) -> list[str]:
+def _neighbour_lines(w: Writer, number: int, *, needs_velocity: bool, flow: bool) -> list[str]:
     """The neighbours in one row of a list, and where they are, seen from the agents of the tile."""
     kind, axes = w.spec.graphs[number], w.axes
     marked = kind.memory or kind.fixed
@@ -66,10 +71,15 @@ def _neighbour_lines(w: Writer, number: int, *, needs_velocity: bool) -> list[st
         "j = entry & NUMBER" if marked else "j = entry",
     ]
     there = [f"{letter}{k}_there" for letter in "qp" for k in axes]
-    lines += [f"{', '.join(there)} = gather_agents(X, rows{number}, at, {'NUMBER' if marked else 'ALL'})"]
+    found = f"rows{number}, at, {'NUMBER' if marked else 'ALL'}"
+    lines += [f"{', '.join(there)} = gather_agents(X, {found})"]
+    if flow:
+        beside = [f"{letter}{k}_there" for letter in "xu" for k in axes]
+        lines += [f"{', '.join(beside)} = gather_agents(Y, {found})"] * needs_velocity
     lines += [f"d{k} = q{k}_there - q{k}" for k in axes]
     if needs_velocity:
-        lines += [f"v{k} = p{k}_there - p{k}" for k in axes]
+        letter = "u" if flow else "p"
+        lines += [f"v{k} = {letter}{k}_there - {letter}{k}" for k in axes]
     return [*lines, "square = " + " + ".join(f"d{k} * d{k}" for k in axes), "other = j != i"]
 
 
@@ -90,14 +100,14 @@ def _link_lines(kind: GraphKind, number: int) -> list[str]:
     ]
 
 
-def _relative_motion_lines(w: Writer, names: frozenset[str]) -> list[str]:
+def _relative_motion_lines(w: Writer, names: frozenset[str], *, flow: bool) -> list[str]:
     """Products of distances and velocities that the formulas of a pair read."""
     axes, lines = w.axes, []
     if "speed2" in names:
         lines += ["speed2 = " + " + ".join(f"v{k} * v{k}" for k in axes)]
     if "radial" in names:
         lines += ["radial = (" + " + ".join(f"d{k} * v{k}" for k in axes) + ") * inverse_r"]
-    relative = [f"(p{k} - {f})" for k, f in enumerate(w.frame())]
+    relative = [f"u{k}" for k in axes] if flow else [f"(p{k} - {f})" for k, f in enumerate(w.frame())]
     if "push" in names:
         lines += ["push = (" + " + ".join(f"d{k} * {f}" for k, f in enumerate(relative)) + ") * inverse_r"]
     if "pull" in names:
@@ -105,7 +115,7 @@ def _relative_motion_lines(w: Writer, names: frozenset[str]) -> list[str]:
     return lines
 
 
-def _sum_lines(w: Writer, number: int, requested: dict[str, sympy.Expr]) -> list[str]:
+def _sum_lines(w: Writer, number: int, requested: dict[str, sympy.Expr], *, counts_links: bool) -> list[str]:
     """What the neighbours in one row add to the forces and to the ledger."""
     spec, lines = w.spec, []
     for k in w.axes:
@@ -126,7 +136,7 @@ def _sum_lines(w: Writer, number: int, requested: dict[str, sympy.Expr]) -> list
     if "storage" in requested and spec.graphs[number].memory:
         change = "select(linked, storage, T(0.0)) - select(was, storage, T(0.0))"
         lines += [f"total_jumped = total_jumped + ({change})"]
-    if number == 0:
+    if number == 0 and counts_links:
         lines += ["links = links + select(linked, T(1.0), T(0.0))"]
     return lines
 

@@ -6,16 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flocking.engine.fixed_step.supported_bodies import refused_body
 from flocking.engine.kernels.layout import Layout
-from flocking.errors import UnsupportedLaw
+from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.formula.origins import library_states_all
-from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.weights import HashedWeights, MatrixWeights
 from flocking.model.law import Scenario
 
-SCHEMES = ("verlet", "damped", "rk4")
-"""Half-step-velocity Verlet (as LAMMPS), the same with exponential damping, and Runge-Kutta of order 4."""
+SCHEMES = {2: ("verlet", "damped", "rk4"), 1: ("rk4", "euler")}
+"""Names of the integrators of agents of order 2 and 1, the usual one first: half-step-velocity Verlet (as LAMMPS), the
+same with exponential damping, Runge-Kutta of order 4, and the forward Euler method."""
 
 PRECISIONS: dict[str, type[np.float32] | type[np.float64]] = {"float64": np.float64, "float32": np.float32}
 
@@ -80,6 +81,11 @@ class KernelSpec:
     ledger: bool
 
     @property
+    def order(self) -> int:
+        """Order of the agents, 1 or 2."""
+        return self.layout.bodies.order
+
+    @property
     def kind(self) -> tuple[object, ...]:
         """What fixes the source beside the formulas."""
         return (
@@ -102,10 +108,8 @@ def check_supported(scenario: Scenario) -> None:
     def refuse(what: str) -> UnsupportedLaw:
         return UnsupportedLaw(f"The tiled engine cannot run {what}. Use engine='exact'.")
 
-    if agents.order != 2:
-        raise refuse("first-order agents (Agents(order=1))")
-    if not is_point_mass(agents):
-        raise refuse(f"{type(agents).__name__} agents, only point masses")
+    if body := refused_body(agents):
+        raise refuse(body)
     if dimension not in (2, 3):
         raise refuse(f"{dimension} dimensions, only 2 or 3")
     if n > MOST_AGENTS:
@@ -123,6 +127,30 @@ def check_supported(scenario: Scenario) -> None:
         for name, value in owned.items():
             if hasattr(value, "matrix") and not isinstance(value, HashedWeights | MatrixWeights):
                 raise refuse(f"the pair weights {type(value).__name__} of {name}")
+
+
+def scheme_of(scheme: str | None, order: int) -> str:
+    """The integrator that was asked for, or the usual one of agents of that order.
+
+    Parameters
+    ----------
+    scheme
+        Its name; None for the usual one.
+    order
+        Order of the agents.
+
+    Raises
+    ------
+    InvalidInput
+        When it does not integrate such agents.
+    """
+    names = SCHEMES[order]
+    if scheme is None:
+        return names[0]
+    if scheme not in names:
+        rule = f"must be one of {', '.join(names)} for agents of order {order}"
+        raise InvalidInput("TilesOptions", "scheme", rule, scheme, f"Leave it out for {names[0]!r}.")
+    return scheme
 
 
 def graph_kinds(scenario: Scenario, ledger: bool) -> tuple[GraphKind, ...]:

@@ -2,7 +2,11 @@
 
 The same pass serves every scheme: with ``a`` the acceleration, it writes ``p' = keep p + kick a`` and
 ``q' = q + drift p'`` beside the old state. keep 1, kick h, drift h is a step of half-step-velocity Verlet;
-keep 0, kick 1, drift 0 gives the acceleration itself.
+keep 0, kick 1, drift 0 gives the acceleration itself. For agents of order 1 ``a`` is their velocity, and keep 0,
+kick 1, drift h is a step of the forward Euler method. ``a`` is printed from the rates that the agents' body states.
+
+What changes the energy of agents of order 1 beside their descent may depend on the velocities of their neighbours,
+which are known only after the pass: a second kernel, ``flow``, adds it to the sums.
 """
 
 from __future__ import annotations
@@ -34,20 +38,27 @@ and so does the sum of three such squares."""
 
 
 def tile_kernels(spec: KernelSpec) -> ModuleType:
-    """Module with the kernel ``move`` of a law; see the module's docstring and `_arguments`.
+    """Module with the kernels ``move`` and ``flow`` of a law; see the module's docstring and `_arguments`.
+
+    ``flow`` takes the same arguments after ``move`` and is None where nothing is left to be added.
 
     Parameters
     ----------
     spec
-        What fixes the kernel.
+        What fixes the kernels.
     """
     from flocking.engine.kernels.expressions import law_formulas
+    from flocking.engine.kernels.flow_formulas import flow_formulas
 
     layout = spec.layout
+
+    def stated() -> LawFormulas:
+        found = law_formulas(layout, spec.dimension)
+        return flow_formulas(found) if spec.order == 1 else found
+
     return generated_module(
-        ("tiles", spec.kind), layout.structure, layout.parts,
-        lambda: law_formulas(layout, spec.dimension), lambda stated: _source(spec, stated),
-    )  # fmt: skip
+        ("tiles", spec.kind), layout.structure, layout.parts, stated, lambda formulas: _source(spec, formulas)
+    )
 
 
 def _arguments(spec: KernelSpec) -> list[str]:
@@ -80,7 +91,8 @@ def _encounter_block(w: Writer, number: int, encounter: EncounterFormulas) -> li
     spec, outer = w.spec, w.lifter
     w.lifter = Lifter(lambda name: w.uniform(name) or bool(re.fullmatch(r"O\d+", name)), prefix=f"met{number}_")
     body: list[str] = []
-    requested = {*(f"force{k}" for k in w.axes), *(("dissipation", "supply") if spec.ledger else ())}
+    powers = ("dissipation", "supply") if spec.ledger and spec.order == 2 else ()
+    requested = {*(f"force{k}" for k in w.axes), *powers}
     *geometry, last = encounter.stages()
     for k, stage in enumerate([*geometry, {f"meet_{n}": e for n, e in last.items() if n in requested}]):
         body += w.statements(stage, f"o{number}_{k}_")
@@ -88,7 +100,9 @@ def _encounter_block(w: Writer, number: int, encounter: EncounterFormulas) -> li
     reach = spec.layout.slot(spec.layout.term_owner(term), "range")
     body += [f"close = distance <= T({reach})"]
     body += [f"pull{k} = pull{k} + select(close, meet_force{k}, T(0.0))" for k in w.axes]
-    if spec.ledger:
+    if spec.ledger and spec.order == 1:
+        body += [f"met{k} = met{k} + select(close, meet_force{k}, T(0.0))" for k in w.axes]
+    elif spec.ledger:
         body += ["met_dissipated = met_dissipated + select(close, meet_dissipation, T(0.0))"]
         body += ["met_supplied = met_supplied + select(close, meet_supply, T(0.0))"]
     definitions, w.lifter = w.lifter.definitions, outer
@@ -107,24 +121,27 @@ def _tail_block(w: Writer) -> list[str]:
 
     spec, axes, body = w.spec, w.axes, w.formulas.body
     mass, damping = sympy.Symbol("A0", real=True), sympy.Symbol("A1", real=True)
-    velocity = [sympy.Symbol(f"p{k}", real=True) for k in axes]
+    wanted = {sympy.Symbol(f"u{k}", real=True): sympy.Symbol(f"pull{k}", real=True) + body.force[k] for k in axes}
+    moved = "p" if spec.order == 2 else "q"
     results: dict[str, sympy.Expr] = {}
     for k in axes:
-        total = sympy.Symbol(f"pull{k}", real=True) + body.force[k]
-        results[f"a{k}"] = (total - damping * velocity[k]) / mass
+        results[f"a{k}"] = body.motion.rates[f"rate_{moved}{k}"].xreplace(wanted)
         if spec.damped:
-            slope = sympy.diff(body.force[k], velocity[k])
+            slope = sympy.diff(body.force[k], sympy.Symbol(f"p{k}", real=True))
             results[f"rate{k}"] = (sympy.Symbol("dragged", real=True) + damping - slope) / mass
-    if spec.ledger:
-        squares = [(sympy.Symbol(f"full{k}", real=True) - f) ** 2 for k, f in enumerate(body.frame)]
-        powers = [(sympy.Symbol(f"pull{k}", real=True) + body.force[k]) * velocity[k] for k in axes]
-        ledger = {"bodies": body.storage, "kinetic": mass * sum(squares) / 2, "work": sum(powers)}
+    lines = w.statements(results, "b_")
+    ledger: dict[str, sympy.Expr] = {}
+    if spec.ledger and spec.order == 1:
+        ledger = _flow_ledger(w)
+        lines += w.statements(ledger, "e_")
+    elif spec.ledger:
+        moving = [sympy.Symbol(f"full{k}", real=True) - f for k, f in enumerate(body.frame)]
+        kinetic = body.motion.kinetic.xreplace({sympy.Symbol(f"w{k}", real=True): v for k, v in enumerate(moving)})
+        powers = [u * sympy.Symbol(f"p{k}", real=True) for k, u in enumerate(wanted.values())]
+        ledger = {"bodies": body.storage, "kinetic": kinetic, "work": sum(powers)}
         ledger |= {"dissipated": body.dissipation, "supplied": body.supply}
         if len(sums_of(spec)) > len(SUMS):
-            moving = (sympy.Symbol(f"full{k}", real=True) - f for k, f in enumerate(body.frame))
             ledger |= {f"momentum{k}": mass * v for k, v in enumerate(moving)}
-    lines = w.statements(results, "b_")
-    if spec.ledger:
         lines += [f"full{k} = p{k} + velocity_lag * a{k}" for k in axes] + w.statements(ledger, "e_")
     for k in axes:
         if spec.damped:
@@ -149,11 +166,28 @@ def _tail_block(w: Writer) -> list[str]:
         parts |= {"pairs": "0.5 * total(total_storage)", "links": "total(links)", "jumped": "0.5 * total(total_jumped)"}
         parts["dissipated"] += " + 0.5 * total(total_dissipation)"
         parts["supplied"] += " + 0.5 * total(total_supply)"
-        if w.formulas.encounters:
+        if w.formulas.encounters and spec.order == 2:
             parts["dissipated"] += " + total(select(live, met_dissipated, T(0.0)))"
             parts["supplied"] += " + total(select(live, met_supplied, T(0.0)))"
         lines += [f"sums[tile, {k}] = {parts[name]}" for k, name in enumerate(sums_of(spec))]
     return lines
+
+
+def _flow_ledger(w: Writer) -> dict[str, sympy.Expr]:
+    """Energies and powers of an agent of order 1: a descent dissipates |u|^2; ``flow`` adds what else is supplied."""
+    import sympy
+
+    body = w.formulas.body
+    velocity = [sympy.Symbol(f"a{k}", real=True) for k in w.axes]
+    square: sympy.Expr = sum((v**2 for v in velocity), sympy.Integer(0))
+    supply: sympy.Expr = sympy.Integer(0)
+    if not _reads_mean_control(body.flow):
+        supply = body.flow.xreplace({sympy.Symbol(f"u{k}", real=True): v for k, v in enumerate(velocity)})
+    if w.formulas.encounters:
+        met = [sympy.Symbol(f"met{k}", real=True) for k in w.axes]
+        supply += sum((f * v for f, v in zip(met, velocity, strict=True)), sympy.Integer(0))
+    zero = sympy.Integer(0)
+    return {"bodies": body.storage, "kinetic": zero, "work": square, "dissipated": square, "supplied": supply}
 
 
 def _has_barriers(spec: KernelSpec) -> bool:
@@ -169,7 +203,7 @@ def _scratch(w: Writer) -> list[str]:
         names += ["dragged"]
     if w.spec.ledger:
         names += ["total_storage", "total_dissipation", "total_supply", "total_jumped", "links"]
-        names += ["met_dissipated", "met_supplied"]
+        names += [f"met{k}" for k in w.axes] if w.spec.order == 1 else ["met_dissipated", "met_supplied"]
     return names
 
 
@@ -178,31 +212,18 @@ def _source(spec: KernelSpec, formulas: LawFormulas) -> str:
     from flocking.formula.printing import code
 
     w = Writer(spec, formulas)
-    axes = w.axes
     pairs = [pair_loop(w, number, pair) for number, pair in enumerate(formulas.pairs)]
     pairs += [_encounter_block(w, number, encounter) for number, encounter in enumerate(formulas.encounters)]
     tail = _tail_block(w)
-    scratch = _scratch(w)
     frames: list[str] = []
     if spec.ledger:
         frames = [f"frame{k} = T({code(f, arrays=False)})" for k, f in enumerate(formulas.body.frame)]
-    uniform = [f"{name} = T({code(value, arrays=False)})" for name, value in w.lifter.definitions.items()]
-    scalars = _scalars(w, [*w.lifter.definitions.values(), *formulas.body.frame, *w.encounter_values])
-    top = [f"huge = T({HUGE!r})", f"{ENDLESS} = T(np.inf)", *scalars, *frames, *uniform]
-    for number, kind in enumerate(spec.graphs):
-        top += [f"safe{number} = limits{number}[2]"]
-        if not kind.fixed:
-            top += [f"leave{number} = limits{number}[0]", f"enter{number} = limits{number}[1]"]
-    tile = ["base = tile * 16", "i = numbers_from(base)"]
-    own = [f"{letter}{k}" for letter in "qp" for k in axes]
-    tile += [f"{', '.join(own)} = load_agents(X, base)"]
-    tile += [f"{name} = load(A[{name[1:]}], base)" for name in sorted(w.per_agent)]
-    tile += [f"{name} = spread(T(0.0))" for name in scratch] + ["near = spread(huge)"]
+    tile = [f"{name} = spread(T(0.0))" for name in _scratch(w)] + ["near = spread(huge)"]
     for block in pairs:
         tile += block
-    tile += tail
-    text = "\n".join(tile)
-    used = {name for name in ("fast_sin", "fast_cos", "fast_exp", "fast_log") if name + "(" in text}
+    kernels = _kernel(w, "move", tile + tail, [*formulas.body.frame, *w.encounter_values], frames, "p")
+    kernels += _flow_kernel(spec, formulas) if spec.order == 1 and spec.ledger else "\n\nflow = None\n"
+    used = {name for name in ("fast_sin", "fast_cos", "fast_exp", "fast_log") if name + "(" in kernels}
     header = "import math\n\nimport numpy as np\n\n"
     header += f"from flocking.engine.tiles.simd.vectors import ({', '.join(_PRIMITIVES)})\n"
     header += "from flocking.engine.tiles.simd.interleaved_arrays import GATHERERS, LOADERS, STORERS\n"
@@ -214,21 +235,68 @@ def _source(spec: KernelSpec, formulas: LawFormulas) -> str:
     header += f"load_agents = LOADERS[{columns}]\ngather_agents = GATHERERS[{columns}]\n"
     header += f"store_agents = STORERS[{columns}]\n\n\n"
     header += vector_math.source(used, spec.precision == "float64")
-    if "hash" in spec.weights:
-        header += _HASH
-    header += "@native\n"
-    header += f"def move({', '.join(_arguments(spec))}):\n"
-    return header + indented(top, 1) + indented(["for tile in range(first_tile, last_tile):"], 1) + indented(tile, 2)
+    return header + (_HASH if "hash" in spec.weights else "") + kernels
 
 
-def _scalars(w: Writer, expressions: list[sympy.Expr]) -> list[str]:
-    """Unpack the run-time numbers that expressions use: parameters, then mass and damping, then ranges of hashes."""
+def _kernel(
+    w: Writer, name: str, tile: list[str], values: list[sympy.Expr], frames: list[str], mean: str
+) -> str:  # fmt: skip
+    """One function over the tiles: what it takes from its arguments, then the lines of a tile."""
+    from flocking.formula.printing import code
+
+    spec, axes = w.spec, w.axes
+    uniform = [f"{name} = T({code(value, arrays=False)})" for name, value in w.lifter.definitions.items()]
+    scalars = _scalars(w, [*w.lifter.definitions.values(), *values], mean)
+    top = [f"huge = T({HUGE!r})", f"{ENDLESS} = T(np.inf)", *scalars, *frames, *uniform]
+    for number, kind in enumerate(spec.graphs):
+        top += [f"safe{number} = limits{number}[2]"]
+        if not kind.fixed:
+            top += [f"leave{number} = limits{number}[0]", f"enter{number} = limits{number}[1]"]
+    own = [f"{letter}{k}" for letter in "qp" for k in axes]
+    first = ["base = tile * 16", "i = numbers_from(base)", f"{', '.join(own)} = load_agents(X, base)"]
+    first += [f"{row} = load(A[{row[1:]}], base)" for row in sorted(w.per_agent)]
+    head = f"@native\ndef {name}({', '.join(_arguments(spec))}):\n" + indented(top, 1)
+    return head + indented(["for tile in range(first_tile, last_tile):"], 1) + indented(first + tile, 2)
+
+
+def _flow_kernel(spec: KernelSpec, formulas: LawFormulas) -> str:
+    """Kernel that adds to the supply of agents of order 1 what reads the velocities of others, from the state beside.
+
+    It comes after ``move`` with kick 1, and reads links as that has left them.
+    """
+    w = Writer(spec, formulas)
+    tile = ["total_supply = spread(T(0.0))"]
+    for number, pair in enumerate(formulas.pairs):
+        tile += pair_loop(w, number, pair, flow=True)
+    flow = formulas.body.flow
+    means = _reads_mean_control(flow)
+    if len(tile) == 1 and not means:
+        return "\n\nflow = None\n"
+    lines = w.statements({"own_supply": flow}, "e_") if means else []
+    beside = [f"{letter}{k}" for letter in "xu" for k in w.axes]
+    tile = [f"{', '.join(beside)} = load_agents(Y, base)", *tile, *lines]
+    own = " + total(select(i < n, own_supply, T(0.0)))" if means else ""
+    at = SUMS.index("supplied")
+    tile += [f"sums[tile, {at}] = sums[tile, {at}] + 0.5 * total(total_supply){own}"]
+    return "\n\n" + _kernel(w, "flow", tile, [], [], "u")
+
+
+def _reads_mean_control(flow: sympy.Expr) -> bool:
+    """Whether a supply depends on the mean velocity of agents of order 1."""
+    return any(name.startswith("mean_u") for name in free_names([flow]).others)
+
+
+def _scalars(w: Writer, expressions: list[sympy.Expr], mean: str) -> list[str]:
+    """Unpack the run-time numbers that expressions use: parameters, then mass and damping, then ranges of hashes.
+
+    ``mean`` names what the second half of the means is of: velocities ``p`` or controls ``u``.
+    """
     names = free_names(expressions)
     count = sum(1 for s in w.spec.layout.slots.values() if s.startswith("P"))
     lines = [f"{n} = P[{n[1:]}]" for n in names.scalars]
     lines += [f"{n} = P[{count + int(n[1:])}]" for n in names.per_agent]
     for k in w.axes:
-        lines += [f"mean_q{k} = M[{k}]", f"mean_p{k} = M[{w.spec.dimension + k}]"]
+        lines += [f"mean_q{k} = M[{k}]", f"mean_{mean}{k} = M[{w.spec.dimension + k}]"]
     for number, kind in enumerate(w.spec.weights):
         if kind == "hash":
             at = count + 2 + 2 * number

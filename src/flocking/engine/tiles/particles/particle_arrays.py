@@ -61,10 +61,11 @@ class ParticleArrays:
         self.dtype: type[np.float32] | type[np.float64] = PRECISIONS[spec.precision]
         self.tiles = (n + WIDTH - 1) // WIDTH
         self.size = self.tiles * WIDTH
-        self.kernel = tile_kernels(spec).move
+        self._take_kernels(spec)
         self.given_skin = skin
         self.agents: Reals = np.empty((self.size, 2 * m), self.dtype)
-        self.agents[:n, :m], self.agents[:n, m:] = state.q, state.p
+        # Of agents of order 1 the second half is the velocity of the last step, which no formula reads.
+        self.agents[:n, :m], self.agents[:n, m:] = state.q, state.p if spec.order == 2 else 0.0
         self.successor: Reals = np.empty((self.size, 2 * m), self.dtype)
         self.ids: Numbers32 = np.zeros(self.size, np.int32)
         self.ids[:n] = np.arange(n, dtype=np.int32)
@@ -107,6 +108,10 @@ class ParticleArrays:
         met = self.spec.layout.encounters()
         self.obstacles = ObstacleLists(scenario.law, [term.range for term, _ in met]) if met else None
         self.O: object = self.spec.layout.obstacle_rows()
+
+    def _take_kernels(self, spec: KernelSpec) -> None:
+        module = tile_kernels(spec)
+        self.kernel, self.flow_kernel = module.move, module.flow
 
     def _set_parameters(self, scenario: Scenario, t: float) -> None:
         self.parameters = LawParameters(scenario, self.spec, t, self.ids)
@@ -259,7 +264,7 @@ class ParticleArrays:
         if self.spec.layout.law.beyond_neighbours or (
             self.spec.ledger and self.spec.layout.energy.frame == "centre of mass"
         ):
-            self._fill_means()
+            self._fill_means(self.X, self.M)
         lists: list[object] = []
         radii, parameters, velocity = self.radii, self.parameters, self.displacement.velocity
         for number, found in enumerate(self.lists):
@@ -270,11 +275,15 @@ class ParticleArrays:
             self.obstacles.require(self.X[: self.m], self.tiles, t, speed * abs(drift))
             lists += [x for pair in self.obstacles.lists for x in pair]
         begin = (float(t), T(keep), T(kick), T(drift), T(velocity_lag), T(exponential_damping))
-        self.workers.each(
-            self.kernel, self.tiles, *begin, hold, self.agents, self.successor, self.n, *lists, parameters.P,
-            parameters.A, self.O, self.ids, parameters.seeds, parameters.matrices, self.M, velocity,
-            self.tile_extremes, self.sums,
+        arguments = (
+            self.agents, self.successor, self.n, *lists, parameters.P, parameters.A, self.O, self.ids,
+            parameters.seeds, parameters.matrices, self.M, velocity, self.tile_extremes, self.sums,
         )  # fmt: skip
+        self.workers.each(self.kernel, self.tiles, *begin, hold, *arguments)
+        if self.flow_kernel is not None:
+            # Means of positions stay; those of velocities are now of what the pass has made.
+            self._fill_means(self.Y[self.m :], self.M[self.m :])
+            self.workers.each(self.flow_kernel, self.tiles, *begin, True, *arguments)
         if self.planted is not None:
             arrays = PassArrays(self.agents, self.successor, self.ids, self.n, self.M, velocity, self.tile_extremes)
             self.planted.move(self.workers, arrays, begin, lists)
@@ -294,13 +303,27 @@ class ParticleArrays:
         """Take the extremes of what the tiles reported last."""
         extremes_of(self.tile_extremes, self.extremes)
 
-    def _fill_means(self) -> None:
+    def _fill_means(self, rows: Reals, out: Array) -> None:
+        """Means of rows over the group, weighted by masses."""
         n = self.n
         if len(self.parameters.A) and self.spec.mass_each:
             mass = self.parameters.A[0, :n].astype(np.float64)
-            self.M[:] = (self.X[:, :n] * mass).sum(axis=1) / mass.sum()
+            out[:] = (rows[:, :n] * mass).sum(axis=1) / mass.sum()
         else:
-            self.M[:] = self.X[:, :n].mean(axis=1, dtype=np.float64)
+            out[:] = rows[:, :n].mean(axis=1, dtype=np.float64)
+
+    def take_velocities(self, t: float) -> None:
+        """Let agents of order 1 have the velocities of their first step; links stay as they are.
+
+        Parameters
+        ----------
+        t
+            The time.
+        """
+        self.move(t, keep=0.0, kick=1.0, drift=0.0, exponential_damping=0.0, hold=True)
+        self.agents[:, self.m :] = self.successor[:, self.m :]
+        self._fill_pads()
+        self.top_speed = fastest(self.agents[: self.n, self.m :])
 
     def swap(self, stride: float) -> None:
         """Make Y the state, reached by a drift over the time ``stride``."""
@@ -325,7 +348,7 @@ class ParticleArrays:
             self.radii.graphs = scenario.law.graphs
             self._set_parameters(scenario, t)
             return
-        self.kernel = tile_kernels(spec).move
+        self._take_kernels(spec)
         self.sums = np.zeros((self.tiles if spec.ledger else 1, len(sums_of(spec))), np.float64)
         self._set_obstacles(scenario)
         self.radii = GraphRadii(scenario.law.graphs, spec, self.ids, self.n)

@@ -132,7 +132,8 @@ def needs_passive(e: Evidence) -> str:
 
 
 def needs_ledger(e: Evidence) -> str:
-    """First-order agents have no kinetic energy, and samples have no ledger."""
+    """Some runs keep no ledger, and samples of agents of order 1 hold no velocities to make one from."""
     if len(e.run.trace) < 2:
         return "the run has no ledger"
-    return "" if e.run.scenario.agents.order == 2 else "first-order agents have no kinetic energy"
+    sampled = e.sampled and e.run.scenario.agents.order == 1
+    return "samples of agents of order 1 hold no velocities" if sampled else ""
