@@ -122,13 +122,7 @@ def _temporary(reason: str) -> Path:
 
 
 def others_may_write(path: Path) -> str:
-    """Who else may write a file or folder, in words; empty where nobody may.
-
-    Parameters
-    ----------
-    path
-        The file or folder.
-    """
+    """Who else may write a file or folder, in words; empty where nobody may."""
     if not hasattr(os, "getuid"):  # Windows: rights are not in the mode
         return ""
     found = path.lstat()
@@ -206,13 +200,6 @@ def _written_completely(path: Path) -> Iterator[BinaryIO]:
 def write_text(path: Path, text: str) -> None:
     """Write a text with its digest in the first line.
 
-    Parameters
-    ----------
-    path
-        The file.
-    text
-        What it holds.
-
     Raises
     ------
     CacheError
@@ -224,13 +211,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def read_text(path: Path) -> str | None:
-    """The text that `write_text` wrote; None where the file is not there, not whole, or others may write it.
-
-    Parameters
-    ----------
-    path
-        The file.
-    """
+    """The text that `write_text` wrote; None where the file is not there, not whole, or others may write it."""
     try:
         if not _mine(path):
             return None
@@ -248,11 +229,6 @@ def read_text(path: Path) -> str | None:
 def sealing(path: Path) -> Iterator[io.BytesIO]:
     """A file to write machine code to; its digest is added at the end.
 
-    Parameters
-    ----------
-    path
-        The file.
-
     Raises
     ------
     CacheError
@@ -265,13 +241,7 @@ def sealing(path: Path) -> Iterator[io.BytesIO]:
 
 
 def read_sealed(path: Path) -> bytes | None:
-    """What `sealing` wrote; None where the file is not there, not whole, or others may write it.
-
-    Parameters
-    ----------
-    path
-        The file.
-    """
+    """What `sealing` wrote; None where the file is not there, not whole, or others may write it."""
     try:
         if not _mine(path):
             return None
@@ -286,13 +256,7 @@ def read_sealed(path: Path) -> bytes | None:
 
 
 def is_sealed(path: Path) -> bool:
-    """Whether a file is as `sealing` left it, and nobody else may write it.
-
-    Parameters
-    ----------
-    path
-        The file.
-    """
+    """Whether a file is as `sealing` left it, and nobody else may write it."""
     return read_sealed(path) is not None
 
 
@@ -302,8 +266,6 @@ class Contents:
 
     Parameters
     ----------
-    folder
-        The folder.
     files
         Number of files.
     size

@@ -45,8 +45,6 @@ class Reading:
 
         Parameters
         ----------
-        kind
-            What the module is for.
         make
             Makes it.
         """

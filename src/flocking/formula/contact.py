@@ -30,8 +30,6 @@ def limit_at_contact(expression: sympy.Expr, r: sympy.Symbol) -> sympy.Expr | No
     ----------
     expression
         An expression of ``r`` and other symbols, whose values are positive as a rule.
-    r
-        The distance.
 
     Notes
     -----

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING
+
+from flocking.formula.visitor import ExpressionVisitor
 
 if TYPE_CHECKING:
     import sympy
@@ -54,90 +57,22 @@ def evaluator(
     """
     context = wide_context()
     given = {name: context.mpf(value) for name, value in (known or {}).items()}
-    return lambda value: _Evaluation({**given, symbol: context.mpf(value)}).value(expression)
-
-
-class _Evaluation:
-    """Values of expressions at one point, each found once.
-
-    Parameters
-    ----------
-    found
-        Values of the symbols.
-    """
-
-    def __init__(self, found: dict[sympy.Basic, Number]) -> None:
-        self._found = found
-        self._context = wide_context()
-
-    def value(self, node: sympy.Basic) -> Number:
-        """Value of an expression."""
-        if node not in self._found:
-            self._found[node] = self._computed(node)
-        return self._found[node]
-
-    def _holds(self, condition: sympy.Basic) -> bool:
-        import sympy
-
-        if condition in (sympy.true, sympy.false):
-            return bool(condition)
-        if isinstance(condition, sympy.Rel):
-            a, b = self.value(condition.lhs), self.value(condition.rhs)
-            order = {"<": a < b, "<=": a <= b, ">": a > b, ">=": a >= b, "==": a == b, "!=": a != b}
-            return bool(order[condition.rel_op])
-        if isinstance(condition, sympy.Not):
-            return not self._holds(condition.args[0])
-        if isinstance(condition, sympy.ITE):
-            test, yes, no = condition.args
-            return self._holds(yes) if self._holds(test) else self._holds(no)
-        return (all if isinstance(condition, sympy.And) else any)(self._holds(a) for a in condition.args)
-
-    def _computed(self, node: sympy.Basic) -> Number:
-        import sympy
-
-        context = self._context
-        if node.is_Rational:
-            return context.mpf(int(node.p)) / int(node.q)
-        if node.is_number and not node.args:
-            return context.mpf(node._to_mpmath(context.prec))
-        if node.is_Add:
-            return sum((self.value(a) for a in node.args), context.mpf(0))
-        if node.is_Mul:
-            result = context.mpf(1)
-            for factor in node.args:
-                result *= self.value(factor)
-            return result
-        if node.is_Pow:
-            return _power(self.value(node.base), self.value(node.exp))
-        if isinstance(node, sympy.Piecewise):
-            return next((self.value(v) for v, condition in node.args if self._holds(condition)), context.nan)
-        inside = [self.value(a) for a in node.args]
-        if any(context.isnan(x) for x in inside):
-            return context.nan
-        return _function(node, inside)
-
-
-def _function(node: sympy.Basic, inside: list[Number]) -> Number:
-    """Value of a function of these arguments, none of which is NaN."""
-    context, name, first = wide_context(), node.func.__name__, inside[0]
-    if name in {"Max", "Min"}:
-        return (max if name == "Max" else min)(inside)
-    if name == "exp":
-        return _growth(first)
-    if name == "log":
-        return context.log(first) if first > 0 else -context.inf if first == 0 else context.nan
-    if name in {"sin", "cos", "tan"}:
-        return context.nan if _large(first, LONGEST_NUMBER) else getattr(context, name)(first)
-    if name in {"atan", "tanh", "sinh", "cosh"}:
-        return _bend(name, first)
-    if name in {"Abs", "sign"}:
-        return abs(first) if name == "Abs" else context.sign(first)
-    return _other(node.func, inside)
+    return lambda value: _Evaluation({**given, symbol: context.mpf(value)}).visit(expression)
 
 
 def _large(x: Number, bits: int) -> bool:
     context = wide_context()
     return bool(context.isinf(x)) or (x != 0 and int(context.mag(x)) > bits)
+
+
+def _logarithm(x: Number) -> Number:
+    context = wide_context()
+    return context.log(x) if x > 0 else -context.inf if x == 0 else context.nan
+
+
+def _periodic(name: str, x: Number) -> Number:
+    context = wide_context()
+    return context.nan if _large(x, LONGEST_NUMBER) else getattr(context, name)(x)
 
 
 def _growth(x: Number) -> Number:
@@ -176,3 +111,77 @@ def _other(function: sympy.Basic, inside: list[Number]) -> Number:
         return context.nan
     value = function(*(sympy.Float(x, DIGITS) for x in inside)).evalf(DIGITS)
     return context.mpf(value._to_mpmath(context.prec)) if value.is_Float or value.is_Rational else context.nan
+
+
+_FUNCTIONS: dict[str, Callable[..., Number]] = {
+    "Max": max, "Min": min, "Abs": abs, "sign": lambda x: wide_context().sign(x), "exp": _growth, "log": _logarithm,
+    **{name: partial(_periodic, name) for name in ("sin", "cos", "tan")},
+    **{name: partial(_bend, name) for name in ("atan", "tanh", "sinh", "cosh")},
+}  # fmt: skip
+"""Functions of arguments that are not NaN; SymPy evaluates the others."""
+
+
+class _Evaluation(ExpressionVisitor["Number"]):
+    """Values of expressions at one point, each computed once; ``known`` are those of the symbols."""
+
+    def __init__(self, known: dict[sympy.Basic, Number]) -> None:
+        self._found = known
+        self._context = wide_context()
+
+    def visit(self, node: sympy.Basic) -> Number:
+        """Value of an expression."""
+        if node not in self._found:
+            self._found[node] = super().visit(node)
+        return self._found[node]
+
+    def number(self, node: sympy.Expr) -> Number:
+        """Value of a number."""
+        if node.is_Rational:
+            return self._context.mpf(int(node.p)) / int(node.q)
+        return self._context.mpf(node._to_mpmath(self._context.prec))
+
+    def sum(self, node: sympy.Add) -> Number:
+        """Value of a sum."""
+        return sum((self.visit(a) for a in node.args), self._context.mpf(0))
+
+    def product(self, node: sympy.Mul) -> Number:
+        """Value of a product."""
+        return math.prod((self.visit(a) for a in node.args), start=self._context.mpf(1))
+
+    def power(self, node: sympy.Pow) -> Number:
+        """Value of a power."""
+        return _power(self.visit(node.base), self.visit(node.exp))
+
+    def piecewise(self, node: sympy.Piecewise) -> Number:
+        """Value of the first piece whose condition holds; NaN where none does."""
+        return next((self.visit(v) for v, condition in node.args if self._holds(condition)), self._context.nan)
+
+    def _holds(self, condition: sympy.Basic) -> bool:
+        import sympy
+
+        if condition in (sympy.true, sympy.false):
+            return bool(condition)
+        if isinstance(condition, sympy.Rel):
+            a, b = self.visit(condition.lhs), self.visit(condition.rhs)
+            order = {"<": a < b, "<=": a <= b, ">": a > b, ">=": a >= b, "==": a == b, "!=": a != b}
+            return bool(order[condition.rel_op])
+        if isinstance(condition, sympy.Not):
+            return not self._holds(condition.args[0])
+        if isinstance(condition, sympy.ITE):
+            test, yes, no = condition.args
+            return self._holds(yes) if self._holds(test) else self._holds(no)
+        return (all if isinstance(condition, sympy.And) else any)(self._holds(a) for a in condition.args)
+
+    def function(self, node: sympy.Basic) -> Number:
+        """Value of a function; NaN where an argument is NaN."""
+        if not node.args:
+            raise self.refusal(type(node).__name__, node)
+        arguments = [self.visit(a) for a in node.args]
+        if any(self._context.isnan(x) for x in arguments):
+            return self._context.nan
+        known = _FUNCTIONS.get(type(node).__name__)
+        return _other(node.func, arguments) if known is None else known(*arguments)
+
+    def refusal(self, name: str, node: sympy.Basic) -> Exception:
+        """The error for what has no value."""
+        return TypeError(f"{name} {node} has no value")

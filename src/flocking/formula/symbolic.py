@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from flocking.errors import FormulaError
-from flocking.formula.grammar import CONSTANTS, LARGEST_NUMBER, Formula, Node
+from flocking.formula.grammar import CONSTANTS, FUNCTIONS, LARGEST_NUMBER, Formula, Node
+from flocking.formula.visitor import ExpressionVisitor
 
 if TYPE_CHECKING:
     import sympy
@@ -131,39 +132,68 @@ def from_sympy(expression: sympy.Expr, owner: str = "formula") -> Formula:
             owner, "formula", "must be a text or a SymPy expression", f"{type(expression).__name__} {given}",
             "Write it as text, as in Potential('(r - 1)**2/2'): engines, files and formulas on paper come from it.",
         )  # fmt: skip
-    return Formula(_text(expression, owner), owner)
+    return Formula(_TextPrinter(owner).visit(expression), owner)
 
 
-def _text(expression: sympy.Basic, owner: str) -> str:
-    import sympy
+class _TextPrinter(ExpressionVisitor[str]):
+    """Prints an expression in the grammar; ``owner`` is who complains."""
 
-    if isinstance(expression, sympy.Piecewise):
-        *rest, (last, _) = expression.args
-        text = _text(last, owner)
+    def __init__(self, owner: str) -> None:
+        self._owner = owner
+
+    def symbol(self, node: sympy.Symbol) -> str:
+        """Text of a name."""
+        return str(node.name)
+
+    def number(self, node: sympy.Expr) -> str:
+        """Text of a number."""
+        import sympy
+
+        if isinstance(node, sympy.Rational):
+            return f"({node.p}/{node.q})" if node.q != 1 else f"({node.p})"
+        if isinstance(node, sympy.Float):
+            return f"({float(node)!r})"
+        if node is sympy.pi:
+            return "pi"
+        if not isinstance(node, sympy.NumberSymbol):
+            raise self.refusal(type(node).__name__, node)
+        return repr(float(node))
+
+    def sum(self, node: sympy.Add) -> str:
+        """Text of a sum."""
+        return f"({' + '.join(map(self.visit, node.args))})"
+
+    def product(self, node: sympy.Mul) -> str:
+        """Text of a product."""
+        return f"({'*'.join(map(self.visit, node.args))})"
+
+    def power(self, node: sympy.Pow) -> str:
+        """Text of a power."""
+        return f"({self.visit(node.base)}**{self.visit(node.exp)})"
+
+    def piecewise(self, node: sympy.Piecewise) -> str:
+        """Text of pieces: nested calls of ``where``."""
+        *rest, (last, _) = node.args
+        text = self.visit(last)
         for value, condition in reversed(rest):
-            text = f"where({_text(condition, owner)}, {_text(value, owner)}, {text})"
+            text = f"where({self.visit(condition)}, {self.visit(value)}, {text})"
         return text
-    if isinstance(expression, sympy.Rel):
-        return f"{_text(expression.lhs, owner)} {expression.rel_op} {_text(expression.rhs, owner)}"
-    if isinstance(expression, sympy.Rational):
-        return f"({expression.p}/{expression.q})" if expression.q != 1 else f"({expression.p})"
-    if isinstance(expression, sympy.Float):
-        return f"({float(expression)!r})"
-    if isinstance(expression, sympy.Symbol):
-        return str(expression.name)
-    if expression is sympy.pi:
-        return "pi"
-    if isinstance(expression, sympy.exp):
-        return f"exp({_text(expression.args[0], owner)})"
-    if isinstance(expression, sympy.NumberSymbol):
-        return repr(float(expression))
-    if isinstance(expression, sympy.Add):
-        return "(" + " + ".join(_text(a, owner) for a in expression.args) + ")"
-    if isinstance(expression, sympy.Mul):
-        return "(" + "*".join(_text(a, owner) for a in expression.args) + ")"
-    if isinstance(expression, sympy.Pow):
-        return f"({_text(expression.base, owner)}**{_text(expression.exp, owner)})"
-    name = type(expression).__name__.lower()
-    if name in {"log", "sin", "cos", "tan", "atan", "sinh", "cosh", "tanh", "abs"}:
-        return f"{name}({_text(expression.args[0], owner)})"
-    raise FormulaError(owner, "expression", f"has no text form for {type(expression).__name__}", str(expression))
+
+    def condition(self, node: sympy.Basic) -> str:
+        """Text of a comparison."""
+        import sympy
+
+        if not isinstance(node, sympy.Rel):
+            raise self.refusal(type(node).__name__, node)
+        return f"{self.visit(node.lhs)} {node.rel_op} {self.visit(node.rhs)}"
+
+    def function(self, node: sympy.Basic) -> str:
+        """Text of a function of one argument."""
+        name = type(node).__name__.lower()
+        if FUNCTIONS.get(name) != 1 or len(node.args) != 1:
+            raise self.refusal(type(node).__name__, node)
+        return f"{name}({self.visit(node.args[0])})"
+
+    def refusal(self, name: str, node: sympy.Basic) -> Exception:
+        """The error for what the grammar has no form of."""
+        return FormulaError(self._owner, "expression", f"has no text form for {name}", str(node))

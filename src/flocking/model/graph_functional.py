@@ -22,8 +22,6 @@ def graph_functional(law: Law, number: int, links: Links) -> Array | None:
 
     Parameters
     ----------
-    law
-        The law.
     number
         Which of its graphs.
     links

@@ -56,8 +56,6 @@ def box(
 
     Parameters
     ----------
-    n
-        Number of agents.
     side
         Side of the box, or one side per axis.
     speed
@@ -113,16 +111,10 @@ def ball(
 
     Parameters
     ----------
-    n
-        Number of agents.
-    radius
-        Radius of the ball.
     speed
         Largest speed (``"disc"``) or largest component (``"box"``).
     seed
         Seed of the random generator; the same seed gives the same state.
-    dimension
-        Number of axes.
     velocities
         ``"disc"``: any direction and a magnitude uniform in [0, speed). ``"box"``: each component uniform in
         [0, speed).
@@ -161,8 +153,6 @@ def hexagonal(
 
     Parameters
     ----------
-    n
-        Number of agents.
     spacing
         Distance of nearest neighbours.
     noise

@@ -20,13 +20,7 @@ RealNumber = float | np.floating | WholeNumber
 
 
 def squarable(kind: DTypeLike) -> float:
-    """Largest number of a type whose square, and a sum of some such, does not overflow.
-
-    Parameters
-    ----------
-    kind
-        A floating-point type.
-    """
+    """Largest number of a type whose square, and a sum of some such, does not overflow."""
     return float(np.sqrt(np.finfo(np.dtype(kind).type).max)) / 1024
 
 
@@ -40,13 +34,6 @@ class Form(ABC, Generic[Checked_co]):
     @abstractmethod
     def check(self, value: object, name: str) -> Checked_co:
         """The value itself, whose type is known now; one that has another form is refused.
-
-        Parameters
-        ----------
-        value
-            What was read.
-        name
-            What it is called, for the message.
 
         Raises
         ------
@@ -289,8 +276,6 @@ class Part(Form[Value]):
 
     Parameters
     ----------
-    kind
-        The class.
     forms
         The form of each of its fields.
     """

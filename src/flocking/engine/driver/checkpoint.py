@@ -77,8 +77,6 @@ def restored(engine: Engine, packed: Packed, stored: Stored, where: Path, change
         Its scenario, and its records as of the same commit.
     where
         Where the data come from, for messages.
-    changes
-        Options to go on with.
 
     Raises
     ------

@@ -22,8 +22,6 @@ def export_deck(scenario: Scenario, folder: str | Path, *, step: float | None = 
 
     Parameters
     ----------
-    scenario
-        What to simulate.
     folder
         A new or empty folder.
     step

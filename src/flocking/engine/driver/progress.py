@@ -40,8 +40,6 @@ class Progress:
     ----------
     enabled
         Whether to show anything.
-    scenario
-        What is simulated.
     lines
         Without a terminal, as under ``mpiexec`` or in the log of a batch job, write a line now and then.
     """

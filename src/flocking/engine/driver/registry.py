@@ -33,8 +33,6 @@ class Entry:
 
     Parameters
     ----------
-    name
-        Its name.
     target
         The engine itself, or ``"module:attribute"``.
     package
@@ -229,13 +227,6 @@ def engine_names() -> tuple[str, ...]:
 
 def check_name(owner: str, name: object) -> str:
     """The name of an engine, or ``"auto"``.
-
-    Parameters
-    ----------
-    owner
-        What the message speaks of.
-    name
-        What was given.
 
     Raises
     ------

@@ -69,8 +69,6 @@ def open_session(engine: Engine, scenario: Scenario, options: object, plant: Law
     ----------
     engine
         The engine.
-    options
-        Its options.
     plant
         The law the agents really obey, where it is not the scenario's.
 

@@ -331,8 +331,6 @@ class StateError:
     ----------
     nodes
         Difference of the companion from the solution, shape (6, size).
-    n, m
-        Numbers of agents and axes.
     order
         Order of the agents.
     lost

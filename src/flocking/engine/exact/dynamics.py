@@ -40,13 +40,9 @@ class Dynamics:
 
     Parameters
     ----------
-    scenario
-        What is simulated.
     plant
         The law the agents really obey, where it is not the scenario's: the ledger's powers and energies go on
         being those of the declared law.
-    n, m
-        Numbers of agents and dimensions.
     base
         The time at which the session's own time, which all functions here are given, is 0.
 
@@ -157,8 +153,6 @@ class Dynamics:
         ----------
         segment
             The step.
-        links
-            Links and obstacles in range during it.
         """
         share = 1.0
         motion = segment.motion(self.n, self.m, self.order)

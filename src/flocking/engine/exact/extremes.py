@@ -43,8 +43,6 @@ class Extremes:
     ----------
     masses
         Mass of each agent, for the mean velocity, shape (N,).
-    dimension
-        Number of axes m.
     order
         Order of the agents: only those of order 2 have velocities.
     goal

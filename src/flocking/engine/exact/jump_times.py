@@ -13,8 +13,6 @@ class JumpTimes:
 
     Parameters
     ----------
-    law
-        The law in force.
     origin
         What the session's own time is relative to.
     end

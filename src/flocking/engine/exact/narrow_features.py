@@ -72,8 +72,6 @@ def zones_of(
 
     Parameters
     ----------
-    owner
-        Name of the module of the formulas.
     function, parameters, borders
         As for `zones`. ``function.reads`` names the parameters it reads.
     rows
@@ -222,8 +220,6 @@ def allowed_share(
         Bernstein coefficients of the positions, shape (8, N, m).
     far
         See `flocking.engine.exact.integrator.segment.Motion`.
-    senders, sensed, offsets
-        The linked pairs of all graphs.
     found
         Zones, rows (from, to, width).
     owners

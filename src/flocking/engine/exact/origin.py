@@ -107,8 +107,6 @@ class Origin:
 
         Parameters
         ----------
-        scenario
-            Its agents and the frame of its energy.
         p
             Velocities relative to the origin, shape (N, m).
         begin

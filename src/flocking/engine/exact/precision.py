@@ -42,8 +42,6 @@ def times_fine(time: float, tolerance: float) -> bool:
 
     Parameters
     ----------
-    time
-        The time.
     tolerance
         Tolerance of the scenario.
     """
@@ -55,8 +53,6 @@ class Precision:
 
     Parameters
     ----------
-    scenario
-        What is simulated.
     dynamics
         The law in force.
     origin

@@ -52,8 +52,6 @@ class ExactRecorder(Recorder):
 
     Parameters
     ----------
-    scenario
-        What is simulated.
     fine
         Whether several samples of every step are kept.
     """

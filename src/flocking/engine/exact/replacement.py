@@ -19,14 +19,10 @@ class Replacement:
 
     Parameters
     ----------
-    scenario, plant
-        What is simulated from then on.
     origin
         The origin of the session's own time and coordinates.
     begin
         The state, in these.
-    links
-        The links.
     segment
         The step under way, up to that moment.
     dynamics
@@ -54,8 +50,6 @@ def renumbered(
     ----------
     scenario, law
         What was simulated, and the law that takes the place of its own; None where more is replaced.
-    time
-        The session's time.
     own, segment, links, origin
         As for `replacement`.
     dynamics
@@ -96,8 +90,6 @@ def replacement(
 
     Parameters
     ----------
-    scenario, plant
-        What was simulated.
     law, state
         What takes the place of the law and of the state; none where that stays.
     old, own

@@ -37,8 +37,6 @@ def write_switch(
         Positions and velocities there, relative to ``origin``, shape (N, m).
     links
         Links before they switch.
-    error
-        Errors of the solution.
     """
     watch = links.watches[crossing.watch]
     near = links.near[crossing.watch]

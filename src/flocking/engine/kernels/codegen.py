@@ -42,8 +42,6 @@ def compiled_kernels(layout: Layout, dimension: int) -> ModuleType:
     ----------
     layout
         The law, its energy, the bodies and the slots of their parameters.
-    dimension
-        Number of axes m.
     """
     from flocking.engine.kernels.expressions import law_formulas
 

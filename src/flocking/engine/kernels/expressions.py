@@ -145,10 +145,6 @@ def law_formulas(layout: Layout, dimension: int, *, integrals: bool = True) -> L
 
     Parameters
     ----------
-    layout
-        The law and its slots.
-    dimension
-        Number of axes m.
     integrals
         Whether energies that are integrals are stored; else what they exceed a closed form by counts as supplied.
     """

@@ -89,8 +89,6 @@ def stages(
 
     Parameters
     ----------
-    law
-        The law in force.
     nodes, weights
         The method: its nodes c, shape (stages,), and its matrix a, shape (stages, stages).
     first, last
@@ -128,8 +126,6 @@ def state_energies(law: CompiledLaw, t: float, y: Array, found: Array) -> None:
 
     Parameters
     ----------
-    law
-        The law in force.
     y
         The state vector, shape (size,).
     found
@@ -174,8 +170,6 @@ class LawKernels:
 
         Parameters
         ----------
-        n, m
-            Numbers of agents and axes.
         pairs, slots, functionals
             As for `control`.
         """

@@ -30,8 +30,6 @@ class Place:
 
     Parameters
     ----------
-    leader
-        The leader.
     axis
         Which coordinate.
     """
@@ -50,8 +48,6 @@ class Layout:
 
     Parameters
     ----------
-    law
-        The law.
     energy
         The energy; its leader's parameters get slots too.
     bodies

@@ -21,8 +21,6 @@ def point_source(m: int, order: int) -> str:
 
     Parameters
     ----------
-    m
-        Number of axes.
     order
         Order of the agents, 1 or 2.
     """

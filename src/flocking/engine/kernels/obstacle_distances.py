@@ -35,13 +35,7 @@ class Level:
 
 
 class ObstacleDistances:
-    """Distances of agents from the obstacles of a law, and the levels they cross.
-
-    Parameters
-    ----------
-    law
-        The law.
-    """
+    """Distances of agents from the obstacles of a law, and the levels they cross."""
 
     def __init__(self, law: Law) -> None:
         self.groups: list[ObstacleGroup] = []

@@ -64,10 +64,6 @@ def encounter_formulas(
 
     Parameters
     ----------
-    layout
-        The law and its slots.
-    dimension
-        Number of axes m.
     frame
         Velocity of the frame of the energy, m expressions.
     motions

@@ -2,115 +2,130 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from abc import abstractmethod
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, ClassVar
 
 from flocking.errors import UnsupportedLaw
+from flocking.formula.visitor import ExpressionVisitor
 
 if TYPE_CHECKING:
     import sympy
 
-_COMPARE = {
-    "StrictLessThan": "<", "LessThan": "<=", "StrictGreaterThan": ">", "GreaterThan": ">=", "Equality": "==",
-    "Unequality": "!=",
-}  # fmt: skip
-
-_COMMON = {"sin": "sin", "cos": "cos", "tan": "tan", "exp": "exp", "atan": "atan"}
+_COMMON = {"Abs": "abs", "sin": "sin", "cos": "cos", "tan": "tan", "exp": "exp", "atan": "atan"}
 
 
-class _Writer(ABC):
-    """Writes arithmetic, fully bracketed; a dialect adds its functions and its choice between two values."""
+class _Printer(ExpressionVisitor[str]):
+    """Prints arithmetic, fully bracketed; a dialect adds its functions and its choice between two values."""
 
+    folds_numbers = True
     functions: ClassVar[Mapping[str, str]] = _COMMON
 
     def __init__(self, names: Mapping[str, str]) -> None:
         self.names = names
 
-    def write(self, e: sympy.Expr) -> str:
-        """Text of an expression or condition."""
-        import sympy
+    def symbol(self, node: sympy.Symbol) -> str:
+        """Text of a name."""
+        return self.names.get(node.name, str(node.name))
 
-        if e.is_Symbol:
-            return self.names.get(e.name, e.name)
-        if e in (sympy.true, sympy.false):
-            return "1" if e == sympy.true else "0"
-        if isinstance(e, sympy.Piecewise):
-            return self._pieces(e)
-        if e.is_Boolean:
-            return self._condition(e)
-        if e.is_number and not e.has(sympy.Function):
-            value = float(e)
-            return repr(value) if value >= 0 else f"(-{abs(value)!r})"
-        if isinstance(e, sympy.Add):
-            return "(" + "+".join(self.write(a) for a in e.args) + ")"
-        if isinstance(e, sympy.Mul):
-            return self._product(e)
-        if isinstance(e, sympy.Pow):
-            return self._power(e.base, e.exp)
-        return self._call(type(e).__name__, e.args)
+    def truth(self, node: sympy.Basic) -> str:
+        """Text of true or false."""
+        return "1" if node else "0"
 
-    def _product(self, e: sympy.Expr) -> str:
+    def number(self, node: sympy.Expr) -> str:
+        """Text of a number."""
+        value = float(node)
+        return repr(value) if value >= 0 else f"(-{abs(value)!r})"
+
+    def sum(self, node: sympy.Add) -> str:
+        """Text of a sum."""
+        return f"({'+'.join(map(self.visit, node.args))})"
+
+    def product(self, node: sympy.Mul) -> str:
+        """Text of a product; negative powers are divided by."""
         import sympy
 
         above, below = [], []
-        for a in e.args:
+        for a in node.args:
             if isinstance(a, sympy.Pow) and a.exp.is_number and a.exp.is_negative:
-                below.append(self.write(sympy.Pow(a.base, -a.exp)))
+                below.append(self.visit(sympy.Pow(a.base, -a.exp)))
             else:
-                above.append(self.write(a))
+                above.append(self.visit(a))
         text = "*".join(above) or "1"
         return f"({text}/({'*'.join(below)}))" if below else f"({text})"
+
+    def power(self, node: sympy.Pow) -> str:
+        """Text of a power."""
+        return self._power(node.base, node.exp)
 
     def _power(self, base: object, exponent: sympy.Expr) -> str:
         import sympy
 
         if exponent.is_number and exponent.is_negative:
-            return f"(1/{self._power(base, -exponent)})" if exponent != -1 else f"(1/{self.write(base)})"
+            return f"(1/{self._power(base, -exponent)})" if exponent != -1 else f"(1/{self.visit(base)})"
         if exponent == sympy.Rational(1, 2):
-            return f"sqrt({self.write(base)})"
+            return f"sqrt({self.visit(base)})"
         if exponent.is_Integer:
-            return f"(({self.write(base)})^{int(exponent)})"
+            return f"(({self.visit(base)})^{int(exponent)})"
         if exponent.is_Rational and exponent.q == 2:
-            return f"(({self.write(base)})^{int(exponent - sympy.Rational(1, 2))}*sqrt({self.write(base)}))"
-        return f"(({self.write(base)})^{self.write(exponent)})"
+            return f"(({self.visit(base)})^{int(exponent - sympy.Rational(1, 2))}*sqrt({self.visit(base)}))"
+        return f"(({self.visit(base)})^{self.visit(exponent)})"
 
-    def _call(self, name: str, arguments: Sequence[sympy.Expr]) -> str:
+    def function(self, node: sympy.Basic) -> str:
+        """Text of a function."""
+        name, arguments = type(node).__name__, list(map(self.visit, node.args))
         if name in self.functions:
-            return f"{self.functions[name]}({', '.join(self.write(a) for a in arguments)})"
+            return f"{self.functions[name]}({', '.join(arguments)})"
         if name in ("sinh", "cosh", "tanh"):
-            x = self.write(arguments[0])
+            x = arguments[0]
             up, down = f"exp({x})", f"exp(-({x}))"
             halves = {"sinh": f"(0.5*({up}-{down}))", "cosh": f"(0.5*({up}+{down}))"}
             # exp of the positive side alone: neither overflows.
             return halves.get(name, f"(1-2/(exp(2*({x}))+1))")
-        if name == "Abs":
-            return f"abs({self.write(arguments[0])})"
         if name in ("Max", "Min"):
-            return self._extreme(name, [self.write(a) for a in arguments])
-        raise UnsupportedLaw(f"LAMMPS has no form of the function {name}. Use engine='tiles' or 'exact'.")
+            return self._extreme(name, arguments)
+        raise self.refusal(name, node)
 
-    def _pieces(self, e: sympy.Expr) -> str:
-        *front, (last, _) = e.args
-        text = self.write(last)
+    def refusal(self, name: str, node: sympy.Basic) -> Exception:
+        """The error for what LAMMPS has no form of."""
+        return UnsupportedLaw(f"LAMMPS has no form of the function {name}. Use engine='tiles' or 'exact'.")
+
+    def piecewise(self, node: sympy.Piecewise) -> str:
+        """Text of pieces: nested choices."""
+        *front, (last, _) = node.args
+        text = self.visit(last)
         for value, condition in reversed(front):
-            text = self._choice(self._condition(condition), self.write(value), text)
+            text = self._choice(self.visit(condition), self.visit(value), text)
         return text
+
+    def condition(self, node: sympy.Basic) -> str:
+        """Text of a condition."""
+        import sympy
+
+        if isinstance(node, sympy.And | sympy.Or | sympy.Not):
+            return self._joined(node, [self.visit(a) for a in node.args])
+        if not isinstance(node, sympy.Rel):
+            raise self.refusal(type(node).__name__, node)
+        return self._comparison(self.visit(node.lhs), node.rel_op, self.visit(node.rhs))
 
     @abstractmethod
     def _choice(self, condition: str, yes: str, no: str) -> str:
         """Text that chooses between two values."""
 
     @abstractmethod
-    def _condition(self, e: object) -> str:
-        """Text of a condition."""
+    def _joined(self, node: sympy.Basic, parts: list[str]) -> str:
+        """Text of and, or, not."""
+
+    @abstractmethod
+    def _comparison(self, left: str, sign: str, right: str) -> str:
+        """Text of a comparison."""
 
     @abstractmethod
     def _extreme(self, name: str, arguments: list[str]) -> str:
         """Text of the largest or smallest of several values."""
 
 
-class VariableWriter(_Writer):
+class VariablePrinter(_Printer):
     """Formulas of equal-style and atom-style variables."""
 
     functions: ClassVar[Mapping[str, str]] = {**_COMMON, "log": "ln"}
@@ -119,17 +134,15 @@ class VariableWriter(_Writer):
         # Evaluates the chosen branch alone: the other may divide by zero.
         return f"ternary({condition}, {yes}, {no})"
 
-    def _condition(self, e: sympy.Expr) -> str:
+    def _joined(self, node: sympy.Basic, parts: list[str]) -> str:
         import sympy
 
-        if e in (sympy.true, sympy.false):
-            return "1" if e == sympy.true else "0"
-        if isinstance(e, sympy.And | sympy.Or):
-            sign = " && " if isinstance(e, sympy.And) else " || "
-            return "(" + sign.join(self._condition(a) for a in e.args) + ")"
-        if isinstance(e, sympy.Not):
-            return f"(!{self._condition(e.args[0])})"
-        return f"({self.write(e.lhs)} {_COMPARE[type(e).__name__]} {self.write(e.rhs)})"
+        if isinstance(node, sympy.Not):
+            return f"(!{parts[0]})"
+        return f"({(' && ' if isinstance(node, sympy.And) else ' || ').join(parts)})"
+
+    def _comparison(self, left: str, sign: str, right: str) -> str:
+        return f"({left} {sign} {right})"
 
     def _extreme(self, name: str, arguments: list[str]) -> str:
         text = arguments[0]
@@ -138,7 +151,7 @@ class VariableWriter(_Writer):
         return text
 
 
-class LeptonWriter(_Writer):
+class LeptonPrinter(_Printer):
     """Expressions of ``pair_style lepton``, which differentiates them itself."""
 
     functions: ClassVar[Mapping[str, str]] = {**_COMMON, "log": "log", "sinh": "sinh", "cosh": "cosh", "tanh": "tanh"}
@@ -146,27 +159,19 @@ class LeptonWriter(_Writer):
     def _choice(self, condition: str, yes: str, no: str) -> str:
         return f"select({condition},{yes},{no})"
 
-    def _condition(self, e: sympy.Expr) -> str:
+    def _joined(self, node: sympy.Basic, parts: list[str]) -> str:
         import sympy
 
-        if e in (sympy.true, sympy.false):
-            return "1" if e == sympy.true else "0"
-        if isinstance(e, sympy.And):
-            return "(" + "*".join(self._condition(a) for a in e.args) + ")"
-        if isinstance(e, sympy.Or):
-            text = self._condition(e.args[0])
-            for other in e.args[1:]:
-                text = f"max({text},{self._condition(other)})"
-            return text
-        if isinstance(e, sympy.Not):
-            return f"(1-{self._condition(e.args[0])})"
-        left, right, kind = self.write(e.lhs), self.write(e.rhs), _COMPARE[type(e).__name__]
+        if isinstance(node, sympy.Not):
+            return f"(1-{parts[0]})"
+        return f"({'*'.join(parts)})" if isinstance(node, sympy.And) else self._extreme("Max", parts)
+
+    def _comparison(self, left: str, sign: str, right: str) -> str:
         # step(x) is 1 from x = 0 on.
-        forms = {
+        return {
             "<": f"(1-step({left}-{right}))", "<=": f"step({right}-{left})", ">": f"(1-step({right}-{left}))",
             ">=": f"step({left}-{right})", "==": f"delta({left}-{right})", "!=": f"(1-delta({left}-{right}))",
-        }  # fmt: skip
-        return forms[kind]
+        }[sign]  # fmt: skip
 
     def _extreme(self, name: str, arguments: list[str]) -> str:
         text = arguments[0]
@@ -183,7 +188,7 @@ def variable(expression: sympy.Expr, names: Mapping[str, str]) -> str:
     UnsupportedLaw
         When the expression has a function that LAMMPS lacks.
     """
-    return VariableWriter(names).write(expression)
+    return VariablePrinter(names).visit(expression)
 
 
 def lepton(expression: object) -> str:
@@ -194,4 +199,4 @@ def lepton(expression: object) -> str:
     UnsupportedLaw
         When the expression has a function that Lepton lacks.
     """
-    return LeptonWriter({}).write(expression).replace(" ", "")
+    return LeptonPrinter({}).visit(expression).replace(" ", "")

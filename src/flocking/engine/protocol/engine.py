@@ -22,8 +22,6 @@ class Engine(ABC):
     ----------
     name
         What ``engine=`` and ``--engine`` call it: lower-case letters, digits, ``-`` and ``_``.
-    summary
-        What it is for, in a few words.
     options
         A dataclass of its options, each with a default, which refuses values that break a rule.
     """
@@ -62,8 +60,6 @@ class Engine(ABC):
 
         Parameters
         ----------
-        scenario
-            What to simulate.
         options
             An instance of `options`.
         plant

@@ -21,10 +21,6 @@ def from_keywords(kind: type[Options], given: Mapping[str, object], engine: str)
 
     Parameters
     ----------
-    kind
-        Dataclass of an engine's options.
-    given
-        The keyword arguments.
     engine
         Name of the engine.
 
@@ -44,8 +40,6 @@ def unknown_option(name: str, value: object, known: Iterable[str], engine: str) 
 
     Parameters
     ----------
-    name, value
-        The option that was given.
     known
         Names that there are.
     engine
@@ -62,8 +56,6 @@ def nearest(name: str, names: Iterable[str]) -> str:
 
     Parameters
     ----------
-    name
-        What was given.
     names
         What there is.
     """

@@ -53,8 +53,6 @@ class Session(ABC):
     ----------
     engine
         Name of its engine.
-    scenario
-        What is simulated.
     plant
         The law the agents really obey, where it is not the scenario's.
     options

@@ -19,8 +19,6 @@ def check_finite(owner: str, offsets: Array, forces: Array, pairs: tuple[Indices
 
     Parameters
     ----------
-    owner
-        Who asks, for the error.
     offsets, forces
         q_j - q_i and the force on i, shape (k, m).
     pairs

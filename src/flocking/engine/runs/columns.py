@@ -85,8 +85,6 @@ class Dimensions:
 
     Parameters
     ----------
-    n, m
-        Numbers of agents and axes.
     with_links
         Whether frames hold link matrices.
     precision

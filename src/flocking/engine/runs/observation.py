@@ -15,10 +15,6 @@ def observation(
 
     Parameters
     ----------
-    t
-        Time.
-    p
-        Velocities, shape (N, m).
     flock_sizes
         Number of agents of each flock.
     links

@@ -48,8 +48,6 @@ class Recorder:
 
     Parameters
     ----------
-    scenario
-        Frame times and sizes.
     precision
         ``"float64"`` or ``"float32"``, of the stored frames.
     keep_frames
@@ -149,8 +147,6 @@ class Recorder:
 
         Parameters
         ----------
-        q, p
-            Positions and velocities, shape (N, m).
         links
             Link matrix, shape (N, N), where there is one.
         errors

@@ -80,8 +80,6 @@ class Closest:
     ----------
     distance
         How close they came; infinite when there was no such pair.
-    time
-        When.
     pair
         Who.
     error
@@ -110,10 +108,6 @@ class Largest:
 
     Parameters
     ----------
-    value
-        How large it was.
-    time
-        When.
     agents
         Whose it was: one agent, or two.
     error

@@ -70,8 +70,6 @@ def fidelity_of(data: object, provenance: Mapping[str, object], scenario: Scenar
         What `fidelity_data` gave; None for a run that was stored without.
     provenance
         Where the run comes from.
-    scenario
-        What was simulated.
 
     Raises
     ------
@@ -106,8 +104,6 @@ def derived_fidelity(provenance: Mapping[str, object], scenario: Scenario) -> Fi
     ----------
     provenance
         Where the run comes from.
-    scenario
-        What was simulated.
     """
 
     def number(name: str) -> float:

@@ -231,13 +231,7 @@ def _reason(error: OSError, full: str) -> str:
 
 
 def partial_folder(folder: Path) -> Path:
-    """Where a folder is made before it appears under its own name.
-
-    Parameters
-    ----------
-    folder
-        The folder to be made.
-    """
+    """Where a folder is made before it appears under its own name."""
     return folder.with_name(f".{folder.name}.{os.getpid()}{PARTIAL}")
 
 

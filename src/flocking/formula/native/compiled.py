@@ -73,10 +73,6 @@ class Compiled:
 
     Parameters
     ----------
-    name
-        Its name.
-    arguments
-        Kinds of its arguments.
     address
         Where its machine code is.
     results

@@ -62,8 +62,6 @@ def add_entry(module: ir.Module, function: ir.Function, arguments: Sequence[Argu
         The module.
     function
         The function.
-    arguments
-        Kinds of its arguments.
     """
     from llvmlite import ir
 

@@ -21,7 +21,5 @@ def error_of(fault: int, name: str) -> Exception:
     ----------
     fault
         Its number.
-    name
-        The function it came up in.
     """
     return _ERRORS[fault](name)

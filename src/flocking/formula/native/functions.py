@@ -56,11 +56,6 @@ class NativeFunction(Callee):
     def compiled(self, arguments: tuple[Argument, ...]) -> Compiled:
         """The function for arguments of these kinds.
 
-        Parameters
-        ----------
-        arguments
-            Their kinds.
-
         Raises
         ------
         CacheError
@@ -83,13 +78,7 @@ class NativeFunction(Callee):
         return Compiled(name, arguments, address, results, entry)
 
     def outside(self, arguments: tuple[Argument, ...]) -> Outside:
-        """The function compiled by itself, for native functions to call.
-
-        Parameters
-        ----------
-        arguments
-            Kinds of its arguments.
-        """
+        """The function compiled by itself, for native functions to call."""
         kinds = ", ".join(map(str, arguments))
         reference = f"{self.py_func.__module__}:{self.py_func.__qualname__}:{kinds}"
         return Outside(reference, _symbol(reference), self.compiled(arguments).results)

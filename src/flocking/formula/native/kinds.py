@@ -74,8 +74,6 @@ class ArrayKind:
     ----------
     element
         Its numbers.
-    axes
-        How many indices it has.
     """
 
     element: Kind
@@ -126,13 +124,7 @@ Argument = Kind | ArrayKind | RecordKind
 
 
 def flat(arguments: Iterable[Argument]) -> list[Kind | ArrayKind]:
-    """Kinds of the numbers and arrays of some arguments: a record is passed field by field.
-
-    Parameters
-    ----------
-    arguments
-        Kinds of the arguments.
-    """
+    """Kinds of the numbers and arrays of some arguments: a record is passed field by field."""
     found: list[Kind | ArrayKind] = []
     for kind in arguments:
         found += flat(kind.fields) if isinstance(kind, RecordKind) else [kind]
@@ -164,8 +156,6 @@ class Number:
 
     Parameters
     ----------
-    kind
-        What it is.
     code
         LLVM's name for it.
     """
@@ -180,10 +170,6 @@ class Array:
 
     Parameters
     ----------
-    kind
-        What it holds.
-    data
-        Pointer to its first number.
     shape
         Lengths of its axes.
     passing
@@ -198,13 +184,7 @@ class Array:
 
 @dataclass(frozen=True)
 class Constant:
-    """What is known while translating: a number, a function, a module, a type.
-
-    Parameters
-    ----------
-    value
-        The object.
-    """
+    """What is known while translating: a number, a function, a module, a type."""
 
     value: Any
 

@@ -46,24 +46,12 @@ def _machine() -> binding.TargetMachine:
 
 
 def has_feature(name: str) -> bool:
-    """Whether the processor has a feature, such as ``"avx512f"``.
-
-    Parameters
-    ----------
-    name
-        LLVM's name of the feature.
-    """
+    """Whether the processor has a feature, such as ``"avx512f"``."""
     return f"+{name}" in processor()[1].split(",")
 
 
 def object_code(text: str) -> bytes:
-    """Machine code of an LLVM module.
-
-    Parameters
-    ----------
-    text
-        The module in LLVM's language.
-    """
+    """Machine code of an LLVM module."""
     target = _machine()
     module = binding.parse_assembly(text)
     module.triple = binding.get_default_triple()
@@ -88,8 +76,6 @@ def addresses_of(
 
     Parameters
     ----------
-    name
-        Name of the function in its module.
     key
         What fixes its code, beside the processor and the version of LLVM.
     make

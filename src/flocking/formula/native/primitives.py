@@ -69,10 +69,4 @@ class Callee(ABC):
 
     @abstractmethod
     def outside(self, arguments: tuple[Argument, ...]) -> Outside:
-        """The function compiled by itself.
-
-        Parameters
-        ----------
-        arguments
-            Kinds of its arguments.
-        """
+        """The function compiled by itself."""

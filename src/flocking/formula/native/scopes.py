@@ -22,8 +22,6 @@ class Source:
 
     Parameters
     ----------
-    node
-        The function.
     known
         Names of the module it is in.
     functions

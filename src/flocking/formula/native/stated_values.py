@@ -28,12 +28,8 @@ def state_value(
 
     Parameters
     ----------
-    name, value
-        The name and the value.
     names
         Names that are read of a module.
-    state
-        Takes the text.
     seen
         Functions that are stated already.
     """

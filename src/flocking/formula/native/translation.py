@@ -56,12 +56,8 @@ def translate(
 
     Parameters
     ----------
-    name
-        Name of the function in the module.
     source
         The function.
-    arguments
-        Kinds of its arguments.
 
     Raises
     ------

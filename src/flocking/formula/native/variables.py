@@ -52,8 +52,6 @@ class Variables(ABC):
         The LLVM module.
     entry
         Block that variables are made in.
-    builder
-        Writes the code.
     wider
         Kinds of variables found too narrow before, by path and name.
     """
@@ -321,10 +319,4 @@ class Variables(ABC):
 
     @abstractmethod
     def value(self, node: ast.expr) -> Value:
-        """Value of an expression.
-
-        Parameters
-        ----------
-        node
-            The expression.
-        """
+        """Value of an expression."""

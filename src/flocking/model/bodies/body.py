@@ -63,8 +63,6 @@ class MotionSymbols:
         Position and velocity, m expressions each; velocities of bodies without that column are zero.
     u
         Force that the law wants, m expressions.
-    t
-        Time.
     mass, damping
         m_i and k_i.
     columns

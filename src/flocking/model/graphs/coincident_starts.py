@@ -22,13 +22,7 @@ BLOCK = 1000
 
 
 def coincident_groups(q: Array) -> list[Indices]:
-    """Groups of agents at exactly the same point, by their numbers, ascending in each group.
-
-    Parameters
-    ----------
-    q
-        Positions, shape (N, m).
-    """
+    """Groups of agents at exactly the same point, by their numbers, ascending in each group."""
     order = np.lexsort(q.T)
     same = (q[order[1:]] == q[order[:-1]]).all(axis=1)
     if not same.any():
@@ -44,14 +38,8 @@ def linked_pair(graph: Graph, groups: list[Indices], q: Array, headings: Array |
 
     Parameters
     ----------
-    graph
-        The graph.
     groups
         Agents at the same points; see `coincident_groups`.
-    q
-        Positions, shape (N, m).
-    headings
-        Headings, for graphs that see them.
     """
     if not groups:
         return None

@@ -9,13 +9,7 @@ from flocking.arrays import Links as Links
 
 
 def components(links: Links) -> NDArray[np.intp]:
-    """Label of the weakly connected component of each agent, 0 for the component of agent 0.
-
-    Parameters
-    ----------
-    links
-        Link matrix, shape (N, N).
-    """
+    """Label of the weakly connected component of each agent, 0 for the component of agent 0."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import connected_components
 
@@ -24,13 +18,7 @@ def components(links: Links) -> NDArray[np.intp]:
 
 
 def is_connected(links: Links) -> bool:
-    """Whether all agents belong to one weakly connected component (Olfati-Saber, Definition 1).
-
-    Parameters
-    ----------
-    links
-        Link matrix, shape (N, N).
-    """
+    """Whether all agents belong to one weakly connected component (Olfati-Saber, Definition 1)."""
     # A plain sweep: starts are redrawn thousands of times, and SciPy costs more than ten agents do.
     reached = np.zeros(len(links), dtype=bool)
     reached[0] = True

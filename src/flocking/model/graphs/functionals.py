@@ -49,13 +49,7 @@ def left_eigenvector(weights: Array) -> Array:
 
 
 def is_strongly_connected(links: Links) -> bool:
-    """Whether a directed path leads from every agent to every other.
-
-    Parameters
-    ----------
-    links
-        Link matrix, shape (N, N).
-    """
+    """Whether a directed path leads from every agent to every other."""
     return _reaches_all(links) and _reaches_all(links.T)
 
 

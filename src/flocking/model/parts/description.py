@@ -45,13 +45,7 @@ class Nested:
 
 @dataclass(frozen=True)
 class Stored:
-    """Says under which name a field is stored and given to the constructor, where it is not its own.
-
-    Parameters
-    ----------
-    name
-        The name.
-    """
+    """Says under which name a field is stored and given to the constructor, where it is not its own."""
 
     name: str
 
@@ -62,8 +56,6 @@ class Field:
 
     Parameters
     ----------
-    name
-        Its name in files and as an argument.
     attribute
         Its name as an attribute.
     holds
@@ -183,8 +175,6 @@ class Group:
 
     Parameters
     ----------
-    name
-        Name of the group.
     base
         Class of its parts.
     key

@@ -33,8 +33,6 @@ class RefusedError(ValueError):
 
     Parameters
     ----------
-    rule
-        What must hold, in words.
     fix
         The usual way out.
     at

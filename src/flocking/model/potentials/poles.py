@@ -64,11 +64,6 @@ def acts_only_beyond(potential: Potential, radius: float) -> float | None:
     """The distance from which on a potential has a slope, where it has none below ``radius``; else None.
 
     A formula without pieces has a slope somewhere below any radius, or none at all.
-
-    Parameters
-    ----------
-    radius
-        Radius of the graph over which it acts.
     """
     kinks = potential.kinks()
     if not kinks or (potential.slope(radius * np.linspace(0.0, 1.0, SAMPLES)[1:-1]) != 0).any():

@@ -72,8 +72,6 @@ def check_pair_term(term: PairTerm, graph: Graph) -> None:
     ----------
     term
         The term.
-    graph
-        Graph it sums over, whose weight enters.
 
     Raises
     ------
@@ -101,8 +99,6 @@ def check_body_term(term: BodyTerm, dimension: int) -> None:
     ----------
     term
         The term.
-    dimension
-        Number of axes m.
 
     Raises
     ------

@@ -146,8 +146,6 @@ def fall_of(potential: Potential, graph: Smooth) -> Fall | None:
 
     Parameters
     ----------
-    potential
-        The potential.
     graph
         The graph; its weight falls between its kink and its radius.
     """

@@ -49,8 +49,6 @@ class States:
 
         Parameters
         ----------
-        owner
-            Name of the part.
         values
             Its parameters.
         """
@@ -119,8 +117,6 @@ class PairStates(States):
     ----------
     term
         The term.
-    graph
-        Its graph.
     """
 
     def __init__(self, term: PairTerm, graph: Graph) -> None:
@@ -143,8 +139,6 @@ class BodyStates(States):
     ----------
     term
         The term.
-    dimension
-        Number of axes m.
     moving
         Whether the frame of the energy moves; the lab frame otherwise.
     """

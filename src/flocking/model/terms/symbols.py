@@ -18,8 +18,6 @@ class PairSymbols:
 
     Parameters
     ----------
-    r
-        Distance of the pair.
     weight
         Weight a_ij the graph gives the link, an expression in ``r``.
     speed2
@@ -51,8 +49,6 @@ class BodySymbols:
     ----------
     q, p
         Position and velocity, m expressions each.
-    t
-        Time.
     mass, damping
         m_i and k_i.
     mean_q, mean_p
@@ -88,8 +84,6 @@ class ObstacleSymbols:
     ----------
     q, p
         Position and velocity of the agent, m expressions each.
-    t
-        Time.
     mass
         m_i.
     distance

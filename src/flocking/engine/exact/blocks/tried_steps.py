@@ -50,8 +50,6 @@ def new_work(law: CompiledLaw, solution: Solution) -> Work:
 
     Parameters
     ----------
-    law
-        The law.
     solution
         Where the steps begin.
     """

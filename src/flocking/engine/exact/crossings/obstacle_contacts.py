@@ -44,13 +44,7 @@ CLOSED = 1e-15
 
 
 class ObstacleContacts(ObstacleDistances):
-    """Distances of agents from the obstacles of a law, and when they cross the levels of the law.
-
-    Parameters
-    ----------
-    law
-        The law.
-    """
+    """Distances of agents from the obstacles of a law, and when they cross the levels of the law."""
 
     def __init__(self, law: Law) -> None:
         super().__init__(law)

@@ -65,14 +65,8 @@ class LinkState:
 
     Parameters
     ----------
-    law
-        The control law.
-    q
-        Positions at the start, shape (N, m).
     links
         Link memory of the law's own graph; its initial rule decides when absent.
-    t
-        Time at the start.
     headings
         Headings of the agents, as in `Agents`, where a graph sees them.
     base
@@ -236,8 +230,6 @@ class LinkState:
         ----------
         segment
             The segment.
-        n, m
-            Numbers of agents and axes.
         order
             Order of the agents: only those of order 2 have velocities.
         """

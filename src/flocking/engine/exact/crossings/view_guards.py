@@ -127,8 +127,6 @@ def view_crossings(
         See `flocking.engine.exact.integrator.segment.Motion`.
     near
         Matrix (N, N): pairs that are seen now.
-    headings
-        Unit vectors, shape (N, m).
     cosines, radii
         Cosine of the half angle and radius of each sensing agent, shape (N,).
     slack

@@ -18,8 +18,6 @@ class Watch:
 
     Parameters
     ----------
-    graph
-        Number of the graph.
     kind
         ``"link"`` or ``"kink"``; ``"obstacle"`` or ``"rim"`` for pairs (agent, obstacle), see `Level`. Groups of
         obstacles are numbered after the graphs.

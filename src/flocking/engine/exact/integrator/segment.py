@@ -156,8 +156,6 @@ class Segment:
 
         Parameters
         ----------
-        n, m
-            Numbers of agents and axes.
         order
             Order of the agents: only those of order 2 have velocities.
         """

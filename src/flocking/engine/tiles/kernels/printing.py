@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from flocking.errors import UnsupportedLaw
+from flocking.formula.visitor import ExpressionVisitor
 
 if TYPE_CHECKING:
     import sympy
@@ -140,8 +141,13 @@ def _selected(condition: sympy.Basic, yes: sympy.Basic, no: sympy.Basic) -> symp
     return sympy.Function(_SELECT[sign])(without_branches(condition.lhs), without_branches(condition.rhs), yes, no)
 
 
-class _Writer:
-    """Writes expressions of scalar names; numbers become constants of the kernel's precision ``T``."""
+class _Printer(ExpressionVisitor[str]):
+    """Prints expressions of scalar names; numbers become constants of the kernel's precision ``T``.
+
+    Assignments that an expression needs are appended to ``lines``.
+    """
+
+    folds_numbers = True
 
     def __init__(self, prefix: str, inverses: Mapping[str, str]) -> None:
         self.lines: list[str] = []
@@ -153,7 +159,7 @@ class _Writer:
         """Append the assignment of an expression to a name."""
         import sympy
 
-        text = self.write(value)
+        text = self.visit(value)
         self.lines.append(f"{name} = {text}")
         if isinstance(value, sympy.Pow) and value.exp == sympy.Rational(1, 2):
             self._under_root[name] = value.base
@@ -165,12 +171,12 @@ class _Writer:
         half = exponent - sympy.floor(exponent)
         if base.is_Symbol and half == 0:
             if base.name in self._under_root and base.name not in self._inverses:
-                under = self._temporary(self.write(self._under_root[base.name]))
+                under = self._temporary(self.visit(self._under_root[base.name]))
                 self._inverses[base.name] = self._temporary(f"inverse_root({under})")
             if base.name in self._inverses:
                 return self._repeated(self._inverses[base.name], int(exponent))
         if half == sympy.Rational(1, 2):
-            root = self._temporary(f"inverse_root({self._temporary(self.write(base))})")
+            root = self._temporary(f"inverse_root({self._temporary(self.visit(base))})")
             return self._repeated(root, int(2 * exponent))
         return None
 
@@ -181,50 +187,59 @@ class _Writer:
         self.lines.append(f"{name} = {text}")
         return name
 
-    def write(self, e: sympy.Basic) -> str:
-        """Source text of an expression; assignments it needs are appended to ``lines``."""
-        import sympy
+    def symbol(self, node: sympy.Symbol) -> str:
+        """Text of a name."""
+        return str(node.name)
 
-        if e.is_Symbol:
-            return str(e.name)
-        if (e.is_number and not e.has(sympy.Function)) or e.is_NumberSymbol:
-            return f"T({float(e)!r})"
-        if isinstance(e, sympy.Add):
-            text = ""
-            for term in e.args:
-                negative = term.could_extract_minus_sign()
-                text += (" - " if negative else " + ") + self._factor(-term if negative else term)
-            return text[3:] if text.startswith(" + ") else "-" + text[3:]
-        if isinstance(e, sympy.Mul):
-            return self._product(e)
-        if isinstance(e, sympy.Pow):
-            return self._power(e.base, e.exp)
-        name = type(e).__name__
+    def number(self, node: sympy.Expr) -> str:
+        """Text of a number."""
+        return f"T({float(node)!r})"
+
+    def sum(self, node: sympy.Add) -> str:
+        """Text of a sum."""
+        text = ""
+        for term in node.args:
+            negative = term.could_extract_minus_sign()
+            text += (" - " if negative else " + ") + self._factor(-term if negative else term)
+        return text[3:] if text.startswith(" + ") else "-" + text[3:]
+
+    def power(self, node: sympy.Pow) -> str:
+        """Text of a power."""
+        return self._power(node.base, node.exp)
+
+    def function(self, node: sympy.Basic) -> str:
+        """Text of a function, or of a selection made by `without_branches`."""
+        name = type(node).__name__
         if name in _SELECT_SIGN:
-            left, right, yes, no = (self._temporary(self.write(a)) for a in e.args)
+            left, right, yes, no = (self._temporary(self.visit(a)) for a in node.args)
             return f"select({left} {_SELECT_SIGN[name]} {right}, {yes}, {no})"
-        arguments = ", ".join(self.write(a) for a in e.args)
+        arguments = ", ".join(self.visit(a) for a in node.args)
         if name in VECTOR_FUNCTIONS:
             return f"{VECTOR_FUNCTIONS[name]}({arguments})"
         if name in _LIBRARY:
             return f"each_lane(math.{name}, {arguments})"
-        raise UnsupportedLaw(f"The tiled engine has no form of the function {name}. Use engine='exact'.")
+        raise self.refusal(name, node)
+
+    def refusal(self, name: str, node: sympy.Basic) -> Exception:
+        """The error for what the kernels have no form of."""
+        return UnsupportedLaw(f"The tiled engine has no form of the function {name}. Use engine='exact'.")
 
     def _factor(self, e: sympy.Basic) -> str:
         import sympy
 
-        text = self.write(e)
+        text = self.visit(e)
         return f"({text})" if isinstance(e, sympy.Add) or text.startswith("-") else text
 
-    def _product(self, e: sympy.Basic) -> str:
+    def product(self, node: sympy.Mul) -> str:
+        """Text of a product; negative powers are divided by, or are powers of an inverse at hand."""
         import sympy
 
-        if e.could_extract_minus_sign():
-            inner = self.write(-e)
+        if node.could_extract_minus_sign():
+            inner = self.visit(-node)
             return f"-({inner})"
         above: list[str] = []
         below: list[sympy.Basic] = []
-        for a in e.args:
+        for a in node.args:
             if isinstance(a, sympy.Pow) and a.exp.is_number and a.exp.is_negative:
                 factors = self._inverse(a.base, -a.exp)
                 if factors is None:
@@ -242,13 +257,13 @@ class _Writer:
         import sympy
 
         if not exponent.is_number:
-            return f"fast_exp({self._factor(exponent)} * fast_log({self.write(base)}))"
+            return f"fast_exp({self._factor(exponent)} * fast_log({self.visit(base)}))"
         if exponent.is_negative:
             factors = self._inverse(base, -exponent)
             if factors is not None:
                 return "(" + " * ".join(factors) + ")" if len(factors) > 1 else factors[0]
             return f"T(1.0) / ({self._power(base, -exponent)})" if exponent != -1 else f"T(1.0) / {self._factor(base)}"
-        text = self._temporary(self.write(base))
+        text = self._temporary(self.visit(base))
         integer_part, half = int(sympy.floor(exponent)), exponent - sympy.floor(exponent)
         factors = self._repeated(text, integer_part)
         if half == sympy.Rational(1, 2):
@@ -282,9 +297,9 @@ def vector_statements(
 
     flat = {name: without_branches(value) for name, value in results.items()}
     shared, reduced = sympy.cse(list(flat.values()), symbols=sympy.numbered_symbols(prefix))
-    writer = _Writer(prefix, inverses or {})
+    printer = _Printer(prefix, inverses or {})
     for symbol, value in shared:
-        writer.assign(symbol.name, value)
+        printer.assign(symbol.name, value)
     for name, value in zip(flat, reduced, strict=True):
-        writer.assign(name, value)
-    return writer.lines
+        printer.assign(name, value)
+    return printer.lines
