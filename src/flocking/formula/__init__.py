@@ -1,1 +1,1 @@
-"""Ground floor: text formulas, their SymPy form, and compiled functions made from it."""
+"""Text formulas, their SymPy form, and compiled functions made from it."""

@@ -1,7 +1,7 @@
-"""The folder of generated code: where it is, who may write it, and how its files are written, sealed and removed.
+"""The folder of generated code: where it is, who may write it, and how its files are written, verified and removed.
 
-What lies there is executed. So the folder and its files must belong to the user, or to root, and nobody else may write
-them; every file ends or begins with a checksum of the rest, and one that does not match is made again.
+The files are executed. So the folder and its files must belong to the user or to root, and nobody else may write them.
+Every file holds a checksum; a file that does not match its checksum is generated again.
 """
 
 from __future__ import annotations
@@ -25,44 +25,44 @@ from typing import BinaryIO
 from flocking.errors import CacheError
 
 MOST_BYTES = 512 * 2**20
-"""Size the folder may have; the files that were used longest ago are removed first, down to `KEPT_SHARE` of it."""
-KEPT_SHARE = 0.75
-"""Share of the largest size that is left after files were removed, so that this happens rarely."""
+"""Largest size of the folder; the files used longest ago are removed first, down to `REMAINING_SHARE` of it."""
+REMAINING_SHARE = 0.75
+"""Share of the largest size that remains after files were removed, so that removal is rare."""
 
-LOOK_EVERY = 16
-"""Files written by a process between two looks at the size of the folder."""
+CHECK_INTERVAL = 16
+"""Files that a process writes between two checks of the size of the folder."""
 
-LEFT_OVER = 3600.0
-"""A file still being written after so many seconds was left by a process that was killed."""
+ABANDONED_AFTER = 3600.0
+"""Seconds after which a temporary file is taken for one of a process that was killed."""
 
-HEAD = "# sha256 "
-"""A file of text begins with a line of this and the digest of the rest."""
-TAIL = 32
-"""A file of machine code ends with so many bytes of digest of the rest."""
+CHECKSUM_PREFIX = "# sha256 "
+"""First line of a text file: this and the SHA-256 of the rest."""
+DIGEST_BYTES = 32
+"""A file of machine code ends with the SHA-256 of the rest, which has 32 bytes."""
 
 GENERATED = "flocking_generated_"
-"""Generated modules are named by this and a digest of their source."""
+"""Names of generated modules are this and a digest of their source."""
 
 MACHINE = "machine"
-"""Folder of machine code within the folder."""
+"""Subfolder of machine code."""
 
 NOWHERE = Path(os.devnull)
-"""In place of the folder where nothing can be written: nothing is kept, and every process compiles for itself."""
+"""In place of the folder where nothing can be written: every process compiles for itself and stores nothing."""
 
 _written = 0
-"""Files written by this process."""
+"""Files that this process has written."""
 
 
 def cache_folder() -> Path:
     """Folder of generated code: ``$FLOCKING_CACHE``, or ``flocking`` in the user's cache folder.
 
-    Where no place can be written, and none was chosen, it is a temporary folder of this process and those it starts,
-    and `NOWHERE` where none can be made. Who chooses `NOWHERE` has nothing kept.
+    If neither can be written and none was chosen, it is a temporary folder of this process and its children, or
+    `NOWHERE` if none can be made. ``FLOCKING_CACHE=/dev/null`` selects `NOWHERE`.
 
     Raises
     ------
     CacheError
-        When the folder that was chosen cannot be created, or others may write it.
+        When the chosen folder cannot be created, or others may write it.
     """
     chosen = os.environ.get("FLOCKING_CACHE")
     if chosen:
@@ -96,7 +96,7 @@ def _make(folder: Path) -> None:
 
 
 def _temporary(reason: str) -> Path:
-    """A private folder that goes when the process ends; those that it starts use it too."""
+    """A private folder that is removed when the process ends; its child processes use it too."""
     try:
         folder = Path(tempfile.mkdtemp(prefix="flocking-"))
         place = f"are kept in {folder} until this process ends"
@@ -122,7 +122,7 @@ def _temporary(reason: str) -> Path:
 
 
 def others_may_write(path: Path) -> str:
-    """Who else may write a file or folder, in words; empty where nobody may."""
+    """Who else may write the file or folder ``path``, in words; empty if nobody may."""
     if not hasattr(os, "getuid"):  # Windows: rights are not in the mode
         return ""
     found = path.lstat()
@@ -144,7 +144,7 @@ def _require_own(folder: Path) -> None:
     who = others_may_write(folder)
     if who:
         raise CacheError(
-            f"The cache folder {folder} may be written by {who}: what lies there would be executed. "
+            f"The cache folder {folder} may be written by {who}: its files would be executed. "
             f"Set FLOCKING_CACHE to a folder of your own, or take the right away (chmod go-w {folder})."
         )
     for above in folder.absolute().parents:
@@ -156,14 +156,14 @@ def _require_own(folder: Path) -> None:
             )
 
 
-def _mine(path: Path) -> bool:
-    """Whether a path is a file that nobody else may write."""
+def _is_private(path: Path) -> bool:
+    """Whether a path is a regular file that nobody else may write."""
     return not path.is_symlink() and path.is_file() and not others_may_write(path)
 
 
 @contextmanager
 def _written_completely(path: Path) -> Iterator[BinaryIO]:
-    """A file that appears under its name when all of it is on the disk, readable and writable by the user alone.
+    """A file that appears under its name once all of it is on the disk, readable and writable by the user alone.
 
     Raises
     ------
@@ -194,11 +194,11 @@ def _written_completely(path: Path) -> Iterator[BinaryIO]:
                 + " FLOCKING_CACHE to a folder you can write."
             ) from None
         raise
-    _keep_small(path.parent)
+    _limit_size(path.parent)
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text with its digest in the first line.
+    """Write ``text`` to the file ``path`` with its digest in the first line.
 
     Raises
     ------
@@ -207,16 +207,16 @@ def write_text(path: Path, text: str) -> None:
     """
     data = text.encode()
     with _written_completely(path) as file:
-        file.write(f"{HEAD}{hashlib.sha256(data).hexdigest()}\n".encode() + data)
+        file.write(f"{CHECKSUM_PREFIX}{hashlib.sha256(data).hexdigest()}\n".encode() + data)
 
 
 def read_text(path: Path) -> str | None:
-    """The text that `write_text` wrote; None where the file is not there, not whole, or others may write it."""
+    """The text that `write_text` wrote; None if the file is missing, incomplete, or writable by others."""
     try:
-        if not _mine(path):
+        if not _is_private(path):
             return None
         head, _, data = path.read_bytes().partition(b"\n")
-        if head != f"{HEAD}{hashlib.sha256(data).hexdigest()}".encode():
+        if head != f"{CHECKSUM_PREFIX}{hashlib.sha256(data).hexdigest()}".encode():
             return None
         with suppress(OSError):
             os.utime(path)
@@ -225,53 +225,41 @@ def read_text(path: Path) -> str | None:
         return None
 
 
-@contextmanager
-def sealing(path: Path) -> Iterator[io.BytesIO]:
-    """A file to write machine code to; its digest is added at the end.
+def write_code(path: Path, code: bytes) -> None:
+    """Write machine code to the file ``path`` with its digest at the end.
 
     Raises
     ------
     CacheError
         When it cannot be written.
     """
-    data = io.BytesIO()
-    yield data
     with _written_completely(path) as file:
-        file.write(data.getvalue() + hashlib.sha256(data.getvalue()).digest())
+        file.write(code + hashlib.sha256(code).digest())
 
 
-def read_sealed(path: Path) -> bytes | None:
-    """What `sealing` wrote; None where the file is not there, not whole, or others may write it."""
+def read_code(path: Path) -> bytes | None:
+    """What `write_code` wrote; None if the file is missing, incomplete, or writable by others."""
     try:
-        if not _mine(path):
+        if not _is_private(path):
             return None
         data = path.read_bytes()
-        if len(data) <= TAIL or hashlib.sha256(data[:-TAIL]).digest() != data[-TAIL:]:
+        if len(data) <= DIGEST_BYTES or hashlib.sha256(data[:-DIGEST_BYTES]).digest() != data[-DIGEST_BYTES:]:
             return None
         with suppress(OSError):
             os.utime(path)
-        return data[:-TAIL]
+        return data[:-DIGEST_BYTES]
     except OSError:
         return None
 
 
-def is_sealed(path: Path) -> bool:
-    """Whether a file is as `sealing` left it, and nobody else may write it."""
-    return read_sealed(path) is not None
-
-
 @dataclass(frozen=True)
 class Contents:
-    """What is in the folder.
+    """Contents of the folder: number of files, their size in bytes, and the number of generated modules.
 
     Parameters
     ----------
-    files
-        Number of files.
-    size
-        Their size in bytes.
-    formulas
-        Number of generated modules.
+    folder, files, size, formulas
+        In this order.
     """
 
     folder: Path
@@ -294,7 +282,7 @@ def contents(folder: Path | None = None) -> Contents:
 
 
 def clear() -> Contents:
-    """Remove all generated code; what was there.
+    """Remove all generated code; returns what was there.
 
     Raises
     ------
@@ -311,7 +299,7 @@ def clear() -> Contents:
 
 
 def _files(folder: Path) -> list[tuple[float, int, Path]]:
-    """Time of the last use, size and path of every file this library writes there."""
+    """Time of the last use, size and path of every file that this library writes there."""
     found = []
     for path in folder.rglob("*"):
         if path.suffix in (".py", ".txt", ".tmp", ".nbi", ".nbc", ".pyc", ".o") and not path.is_symlink():
@@ -322,23 +310,23 @@ def _files(folder: Path) -> list[tuple[float, int, Path]]:
     return found
 
 
-def _keep_small(folder: Path) -> None:
-    """Now and then remove what was used longest ago, where the folder has become too large."""
+def _limit_size(folder: Path) -> None:
+    """Every `CHECK_INTERVAL` files, remove those used longest ago if the folder has become too large."""
     global _written
     _written += 1
-    if _written % LOOK_EVERY != 1:
+    if _written % CHECK_INTERVAL != 1:
         return
     root = next((p for p in (folder, *folder.parents) if (p / MACHINE).is_dir()), folder)
     found = sorted(_files(root))
     for used, _, path in found:
-        if path.suffix == ".tmp" and used < time.time() - LEFT_OVER:
+        if path.suffix == ".tmp" and used < time.time() - ABANDONED_AFTER:
             with suppress(OSError):
                 path.unlink()
     size = sum(x[1] for x in found)
     if size <= MOST_BYTES:
         return
     for _, length, path in found:
-        if size <= KEPT_SHARE * MOST_BYTES:
+        if size <= REMAINING_SHARE * MOST_BYTES:
             return
         with suppress(OSError):
             path.unlink()

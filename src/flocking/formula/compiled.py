@@ -1,8 +1,8 @@
-"""Generated source code, kept as real files in a cache folder and loaded as modules.
+"""Generated source code, stored as files in a cache folder and loaded as modules.
 
-A module is named by a digest of its own source, so that no file, machine code or loaded module ever stands for other
-formulas than those printed in it. Beside it lie short notes that name the module of a structure: with one, a second
-process finds the module of the library's own formulas without SymPy. Formulas that other code states are read anew.
+A module is named by a digest of its own source, so that no file, machine code or loaded module is ever used for
+formulas other than those printed in it. Short notes beside it name the module of a structure: with one, a second
+process finds the module of the library's own formulas without SymPy. Formulas stated by other code are always read.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ _modules: dict[str, ModuleType] = {}
 
 
 class Reading:
-    """Within it, formulas of parts from outside this library are read once for each part, not at every use.
+    """A context in which formulas of parts from outside this library are read once per part, not at every use.
 
-    A simulation that goes on under one law enters the same reading for every step.
+    A simulation that goes on under one law enters the same context for every step.
     """
 
     def __init__(self) -> None:
@@ -41,13 +41,7 @@ class Reading:
         _reading.reset(self._tokens.pop())
 
     def module(self, kind: object, parts: Sequence[object], make: Callable[[], ModuleType]) -> ModuleType:
-        """The module of these very parts, made by the first who asks.
-
-        Parameters
-        ----------
-        make
-            Makes it.
-        """
+        """The module of these parts, made by ``make`` at the first call; ``kind`` is what it is for."""
         key = (repr(kind), *map(id, parts))
         if key not in self._found:
             # The parts are kept, so that no other object ever has their identities.
@@ -72,9 +66,9 @@ def generated_module(
     Parameters
     ----------
     kind
-        What beside the formulas fixes the source; its ``repr`` counts.
+        What beside the formulas determines the source; its ``repr`` counts.
     structure
-        What fixes the formulas where this library's own code states them all; its ``repr`` counts.
+        What determines the formulas if this library's own code states them all; its ``repr`` counts.
     parts
         The parts that state the formulas.
     formulas
@@ -117,7 +111,7 @@ def _of_structure(text: str, make_source: Callable[[], str]) -> ModuleType:
 
 
 def _noted(note: Path) -> str | None:
-    """Name of the module of a structure, where it is in the folder and whole."""
+    """Name of the module of a structure; None if its note is missing or incomplete."""
     text = read_text(note)
     return None if text is None else text.partition("\n")[0]
 
@@ -139,7 +133,7 @@ def _of_source(source: str) -> ModuleType:
 
 
 def _found(name: str) -> ModuleType | None:
-    """A module by its name, where it is loaded or in the folder and whole."""
+    """A module by its name; None if it is not loaded and its file is missing or incomplete."""
     if name in sys.modules:
         return sys.modules[name]
     if not name.startswith(GENERATED) or not name.isidentifier():
@@ -149,7 +143,7 @@ def _found(name: str) -> ModuleType | None:
 
 
 def _loaded(name: str, source: str) -> ModuleType:
-    """The module of a source that is in the folder; Python's own cache of compiled files takes no part."""
+    """The module of a source that is in the folder; Python's own cache of compiled files is not used."""
     path = cache_folder() / f"{name}.py"
     module = ModuleType(name)
     module.__file__ = str(path)

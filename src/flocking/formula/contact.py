@@ -1,7 +1,7 @@
-"""What formulas of a pair become where the two agents coincide: their limits as the distance r goes to 0.
+"""Limits of pair formulas as the distance r goes to 0, where the two agents coincide.
 
-There n_ij has no direction: the force along it is none by convention, and the rate of change of r is 0. The other
-formulas have limits, which most reach by setting r = 0; some, as sin(r)/r, only as a limit; and some have none.
+There n_ij has no direction: by convention the force along it is zero, and so is the rate of change of r. Most other
+formulas have their limit at r = 0; some, such as sin(r)/r, only as a limit; some have none.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ ENDLESS = "endless"
 """Symbol that stands for infinity in the branches of a limit."""
 
 CLOSEST = 1e-150
-"""Distances below it count as 0 where a formula cannot be evaluated at 0: its square is no number any more."""
+"""Distances below it count as 0 if a formula cannot be evaluated at 0: the square of a smaller one underflows."""
 
 _PROBES = (16, 32)
-"""Decimal places of the distances at which growth without bound is looked for."""
+"""Decimal places of the two distances at which an expression is evaluated to see whether it diverges."""
 
 
 def limit_at_contact(expression: sympy.Expr, r: sympy.Symbol) -> sympy.Expr | None:
@@ -55,9 +55,10 @@ def limit_at_contact(expression: sympy.Expr, r: sympy.Symbol) -> sympy.Expr | No
 
 
 def _parts(expression: sympy.Expr) -> list[sympy.Expr]:
-    """Parts of an expression with branches that have limits one by one.
+    """Parts of an expression with branches whose limits are taken one by one.
 
-    What is multiplied by the same branches, as 1/r and cos(r)/r by the weight of a link, may have one only together.
+    Terms with the same branching factor are added first: 1/r and cos(r)/r times the weight of a link may have a limit
+    only together.
     """
     import sympy
 
@@ -90,7 +91,7 @@ def _finite(value: sympy.Expr) -> sympy.Expr | None:
 
 
 def _removable(expression: sympy.Expr, r: sympy.Symbol) -> sympy.Expr | None:
-    """The limit where setting r = 0 gives none; found by SymPy, once numbers show that there is one."""
+    """The limit if setting r = 0 gives none; SymPy computes it after numerical values show that it exists."""
     import sympy
 
     primes = (sympy.Rational(sympy.prime(k + 5), 10) for k in range(1000))

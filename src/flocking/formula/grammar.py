@@ -1,7 +1,7 @@
-"""The whitelisted grammar of text formulas: arithmetic, a few functions, and ``where``.
+"""The grammar of text formulas: arithmetic, a few functions, and ``where``.
 
-A formula is parsed to a tree of allowed nodes before anything else looks at it. Nothing is ever
-evaluated by Python, so no formula can run code, whatever it says.
+A formula is parsed to a tree of allowed nodes before anything else reads it. Python never evaluates it, so no formula
+can run code.
 """
 
 from __future__ import annotations
@@ -153,7 +153,7 @@ def parse(text: str, owner: str = "formula") -> Node:
 
 
 def _calls(node: Node) -> int:
-    """Most functions within each other."""
+    """Largest depth of nested function calls."""
     inner = max((_calls(child) for child in node if isinstance(child, tuple)), default=0)
     return inner + (node[0] == "call")
 
@@ -174,7 +174,7 @@ def _with_parts(node: Node, parts: Mapping[str, Node]) -> Node:
 
 
 def _check_tree(tree: Node, text: str, owner: str) -> None:
-    """Check of a tree what `parse` checks of a text."""
+    """Check a tree for the rules that `parse` checks for a text."""
     size, height = _extent(tree)
     if len(text) > LONGEST_TEXT:
         raise _reject(owner, text, f"must have at most {LONGEST_TEXT} characters")
@@ -275,7 +275,7 @@ def _check_powers(node: Node, text: str, owner: str) -> None:
 
 
 def _power_in_disguise(node: Node) -> bool:
-    """Whether a node is exp of something with a logarithm: exp(n*log(x)) is x**n."""
+    """Whether a node is exp of an expression with a logarithm: exp(n*log(x)) is x**n."""
     return node[:2] == ("call", "exp") and any(part[:2] == ("call", "log") for part in _walk(node))
 
 
@@ -289,7 +289,7 @@ def _total_exponent(node: Node) -> float:
 
 
 def _multiplier(node: Node) -> float:
-    """Bound on the whole number by which an exponent multiplies the logarithms in it."""
+    """Bound on the integer by which an exponent multiplies the logarithms in it."""
     match node:
         case ("number", int() as value):
             return max(1.0, abs(float(value)))
@@ -337,7 +337,7 @@ def _names(node: Node) -> Iterator[str]:
 
 
 def render(node: Node) -> str:
-    """Write a tree back as text in the grammar, fully bracketed."""
+    """Text of a tree in the grammar, fully bracketed."""
     match node:
         case ("number", value):
             return repr(value)

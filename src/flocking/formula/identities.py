@@ -17,11 +17,11 @@ ROUNDING = 1e-25
 
 
 def nothing_or_itself(expression: sympy.Expr) -> sympy.Expr:
-    """0 where an expression is proven to be zero, else the expression, term by term as it was stated.
+    """0 if an expression is proven to be zero, else the expression, term by term as it was stated.
 
     Algebra may turn a formula into another one that is equal over the reals and overflows in double precision:
-    ``exp(-(t - 5)**2/w**2)`` expanded is a product of three exponentials, one of which is infinite at t = 18.
-    Algebra is therefore used to find zeros, and its other results are dropped.
+    ``exp(-(t - 5)**2/w**2)`` expanded is a product of three exponentials, one of which is infinite at t = 18. Algebra
+    is therefore used to find zeros, and its other results are dropped.
     """
     import sympy
 
@@ -29,9 +29,9 @@ def nothing_or_itself(expression: sympy.Expr) -> sympy.Expr:
 
 
 def is_zero(expression: sympy.Expr) -> bool:
-    """Whether an expression is proven to be zero. Pieces are not merged, which takes minutes: they count as unproven.
+    """Whether an expression is proven to be zero; one with pieces is not, as merging pieces takes minutes.
 
-    Most expressions that are not zero are told by their values at a few points, before any algebra.
+    Most expressions that are not zero are recognised by their values at a few points, before any algebra.
     """
     import sympy
 

@@ -1,4 +1,4 @@
-"""Interval arithmetic on a function and its first two derivatives: bounds on whole intervals of its argument at once.
+"""Interval arithmetic on a function and its first two derivatives: bounds over intervals of the argument.
 
 Bounds are not widened for rounding: they serve to find structure, not to prove it to the last digit.
 """
@@ -18,7 +18,7 @@ Interval = tuple[Array, Array]
 
 
 def _sound(low: Array, high: Array) -> Interval:
-    """What could not be computed is unknown."""
+    """Bounds with NaN replaced by infinities: a value that could not be computed is unknown."""
     lost = np.isnan(low) | np.isnan(high)
     return (np.where(lost, -np.inf, low), np.where(lost, np.inf, high)) if lost.any() else (low, high)
 
@@ -106,15 +106,7 @@ class Jet:
         return other if isinstance(other, Jet) else self.constant(float(other))
 
     def composed(self, value: Interval, slope: Interval, curvature: Interval) -> Jet:
-        """A function of this one, from bounds of its own value and derivatives there.
-
-        Parameters
-        ----------
-        slope
-            Bounds of its first derivative there.
-        curvature
-            Bounds of its second derivative there.
-        """
+        """A function of this one, from bounds of its ``value``, ``slope`` and ``curvature`` there."""
         _, first, second = self.parts
         bent = _times(curvature, _integer_power(first, 2))
         return Jet(value, _times(slope, first), _add(bent, _times(slope, second)))
@@ -245,7 +237,7 @@ class Functions:
 
 
 def on_jets(function: FunctionType) -> Callable[..., Any]:
-    """A function made of arithmetic and of module ``math``, made to work on jets."""
+    """A ``function`` made of arithmetic and of module ``math``, for jets instead of numbers."""
     moved = FunctionType(function.__code__, {"math": Functions})
 
     def quiet(*arguments: object) -> object:

@@ -1,4 +1,4 @@
-"""Where formulas come from: the digest of the library's own code, and the formulas that other code states."""
+"""Which code states formulas: the digest of the library's own code, and the formulas that other code states."""
 
 from __future__ import annotations
 
@@ -46,15 +46,15 @@ def _sources(package: Path) -> list[Path]:
 
 
 def as_loaded() -> bool:
-    """Whether the library's files are those this process began with: else its code is not what they say."""
+    """Whether the library's files are those that this process imported; else its code differs from them."""
     return all(max(s.st_mtime, s.st_ctime) <= _BEGAN for s in (path.stat() for path in _sources(PACKAGE)))
 
 
 def library_states_all(parts: Iterable[object]) -> bool:
     """Whether every formula of ``parts``, and of the parts they are made of, is stated by this library's code.
 
-    Other code may change while the classes keep their names: inherited methods, constants of modules, helper
-    functions, closures. What it states is known from its formulas alone.
+    Other code may change while class names stay: inherited methods, module constants, called functions, closures. Only
+    the formulas themselves identify what it states.
     """
     stack = list(parts)
     seen: set[int] = set()
@@ -84,12 +84,8 @@ _PLAIN = frozenset({int, float, bool, str, complex, type(None), Formula})
 
 
 def canonical(stated: object) -> str:
-    """One text for formulas: equal texts are equal formulas, symbol by symbol and digit by digit.
-
-    Parameters
-    ----------
-    stated
-        Formulas in tuples, lists, dictionaries and dataclasses.
+    """One text for the formulas ``stated`` in tuples, lists, dictionaries and dataclasses; equal texts mean equal
+    formulas.
     """
     import sympy
 
@@ -105,14 +101,9 @@ def canonical(stated: object) -> str:
 
 
 def runtime_digest(source: str) -> str:
-    """Digest of the library's modules that generated code calls, and of those that they import.
+    """Digest of the library's modules that the generated code ``source`` imports, directly or not.
 
-    Machine code on disk holds their functions.
-
-    Parameters
-    ----------
-    source
-        The generated code.
+    Machine code on disk contains their functions.
     """
     digest = hashlib.sha256()
     waiting, seen = [source], set()

@@ -1,4 +1,4 @@
-"""SymPy expressions evaluated with many digits and unbounded exponents: for limits that floats cannot reach."""
+"""SymPy expressions evaluated with many digits and unbounded exponents, for limits beyond double precision."""
 
 from __future__ import annotations
 
@@ -19,14 +19,16 @@ DIGITS = 600
 and keep as many digits again."""
 
 LARGE = 60
-"""Bits of an argument beyond which exponentials are taken for 0 or infinite, and other functions have no value here:
-exp(2^60) has more than 10^17 digits."""
+"""Bits of an argument beyond which exponentials count as 0 or infinite, and other functions have no value.
+
+exp(2^60) has more than 10^17 digits.
+"""
 
 LARGEST_POWER = 4096
-"""Whole exponents up to it are powers by repeated multiplication, exact for negative bases; beyond, exp and log."""
+"""Largest integer exponent for repeated multiplication, exact for negative bases; beyond it, exp and log."""
 
 LONGEST_NUMBER = 20_000
-"""Bits of an argument beyond which a function is not evaluated: its value would need all of them."""
+"""Bits of an argument beyond which a periodic function is not evaluated: its value would need all of them."""
 
 
 @cache
@@ -44,16 +46,8 @@ def evaluator(
 ) -> Callable[[Number], Number]:
     """Function of ``symbol`` that evaluates ``expression`` with `DIGITS` digits.
 
-    No value takes long: arguments too large for a function give an infinity or NaN instead.
-
-    Parameters
-    ----------
-    expression
-        What is evaluated.
-    symbol
-        Its variable.
-    known
-        Values of its other symbols.
+    The time is bounded: arguments too large for a function give an infinity or NaN instead. ``known`` holds the values
+    of the other symbols.
     """
     context = wide_context()
     given = {name: context.mpf(value) for name, value in (known or {}).items()}

@@ -1,4 +1,4 @@
-"""Between text formulas and SymPy: the only place that turns one into the other."""
+"""Conversion between text formulas and SymPy expressions."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def _build(node: Node, values: Mapping[str, sympy.Expr]) -> sympy.Expr:
                 case "/":
                     return a / b
                 case "**":
-                    return _tame(a) ** _tame(b)
+                    return _bounded(a) ** _bounded(b)
     raise AssertionError(f"not a formula node: {node!r}")
 
 
@@ -105,8 +105,8 @@ def _exact(exponent: sympy.Expr) -> sympy.Expr:
     return exponent.xreplace({x: sympy.Rational(repr(float(x))) for x in floats})
 
 
-def _tame(value: sympy.Expr) -> sympy.Expr:
-    """The value itself, unless it holds a number so large that powers of it never end."""
+def _bounded(value: sympy.Expr) -> sympy.Expr:
+    """The value itself; OverflowError if it holds a number so large that powers of it would not terminate."""
     import sympy
 
     for number in value.atoms(sympy.Float):
@@ -122,7 +122,7 @@ def from_sympy(expression: sympy.Expr, owner: str = "formula") -> Formula:
     Raises
     ------
     FormulaError
-        When it is no expression of SymPy, or uses something the grammar has no word for.
+        When it is no SymPy expression, or uses something that the grammar lacks.
     """
     import sympy
 

@@ -24,11 +24,11 @@ from flocking.formula.native.kinds import (
 )
 
 VECTOR_FLAGS = ("contract", "reassoc", "arcp", "nsz", "afn")
-"""Liberties taken with numbers side by side; none is taken with single numbers."""
+"""Fast-math flags of LLVM for vectors of numbers; single numbers have none."""
 
 
 def number(value: Value) -> Number:
-    """A single number, where a value is one or is known.
+    """A value as a single number.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def number(value: Value) -> Number:
             return Number(B1, ir.Constant(B1.type, int(known)))
         if isinstance(known, int):
             if not -(2**63) <= known < 2**63:
-                raise UntranslatableError(f"the whole number {known}, which has more than 64 bits")
+                raise UntranslatableError(f"the integer {known}, which has more than 64 bits")
             return Number(I8, ir.Constant(I8.type, known))
         if isinstance(known, np.generic):
             kind = kind_of(known.dtype)
@@ -63,7 +63,7 @@ def spread_out(builder: ir.IRBuilder, value: ir.Value, kind: Kind) -> ir.Value:
 
 
 def converted(builder: ir.IRBuilder, value: Number, kind: Kind) -> Number:
-    """A number as one of another kind, in every lane where that is a vector.
+    """A number as one of another kind, in every lane if that is a vector.
 
     Raises
     ------
@@ -98,12 +98,7 @@ def _scalar(builder: ir.IRBuilder, code: ir.Value, source: Kind, target: Kind) -
 
 
 def common(builder: ir.IRBuilder, *values: Value) -> tuple[Kind, list[ir.Value]]:
-    """Values as numbers of one kind: that of the lanes where there are any, else the joined one.
-
-    Parameters
-    ----------
-    values
-        The values.
+    """Values as numbers of one kind: that of the lanes if there are any, else the joined one of all ``values``.
 
     Raises
     ------
@@ -120,7 +115,7 @@ def common(builder: ir.IRBuilder, *values: Value) -> tuple[Kind, list[ir.Value]]
 
 
 def _beside_unsigned(numbers: list[Number], values: Sequence[Value]) -> list[Number]:
-    """Known whole numbers take the kind of the unsigned ones beside them, as in NumPy."""
+    """Constant integers take the kind of the unsigned ones beside them, as in NumPy."""
     if not any(x.kind.name == "u8" for x in numbers):
         return numbers
     found = []
@@ -179,7 +174,7 @@ def _floored(builder: ir.IRBuilder, operator: ast.operator, a: ir.Value, b: ir.V
     zero, one, minus = (ir.Constant(I8.type, x) for x in (0, 1, -1))
     if isinstance(b, ir.Constant):
         return _rounded_down(builder, operator, a, b)
-    # The processor cannot divide the least whole number by -1.
+    # The processor cannot divide the smallest integer by -1.
     by_minus = builder.icmp_signed("==", b, minus)
     found = _rounded_down(builder, operator, a, builder.select(by_minus, one, b))
     return builder.select(by_minus, zero if isinstance(operator, ast.Mod) else builder.sub(zero, a), found)
@@ -198,7 +193,7 @@ def _rounded_down(builder: ir.IRBuilder, operator: ast.operator, a: ir.Value, b:
 def _shifted(
     builder: ir.IRBuilder, operator: ast.operator, kind: Kind, a: ir.Value, b: ir.Value, times: Value
 ) -> ir.Value:
-    """A shift; by as many bits as there are, or more, it leaves nothing, or the sign."""
+    """A shift; by the number of bits or more it leaves zero, or the sign."""
     left, unsigned, width = isinstance(operator, ast.LShift), kind.name[0] == "u", kind.element.width
     known = times.value if isinstance(times, Constant) else None
     if isinstance(known, int | np.integer):
@@ -216,12 +211,12 @@ def _shifted(
 
 
 def power(builder: ir.IRBuilder, base: Number, exponent: Value) -> Number:
-    """``base ** exponent``: by multiplications where the exponent is a known whole number.
+    """``base ** exponent``: by multiplications if the exponent is a constant integer.
 
     Raises
     ------
     UntranslatableError
-        When whole numbers are to be raised to a power that is not known.
+        When an integer is raised to an integer power that is not constant.
     """
     known = exponent.value if isinstance(exponent, Constant) else None
     if base.kind == B1:
@@ -238,7 +233,7 @@ def power(builder: ir.IRBuilder, base: Number, exponent: Value) -> Number:
                 factor = multiply(factor, factor)
         return Number(base.kind, builder.fdiv(one, result) if known < 0 else result)
     if not base.kind.real and not isinstance(known, int) and not number(exponent).kind.real:
-        raise UntranslatableError("a whole number raised to a whole number that is not known")
+        raise UntranslatableError("an integer raised to an integer power that is not constant")
     kind, codes = common(builder, converted(builder, base, F8) if not base.kind.real else base, exponent)
     return Number(kind, library(builder, "llvm.pow", kind, codes))
 
@@ -314,18 +309,18 @@ FUNCTIONS = {getattr(math, name): name for name in _NAMES if hasattr(math, name)
 def library(
     builder: ir.IRBuilder, name: str, kind: Kind, codes: Sequence[ir.Value], flags: Sequence[str] = ()
 ) -> ir.Value:
-    """Call of a function of LLVM, or of the library of mathematics; the latter's of numbers side by side one by one.
+    """Call of a function of LLVM, or of the C library of mathematics; the latter's for each lane of a vector in turn.
 
     Parameters
     ----------
     name
         The function, ``"llvm.sqrt"`` or ``"tan"``.
     kind
-        Kind of its arguments, and of what it gives.
+        Kind of its arguments and of its result.
     codes
         The arguments.
     flags
-        Liberties that LLVM's function may take.
+        Fast-math flags of LLVM's function.
     """
     if name.startswith("llvm."):
         name += "." + (f"v{kind.lanes}" if kind.lanes else "") + {"f8": "f64", "f4": "f32"}[kind.name]

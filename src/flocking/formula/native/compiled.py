@@ -16,23 +16,23 @@ if TYPE_CHECKING:
 
 _NOT_IN_ROWS = "Native functions take arrays stored row by row, and aligned"
 Cast = Callable[[float], float]
-"""What makes a number one that C takes."""
+"""Converts a number to one that C takes."""
 Outcome = float | tuple[float, ...] | None
-"""What a native function returns: nothing, a number or several; truth values and whole numbers count as numbers."""
+"""What a native function returns: nothing, a number or several; truth values and integers count as numbers."""
 
 
 def _integer_cast(kind: str) -> Cast:
-    """What makes a number a whole one of a kind, and refuses those that do not fit."""
+    """Converts a number to an integer of a kind; refuses values that do not fit."""
     bits, signed = 8 * int(kind[1]), kind[0] == "i"
     low, high = (-(2 ** (bits - 1)), 2 ** (bits - 1)) if signed else (0, 2**bits)
 
-    def whole(value: float) -> int:
+    def cast(value: float) -> int:
         found = int(value)
         if low <= found < high:
             return found
         raise OverflowError(f"{found} does not fit into a{' signed' if signed else 'n unsigned'} number of {bits} bits")
 
-    return whole
+    return cast
 
 
 _CASTS: dict[str, Cast] = {
@@ -41,19 +41,14 @@ _CASTS: dict[str, Cast] = {
 
 
 def taken_apart(values: Sequence[object], records: Sequence[RecordKind | None]) -> list[object]:
-    """Numbers and arrays of some arguments, the fields of records among them.
+    """Numbers and arrays of the arguments ``values``, with records replaced by their fields.
 
-    Parameters
-    ----------
-    values
-        The arguments.
-    records
-        Kinds of those that are records; None for the others.
+    ``records`` holds the kind of each argument that is a record, and None for the others.
 
     Raises
     ------
     TypeError
-        When an argument is not the record that it must be, or their number is another.
+        When an argument is not the record that it must be, or the number of arguments is wrong.
     """
     if len(values) != len(records):
         raise TypeError(f"{len(records)} arguments are needed, not {len(values)}")
@@ -101,7 +96,7 @@ class Compiled:
                 types += [ctypes.c_void_p, *[ctypes.c_int64] * kind.axes]
                 self._casts.append(None)
         self._function = ctypes.CFUNCTYPE(ctypes.c_int32, *types, ctypes.c_void_p)(address)
-        self._room = ctypes.c_int64 * max(len(results), 1)
+        self._buffer = ctypes.c_int64 * max(len(results), 1)
         self.entry = Entry(entry, passed) if entry and usable() else None
         self._found = struct.Struct("=" + "".join({"f8": "d", "u8": "Q"}.get(kind, "q") for kind in results))
         self._flags = [k for k, kind in enumerate(results) if kind == "b1"]
@@ -120,26 +115,13 @@ class Compiled:
         return given
 
     def into(self, values: Sequence[object], found: Array) -> None:
-        """Call it as `run` does; the floating-point numbers it returns go to an array.
-
-        Parameters
-        ----------
-        values
-            As for `run`.
-        found
-            The array.
-        """
+        """Call it as `run` does with ``values``; the floating-point numbers it returns go to the array ``found``."""
         fault = self._function(*self._passed(values), found.__array_interface__["data"][0])
         if fault:
             raise error_of(fault, self.name)
 
     def run(self, values: Sequence[object]) -> Outcome:
-        """Call it with arguments of its kinds; one number, or several in a tuple, or None.
-
-        Parameters
-        ----------
-        values
-            The arguments.
+        """Call it with ``values`` of its kinds; returns one number, or several in a tuple, or None.
 
         Raises
         ------
@@ -148,20 +130,15 @@ class Compiled:
         MemoryError
             When there is no memory for an array it makes.
         ZeroDivisionError
-            When a whole number is divided by zero.
+            When an integer is divided by zero.
         OverflowError
-            When a number does not fit its kind, or one that is to become a whole one is NaN, infinite or too large.
+            When a number does not fit its kind, or one that is converted to an integer is NaN, infinite or too large.
         """
-        room = self._room()
-        return self._outcome(self._function(*self._passed(values), ctypes.addressof(room)), room)
+        buffer = self._buffer()
+        return self._outcome(self._function(*self._passed(values), ctypes.addressof(buffer)), buffer)
 
     def attempt(self, values: Sequence[object]) -> object:
-        """What it returns for arguments as Python has them; `NotImplemented` where they are not what it takes.
-
-        Parameters
-        ----------
-        values
-            The arguments.
+        """What it returns for ``values`` as Python has them; `NotImplemented` if they are not of its kinds.
 
         Raises
         ------
@@ -175,17 +152,23 @@ class Compiled:
                 values = taken_apart(values, self._records)
             except TypeError:
                 return NotImplemented
-        room = self._room()
-        fault = self.entry(values, room)
-        return NotImplemented if fault == OTHER else self._outcome(fault, room)
+        buffer = self._buffer()
+        fault = self.entry(values, buffer)
+        return NotImplemented if fault == OTHER else self._outcome(fault, buffer)
 
-    def _outcome(self, fault: int, room: ctypes.Array[ctypes.c_int64]) -> Outcome:
-        """The error that a fault is, or the numbers in the room."""
+    def _outcome(self, fault: int, buffer: ctypes.Array[ctypes.c_int64]) -> Outcome:
+        """The numbers in the result buffer.
+
+        Raises
+        ------
+        MemoryError, ZeroDivisionError, OverflowError
+            For a fault.
+        """
         if fault:
             raise error_of(fault, self.name)
         if not self.results:
             return None
-        values = self._found.unpack(room)
+        values = self._found.unpack(buffer)
         if self._flags:
             values = tuple(bool(x) if k in self._flags else x for k, x in enumerate(values))
         return values[0] if len(values) == 1 else values

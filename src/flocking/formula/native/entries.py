@@ -1,7 +1,7 @@
-"""The entry of a native function for Python: it reads addresses and lengths from the objects of NumPy's arrays.
+"""The entry of a native function for Python: it reads addresses and lengths from the objects of NumPy arrays.
 
-To ask an array in Python for its address and lengths takes longer than most native functions run. NumPy states where
-they lie within an array's object (its C interface, ``PyArrayObject``); `Entry.usable` looks whether that is so.
+Asking an array in Python for its address and lengths takes longer than most native functions run. NumPy documents where
+they lie within an array object (its C interface, ``PyArrayObject``); `usable` checks this at run time.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ if TYPE_CHECKING:
     from flocking.formula.native.kinds import Argument, ArrayKind, Kind
 
 SUFFIX = ".entry"
-"""What the name of an entry ends with."""
+"""Suffix of the name of an entry."""
 
 OTHER = -1
-"""What an entry returns where an argument is not an array of the kind it was compiled for, aligned and row by row."""
+"""Returned by an entry if an argument is not an array of the kind it was compiled for, aligned and row by row."""
 
 HEAD = object.__basicsize__
-"""Bytes of an object before what NumPy keeps in an array; the object's type comes last in them."""
+"""Bytes of an object before the fields of a NumPy array; its last field is the object's type."""
 DATA, AXES, LENGTHS, KIND, FLAGS = HEAD, HEAD + 8, HEAD + 16, HEAD + 40, HEAD + 48
-"""Where an array keeps the address of its numbers, the number of its axes, their lengths, its dtype and its flags."""
+"""Offsets of an array's data pointer, number of axes, shape, dtype and flags."""
 IN_ROWS = 0x0001 | 0x0100
-"""NumPy's flags of an array that is stored row by row, and aligned."""
+"""NumPy's flags of an aligned array that is stored row by row (C-contiguous)."""
 
 CType = (
     type[ctypes.c_double] | type[ctypes.c_float] | type[ctypes.c_int64] | type[ctypes.c_int32] | type[ctypes.c_uint64]
@@ -41,27 +41,20 @@ C_TYPES: dict[str, CType] = {
     "f8": ctypes.c_double, "f4": ctypes.c_float, "i8": ctypes.c_int64, "i4": ctypes.c_int32, "u8": ctypes.c_uint64,
     "u4": ctypes.c_uint32, "b1": ctypes.c_bool,
 }  # fmt: skip
-"""C's types of numbers, by kind."""
+"""C types of numbers, by kind."""
 
 _TAKEN: dict[str, tuple[type, ...]] = {
     "f8": (float, np.float64), "f4": (np.float32,), "i8": (int, np.int64), "i4": (np.int32,), "u8": (np.uint64,),
     "u4": (np.uint32,), "b1": (bool, np.bool_),
 }  # fmt: skip
-"""Types of the numbers that an entry takes as one of a kind."""
+"""Types of numbers that an entry accepts, by kind."""
 
 
 def add_entry(module: ir.Module, function: ir.Function, arguments: Sequence[Argument]) -> None:
-    """Add the entry of a function to its module.
+    """Add the entry of ``function`` to its LLVM ``module``; ``arguments`` are the kinds of its arguments.
 
-    It takes an object for each array and numbers as they are, then the addresses of what the types of its arrays must
-    be, see `Entry`, and the room for results.
-
-    Parameters
-    ----------
-    module
-        The module.
-    function
-        The function.
+    It takes an object for each array and numbers as they are, then the expected array type and dtypes, see `Entry`, and
+    the buffer for results.
     """
     from llvmlite import ir
 
@@ -78,7 +71,7 @@ def add_entry(module: ir.Module, function: ir.Function, arguments: Sequence[Argu
         at += 1 if isinstance(kind, Kind) else 1 + kind.axes
     shape = ir.FunctionType(I4.type, [*types, I8.type.as_pointer(), given[-1].type])
     entry = ir.Function(module, shape, function.name + SUFFIX)
-    *values, expected, room = entry.args
+    *values, expected, buffer = entry.args
     b = ir.IRBuilder(entry.append_basic_block("look"))
 
     def field(value: ir.Value, offset: int, type_: ir.Type) -> ir.Value:
@@ -114,18 +107,16 @@ def add_entry(module: ir.Module, function: ir.Function, arguments: Sequence[Argu
         codes.append(field(value, DATA, kind.stored.as_pointer()))
         lengths = field(value, LENGTHS, I8.type.as_pointer())
         codes += [b.load(b.gep(lengths, [ir.Constant(I8.type, axis)])) for axis in range(kind.axes)]
-    b.ret(b.call(function, [*codes, room]))
+    b.ret(b.call(function, [*codes, buffer]))
 
 
 class Entry:
-    """The entry of a compiled function.
+    """The entry at an ``address`` of a compiled function.
 
     Parameters
     ----------
-    address
-        Where it is.
     arguments
-        Kinds of the numbers and arrays it takes, the fields of records among them.
+        Kinds of the numbers and arrays it takes; a record is given field by field.
     """
 
     def __init__(self, address: int, arguments: Sequence[Kind | ArrayKind]) -> None:
@@ -138,15 +129,13 @@ class Entry:
         self._dtypes = [np.dtype(kind.element.name) for kind in arguments if not isinstance(kind, Kind)]
         self._expected = (ctypes.c_int64 * (1 + len(self._dtypes)))(id(np.ndarray), *map(id, self._dtypes))
 
-    def __call__(self, values: Sequence[object], room: ctypes.Array[ctypes.c_int64]) -> int:
-        """Number of the fault of the function, 0 where there is none, or `OTHER` where it was not called.
+    def __call__(self, values: Sequence[object], buffer: ctypes.Array[ctypes.c_int64]) -> int:
+        """Call the function with ``values``; results go to the buffer ``room``.
 
-        Parameters
-        ----------
-        values
-            The arguments.
-        room
-            Where the results go.
+        Returns
+        -------
+        int
+            Number of the fault, 0 for none, or `OTHER` if the function was not called.
         """
         if len(values) != self.count:
             return OTHER
@@ -156,12 +145,12 @@ class Entry:
                 return OTHER
             if isinstance(value, np.generic) and not isinstance(value, float):
                 values = [*values[:k], value.item(), *values[k + 1 :]]
-        return int(self._call(*values, self._expected, room))
+        return int(self._call(*values, self._expected, buffer))
 
 
 @cache
 def usable() -> bool:
-    """Whether arrays keep their addresses, lengths, dtypes and flags where NumPy's C interface states."""
+    """Whether arrays store addresses, lengths, dtypes and flags where NumPy's C interface states."""
     array = np.zeros((3, 5))[1:]
     address = id(array)
 

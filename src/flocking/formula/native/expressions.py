@@ -66,7 +66,7 @@ class Expressions(Variables):
         return converted(self.builder, number(self.value(node)), B1).code
 
     def test(self, node: ast.expr) -> Value:
-        """A condition: what is known while translating, or whether it is true."""
+        """A condition: a compile-time constant, or whether it is true."""
         if isinstance(node, ast.BoolOp):
             return Number(B1, self.truth(node))
         return self.value(node)
@@ -108,7 +108,7 @@ class Expressions(Variables):
         return self.combined(node.op, left, self.value(node.right))
 
     def combined(self, operator: ast.operator, left: Value, right: Value) -> Value:
-        """Value of ``left operator right``; a whole number divided by zero is a fault."""
+        """Value of ``left operator right``; an integer divided by zero is a fault."""
         if isinstance(operator, ast.FloorDiv | ast.Mod) and not (isinstance(right, Constant) and right.value):
             divisor = number(right)
             if not divisor.kind.real and not divisor.kind.lanes:
@@ -122,7 +122,7 @@ class Expressions(Variables):
         return unary(self.builder, node.op, self.value(node.operand))
 
     def _compare_value(self, node: ast.Compare) -> Value:
-        """Later parts of a chain are computed only where the earlier ones leave it open."""
+        """Later comparisons of a chain are evaluated only if the earlier ones hold."""
         b, left, found = self.builder, self.value(node.left), None
         place = after = None
         for operator, part in zip(node.ops, node.comparators, strict=True):
@@ -155,7 +155,7 @@ class Expressions(Variables):
         return Number(B1, self._decided(node, flag))
 
     def _decided(self, node: ast.BoolOp, part_of: Callable[[ast.expr], ir.Value]) -> ir.Value:
-        """Whether ``and`` or ``or`` is true; later parts are computed only where the earlier ones leave it open."""
+        """Whether ``and`` or ``or`` is true; later parts are evaluated only if the earlier ones do not decide."""
         b = self.builder
         place = self.variable(B1)
         after = b.append_basic_block("after")
@@ -171,7 +171,7 @@ class Expressions(Variables):
         return b.load(place)
 
     def _ifexp_value(self, node: ast.IfExp) -> Value:
-        """Only the part that is chosen is computed; where the choice is known, the other is not even translated."""
+        """Only the chosen part is evaluated; where the choice is constant, the other is not even translated."""
         b = self.builder
         test = self.test(node.test)
         if isinstance(test, Constant):
@@ -250,29 +250,29 @@ class Expressions(Variables):
         return result
 
     def _called_apart(self, function: Callee, values: Sequence[Value]) -> Value:
-        """What a native function gives that is compiled by itself."""
+        """Results of a native function that is compiled separately."""
         b = self.builder
         codes: list[ir.Value] = []
         callee = function.outside(tuple(self._passed(value, codes) for value in values))
         self.called[callee.reference] = None
         with b.goto_block(self.entry):
-            room = b.alloca(I8.type, size=ir.Constant(I8.type, max(len(callee.results), 1)))
+            buffer = b.alloca(I8.type, size=ir.Constant(I8.type, max(len(callee.results), 1)))
         outside = declared(b, callee.symbol, I4.type, [*(code.type for code in codes), I8.type.as_pointer()])
-        fault = b.call(outside, [*codes, room])
+        fault = b.call(outside, [*codes, buffer])
         self._leave_unless(b.icmp_signed("==", fault, ir.Constant(I4.type, faults.NONE)), fault)
         found: list[Number] = []
         for k, name in enumerate(callee.results):
-            at = b.gep(room, [ir.Constant(I8.type, k)])
+            at = b.gep(buffer, [ir.Constant(I8.type, k)])
             if name == "f8":
                 found.append(Number(F8, b.load(b.bitcast(at, F8.type.as_pointer()))))
             else:
-                whole = b.load(at)
-                truth = b.icmp_unsigned("!=", whole, ir.Constant(I8.type, 0))
-                found.append(Number(B1, truth) if name == "b1" else Number(Kind(name), whole))
+                bits = b.load(at)
+                truth = b.icmp_unsigned("!=", bits, ir.Constant(I8.type, 0))
+                found.append(Number(B1, truth) if name == "b1" else Number(Kind(name), bits))
         return found[0] if len(found) == 1 else Several(tuple(found))
 
     def _passed(self, value: Value, codes: list[ir.Value]) -> Argument:
-        """Kind of an argument; what is passed goes behind ``codes``."""
+        """Kind of an argument; its LLVM values are appended to ``codes``."""
         if isinstance(value, Record):
             fields = tuple(self._passed(part, codes) for part in value.values)
             return RecordKind(value.record, fields, value.record._fields)
@@ -298,7 +298,7 @@ class Expressions(Variables):
     def _cast(self, value: Value, kind: Kind) -> Value:
         if isinstance(value, Constant) and isinstance(value.value, int | float):
             if not kind.real and not math.isfinite(value.value):
-                raise UntranslatableError(f"{value.value} as a whole number")
+                raise UntranslatableError(f"{value.value} as an integer")
             known = float(value.value) if kind.real else bool(value.value) if kind == B1 else int(value.value)
             if kind.name[0] in "iu":
                 span = np.iinfo(np.dtype(kind.name))
@@ -310,12 +310,4 @@ class Expressions(Variables):
 
     @abstractmethod
     def in_place(self, source: Source, values: Sequence[Value]) -> Value:
-        """What a function gives, translated where it is called.
-
-        Parameters
-        ----------
-        source
-            The function.
-        values
-            Values of its arguments.
-        """
+        """Value of the function ``source`` with the arguments ``values``, translated at the place of its call."""

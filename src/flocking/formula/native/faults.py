@@ -1,4 +1,4 @@
-"""Faults of a run: native functions return the number of one, which becomes an error of Python."""
+"""Faults at run time: native functions return the number of a fault, which becomes a Python exception."""
 
 from __future__ import annotations
 
@@ -9,17 +9,11 @@ NONE, NO_MEMORY, DIVISION_BY_ZERO, NOT_AN_INTEGER = range(4)
 
 _ERRORS: dict[int, Callable[[str], Exception]] = {
     NO_MEMORY: lambda name: MemoryError(f"{name} found no memory for its arrays"),
-    DIVISION_BY_ZERO: lambda name: ZeroDivisionError(f"division of a whole number by zero in {name}"),
+    DIVISION_BY_ZERO: lambda name: ZeroDivisionError(f"division of an integer by zero in {name}"),
     NOT_AN_INTEGER: lambda name: OverflowError(f"a number in {name} is NaN or infinite, or has more than 64 bits"),
 }
 
 
 def error_of(fault: int, name: str) -> Exception:
-    """The error that a fault is.
-
-    Parameters
-    ----------
-    fault
-        Its number.
-    """
+    """The exception for the number ``fault`` that the function ``name`` returned."""
     return _ERRORS[fault](name)

@@ -1,4 +1,4 @@
-"""Native functions as Python calls them, and as native functions call each other by their addresses."""
+"""Native functions as Python calls them, and as native functions call each other by address."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ _translating = threading.RLock()
 
 
 class NativeFunction(Callee):
-    """A function compiled when it is first used, once for each list of kinds its arguments have.
+    """A function compiled at its first use, once for each list of argument kinds.
 
     Parameters
     ----------
     py_func
-        The function itself, which Python may call as well.
+        The Python function, which can be called as well.
     signature
         Kinds of the arguments, see `flocking.formula.native.kinds.arguments_of`; those of each call when absent.
     apart
-        Whether native functions call it, instead of having it put in place: long functions are compiled once so.
+        Whether native functions call it instead of inlining it, so that a long function is compiled once.
     """
 
     def __init__(self, py_func: Callable[..., object], signature: str | None = None, *, apart: bool = False) -> None:
@@ -78,13 +78,13 @@ class NativeFunction(Callee):
         return Compiled(name, arguments, address, results, entry)
 
     def outside(self, arguments: tuple[Argument, ...]) -> Outside:
-        """The function compiled by itself, for native functions to call."""
+        """The function compiled separately, for native functions to call."""
         kinds = ", ".join(map(str, arguments))
         reference = f"{self.py_func.__module__}:{self.py_func.__qualname__}:{kinds}"
         return Outside(reference, _symbol(reference), self.compiled(arguments).results)
 
     def _key(self) -> str:
-        """What fixes the code: the text of a generated module, or the files of this library."""
+        """What determines the code: the text of a generated module, or the files of this library."""
         from flocking.formula.native.stated_values import state_value
         from flocking.formula.origins import generation
 
@@ -117,7 +117,7 @@ class NativeFunction(Callee):
         Raises
         ------
         TypeError
-            When an argument is not of the stated kind, of none that native functions know, or not stored row by row.
+            When an argument is not of the stated kind, of a kind that is not supported, or not stored row by row.
         """
         latest = self._latest
         found = latest.attempt(values) if latest is not None else NotImplemented
@@ -174,13 +174,7 @@ def native_apart(function: Callable[..., object]) -> NativeFunction:
 
 
 def provide(reference: str) -> tuple[str, int]:
-    """The symbol and the address of a function that compiled code calls.
-
-    Parameters
-    ----------
-    reference
-        What it is known by, see `flocking.formula.native.primitives.Outside`.
-    """
+    """Symbol and address of a function that compiled code calls by its ``reference``, see `Outside`."""
     from flocking.formula.native.kinds import arguments_of
 
     module, name, kinds = reference.split(":", 2)
@@ -193,23 +187,17 @@ def _symbol(reference: str) -> str:
 
 
 def native_of(signature: str) -> Callable[[Callable[..., object]], NativeFunction]:
-    """Make a function a native one whose arguments have stated kinds, so that it has an `NativeFunction.address`.
-
-    Parameters
-    ----------
-    signature
-        Kinds of its arguments.
-    """
+    """Decorator of a native function with the stated ``signature``, so that it has a `NativeFunction.address`."""
     return lambda function: NativeFunction(function, signature)
 
 
 def by_address(signature: str) -> Primitive:
-    """A function for native functions, ``call(address, *arguments, found)``, of what is at an address.
+    """A function for native functions, ``call(address, *arguments, found)``, that calls the function at an address.
 
     Parameters
     ----------
     signature
-        Kinds of the arguments; ``found`` is the array that takes the floating-point numbers it returns.
+        Kinds of the arguments; ``found`` is the array for the floating-point numbers that it returns.
     """
 
     def build(builder: ir.IRBuilder, address: Value, *values: Value) -> Number:

@@ -1,4 +1,4 @@
-"""Kinds of values in native functions: numbers, arrays of them, and what is known while translating."""
+"""Kinds of values in native functions: numbers, arrays of them, and compile-time constants."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flocking.errors import CacheError
 
 
 class UntranslatableError(Exception):
-    """A function holds what native functions cannot; the message says what."""
+    """A function uses what native functions do not support; the message says what."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Kind:
 
     @property
     def stored(self) -> ir.Type:
-        """LLVM's type of one number in memory, or as an argument, where a flag takes a byte."""
+        """LLVM's type of one number in memory, or as an argument, where a truth value takes a byte."""
         return ir.IntType(8) if self.name == "b1" else self.element
 
 
@@ -84,7 +84,7 @@ class ArrayKind:
 
     @property
     def stored(self) -> ir.Type:
-        """LLVM's type of one number in memory, where a flag takes a byte."""
+        """LLVM's type of one number in memory, where a truth value takes a byte."""
         return self.element.stored
 
     @property
@@ -132,17 +132,12 @@ def flat(arguments: Iterable[Argument]) -> list[Kind | ArrayKind]:
 
 
 def kind_of(stored: np.dtype[np.generic]) -> Kind:
-    """Kind of the numbers of a NumPy array.
-
-    Parameters
-    ----------
-    stored
-        Their type.
+    """Kind of the numbers of a NumPy array with the dtype ``stored``.
 
     Raises
     ------
     CacheError
-        When native functions know no such numbers.
+        When native functions do not support them.
     """
     name = "b1" if stored == np.bool_ else stored.str[1:]
     if name not in _ELEMENTS or stored.byteorder == ">":
@@ -184,20 +179,14 @@ class Array:
 
 @dataclass(frozen=True)
 class Constant:
-    """What is known while translating: a number, a function, a module, a type."""
+    """What is known at compile time: ``value`` is a number, a function, a module or a type."""
 
     value: Any
 
 
 @dataclass(frozen=True)
 class Several:
-    """Values in a fixed order.
-
-    Parameters
-    ----------
-    values
-        The values.
-    """
+    """The ``values`` of an expression in a fixed order."""
 
     values: tuple[Value, ...]
 
@@ -217,7 +206,7 @@ class Record(Several):
     record: type[Any]
 
     def field(self, name: str) -> Value:
-        """The value of a name.
+        """The value of the field ``name``.
 
         Raises
         ------
@@ -237,7 +226,7 @@ _RECORD = re.compile(r"([\w.]+):([\w.]+)\((.*)\)")
 
 
 def _parts(signature: str) -> list[str]:
-    """Kinds of a signature, those of the fields of a record left together."""
+    """Kinds of a signature as texts; the fields of a record stay together."""
     parts, depth = [""], 0
     for piece in re.split(r"(,\s+|[()])", signature.strip()):
         depth += (piece == "(") - (piece == ")")
@@ -282,25 +271,20 @@ def arguments_of(signature: str) -> tuple[Argument, ...]:
 
 
 def joined(a: Kind, b: Kind) -> Kind:
-    """The kind that holds the values of both, as NumPy joins kinds of numbers.
-
-    Parameters
-    ----------
-    a, b
-        Kinds of single numbers.
+    """The kind that holds the values of both ``a`` and ``b``, by NumPy's promotion of arrays.
 
     Raises
     ------
     UntranslatableError
-        When no kind holds both: whole numbers of 64 bits, one signed and one not.
+        When no kind holds both: 64-bit integers, one signed and one not.
     """
     if a == b:
         return a
     if a.real or b.real:
         reals = [k for k in (a, b) if k.real]
-        whole = [k for k in (a, b) if not k.real]
-        # A whole number of 32 or 64 bits does not fit into 24 bits of a float32.
-        return F4 if all(k == F4 for k in reals) and all(k == B1 for k in whole) else F8
+        integers = [k for k in (a, b) if not k.real]
+        # A 32-bit integer does not fit into the 24 bits of the mantissa of a float32.
+        return F4 if all(k == F4 for k in reals) and all(k == B1 for k in integers) else F8
     if {a.name, b.name} <= {"u8", "u4", "b1"}:
         return U8
     if U8 in (a, b):

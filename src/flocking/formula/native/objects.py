@@ -1,4 +1,4 @@
-"""Machine code of native functions: made by LLVM for this processor, kept in the cache folder, loaded and called."""
+"""Machine code of native functions: compiled by LLVM for this processor, stored in the cache folder, loaded."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ import llvmlite
 from llvmlite import binding
 
 from flocking.errors import CacheError
-from flocking.formula.cache import MACHINE, cache_folder, read_sealed, sealing
+from flocking.formula.cache import MACHINE, cache_folder, read_code, write_code
 from flocking.formula.native.entries import HEAD, SUFFIX
 
 _engines: list[object] = []
-"""What holds the loaded code, which functions of it need as long as the process lives."""
+"""LLVM engines of the loaded code; they must live as long as the process."""
 
 
 @cache
 def processor() -> tuple[str, str]:
-    """Name and features of the processor that code is made for.
+    """Name and features of the processor that code is compiled for.
 
-    ``FLOCKING_CPU_NAME`` and ``FLOCKING_CPU_FEATURES`` choose another, as do ``NUMBA_CPU_NAME`` and ``_FEATURES``, by
-    which clusters of unlike processors are told apart for Numba.
+    ``FLOCKING_CPU_NAME`` and ``FLOCKING_CPU_FEATURES`` choose another, as do ``NUMBA_CPU_NAME`` and
+    ``NUMBA_CPU_FEATURES``, which clusters with several kinds of processors set for Numba.
     """
     name, features = (
         os.environ.get(f"FLOCKING_CPU_{what}") or os.environ.get(f"NUMBA_CPU_{what}") for what in ("NAME", "FEATURES")
@@ -46,12 +46,12 @@ def _machine() -> binding.TargetMachine:
 
 
 def has_feature(name: str) -> bool:
-    """Whether the processor has a feature, such as ``"avx512f"``."""
+    """Whether the processor has the feature that LLVM calls ``name``, such as ``"avx512f"``."""
     return f"+{name}" in processor()[1].split(",")
 
 
 def object_code(text: str) -> bytes:
-    """Machine code of an LLVM module."""
+    """Machine code of a module in LLVM's assembly language."""
     target = _machine()
     module = binding.parse_assembly(text)
     module.triple = binding.get_default_triple()
@@ -70,14 +70,12 @@ def addresses_of(
     make: Callable[[], tuple[str, tuple[str, ...], tuple[str, ...]]],
     provide: Callable[[str], tuple[str, int]],
 ) -> tuple[int, int, tuple[str, ...]]:
-    """Addresses of a compiled function and of its entry, and kinds of its results.
-
-    They are from the cache folder where they are there and whole.
+    """Addresses of a compiled function and of its entry, and kinds of its results; from the cache folder if possible.
 
     Parameters
     ----------
     key
-        What fixes its code, beside the processor and the version of LLVM.
+        What determines its code, beside the processor and the version of LLVM.
     make
         Gives the text of its module, the kinds of its results, and the references of the functions it calls.
     provide
@@ -89,13 +87,12 @@ def addresses_of(
         When the cache folder cannot be used, or the code cannot be loaded.
     """
     path = _path(name, key)
-    kept = read_sealed(path)
-    if kept is None:
+    stored = read_code(path)
+    if stored is None:
         text, results, called = make()
-        kept = "\n".join((" ".join(results), "|".join(called), "")).encode() + object_code(text)
-        with sealing(path) as file:
-            file.write(kept)
-    head, called_ones, code = kept.split(b"\n", 2)
+        stored = "\n".join((" ".join(results), "|".join(called), "")).encode() + object_code(text)
+        write_code(path, stored)
+    head, called_ones, code = stored.split(b"\n", 2)
     for reference in filter(None, called_ones.decode().split("|")):
         binding.add_symbol(*provide(reference))
     return *_loaded(name, code), tuple(head.decode().split())

@@ -1,4 +1,4 @@
-"""Functions that write their own LLVM."""
+"""Functions that emit their own LLVM code."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Primitive:
-    """A function that writes its own LLVM.
+    """A function that emits its own LLVM code.
 
     Parameters
     ----------
@@ -30,12 +30,12 @@ class Primitive:
     gives_fault: bool = False
 
     def __call__(self, *values: object) -> Any:
-        """Call what Python calls in its place.
+        """Call ``python`` with ``values``.
 
         Raises
         ------
         TypeError
-            When there is no such thing.
+            When there is no Python form.
         """
         if self.python is None:
             raise TypeError("Only native functions can call this function.")
@@ -44,12 +44,12 @@ class Primitive:
 
 @dataclass(frozen=True)
 class Outside:
-    """A function that is compiled by itself, for arguments of some kinds.
+    """A function that is compiled separately for some argument kinds.
 
     Parameters
     ----------
     reference
-        What it is known by.
+        Module, name and argument kinds.
     symbol
         Name by which compiled code calls it.
     results
@@ -65,8 +65,8 @@ class Callee(ABC):
     """A native function, as other native functions see it."""
 
     apart: bool
-    """Whether it is compiled by itself and called; else it is put in place."""
+    """Whether it is compiled separately and called; else it is inlined."""
 
     @abstractmethod
     def outside(self, arguments: tuple[Argument, ...]) -> Outside:
-        """The function compiled by itself."""
+        """The function compiled separately."""

@@ -1,4 +1,4 @@
-"""What a function that is being translated knows: its variables, its loops, where it returns."""
+"""State of a function during translation: its variables, its loops, where it returns."""
 
 from __future__ import annotations
 
@@ -34,17 +34,12 @@ class Source:
 
 
 def source_of(function: Callable[..., object]) -> Source:
-    """A function of Python, to be translated.
-
-    Parameters
-    ----------
-    function
-        The function; generated modules hold their text by the name ``SOURCE``.
+    """A Python function to be translated; generated modules hold their text by the name ``SOURCE``.
 
     Raises
     ------
     UntranslatableError
-        When the function is more than its text says, or the text is not that of the function.
+        When the function uses more than its text states, or the text is not that of the function.
     """
     if not isinstance(function, types.FunctionType):
         raise UntranslatableError(f"{function}, which is no function of Python")
@@ -62,18 +57,19 @@ def source_of(function: Callable[..., object]) -> Source:
     node = functions.get((code.co_name, code.co_firstlineno if isinstance(text, str) else 1))
     if node is None:
         raise UntranslatableError(f"{function.__name__}, which is no function of the text it came from")
-    if not isinstance(text, str) and not _says_the_same(function):
+    if not isinstance(text, str) and not _is_current(function):
         raise UntranslatableError(f"{function.__name__}, whose file has been changed since it was imported")
     return Source(node, known, plain)
 
 
-def _says_the_same(function: types.FunctionType) -> bool:
-    """Whether a file still says what a function was made of: it may have been changed since."""
+def _is_current(function: types.FunctionType) -> bool:
+    """Whether the file still holds the source that the function was compiled from: it may have been edited since."""
     code = function.__code__
-    anew = _codes(inspect.getsource(inspect.getmodule(function) or function)).get((code.co_name, code.co_firstlineno))
-    return anew is not None and all(
-        getattr(anew, part) == getattr(code, part) for part in ("co_code", "co_names", "co_varnames")
-    ) and [repr(x) for x in anew.co_consts] == [repr(x) for x in code.co_consts]  # fmt: skip
+    source = inspect.getsource(inspect.getmodule(function) or function)
+    current = _codes(source).get((code.co_name, code.co_firstlineno))
+    return current is not None and all(
+        getattr(current, part) == getattr(code, part) for part in ("co_code", "co_names", "co_varnames")
+    ) and [repr(x) for x in current.co_consts] == [repr(x) for x in code.co_consts]  # fmt: skip
 
 
 @cache
@@ -109,7 +105,7 @@ def _functions(text: str) -> dict[tuple[str, int], ast.FunctionDef]:
 
 
 class WiderError(Exception):
-    """A variable holds numbers of a wider kind than was seen first: the function is translated again."""
+    """A variable needs a wider kind than first assumed: the function is translated again."""
 
 
 @dataclass(frozen=True)
@@ -183,5 +179,5 @@ def field_name(record: str, field: str) -> str:
 
 
 def result_name(number: int) -> str:
-    """Name of the variable of the result of a ``number``, counted from 0."""
+    """Name of the variable of the result with a ``number``, counted from 0."""
     return f"$result{number}"

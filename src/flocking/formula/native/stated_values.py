@@ -1,4 +1,4 @@
-"""What machine code was made with: the numbers, arrays and functions that a function reads."""
+"""What machine code depends on: the numbers, arrays and functions that a function reads."""
 
 from __future__ import annotations
 

@@ -11,8 +11,8 @@ IEEE 754 says; ``hypot``, ``gamma`` and ``lgamma`` are those of the C library; p
 ``exp2`` and ``sqrt``, which may differ from Python's in the last bit; an index is not checked and does not count from
 the end. Numbers and arrays of a module are those of the first call.
 
-What else would differ is refused: a name that may have no value where it is read, a return that may be left out, ``or``
-for a value, a name for an array that a loop makes anew, closures, arguments with defaults.
+Everything else that would differ is refused: a name that may have no value where it is read, a return that may be
+omitted, ``or`` for a value, a second name for an array that a loop makes again, closures, arguments with defaults.
 """
 
 from __future__ import annotations
@@ -138,7 +138,7 @@ class _Translator(Expressions):
         self.scope.assigned |= {result_name(k) for k in range(self.scope.results or 0)}
 
     def in_place(self, source: Source, values: Sequence[Value]) -> Value:
-        """What a function gives, translated where it is called."""
+        """Value of a function translated at the place of its call."""
         self.calls += 1
         outer = self.scope
         path = f"{outer.path}/{source.node.name}:{self.calls}"

@@ -44,7 +44,7 @@ LARGEST_ON_STACK = 512
 
 
 class Variables(ABC):
-    """Variables, arrays and faults of a function that is translated; see `flocking.formula.native.translation`.
+    """Variables, arrays and faults of a function during translation; see `flocking.formula.native.translation`.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class Variables(ABC):
     entry
         Block that variables are made in.
     wider
-        Kinds of variables found too narrow before, by path and name.
+        Kinds of variables that were too narrow before, by path and name.
     """
 
     def __init__(
@@ -76,15 +76,7 @@ class Variables(ABC):
     # Faults
 
     def require(self, holds: ir.Value, fault: int) -> None:
-        """Leave the function with a fault unless a condition holds.
-
-        Parameters
-        ----------
-        holds
-            The condition.
-        fault
-            Number of the fault.
-        """
+        """Leave the function with the ``fault`` of that number unless the condition ``holds``."""
         self._leave_unless(holds, ir.Constant(I4.type, fault))
 
     def _leave_unless(self, holds: ir.Value, fault: ir.Value) -> None:
@@ -99,7 +91,7 @@ class Variables(ABC):
     # Variables
 
     def store(self, name: str, value: Value) -> None:
-        """Give a name a value."""
+        """Assign a value to a name."""
         if isinstance(value, Constant) and isinstance(value.value, bool | int | float | np.generic):
             value = number(value)
         scope = self.scope
@@ -140,7 +132,7 @@ class Variables(ABC):
         before = self.scope.arrays.get(name)
         remade = before is not None and value.passing and value.data is not self.made
         if before is not None and (remade or value.passing != before.passing):
-            raise UntranslatableError(f"{name}, another name of an array that is made anew in a loop")
+            raise UntranslatableError(f"{name}, another name of an array that is made again in a loop")
         if before is None:
             with self.builder.goto_block(self.entry):
                 data = self.builder.alloca(value.data.type)
@@ -152,7 +144,7 @@ class Variables(ABC):
             self.builder.store(code, place)
 
     def variable(self, kind: Kind) -> ir.AllocaInstr:
-        """Room for a number, made when the function begins."""
+        """Memory for a number, allocated when the function begins."""
         with self.builder.goto_block(self.entry):
             return self.builder.alloca(kind.type)
 
@@ -188,12 +180,7 @@ class Variables(ABC):
         raise UntranslatableError(f"the name {name}")
 
     def field(self, name: str, field: str) -> Value:
-        """A field of a name that is a record; the others are not even loaded.
-
-        Parameters
-        ----------
-        name, field
-            The name, and that of the field.
+        """The ``field`` of a ``name`` that is a record; the others are not loaded.
 
         Raises
         ------
@@ -248,7 +235,7 @@ class Variables(ABC):
                 if isinstance(index, Constant) and isinstance(index.value, int) and index.value < 0:
                     raise UntranslatableError("an index below zero")
                 if number(index).kind.real or number(index).kind == B1:
-                    raise UntranslatableError(f"an index that is no whole number in {ast.unparse(node)}")
+                    raise UntranslatableError(f"an index that is no integer in {ast.unparse(node)}")
                 code = converted(self.builder, number(index), I8).code
                 at = code if at is None else self.builder.add(at, code)
         left = array.shape[len(parts) :]
@@ -262,12 +249,12 @@ class Variables(ABC):
         return Number(kind, code)
 
     def assign(self, data: ir.Value, kind: Kind, value: Value) -> None:
-        """Put a number into memory."""
+        """Store a number in memory."""
         code = converted(self.builder, number(value), kind).code
         self.builder.store(self.builder.zext(code, ir.IntType(8)) if kind == B1 else code, data)
 
     def _made(self, node: ast.Call, function: object) -> Array:
-        """A new array; made once more, as in a loop, it takes the place of the one made before."""
+        """A new array; in a loop it reuses the memory of the one made before."""
         shape = self.value(node.args[0])
         parts = shape.values if isinstance(shape, Several) else (shape,)
         element = F8
@@ -311,7 +298,7 @@ class Variables(ABC):
         return Array(kind, data, lengths, self.loops > 0)
 
     def free_all(self) -> None:
-        """Give back the memory of all arrays."""
+        """Free the memory of all arrays."""
         pointer = ir.IntType(8).as_pointer()
         for held in self.allocated:
             free = declared(self.builder, "free", ir.VoidType(), [pointer])
