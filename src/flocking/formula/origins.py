@@ -84,9 +84,7 @@ _PLAIN = frozenset({int, float, bool, str, complex, type(None), Formula})
 
 
 def canonical(stated: object) -> str:
-    """One text for the formulas ``stated`` in tuples, lists, dictionaries and dataclasses; equal texts mean equal
-    formulas.
-    """
+    """One text for the formulas ``stated``, in tuples, lists, dictionaries and dataclasses."""
     import sympy
 
     if isinstance(stated, sympy.Basic):

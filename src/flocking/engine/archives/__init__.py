@@ -1,1 +1,1 @@
-"""Arrays and numbers in one file, and checks of data read from disk; knows no session."""
+"""Arrays and numbers in one file, and checks of data read from disk."""

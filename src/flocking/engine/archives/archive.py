@@ -1,4 +1,4 @@
-"""Arrays and one text of numbers in a file, read back without trusting what the file says of its own size."""
+"""Arrays and a JSON text in one file, read without trusting the sizes that the file states."""
 
 from __future__ import annotations
 
@@ -21,32 +21,24 @@ NUMBERS = "numbers"
 """Name of the array that holds the JSON text."""
 
 PLAIN = "biuf"
-"""Kinds of the types arrays may have: truth values, whole numbers and floating-point numbers."""
+"""NumPy kinds that arrays may have: truth values, integers and floating-point numbers."""
 
 UNREADABLE = (
     ValueError, KeyError, TypeError, IndexError, AttributeError, ArithmeticError, RecursionError, OSError, EOFError,
     NotImplementedError, zipfile.BadZipFile,
 )  # fmt: skip
-"""What comes of data that are no archive, or of another one."""
+"""Errors of reading data that are no archive, or another one."""
 
 
 def write_archive(file: BinaryIO, numbers: Mapping[str, object], arrays: Arrays) -> None:
-    """Write numbers and arrays as an ``.npz`` file.
-
-    Parameters
-    ----------
-    numbers
-        Plain data for JSON.
-    arrays
-        Arrays by name.
-    """
+    """Write ``numbers``, plain data for JSON, and ``arrays`` by name as an ``.npz`` file."""
     text = json.dumps(numbers, default=lambda x: x.item()).encode()
     named: dict[str, AnyArray] = {NUMBERS: np.frombuffer(text, dtype=np.uint8), **arrays}
     np.savez(file, allow_pickle=False, **named)
 
 
 def read_archive(data: bytes | Path) -> tuple[dict[str, Any], Arrays]:
-    """Numbers and arrays of an ``.npz`` file; nothing is decompressed, and no array is larger than its part of it.
+    """Numbers and arrays of an ``.npz`` file; nothing is decompressed, no array is larger than its part of the file.
 
     Parameters
     ----------
@@ -56,7 +48,7 @@ def read_archive(data: bytes | Path) -> tuple[dict[str, Any], Arrays]:
     Raises
     ------
     MalformedError, ValueError, KeyError, OSError, EOFError, RecursionError, zipfile.BadZipFile
-        When it is none.
+        When it is no such file.
     """
     with zipfile.ZipFile(io.BytesIO(data) if isinstance(data, bytes) else data) as file:
         arrays = {entry.filename.removesuffix(".npy"): _array(file, entry) for entry in file.infolist()}

@@ -1,4 +1,4 @@
-"""What data read from disk must look like before anything computes with them."""
+"""Checks of data read from disk, made before anything computes with them."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from flocking.arrays import AnyArray
 
 Value = TypeVar("Value")
 Checked_co = TypeVar("Checked_co", covariant=True)
-WholeNumber = int | np.integer
-RealNumber = float | np.floating | WholeNumber
+IntegerNumber = int | np.integer
+RealNumber = float | np.floating | IntegerNumber
 
 
 def squarable(kind: DTypeLike) -> float:
-    """Largest number of a type whose square, and a sum of some such, does not overflow."""
-    return float(np.sqrt(np.finfo(np.dtype(kind).type).max)) / 1024
+    """Largest number of a floating-point type whose square, summed a million times, does not overflow."""
+    return float(np.sqrt(np.finfo(np.dtype(kind).type).max)) / 2**10
 
 
 class MalformedError(ValueError):
@@ -29,11 +29,11 @@ class MalformedError(ValueError):
 
 
 class Form(ABC, Generic[Checked_co]):
-    """What a value must be."""
+    """The form that a value must have."""
 
     @abstractmethod
     def check(self, value: object, name: str) -> Checked_co:
-        """The value itself, whose type is known now; one that has another form is refused.
+        """Return the value, whose type is then known; refuse a value of another form. ``name`` is for the message.
 
         Raises
         ------
@@ -126,19 +126,13 @@ class Real(Form[RealNumber]):
 
 
 @dataclass(frozen=True)
-class Integer(Form[WholeNumber]):
-    """A whole number.
-
-    Parameters
-    ----------
-    least, most
-        Its bounds.
-    """
+class Integer(Form[IntegerNumber]):
+    """An integer from ``least`` to ``most``."""
 
     least: int = 0
     most: int = 2**62
 
-    def check(self, value: object, name: str) -> WholeNumber:
+    def check(self, value: object, name: str) -> IntegerNumber:
         """Refuse another value, see `Form.check`."""
         if isinstance(value, bool) or not isinstance(value, int | np.integer):
             raise _refuse(name, "be a whole number", value)
@@ -160,13 +154,7 @@ class Flag(Form[bool | np.bool_]):
 
 @dataclass(frozen=True)
 class Text(Form[str]):
-    """One of some words.
-
-    Parameters
-    ----------
-    choices
-        The words; any word when empty.
-    """
+    """A text, one of the ``choices`` unless they are empty."""
 
     choices: tuple[str, ...] = ()
 
@@ -179,13 +167,7 @@ class Text(Form[str]):
 
 @dataclass(frozen=True)
 class Maybe(Form[Value | None]):
-    """A value, or None.
-
-    Parameters
-    ----------
-    form
-        The form of the value.
-    """
+    """A value of a ``form``, or None."""
 
     form: Form[Value]
 
@@ -196,13 +178,7 @@ class Maybe(Form[Value | None]):
 
 @dataclass(frozen=True)
 class Row(Form[Sequence[Value]]):
-    """Values in a fixed order.
-
-    Parameters
-    ----------
-    forms
-        The form of each.
-    """
+    """Values in a fixed order, each of its own form (``forms``)."""
 
     forms: Sequence[Form[Value]]
 
@@ -217,13 +193,7 @@ class Row(Form[Sequence[Value]]):
 
 @dataclass(frozen=True)
 class Many(Form[Sequence[Value]]):
-    """Any number of values of one form.
-
-    Parameters
-    ----------
-    form
-        The form of each.
-    """
+    """Any number of values of one ``form``."""
 
     form: Form[Value]
 
@@ -293,16 +263,16 @@ class Part(Form[Value]):
 
 @dataclass(frozen=True)
 class And(Form[Value]):
-    """A form, and a rule beside it.
+    """A form with a further rule.
 
     Parameters
     ----------
     form
         The form.
     rule
-        What must hold, in words that follow "must".
+        The rule, in words that follow "must".
     holds
-        Whether it does, of a value that has the form.
+        Whether a value of that form obeys it.
     """
 
     form: Form[Value]

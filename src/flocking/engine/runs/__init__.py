@@ -1,1 +1,1 @@
-"""Runs: what a simulation leaves behind, the columns of its records, and how two runs differ."""
+"""The result of a simulation, the columns of its records, and comparison of two runs."""

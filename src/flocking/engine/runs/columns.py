@@ -14,15 +14,15 @@ from flocking.engine.runs.run import OBSERVED_FIELDS, SWITCH_FIELDS, TRACE_FIELD
 from flocking.model.law import Scenario
 
 CHUNK_BYTES = 2**20
-"""Aim for the size of a chunk before compression."""
+"""Target size of a chunk before compression."""
 
 LONGEST_CHUNK = 4096
-"""Rows of a chunk at most: a small run is one chunk, and appending rewrites no more than that."""
+"""Most rows of a chunk: a small run is one chunk, and appending rewrites no more than that."""
 LARGEST_CHUNK = 2**25
-"""Bytes of a chunk at most: a frame of very many agents is cut into several, which are written side by side."""
+"""Most bytes of a chunk: a frame of very many agents is split into several, which are written in parallel."""
 
 FRAME_PARTS = ("time", "position", "velocity", "links")
-"""What a frame is made of; all but the time have a checksum per frame, that of positions covers the time too."""
+"""Arrays of a frame; all but the time have a checksum per frame, and that of positions includes the time."""
 
 GROWING = ("time", "step", "switch", "observation")
 """Dimensions that grow while a run goes on."""
@@ -47,7 +47,7 @@ ERRORS = ("position", "velocity")
 """Columns of the errors of frames."""
 
 COLUMN = "column"
-"""The array of what agents have beside positions and velocities, all columns side by side."""
+"""The array of further columns of the agents, beside positions and velocities, joined along the last axis."""
 
 ARRAYS: dict[str, tuple[tuple[str, ...], str, dict[str, object]]] = {
     "time": (("time",), "f8", {"units": "unit of time", "long_name": "time of the frame"}),
@@ -147,30 +147,18 @@ class Dimensions:
 
 
 def component_names(scenario: Scenario) -> tuple[str, ...]:
-    """Names of the numbers that the agents of a scenario have beside positions and velocities."""
+    """Names of the components of the further columns of a scenario's agents."""
     widths = scenario.agents.widths(scenario.start.dimension)
     return tuple(f"{name}_{k}" for name, width in widths.items() for k in range(width))
 
 
 def joined_columns(scenario: Scenario, columns: Mapping[str, Array]) -> Array | None:
-    """Further columns of some frames, shape (F, N, width) each, side by side as stored; None where there are none.
-
-    Parameters
-    ----------
-    columns
-        The columns by name.
-    """
+    """Further ``columns`` of some frames, shape (F, N, width) each, joined along the last axis; None without any."""
     return np.concatenate([columns[c.name] for c in scenario.agents.columns], axis=2) if columns else None
 
 
 def separate_columns(scenario: Scenario, stored: Array) -> dict[str, Array]:
-    """Columns by name from what `joined_columns` gives.
-
-    Parameters
-    ----------
-    stored
-        Shape (F, N, components).
-    """
+    """Columns by name from the array ``stored`` that `joined_columns` gives, shape (F, N, components)."""
     found, first = {}, 0
     for name, width in scenario.agents.widths(scenario.start.dimension).items():
         found[name] = stored[:, :, first : first + width]
@@ -196,13 +184,7 @@ def frame_checksums(parts: dict[str, AnyArray]) -> NDArray[np.uint32]:
 
 
 def switch_columns(switches: Records) -> dict[str, AnyArray]:
-    """Switches, fields `SWITCH_FIELDS`, as the columns stored.
-
-    Parameters
-    ----------
-    switches
-        Structured array, shape (K,).
-    """
+    """The structured array ``switches``, fields `SWITCH_FIELDS`, as the columns stored."""
     names = SWITCH_FIELDS.names or ()
     columns = {}
     for column, field in zip(SWITCHES, names, strict=True):
@@ -214,12 +196,9 @@ def switch_columns(switches: Records) -> dict[str, AnyArray]:
 
 
 def switch_table(columns: Mapping[str, AnyArray]) -> Records:
-    """Columns as stored, back as fields `SWITCH_FIELDS`.
+    """Structured array, fields `SWITCH_FIELDS`, from the stored ``columns`` by name, shape (K,) each.
 
-    Parameters
-    ----------
-    columns
-        Stored arrays by name, shape (K,) each; runs of format 1 have no errors, which then are unknown.
+    Runs of format 1 have no errors; they become NaN.
     """
     table = np.empty(len(columns["switch_time"]), dtype=SWITCH_FIELDS)
     for column, field in zip(SWITCHES, SWITCH_FIELDS.names or (), strict=True):
@@ -231,51 +210,14 @@ def switch_table(columns: Mapping[str, AnyArray]) -> Records:
     return table
 
 
-def observed_rows(observed: Records) -> Array:
-    """Observations, fields `OBSERVED_FIELDS`, as rows of numbers.
-
-    Parameters
-    ----------
-    observed
-        Structured array, shape (K,).
-    """
-    return np.stack([observed[name].astype(np.float64) for name in MEASURES], axis=-1)
+def number_rows(table: Records) -> Array:
+    """The fields of a structured array ``table``, shape (K,), as columns of numbers, shape (K, fields)."""
+    return np.stack([table[name].astype(np.float64) for name in table.dtype.names or ()], axis=-1)
 
 
-def observed_table(rows: Array) -> Records:
-    """Rows of numbers, back as fields `OBSERVED_FIELDS`.
-
-    Parameters
-    ----------
-    rows
-        One column for each of `MEASURES`, shape (K, measures).
-    """
-    table = np.empty(len(rows), dtype=OBSERVED_FIELDS)
-    for k, name in enumerate(MEASURES):
-        table[name] = rows[:, k]
-    return table
-
-
-def ledger_rows(trace: Records) -> Array:
-    """Ledger, fields `TRACE_FIELDS`, as rows of numbers.
-
-    Parameters
-    ----------
-    trace
-        Structured array, shape (K,).
-    """
-    return np.stack([trace[name] for name in QUANTITIES], axis=-1)
-
-
-def ledger_table(rows: Array) -> Records:
-    """Rows of numbers, back as fields `TRACE_FIELDS`.
-
-    Parameters
-    ----------
-    rows
-        One column for each of `QUANTITIES`, shape (K, quantities).
-    """
-    table = np.empty(len(rows), dtype=TRACE_FIELDS)
-    for k, name in enumerate(QUANTITIES):
+def table_of(rows: Array, fields: np.dtype[np.void]) -> Records:
+    """Structured array with these ``fields`` from ``rows`` that `number_rows` gave."""
+    table = np.empty(len(rows), dtype=fields)
+    for k, name in enumerate(fields.names or ()):
         table[name] = rows[:, k]
     return table

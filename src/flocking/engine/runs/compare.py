@@ -16,7 +16,7 @@ from flocking.model.checks import number
 
 @dataclass(frozen=True)
 class Difference:
-    """Where two runs part.
+    """A difference of two runs.
 
     Parameters
     ----------
@@ -25,9 +25,9 @@ class Difference:
     first, second
         The two values.
     time
-        When, where it is known.
+        Its time, where known.
     agent
-        Who, where it concerns one agent.
+        Number of the agent, where it concerns one.
     """
 
     what: str
@@ -45,8 +45,7 @@ class Difference:
 def first_difference(one: Run, two: Run, *, tolerance: float = 0.0) -> Difference | None:
     """The earliest difference of two runs, None when they are equal bit for bit.
 
-    Compared are frames with all columns, links, switches, ledger, observations and status; not the provenance, which
-    says who computed them.
+    Compared are frames with all columns, links, switches, ledger, observations and status, but not the provenance.
 
     Parameters
     ----------

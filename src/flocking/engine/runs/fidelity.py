@@ -1,4 +1,4 @@
-"""How faithful a run is to the law it declares: what its engine states of itself, for audits to read."""
+"""What the engine of a run states of its accuracy, for audits to read."""
 
 from __future__ import annotations
 
@@ -6,27 +6,27 @@ import math
 from dataclasses import dataclass, field
 
 WATCHED = ("all", "linked", "none")
-"""Pairs whose closest approach is looked at: all of them, linked ones alone, or none."""
+"""Pairs whose closest approach is recorded: all of them, linked ones alone, or none."""
 
 LEDGER_RULES = ("tolerance", "share", "estimate", "unknown")
-"""What the residual of a ledger is held to; see `LedgerRule`."""
+"""How the residual of a ledger is bounded; see `LedgerRule`."""
 
 
 @dataclass(frozen=True)
 class LedgerRule:
-    """What the residual of the energy ledger of a run is held to.
+    """Bound on the residual of the energy ledger of a run.
 
     Parameters
     ----------
     kind
-        ``"tolerance"``: the energy moved times a relative tolerance, for steps whose length follows the error.
-        ``"share"``: a share of the energy moved, for fixed steps, which close it to the order of their scheme.
-        ``"estimate"``: an estimated error, for powers integrated between samples.
-        ``"unknown"``: nothing is known of it.
+        ``"tolerance"``: a relative tolerance of the energy moved, for steps whose length follows the error.
+        ``"share"``: a share of the energy moved, for fixed steps, whose residual has the order of their scheme.
+        ``"estimate"``: an estimated error, for powers integrated between samples. ``"unknown"``: nothing is known of
+        it.
     size
         The tolerance, the share or the estimated error; NaN where it is not known.
     switch_error
-        What links that switched between samples add to an estimated error.
+        Addition to an estimated error for links that switched between samples.
     """
 
     kind: str = "unknown"
@@ -56,12 +56,12 @@ class Approaches:
 
 @dataclass(frozen=True)
 class LawAgreement:
-    """How far the forces and powers that acted were from those of the declared law.
+    """Difference of the forces and powers that acted from those of the declared law.
 
     Parameters
     ----------
     checks
-        Number of looks.
+        Number of comparisons.
     gap
         The gap that is largest compared with what rounding explains, as a share of all that adds up to the force.
     allowed
@@ -75,26 +75,26 @@ class LawAgreement:
 
 @dataclass(frozen=True)
 class Fidelity:
-    """The account that a run gives of itself.
+    """What a run states of its own accuracy.
 
-    By default nothing is known, which leaves open whatever would follow from it.
+    By default nothing is known, and audits leave open what would follow from it.
 
     Parameters
     ----------
     engine
-        Name of the engine, or of what else the motion comes from.
+        Name of the engine, or of the other source of the motion.
     sampled
         Whether it is made of samples of a motion from elsewhere: nothing is known between them.
     switches_located
-        Whether every switch of a link is found and recorded; else the frames alone say who was linked.
+        Whether every switch of a link is found and recorded; else only the frames show who was linked.
     approaches
         What is known of closest approaches.
     ledger
-        What the residual of the ledger is held to.
+        Bound on the residual of the ledger.
     fixed_step
         The time step, where it is fixed; None where its length follows the error.
     law
-        How far forces were from the declared law; None where nobody looked.
+        Difference from the declared law; None where it was not measured.
     """
 
     engine: str = ""
@@ -107,4 +107,4 @@ class Fidelity:
 
 
 UNSTATED = Fidelity()
-"""The account of a run that gives none."""
+"""The fidelity of a run that states nothing."""

@@ -1,4 +1,4 @@
-"""What a recorder hands over to be written to disk."""
+"""Records that a recorder hands over to be written to disk."""
 
 from __future__ import annotations
 

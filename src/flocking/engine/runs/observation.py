@@ -1,4 +1,4 @@
-"""What is observed of a group at one moment, whichever engine counted its links."""
+"""Observations of a group at one moment, for all engines."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def observation(
     flock_sizes
         Number of agents of each flock.
     links
-        Number of links, both ways counted.
+        Number of ordered linked pairs.
     mean, deviation
         Mean length of a link and standard deviation of the lengths; NaN where there is no link.
     closest

@@ -19,21 +19,9 @@ def _version(package: str) -> str:
 
 
 def provenance(engine: str, scenario: Scenario) -> dict[str, object]:
-    """Versions of what computed a run, and what was asked of it.
-
-    Parameters
-    ----------
-    engine
-        Name of the engine.
-    """
+    """Versions of the software that computed a run, and what was asked of ``engine``."""
     return {
-        "engine": engine,
-        "scenario": scenario.name,
-        "seed": scenario.seed,
-        "flocking": _version("flocking"),
-        "numpy": _version("numpy"),
-        "scipy": _version("scipy"),
-        "llvmlite": _version("llvmlite"),
-        "python": platform.python_version(),
-        "machine": platform.machine(),
-    }
+        "engine": engine, "scenario": scenario.name, "seed": scenario.seed,
+        **{package: _version(package) for package in ("flocking", "numpy", "scipy", "llvmlite")},
+        "python": platform.python_version(), "machine": platform.machine(),
+    }  # fmt: skip

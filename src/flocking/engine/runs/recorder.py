@@ -1,4 +1,4 @@
-"""What a session writes down while it runs, and what of it is already on disk; engines add what is theirs."""
+"""Records of a session, in memory or already on disk; engines add their own."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
 
 MOST_FRAME_BYTES = 8 * 2**30
-"""Frames of a run that is not written to disk while it goes on may take so much memory."""
+"""Largest memory of the frames of a run that is not written to disk meanwhile."""
 
 MOST_LINKED = 2000
-"""Larger groups carry no link matrix in their states and frames."""
+"""Largest group whose states and frames hold link matrices."""
 
 MOST_LINK_BYTES = 256 * 2**20
 """Frames hold link matrices only up to this size in total."""
@@ -29,7 +29,7 @@ UNKNOWN_ERRORS = (np.inf, np.inf)
 """Errors of a frame of which nothing is known."""
 
 NO_COLUMNS: Mapping[str, Array] = MappingProxyType({})
-"""What frames of agents without further columns hold of them."""
+"""Further columns of agents without any."""
 
 
 class Recorder:
@@ -63,7 +63,7 @@ class Recorder:
     """
 
     open_rows = 0
-    """How many of the last rows of the ledger may still change."""
+    """Number of the last rows of the ledger that may still change."""
 
     def __init__(
         self,
@@ -97,7 +97,7 @@ class Recorder:
         self._skipped = 0
 
     def copy(self) -> Self:
-        """One that goes on by itself. The records are shared: none is changed after it was made."""
+        """An independent recorder. The rows are shared: none is changed after it was made."""
         other = copy.copy(self)
         for name, value in vars(self).items():
             if isinstance(value, list | dict):
@@ -106,7 +106,7 @@ class Recorder:
 
     @property
     def count(self) -> int:
-        """Number of frames until now: in memory, on disk, or not kept."""
+        """Number of frames until now: in memory, on disk, or not stored."""
         return self._skipped + self.stored["time"] + len(self.t)
 
     @property
@@ -123,14 +123,14 @@ class Recorder:
         return self.count < len(self.frame_times) and bool(t >= self.frame_times[self.count])
 
     def keep_no_frames(self) -> None:
-        """Drop the frames in memory, and keep none that comes later."""
+        """Drop the frames in memory and store no later ones."""
         self._skipped += len(self.t)
         for rows in (self.t, self.q, self.p, self.columns, self.links, self.errors):
             rows.clear()
         self.keep_frames = self.with_links = False
 
     def skip(self) -> None:
-        """Pass a frame that is due and not kept."""
+        """Count a frame that is due and not stored."""
         self._skipped += 1
 
     def frame(
@@ -178,11 +178,11 @@ class Recorder:
 
     @property
     def waiting(self) -> float:
-        """Bytes of frames in memory that wait for the disk."""
+        """Bytes of frames in memory that are to be written to disk."""
         return len(self.t) * self.frame_bytes
 
     def check_fits(self) -> None:
-        """Refuse frames that memory cannot hold together.
+        """Refuse frames that do not fit into memory.
 
         Raises
         ------
@@ -207,7 +207,7 @@ class Recorder:
         }  # fmt: skip
 
     def since(self, counts: Mapping[str, int], *, complete: bool) -> NewRecords:
-        """What came after the first ``counts`` records of each kind; unless ``complete``, without open ledger rows."""
+        """Records after the first ``counts`` of each kind; unless ``complete``, without open ledger rows."""
         first = {name: counts[name] - self.stored[name] for name in GROWING}
         frames = slice(first["time"], len(self.t))
         rows = self.trace if complete else self.trace[: len(self.trace) - self.open_rows]
@@ -222,7 +222,7 @@ class Recorder:
         )  # fmt: skip
 
     def forget(self, counts: Mapping[str, int]) -> None:
-        """Let go of the first ``counts`` records of each kind, which are on disk now, unless all stay in memory."""
+        """Release the first ``counts`` records of each kind, which are on disk now, unless all stay in memory."""
         if not self.lets_go:
             return
         for rows, kind in (
@@ -240,7 +240,7 @@ class Recorder:
         counts
             Numbers of records on disk, by kind.
         read
-            Gives the run; called only where all records stay in memory.
+            Gives the run; called only if all records stay in memory.
         """
         if self.lets_go:
             self.stored = {name: counts.get(name, 0) for name in GROWING}

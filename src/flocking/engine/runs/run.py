@@ -1,4 +1,4 @@
-"""Runs: what a simulation leaves behind."""
+"""Runs: the results of simulations."""
 
 from __future__ import annotations
 
@@ -45,9 +45,7 @@ DoubtRow = tuple[float, float, float, int, int, str, int, str, float, float]
 
 
 class LedgerRow(NamedTuple):
-    """A row of the ledger: energy and kinetic energy at a time, and what was worked, dissipated, supplied and jumped
-    until then.
-    """
+    """A row of the ledger: energies at a time, and work, dissipation, supply and jumps until then."""
 
     time: float
     energy: float
@@ -74,16 +72,16 @@ lengths over their mean (0 in a perfect lattice), and the smallest distance of l
 
 @dataclass(frozen=True)
 class Closest:
-    """Closest approach of two agents over a whole run, certified on the engine's own solution.
+    """Closest approach of two agents over an entire run, certified on the engine's own solution.
 
     Parameters
     ----------
     distance
-        How close they came; infinite when there was no such pair.
+        The smallest distance; infinite when there was no such pair.
     pair
-        Who.
+        The two agents.
     error
-        How far off the distance may be, from the error of the integration; NaN where it is not known.
+        Bound on the error of the distance, from the error of the integration; NaN where it is not known.
     """
 
     distance: float = np.inf
@@ -92,7 +90,7 @@ class Closest:
     error: float = np.nan
 
     def __eq__(self, other: object) -> bool:
-        """Equal in all; two values that are no numbers, as where there was no such pair, count as equal."""
+        """Equal in all fields; two NaN, as where there was no such pair, count as equal."""
         if not isinstance(other, Closest):
             return NotImplemented
         values = ((self.distance, other.distance), (self.time, other.time), (self.error, other.error))
@@ -104,14 +102,14 @@ class Closest:
 
 @dataclass(frozen=True)
 class Largest:
-    """Largest value of a quantity over a whole run, certified on the engine's own solution.
+    """Largest value of a quantity over an entire run, certified on the engine's own solution.
 
     Parameters
     ----------
     agents
-        Whose it was: one agent, or two.
+        The agent, or the two agents, that had it.
     error
-        How far off the value may be, from the error of the integration.
+        Bound on the error of the value, from the error of the integration.
     """
 
     value: float = -np.inf
@@ -240,7 +238,7 @@ class Run:
         return int(self.q.shape[1])
 
     def __repr__(self) -> str:
-        """In one line: arrays have their own names."""
+        """In one line, without the arrays."""
         name = f"{self.scenario.name!r}, " if self.scenario.name else ""
         span = f"t = {self.t[0]:g} to {self.t[-1]:g}" if len(self.t) else "none stored"
         size = f"{self.n} agents, {len(self.t)} frames ({span}), {len(self.switches)} switches"
@@ -254,7 +252,7 @@ class Run:
     def until(self, end: float) -> Run:
         """The same run with its frames, fine samples, switches and ledger up to time ``end`` only.
 
-        Its closest approaches stay those of the whole run.
+        Its closest approaches remain those of the entire run.
         """
         if not len(self.t) or self.t[-1] <= end:
             return self

@@ -1,4 +1,4 @@
-"""What is known of the errors of a run, as plain data for its record."""
+"""Errors of a run as plain data for its record."""
 
 from __future__ import annotations
 
@@ -11,18 +11,12 @@ from flocking.engine.runs.run import DOUBT_FIELDS, Accuracy, Largest
 
 
 def json_number(value: float) -> float | str:
-    """A number as JSON can hold it: text where it is infinite or NaN."""
+    """A number for JSON: text where it is infinite or NaN."""
     return float(value) if np.isfinite(value) else str(float(value))
 
 
 def accuracy_data(found: Accuracy) -> dict[str, object]:
-    """All of it but the errors of the frames, which have an array of their own.
-
-    Parameters
-    ----------
-    found
-        What is known of the errors of a run.
-    """
+    """The accuracy ``found``, without the errors of the frames, which have an array of their own."""
     doubts = [[x if isinstance(x, str | int) else json_number(x) for x in row] for row in found.doubts.tolist()]
     largest = {
         name: [json_number(x.value), json_number(x.time), list(x.agents), json_number(x.error)]
@@ -32,13 +26,7 @@ def accuracy_data(found: Accuracy) -> dict[str, object]:
 
 
 def accuracy_of(data: dict[str, Any] | None, frames: Array | None) -> Accuracy | None:
-    """The same read back; None where nothing is known.
-
-    Parameters
-    ----------
-    frames
-        Errors of the frames, shape (F, 2).
-    """
+    """The accuracy read back; ``frames`` are the errors of the frames, shape (F, 2). None where nothing is known."""
     if data is None or frames is None:
         return None
     numbers = [k for k, name in enumerate(DOUBT_FIELDS.names or ()) if DOUBT_FIELDS[name].kind == "f"]

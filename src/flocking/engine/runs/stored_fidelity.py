@@ -1,4 +1,4 @@
-"""The account that a run gives of itself as plain data for its record, and that of runs stored before there was one."""
+"""The fidelity of a run as plain data for its record, and that of runs stored before there was one."""
 
 from __future__ import annotations
 
@@ -6,22 +6,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict
 
-from flocking.engine.archives.data_checks import (
-    Flag,
-    Form,
-    Integer,
-    MalformedError,
-    Maybe,
-    Names,
-    Real,
-    Text,
-)  # fmt: skip
+from flocking.engine.archives.data_checks import Flag, Form, Integer, Maybe, Names, Real, Text
 from flocking.engine.runs.fidelity import LEDGER_RULES, WATCHED, Approaches, Fidelity, LawAgreement, LedgerRule
 from flocking.engine.runs.run_errors import json_number
 from flocking.model.law import Scenario
 
 FIXED_STEP_SHARE = 0.05
-"""Share of the energy moved that runs in fixed steps were held to before they said so."""
+"""Share of the energy moved that bounds the residual of stored runs with fixed steps which state none."""
 
 
 _WORDS = ("inf", "-inf", "nan")
@@ -31,7 +22,7 @@ class _Number(Form[float]):
     """A number, or the text of one that JSON cannot hold."""
 
     def check(self, value: object, name: str) -> float:
-        """Refuse what is none."""
+        """Refuse what is no number."""
         return float(value) if isinstance(value, str) and value in _WORDS else float(Real().check(value, name))
 
 
@@ -45,13 +36,7 @@ _FORM = Names({
 
 
 def fidelity_data(found: Fidelity) -> dict[str, object]:
-    """The account as plain data.
-
-    Parameters
-    ----------
-    found
-        The account.
-    """
+    """The fidelity ``found`` as plain data."""
     return {name: _plain(value) for name, value in asdict(found).items()}
 
 
@@ -62,7 +47,7 @@ def _plain(value: object) -> object:
 
 
 def fidelity_of(data: object, provenance: Mapping[str, object], scenario: Scenario) -> Fidelity:
-    """The account of a stored run.
+    """The fidelity of a stored run.
 
     Parameters
     ----------
@@ -74,7 +59,7 @@ def fidelity_of(data: object, provenance: Mapping[str, object], scenario: Scenar
     Raises
     ------
     MalformedError
-        When the data are no account.
+        When the data are malformed.
     """
     if data is None:
         return derived_fidelity(provenance, scenario)
@@ -92,18 +77,13 @@ def fidelity_of(data: object, provenance: Mapping[str, object], scenario: Scenar
 
 
 def derived_fidelity(provenance: Mapping[str, object], scenario: Scenario) -> Fidelity:
-    """The account of a run that was stored before runs gave one, from what its provenance says.
+    """The fidelity of a run that was stored without, from its ``provenance``.
 
-    Those runs say of their engine: ``samples`` stands for samples from elsewhere, whose ``gap``, ``ledger_error`` and
-    ``switch_error`` are estimated errors; ``scheme`` for fixed steps of at most ``step``; ``farthest`` for an engine
-    that looks at linked pairs at every step, between which two agents approach each other by so much at most;
-    ``closest`` says when distances were looked at; ``switches`` that they are not recorded; ``law_checks``,
-    ``law_gap`` and ``law_gap_allowed`` how far forces were from the law. A number that is missing is not known.
-
-    Parameters
-    ----------
-    provenance
-        Where the run comes from.
+    Its keys: engine ``samples`` means samples from elsewhere, whose ``gap``, ``ledger_error`` and ``switch_error`` are
+    estimated errors; ``scheme`` means fixed steps of at most ``step``; ``farthest`` means an engine that checks linked
+    pairs at every step, between which two agents approach each other by at most that length; ``closest`` says when
+    distances were checked; ``switches`` that they are not recorded; ``law_checks``, ``law_gap`` and ``law_gap_allowed``
+    how far forces were from the law. A number that is missing is not known.
     """
 
     def number(name: str) -> float:
@@ -132,6 +112,3 @@ def derived_fidelity(provenance: Mapping[str, object], scenario: Scenario) -> Fi
         engine, sampled, not sampled and provenance.get("switches") != "not recorded", approaches, ledger,
         number("step") if fixed else None, law,
     )  # fmt: skip
-
-
-__all__ = ["MalformedError", "derived_fidelity", "fidelity_data", "fidelity_of"]

@@ -1,4 +1,4 @@
-"""Files that survive a kill: every one appears whole or not at all, and one writer at a time."""
+"""Files that survive a kill: a file appears complete or not at all, and one process writes at a time."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from flocking.engine.memory_shortage import starved
 from flocking.errors import FlockingError, StorageError
 
 PARTIAL = ".partial"
-"""Ending of a file that is still being written; a kill may leave one behind, and nothing ever reads it."""
+"""Suffix of a file that is still being written; a kill may leave one behind, and it is never read."""
 
 ENDING = 30.0
-"""Seconds that the end of a process waits for a thread that has nothing left to do."""
+"""Seconds that the end of a process waits for the idle thread of Zarr."""
 
 MAKING = 60.0
-"""Nobody takes more seconds than this between two writes while a folder is made."""
+"""A folder under construction that was not written to for so many seconds is abandoned."""
 
 
 RUN_STAYS = "What was committed before stays readable; free some space and go on with `flocking resume`."
-"""What becomes of a run that finds no room."""
+"""Message for a run that finds no space left."""
 SWEEP_STAYS = "What was committed before stays readable; free some space, and the same sweep again goes on."
 NO_MEMORY = "the run asks for more memory than there is."
 NOTHING_WRITTEN = "Nothing was written; free some space or choose another folder."
@@ -39,8 +39,8 @@ NOTHING_WRITTEN = "Nothing was written; free some space or choose another folder
 def put(path: Path, data: bytes | Callable[[BinaryIO], None], *, lasting: bool = True) -> int:
     """Write a file so that a reader finds the old content or the new, never a part; returns its CRC-32.
 
-    The data may be a function that writes them, so that they need not be in memory at once. A lasting file is on the
-    disk, not in the system's memory alone, when this returns: it outlives a power cut.
+    The data may be a function that writes them, so that they need not be in memory at once. A ``lasting`` file is
+    synchronised to the disk before this returns, so that it survives a power failure.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f"{path.name}.{os.getpid()}{PARTIAL}")
@@ -72,7 +72,7 @@ def checksum(path: Path) -> int:
 
 
 class _Summed(io.RawIOBase):
-    """Writes through to a file, front to back, and keeps the CRC-32 of what was written."""
+    """Writes through to a file, front to back, and computes the CRC-32 of the data."""
 
     def __init__(self, file: BinaryIO) -> None:
         self.sum = 0
@@ -87,7 +87,7 @@ class _Summed(io.RawIOBase):
 
 
 def settle(folders: set[Path]) -> None:
-    """Make the names of new files in ``folders`` survive a power cut."""
+    """Synchronise ``folders`` to the disk, so that names of new files survive a power failure."""
     for folder in folders:
         with suppress(OSError):  # Windows cannot open a folder
             handle = os.open(folder, os.O_RDONLY)
@@ -99,13 +99,13 @@ def settle(folders: set[Path]) -> None:
 
 
 def sweep(folder: Path) -> None:
-    """Remove what an earlier kill left half written."""
+    """Remove the partial files that an earlier kill left."""
     for path in folder.rglob(f"*{PARTIAL}"):
         path.unlink(missing_ok=True)
 
 
 class WritingStore(Protocol):
-    """A Zarr store that notes the folders of the files it writes."""
+    """A Zarr store that collects the folders of the files it writes."""
 
     touched: set[Path]
 
@@ -117,7 +117,7 @@ def atomic_store(folder: Path) -> WritingStore:
     end_zarr_patiently()
 
     class AtomicStore(LocalStore):  # type: ignore[misc]
-        """LocalStore with whole-file, synchronised writes."""
+        """LocalStore whose files are replaced atomically."""
 
         touched: set[Path]
 
@@ -135,7 +135,7 @@ def atomic_store(folder: Path) -> WritingStore:
 
 
 def write_file(path: Path, data: bytes, doing: str) -> Path:
-    """Write a file of its own, whole or not at all; folders that it lies in are made.
+    """Write a single file atomically; missing parent folders are made.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def write_file(path: Path, data: bytes, doing: str) -> Path:
     Raises
     ------
     StorageError
-        When it cannot be written; what was there before stays.
+        When it cannot be written; the old file stays.
     """
     with storage_errors(path, doing, full=NOTHING_WRITTEN):
         write_through(path, data)
@@ -153,14 +153,14 @@ def write_file(path: Path, data: bytes, doing: str) -> Path:
 
 
 def write_through(path: Path, data: bytes, *, parents: bool = True, lasting: bool = True) -> None:
-    """As `put`, for a file anywhere: the target of a link is replaced; a device or a pipe is written to.
+    """As `put`, but a link's target is replaced, and a device or a pipe is written to.
 
     Parameters
     ----------
     parents
-        Whether folders that it lies in are made.
+        Whether missing parent folders are made.
     lasting
-        Whether it must outlive a power cut.
+        Whether it must survive a power failure.
     """
     if path.exists() and not path.is_file() and not path.is_dir():
         path.write_bytes(data)
@@ -179,7 +179,7 @@ def storage_errors(folder: Path, doing: str, *, full: str = RUN_STAYS) -> Iterat
     doing
         What was tried, in words that follow "cannot".
     full
-        What becomes of it, and the way out, where no room is left.
+        What to say when no space is left.
     """
     try:
         yield
@@ -208,7 +208,7 @@ def end_zarr_patiently() -> None:
 
 @contextmanager
 def read_soundly(folder: Path) -> Iterator[None]:
-    """Turn what a reader of strange data may meet into a `StorageError`."""
+    """Turn errors of reading a damaged or foreign ``folder`` into a `StorageError`."""
     try:
         yield
     except FlockingError:
@@ -231,18 +231,12 @@ def _reason(error: OSError, full: str) -> str:
 
 
 def partial_folder(folder: Path) -> Path:
-    """Where a folder is made before it appears under its own name."""
+    """Where ``folder`` is built before it is renamed to its own name."""
     return folder.with_name(f".{folder.name}.{os.getpid()}{PARTIAL}")
 
 
 def remove_left_over(place: Path) -> None:
-    """Remove folders in ``place`` that processes which are no more were about to make, see `partial_folder`.
-
-    Parameters
-    ----------
-    place
-        The folder they are in.
-    """
+    """Remove folders in ``place`` that ended processes were building, see `partial_folder`."""
     for path in place.glob(f".*{PARTIAL}"):
         owner = path.name.removesuffix(PARTIAL).rpartition(".")[2]
         if owner.isdigit() and path.is_dir() and not path.is_symlink() and not _alive(int(owner)):
@@ -264,7 +258,7 @@ def _alive(process: int) -> bool:
 
 @contextmanager
 def only_writer(folder: Path) -> Iterator[None]:
-    """Hold the folder's lock; the system frees it when the process dies.
+    """Hold the folder's lock; the system releases it when the process ends.
 
     Raises
     ------

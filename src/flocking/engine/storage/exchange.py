@@ -21,7 +21,7 @@ from flocking.model.serial import ForeignPart, to_data
 from flocking.model.state import State
 
 MARGIN = 1.1
-"""The box of an export is so many times larger than the motion: no program wraps a position."""
+"""Ratio of the box of an export to the extent of the motion, so that no program wraps a position."""
 
 
 def export_run(run: Run, path: str | Path, *, to: str | None = None) -> Path:
@@ -58,9 +58,8 @@ def observable_table(run: Run) -> dict[str, Array]:
     """Observables of every frame, by name, shape (F,) each.
 
     Time, number of links, flocks and share of the largest, closest pair, order, largest deviation from the mean
-    velocity, and the mean position and velocity (weighted by mass) by axis. Without link matrices in the run
-    the first three are those that were observed while it went on, or missing. Of a run without frames: what was
-    observed.
+    velocity, and the mean position and velocity (weighted by mass) by axis. Without link matrices, links and flocks are
+    those observed during the run, or missing; without frames, the table holds what was observed.
     """
     from collections import defaultdict
 
@@ -189,7 +188,7 @@ def _write_gsd(run: Run, path: Path) -> None:
 
 
 def _in_space(values: Array) -> NDArray[np.float32]:
-    """Vectors with zeros added up to three axes, in single precision."""
+    """Vectors padded with zeros to three axes, in single precision."""
     found = np.zeros((len(values), 3), dtype=np.float32)
     found[:, : values.shape[1]] = values
     return found

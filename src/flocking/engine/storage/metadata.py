@@ -1,4 +1,4 @@
-"""What the record of a run and the metadata of its arrays must say, checked before any of its data is decoded."""
+"""What the record of a run and the metadata of its arrays must contain, checked before its data are decoded."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flocking.engine.archives.data_checks import And, Flag, Integer, MalformedEr
 from flocking.engine.runs.columns import ARRAYS, ERRORS, GROWING, LARGEST_CHUNK, MEASURES, QUANTITIES
 
 CODECS = ("bytes", "crc32c", "gzip", "vlen-utf8", "zstd")
-"""Codecs of Zarr format 3 that a run may use. None of them runs what it reads."""
+"""Codecs of Zarr format 3 that a run may use. None of them executes what it reads."""
 
 TYPES = {"f8": "float64", "f4": "float32", "i8": "int64", "u4": "uint32", "u1": "uint8", "?": "bool", "str": "string"}
 """Zarr's names of the types of `flocking.engine.runs.columns.ARRAYS`."""
@@ -21,17 +21,11 @@ CHECKPOINT_DIGITS = 6
 """Digits of the number in the name of a checkpoint, so that names sort like numbers up to a million."""
 
 MOST_ROWS = 2**48
-"""No run has more rows of anything."""
+"""Upper bound on the rows of any table, beyond what a disk can hold."""
 
 
 def checkpoint_name(number: int) -> str:
-    """Name of the file of a checkpoint.
-
-    Parameters
-    ----------
-    number
-        Number of the commit it belongs to.
-    """
+    """Name of the checkpoint file of a commit with this ``number``."""
     return f"checkpoint-{number:0{CHECKPOINT_DIGITS}d}.npz"
 
 
@@ -62,14 +56,14 @@ def check_metadata(root: dict[str, Any], record: dict[str, Any]) -> None:
     Parameters
     ----------
     root
-        The file that holds them.
+        Content of the file that holds both.
     record
         The record of the last commit.
 
     Raises
     ------
     MalformedError
-        When they are none; the message names what is wrong.
+        When something is wrong; the message names it.
     """
     _RECORD.check(record, "")
     Names(

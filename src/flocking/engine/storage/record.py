@@ -1,4 +1,4 @@
-"""The record of a run on disk: what its last commit holds, sealed by a checksum."""
+"""The record of a run on disk: what its last commit holds, protected by a checksum."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from flocking.engine.storage.metadata import check_metadata
 from flocking.errors import StorageError
 
 FORMAT = 2
-"""Version of the layout on disk; a reader refuses newer ones. Runs of format 1 know nothing of their errors."""
+"""Version of the layout on disk; a reader refuses newer ones. Runs of format 1 hold no errors."""
 
 FIRST_ENGINE = "exact"
-"""The one engine there was when runs did not name theirs yet."""
+"""Engine of stored runs that do not name theirs: once it was the only one."""
 
 RECORD = "zarr.json"
 SCENARIO = "scenario.json"
 UNFINISHED = "unfinished"
-"""Status of a run whose writer has not said how it ended: it runs still, or was killed."""
+"""Status of a run whose end was not recorded: it is running, or was killed."""
 
 
 def read_record(folder: str | Path) -> dict[str, Any]:
@@ -61,26 +61,20 @@ def read_record(folder: str | Path) -> dict[str, Any]:
 
 
 def read_provenance(folder: Path) -> dict[str, Any]:
-    """Where a run comes from, as its last commit says."""
+    """Provenance of a run as of its last commit."""
     read_record(folder)
     return dict(json.loads((folder / RECORD).read_bytes())["attributes"].get("provenance", {}))
 
 
 def engine_of(folder: Path) -> tuple[str, str]:
-    """Name of the engine that computes a run, and the package that brought it; empty where the run does not say."""
+    """Name of the engine of a run, and its package; empty if the run does not state it."""
     session = read_record(folder).get("session") or {}
     name = read_provenance(folder).get("engine") or session.get("engine") or FIRST_ENGINE
     return str(name), str(session.get("package", ""))
 
 
 def write_record(folder: Path, record: dict[str, Any], provenance: Mapping[str, object]) -> None:
-    """Replace the record of a run, and with it the shapes a reader sees, in one step.
-
-    Parameters
-    ----------
-    provenance
-        What `flocking.engine.runs.provenance` says of the run.
-    """
+    """Replace the record of a run, and with it the shapes a reader sees, in one step; ``provenance`` goes with it."""
     metadata = {name: json.loads((folder / name / RECORD).read_bytes()) for name in record["arrays"]}
     for data in metadata.values():
         # Rows that were appended and not committed must not show, whatever their array says of itself.
@@ -99,5 +93,5 @@ def write_record(folder: Path, record: dict[str, Any], provenance: Mapping[str, 
 
 
 def _seal(root: Mapping[str, object]) -> int:
-    """Checksum of all that the file says."""
+    """Checksum of the content of the file."""
     return zlib.crc32(json.dumps(root, sort_keys=True).encode())

@@ -1,4 +1,4 @@
-"""Whether what a run holds fits the scenario it says it is of."""
+"""Checks that the records of a run fit its scenario."""
 
 from __future__ import annotations
 
@@ -21,8 +21,6 @@ def check_records(
 
     Parameters
     ----------
-    folder
-        Where they are, for messages.
     record
         The record of the run.
     parts, tables
@@ -31,7 +29,7 @@ def check_records(
     Raises
     ------
     StorageError
-        When they are of another run.
+        When they are of another run; the message names the ``folder``.
     """
     shape = scenario.start.q.shape
     if shape != (record["n"], record["dimension"]):

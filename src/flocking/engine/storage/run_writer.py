@@ -24,8 +24,7 @@ from flocking.engine.runs.columns import (
     Dimensions,
     component_names,
     frame_checksums,
-    ledger_rows,
-    observed_rows,
+    number_rows,
     switch_columns,
 )
 from flocking.engine.runs.fidelity import Fidelity
@@ -64,8 +63,8 @@ if TYPE_CHECKING:
 class RunWriter:
     """Appends frames, switches and ledger rows to a run on disk and commits them.
 
-    Use `create` for a new folder and `reopen` to go on after the last commit. Nothing that was appended
-    counts before `commit`. Use it in a ``with`` block.
+    `create` makes a new folder, `reopen` goes on after the last commit. Rows count only after `commit`. Use it in a
+    ``with`` block.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -99,11 +98,11 @@ class RunWriter:
         Parameters
         ----------
         folder
-            Where; it appears only once it holds a readable run.
+            The folder; it appears only once it holds a readable run.
         scenario
             What is simulated. One with a part from outside this library is left out; then reading needs it again.
         plant
-            The law the agents really obey, where it is another.
+            The law that the agents really obey, if it is another.
         with_links
             Whether frames hold link matrices.
         precision
@@ -113,7 +112,7 @@ class RunWriter:
         with_errors
             Whether errors of the frames will be known.
         session
-            Engine and options, so that a run killed before its first commit can be started anew.
+            Engine and options, so that a run killed before its first commit can be started again.
 
         Raises
         ------
@@ -153,7 +152,7 @@ class RunWriter:
 
     @classmethod
     def reopen(cls, folder: str | Path) -> RunWriter:
-        """Go on after the last commit of a run; what was appended after it is dropped.
+        """Open a run to go on after its last commit; rows after that are dropped.
 
         Raises
         ------
@@ -169,7 +168,7 @@ class RunWriter:
         self.close()
 
     def close(self) -> None:
-        """Let other processes write; what was appended since the last commit does not count."""
+        """Release the lock; rows that were not committed do not count."""
         self._closing.close()
 
     @property
@@ -206,13 +205,12 @@ class RunWriter:
         Parameters
         ----------
         columns
-            Further columns of the agents, shape (F, N, components), see
-            `flocking.engine.runs.columns.joined_columns`.
+            Further columns of the agents, shape (F, N, components), see `flocking.engine.runs.columns.joined_columns`.
 
         Raises
         ------
         StorageError
-            When the disk is full or gone; what was committed stays.
+            When the disk is full or missing; committed rows stay.
         """
         kind = self._arrays["position"].dtype
         parts = {"time": np.asarray(t, dtype="f8"), "position": np.asarray(q, kind), "velocity": np.asarray(p, kind)}
@@ -233,15 +231,13 @@ class RunWriter:
 
         Parameters
         ----------
-        trace
-            Rows of the ledger, structured, shape (K,).
-        observed
-            Observations, structured, shape (K,); none when absent.
+        switches, trace, observed
+            Structured arrays, shape (K,) each.
 
         Raises
         ------
         StorageError
-            When the disk is full or gone; what was committed stays.
+            When the disk is full or missing; committed rows stay.
         """
         if len(switches):
             # A run of format 1 has no columns for errors.
@@ -249,11 +245,11 @@ class RunWriter:
             self._extend("switch", columns)
             self._sum(columns)
         if len(trace):
-            ledger = {LEDGER: ledger_rows(trace)}
+            ledger = {LEDGER: number_rows(trace)}
             self._extend("step", ledger)
             self._sum(ledger)
         if observed is not None and len(observed) and OBSERVED in self._arrays:
-            seen = {OBSERVED: observed_rows(observed)}
+            seen = {OBSERVED: number_rows(observed)}
             self._extend("observation", seen)
             self._sum(seen)
 
@@ -281,12 +277,12 @@ class RunWriter:
         fidelity: Fidelity | None = None,
         checkpoint: bytes | Callable[[BinaryIO], None] | None = None,
     ) -> None:
-        """Make everything appended so far part of the run, in one step.
+        """Make all appended rows part of the run, in one step.
 
         Parameters
         ----------
         status
-            How the run stands.
+            State of the run.
         closest
             Closest linked and unlinked pair so far.
         accuracy
@@ -294,15 +290,15 @@ class RunWriter:
         provenance
             Where the run comes from.
         fidelity
-            The account that the run gives of itself.
+            Its `Fidelity`.
         checkpoint
-            What `resume` needs to go on from the last frame appended, or a function that writes it; absent when the
-            run cannot go on.
+            What `resume` needs to go on after the last frame, or a function that writes it; absent when the run cannot
+            go on.
 
         Raises
         ------
         StorageError
-            When the disk is full or gone; the commit before stays.
+            When the disk is full or missing; the previous commit stays.
         """
         number = self.record["commits"] + 1
         record = {
@@ -325,12 +321,12 @@ class RunWriter:
                 old.unlink(missing_ok=True)
 
     def mark(self, status: str) -> None:
-        """Say how the run stands, leaving the last commit as it is.
+        """Change the status of the last commit.
 
         Raises
         ------
         StorageError
-            When the disk is full or gone.
+            When the disk is full or missing.
         """
         record = {**self.record, "status": status}
         with storage_errors(self.folder, "mark the run"):
@@ -339,12 +335,12 @@ class RunWriter:
 
 
 def check_free(folder: Path) -> None:
-    """Refuse a folder that holds something already.
+    """Refuse a folder that is not empty.
 
     Raises
     ------
     StorageError
-        When it does, or cannot be looked at.
+        When it is not, or cannot be read.
     """
     with storage_errors(folder, "create the run", full=NOTHING_WRITTEN):
         if (folder / RECORD).exists():
@@ -363,8 +359,6 @@ def _scenario_text(scenario: Scenario, plant: Law | None) -> tuple[bytes, str | 
 
 
 def _closest_data(found: Closest) -> list[object] | None:
-    return (
-        [found.distance, found.time, list(found.pair), json_number(found.error)]
-        if np.isfinite(found.distance)
-        else None
-    )
+    if not np.isfinite(found.distance):
+        return None
+    return [found.distance, found.time, list(found.pair), json_number(found.error)]

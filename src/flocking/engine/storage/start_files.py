@@ -25,18 +25,17 @@ def read_start(path: str | Path, *, frame: int = -1) -> State:
     Parameters
     ----------
     path
-        ``.gsd``: any GSD file of the hoomd schema; ``.npz``: arrays ``q`` and, unless at rest, ``p`` of shape
-        (N, m) or (F, N, m); ``.csv``: a row per agent, columns ``x``, ``y``, ``z`` and, unless at rest,
-        ``vx``, ``vy``, ``vz``.
+        ``.gsd``: any GSD file of the hoomd schema; ``.npz``: arrays ``q`` and, unless at rest, ``p`` of shape (N, m) or
+        (F, N, m); ``.csv``: a row per agent, columns ``x``, ``y``, ``z`` and, unless at rest, ``vx``, ``vy``, ``vz``.
     frame
-        Which frame of a file with several; the last by default.
+        Number of the frame in a file with several; the last by default.
 
     Raises
     ------
     StorageError
-        When the file cannot be read or does not hold what its ending says.
+        When the file cannot be read or does not match its suffix.
     InvalidInput
-        When the ending is unknown or the values make no state.
+        When the suffix is unknown or the values make no state.
     """
     if not isinstance(path, str | Path):
         raise InvalidInput("read_start", "path", "must be a path", path)
@@ -122,8 +121,6 @@ def _read_csv(path: Path, frame: int) -> tuple[AnyArray, AnyArray]:
 
 
 READERS: dict[str, Callable[[Path, int], tuple[AnyArray, AnyArray]]] = {
-    "gsd": _read_gsd,
-    "npz": _read_npz,
-    "csv": _read_csv,
-}
-"""Readers by the ending of their files."""
+    "gsd": _read_gsd, "npz": _read_npz, "csv": _read_csv,
+}  # fmt: skip
+"""Readers by the suffix of their files."""

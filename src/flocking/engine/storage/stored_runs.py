@@ -1,8 +1,8 @@
-"""Runs on disk: a Zarr 3 group that grows by commits, each of them whole or absent.
+"""Runs on disk: a Zarr 3 group that grows by atomic commits.
 
-The folder of a run is the group itself, so that ``xarray.open_zarr(folder)`` shows labelled arrays. Its
-``zarr.json`` holds the record of the last commit together with the metadata of all arrays, and it is
-replaced last, in one step: whatever a reader opens, it finds the frames of that commit and no others.
+The folder of a run is the group itself, so that ``xarray.open_zarr(folder)`` shows labelled arrays. Its ``zarr.json``
+holds the record of the last commit together with the metadata of all arrays. It is replaced last and atomically, so
+that a reader finds exactly the frames of that commit.
 """
 
 from __future__ import annotations
@@ -28,13 +28,12 @@ from flocking.engine.runs.columns import (
     SWITCHES,
     frame_checksums,
     joined_columns,
-    ledger_table,
-    observed_table,
     separate_columns,
     switch_table,
+    table_of,
 )
 from flocking.engine.runs.fidelity import Fidelity
-from flocking.engine.runs.run import Closest, Run
+from flocking.engine.runs.run import OBSERVED_FIELDS, TRACE_FIELDS, Closest, Run
 from flocking.engine.runs.run_errors import accuracy_of
 from flocking.engine.runs.stored_fidelity import fidelity_of
 from flocking.engine.storage.atomic_files import NO_MEMORY, end_zarr_patiently, read_soundly, storage_errors
@@ -60,13 +59,10 @@ def write_run(run: Run, folder: str | Path) -> Path:
     """
     links, observed = run.links.shape[1:] == (run.n, run.n), run.observables is not None
     precision = "float32" if run.q.dtype == np.float32 else "float64"
-    how: dict[str, Any] = {
-        "with_links": links,
-        "precision": precision,
-        "observed": observed,
-        "with_errors": run.accuracy is not None,
-    }
-    with RunWriter.create(folder, run.scenario, **how) as writer:
+    with RunWriter.create(
+        folder, run.scenario, with_links=links, precision=precision, observed=observed,
+        with_errors=run.accuracy is not None,
+    ) as writer:  # fmt: skip
         errors = None if run.accuracy is None else run.accuracy.frames
         columns = joined_columns(run.scenario, run.columns)
         writer.append(run.t, run.q, run.p, run.links, errors, columns)
@@ -105,7 +101,7 @@ def read_run(folder: str | Path, *, scenario: Scenario | None = None, frames: in
 
 
 def read_last(folder: Path, scenario: Scenario | None, last: int | None) -> Run:
-    """Read a run with its last frames alone: so many of them, or all.
+    """Read a run with only its ``last`` frames, or with all of them.
 
     Raises
     ------
@@ -132,30 +128,25 @@ def _read_run(folder: Path, scenario: Scenario | None, frames: int | None, last:
     parts = {name: _read(folder, arrays[name], name, count, first) for name in names}
     _check_frames(folder, parts, first)
     rows = {name: record["counts"]["switch"] for name in SWITCHES if name in arrays}
-    rows[LEDGER] = record["counts"]["step"]
-    if OBSERVED in arrays:
-        rows[OBSERVED] = record["counts"]["observation"]
-    if FRAME_ERROR in arrays:
-        rows[FRAME_ERROR] = record["counts"]["time"]
-    if COLUMN in arrays:
-        rows[COLUMN] = record["counts"]["time"]
+    further = {LEDGER: "step", OBSERVED: "observation", FRAME_ERROR: "time", COLUMN: "time"}
+    rows |= {name: record["counts"][kind] for name, kind in further.items() if name in arrays}
     tables = {name: _read(folder, arrays[name], name, length) for name, length in rows.items()}
     for name, values in tables.items():
         if len(values) and zlib.crc32(values.tobytes()) != record["checksums"].get(name):
             raise StorageError(f"{folder}: the table {name!r} does not match its checksum; the file was damaged.")
     check_records(folder, scenario, record, parts, tables)
     errors = tables.get(FRAME_ERROR)
-    further = separate_columns(scenario, tables[COLUMN][first:count]) if COLUMN in tables else {}
+    columns = separate_columns(scenario, tables[COLUMN][first:count]) if COLUMN in tables else {}
     provenance = dict(group.attrs["provenance"])
     linked, unlinked = (_closest_of(c) for c in record["closest"])
     return Run(
         scenario, parts["time"], parts["position"], parts["velocity"],
         parts["links"] if record["links"] else np.zeros((count - first, 0, 0), dtype=bool),
-        switch_table(tables), ledger_table(tables[LEDGER]), linked, unlinked, record["status"], provenance,
-        observed_table(tables[OBSERVED]) if OBSERVED in tables else None,
+        switch_table(tables), table_of(tables[LEDGER], TRACE_FIELDS), linked, unlinked, record["status"], provenance,
+        table_of(tables[OBSERVED], OBSERVED_FIELDS) if OBSERVED in tables else None,
         accuracy=accuracy_of(record.get("accuracy"), errors if errors is None else errors[first:count]),
         fidelity=_fidelity(folder, record.get("fidelity"), provenance, scenario),
-        columns=further,
+        columns=columns,
     )  # fmt: skip
 
 
@@ -167,7 +158,7 @@ def _fidelity(folder: Path, data: object, provenance: dict[str, object], scenari
 
 
 class StoredFacts(TypedDict):
-    """What the record of a stored run says of it, and its size on disk."""
+    """Content of the record of a stored run, and its size on disk."""
 
     title: str
     status: str
@@ -183,7 +174,7 @@ class StoredFacts(TypedDict):
 
 
 def stored_facts(folder: str | Path) -> StoredFacts:
-    """What the record of a run says, without reading its frames: plain data for JSON.
+    """Content of the record of a run as plain data for JSON; frames are not read.
 
     Raises
     ------
@@ -208,7 +199,7 @@ def _stored_facts(folder: Path) -> StoredFacts:
 
 
 def read_scenario_of(folder: str | Path) -> tuple[Scenario, Law | None]:
-    """Scenario of a run on disk, and its plant where it has one.
+    """Scenario of a run on disk, and its plant if it has one.
 
     Raises
     ------
@@ -236,7 +227,7 @@ def read_scenario_of(folder: str | Path) -> tuple[Scenario, Law | None]:
 
 
 def _read(folder: Path, array: zarr.Array, name: str, count: int, begin: int = 0) -> AnyArray:
-    """Rows from ``begin`` up to ``count``; a chunk that cannot be decoded is named by its rows."""
+    """Rows from ``begin`` up to ``count``; the error for a damaged chunk gives its rows."""
     try:
         if array.shape[0] < count:
             raise ValueError(f"{array.shape[0]} rows instead of {count}")
