@@ -19,6 +19,8 @@ HOMES = {
     "change the pursuit of a leader": "class Track(",
     "change what beta- and gamma-agents do": "class Avoid(",
     "add a body, such as one with an actuator": "class PointMass(",
+    "add a space": "class Open",
+    "change the displacements that kernels compute": "def displacement_lines(",
     "change how rates of bodies are printed": "def motion_source(",
     "change what agents of order 1 see of a law": "def flow_formulas(",
     "let the engines with a fixed step move another body": "STRUCTURES =",

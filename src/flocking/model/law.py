@@ -13,14 +13,15 @@ from numpy.typing import NDArray
 
 from flocking.errors import InvalidInput
 from flocking.model.bodies.body import Body
-from flocking.model.checks import array, integer, number
 from flocking.model.energy import Energy
 from flocking.model.graphs.coincident_starts import coincident_groups, linked_pair
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.leaders_and_obstacles.leaders import Leader
 from flocking.model.parts import values
-from flocking.model.parts.description import Group, Nested, add_group
+from flocking.model.parts.description import Group, Nested, Unwritten, add_group
 from flocking.model.parts.registration import register_part
+from flocking.model.scenario_numbers import checked_end, checked_frames, checked_tolerance
+from flocking.model.space import OPEN, Space
 from flocking.model.state import Agents, State
 from flocking.model.terms.balances import check_body_term, check_pair_term
 from flocking.model.terms.body_terms import BodyTerm
@@ -182,59 +183,11 @@ class Law:
 
 add_group(Group("law", Law, key=None))
 
-SORTS = {Body: "a body, such as PointMass", Energy: "Energy"}
+SORTS = {Body: "a body, such as PointMass", Energy: "Energy", Space: "a space, such as Open"}
 """What some fields of a scenario must be, in words."""
 
 BODIES_PLACE = 3
 """Place of the agents among the arguments of a scenario."""
-
-MOST_FRAMES = 10_000_000
-"""Most frames at even times; a list of times has no limit."""
-
-
-def checked_end(t_end: object, start: float) -> float:
-    """The end ``t_end`` of a run that starts at time ``start``.
-
-    Raises
-    ------
-    InvalidInput
-        When it comes before the start.
-    """
-    end = number("Scenario", "t_end", t_end)
-    if end < start:
-        raise InvalidInput("Scenario", "t_end", f"must be at least {start!r}, the time of the start", end)
-    return end
-
-
-def checked_tolerance(tolerance: object) -> float:
-    """The tolerance of the adaptive engine.
-
-    Raises
-    ------
-    InvalidInput
-        When it is not between 0 and 0.1.
-    """
-    return number("Scenario", "tolerance", tolerance, above=0.0, below=0.1)
-
-
-def checked_frames(frames: int | Sequence[float], start: float, end: float) -> int | tuple[float, ...]:
-    """The number of frames, or their times between ``start`` and ``end``.
-
-    Raises
-    ------
-    InvalidInput
-        When the number is none or too large, or the times are out of order.
-    """
-    if isinstance(frames, int | np.integer) or np.ndim(frames) == 0:
-        count = integer("Scenario", "frames", frames, least=1)
-        if count > MOST_FRAMES:
-            rule = f"must be at most {MOST_FRAMES}"
-            raise InvalidInput("Scenario", "frames", rule, count, "Give the times for more.")
-        return count
-    times = array("Scenario", "frames", frames, ndim=1)
-    if len(times) == 0 or (np.diff(times) <= 0).any() or times[0] < start or times[-1] > end:
-        raise InvalidInput("Scenario", "frames", "must be ascending times between the start and t_end", frames)
-    return tuple(float(t) for t in times)
 
 
 @register_part()
@@ -262,6 +215,8 @@ class Scenario:
         What to call it.
     seed
         Seed that drew the start, for the record.
+    space
+        Where the agents live; `Open` when absent.
 
     Raises
     ------
@@ -279,13 +234,14 @@ class Scenario:
     tolerance: float = 1e-9
     name: str = ""
     seed: Annotated[int | None, values.SEED] = None
+    space: Annotated[Space, Unwritten(OPEN)] = OPEN
 
     if TYPE_CHECKING:
 
         def __init__(
             self, law: Law, start: State, t_end: float, agents: Body = ..., frames: int | Sequence[float] = ...,
-            energy: Energy = ..., tolerance: float = ..., name: str = ..., seed: int | None = ..., *,
-            bodies: Body = ...,
+            energy: Energy = ..., tolerance: float = ..., name: str = ..., seed: int | None = ...,
+            space: Space = ..., *, bodies: Body = ...,
         ) -> None: ...  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -295,7 +251,7 @@ class Scenario:
             raise InvalidInput(
                 "Scenario", "start", "must be a State", self.start, "Use fk.State(q, p) or fk.start.box(...)."
             )
-        for name, kind in (("agents", Body), ("energy", Energy)):
+        for name, kind in (("agents", Body), ("energy", Energy), ("space", Space)):
             if not isinstance(getattr(self, name), kind):
                 raise InvalidInput("Scenario", name, f"must be {SORTS[kind]}", getattr(self, name))
         object.__setattr__(self, "t_end", checked_end(self.t_end, self.start.t))

@@ -31,6 +31,8 @@ from flocking.model.parts.registration import register_part as register_part
 from flocking.model.potentials.bumps import Bump as Bump
 from flocking.model.potentials.potential import Potential as Potential
 from flocking.model.potentials.structural_potential import structural_potential as structural_potential
+from flocking.model.space import Open as Open
+from flocking.model.space import Space as Space
 from flocking.model.state import Agents as Agents
 from flocking.model.state import State as State
 from flocking.model.terms.avoidance import Avoid as Avoid

@@ -108,6 +108,8 @@ class _Writer:
         self._described[id(part)] = data
         self._keep.append(part)
         for name, value in kind.values_of(part).items():
+            if not kind.fields[name].is_written(value):
+                continue
             holds = kind.fields[name].holds
             data[name] = self._write(holds.store(value) if isinstance(holds, Value) else value)
         return data

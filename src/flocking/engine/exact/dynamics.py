@@ -62,7 +62,7 @@ class Dynamics:
         self.order = bodies.order
         self.columns = bodies.widths(m)
         self.motion_size = n * (bodies.order * m + sum(self.columns.values()))
-        self.layout = Layout(law, scenario.energy, bodies)
+        self.layout = Layout(law, scenario.energy, bodies, scenario.space)
         self._kernels = LawKernels(compiled_kernels(self.layout, m), self.order)
         self._declared: tuple[LawKernels, Layout] | None = None
         if plant is not None:
@@ -71,7 +71,7 @@ class Dynamics:
                     "ExactSession", "plant", "must have as many graphs as the declared law",
                     f"{len(law.graphs)} instead of {len(scenario.law.graphs)}",
                 )  # fmt: skip
-            declared = Layout(scenario.law, scenario.energy, bodies)
+            declared = Layout(scenario.law, scenario.energy, bodies, scenario.space)
             self._declared = (LawKernels(compiled_kernels(declared, m), self.order), declared)
         self._reading = Reading()
         self._places = list(self.layout.places)
@@ -187,7 +187,7 @@ class Dynamics:
 
         The parameters are still to be taken, see `repack`, and then the spans of pieces, see `divide` and `keep_pairs`.
         """
-        layout = Layout(scenario.law, scenario.energy, scenario.agents)
+        layout = Layout(scenario.law, scenario.energy, scenario.agents, scenario.space)
         known = self._declared is None and library_states_all(layout.parts)
         if not known or layout.structure != self._structure:
             return None

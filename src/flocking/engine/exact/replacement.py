@@ -126,7 +126,7 @@ def replacement(
     else:
         origin = origin_of(scenario, plant, new, origin.time)
         begin = origin.inwards(new)
-    fresh = LinkState(acting, begin.q, new.links, own, headings, origin.time)
+    fresh = LinkState(acting, begin.q, new.links, own, headings, origin.time, scenario.space)
     if state is None and acting.graphs == links.graphs:
         for matrix, known in zip(fresh.links, links.links, strict=True):
             matrix[:] = known

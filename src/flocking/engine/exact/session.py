@@ -74,8 +74,8 @@ class ExactSession(Session):
         self._tail = np.zeros(LEDGER)
         self._prepare(start.n, start.dimension)
         own = self._origin.inwards(start)
-        law = plant or scenario.law
-        self._begin(own, LinkState(law, own.q, own.links, own.t, scenario.agents.headings, self._origin.time))
+        law, headings = plant or scenario.law, scenario.agents.headings
+        self._begin(own, LinkState(law, own.q, own.links, own.t, headings, self._origin.time, scenario.space))
         self._record_frames(own.t)
         self._record_trace()
 
@@ -327,7 +327,7 @@ class ExactSession(Session):
         q, _, session._tail = (np.array(x) for x in session._dynamics.split(snapshot.segment.coefficients[0]))
         session._links = LinkState(
             session._dynamics.layout.law, q, t=snapshot.segment.t0, headings=scenario.agents.headings,
-            base=session._origin.time,
+            base=session._origin.time, space=scenario.space,
         )  # fmt: skip
         session._dynamics.repack(snapshot.segment.t1)
         session._links.recall(snapshot.links)

@@ -51,7 +51,7 @@ def write_switch(
             if links.slides(crossing, k, own, record[5]):
                 chattering = (int(i),)
             continue
-        d, v = q[j] - q[i], p[j] - p[i]
+        d, v = links.space.displacement(q[j] - q[i]), p[j] - p[i]
         speed = float(d @ v / np.linalg.norm(d)) if d.any() else 0.0
         slow = abs(speed) < TANGENTIAL * max(float(np.linalg.norm(v)), 1e-12)
         kind = "kink" if watch.kind == "kink" else "break" if near[i, j] else "appear"

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from types import ModuleType
 from typing import TYPE_CHECKING
 
+from flocking.engine.kernels.displacements import displacement_lines
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.kernels.motion_source import RATES, motion_source, motion_values, point_source
 from flocking.engine.kernels.obstacle_formulas import encounter_function, encounter_loop, obstacle_slot
@@ -16,7 +17,7 @@ from flocking.formula.compiled import generated_module
 if TYPE_CHECKING:
     import sympy
 
-    from flocking.engine.kernels.expressions import BodyFormulas, LawFormulas, PairFormulas
+    from flocking.engine.kernels.expressions import BodyFormulas, LawFormulas
 
 ARGUMENTS = "f8, f8[:,:], f8[:,:], i8[:], i8[:], i8[:], i4[:], f8[:,:], f8[:], f8[:,:], f8[:,:,:], f8[:,:]"
 """Kinds of t, q, p, senders, sensed, offsets, pieces, spans, P, A, W and S, which all compiled functions take."""
@@ -117,9 +118,8 @@ def _sums(formulas: Iterable[str], m: int, share: str = "") -> list[str]:
 
 def _pair_loop(
     number: int,
-    pair: PairFormulas,
+    formulas: LawFormulas,
     requested: dict[str, str],
-    m: int,
     tail: list[str] | None = None,
     velocity: str = "p",
 ) -> str:
@@ -130,13 +130,14 @@ def _pair_loop(
     """
     from flocking.formula.printing import statements
 
+    m, pair = formulas.dimension, formulas.pairs[number]
     chosen, split = held(nonzero({name: getattr(pair, source) for name, source in requested.items()}), "r")
     if not chosen:
         return ""
     names = free_names(chosen.values())
     axes = range(m)
     body = ["i = senders[e]", "j = sensed[e]"]
-    body += [f"d{k} = q[j, {k}] - q[i, {k}]" for k in axes]
+    body += displacement_lines(formulas.periods)
     if "drag" in chosen or names.others & {"speed2", "radial", "pull"}:
         body += [f"v{k} = {velocity}[j, {k}] - {velocity}[i, {k}]" for k in axes]
     body += ["r = math.sqrt(" + " + ".join(f"d{k} * d{k}" for k in axes) + ")"]
@@ -157,6 +158,11 @@ def _pair_loop(
     body += statements(chosen, arrays=False, prefix=f"g{number}_")
     head = f"for e in range(offsets[{number}], offsets[{number + 1}]):"
     return indented([head], 1) + indented(body + (_sums(chosen, m, "0.5 * ") if tail is None else tail), 2)
+
+
+def _lengths(formulas: LawFormulas) -> list[sympy.Symbol]:
+    """Lengths that displacements need."""
+    return [period for period in formulas.periods if period is not None]
 
 
 def _means(body: BodyFormulas, m: int) -> str:
@@ -188,7 +194,7 @@ def _body_values(results: dict[str, sympy.Expr], m: int) -> list[str]:
 def _control_source(formulas: LawFormulas, order: int) -> str:
     m, body = formulas.dimension, formulas.body
     everything = [e for p in formulas.pairs for e in (*p.named().values(), p.flow)]
-    everything += [*body.named().values(), *body.frame, body.flow]
+    everything += [*body.named().values(), *body.frame, body.flow, *_lengths(formulas)]
     head = f'@native_of(ARGUMENTS + "{CONTROL_RESULTS}")\n'
     head += "def control(t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S, u, rates):\n"
     slope = f'@native_of("{SLOPE_ARGUMENTS}")\n'
@@ -198,8 +204,8 @@ def _control_source(formulas: LawFormulas, order: int) -> str:
     source += indented(["work = 0.0", "dissipated = 0.0", "supplied = 0.0"], 1) + _means(body, m)
     source += indented(["for i in range(n):"], 1) + indented([f"u[i, {k}] = 0.0" for k in range(m)], 2)
     requested = {name: name for name in ("along", "drag", *(("dissipation", "supply") if order == 2 else ()))}
-    for number, pair in enumerate(formulas.pairs):
-        source += _pair_loop(number, pair, requested, m)
+    for number in range(len(formulas.pairs)):
+        source += _pair_loop(number, formulas, requested)
     push = [f"u[i, {k}] += force{k}" for k in range(m)]
     if order == 2:
         push += ["dissipated += dissipation", "supplied += supply"]
@@ -222,8 +228,8 @@ def _control_source(formulas: LawFormulas, order: int) -> str:
 def _flow_source(formulas: LawFormulas) -> str:
     """Ledger of first-order agents: a gradient flow dissipates |u|^2; what else changes the storage is supplied."""
     m, source = formulas.dimension, ""
-    for number, pair in enumerate(formulas.pairs):
-        source += _pair_loop(number, pair, {"supply": "flow"}, m, ["supplied += 0.5 * supply"], velocity="u")
+    for number in range(len(formulas.pairs)):
+        source += _pair_loop(number, formulas, {"supply": "flow"}, ["supplied += 0.5 * supply"], velocity="u")
     power = ["supplied += " + " + ".join(f"force{k} * u[i, {k}]" for k in range(m))]
     for number, encounter in enumerate(formulas.encounters):
         source += encounter_loop(number, len(formulas.pairs), encounter, m, power)
@@ -245,12 +251,13 @@ def _energies_source(formulas: LawFormulas) -> str:
 
     m, body = formulas.dimension, formulas.body
     everything = [p.storage for p in formulas.pairs] + [*body.named().values(), *body.frame, body.motion.kinetic]
+    everything += _lengths(formulas)
     source = "@native_of(ARGUMENTS)\n"
     source += "def energies(t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S):\n"
     source += indented(["n = q.shape[0]"], 1) + unpack(free_names(everything), 1)
     source += indented(["pairs = 0.0", "bodies = 0.0", "kinetic = 0.0"], 1) + _means(body, m)
-    for number, pair in enumerate(formulas.pairs):
-        source += _pair_loop(number, pair, {"storage": "storage"}, m, ["pairs += 0.5 * storage"])
+    for number in range(len(formulas.pairs)):
+        source += _pair_loop(number, formulas, {"storage": "storage"}, ["pairs += 0.5 * storage"])
     storage = nonzero({"storage": body.storage})
     lines = _body_values(storage, m) + ["bodies += storage"] * len(storage)
     if body.motion.kinetic != 0:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from flocking.engine.kernels.displacements import Periods
 from flocking.engine.kernels.layout import BODIES, DAMPING, MASS, Layout
 from flocking.engine.kernels.obstacle_formulas import EncounterFormulas, encounter_formulas
 from flocking.errors import InvalidInput
@@ -119,12 +120,15 @@ class LawFormulas:
         Formulas of one agent by itself.
     encounters
         One entry for each group of obstacles.
+    periods
+        Lengths after which axes repeat, one entry for each axis.
     """
 
     dimension: int
     pairs: tuple[PairFormulas, ...]
     body: BodyFormulas
-    encounters: tuple[EncounterFormulas, ...] = ()
+    encounters: tuple[EncounterFormulas, ...]
+    periods: Periods
 
 
 def _symbol(name: str) -> sympy.Symbol:
@@ -152,7 +156,8 @@ def law_formulas(layout: Layout, dimension: int, *, integrals: bool = True) -> L
     leaders = (None, *layout.leaders())
     motions = {layout.leader_number(x): _leader_motion(layout, x, dimension) for x in leaders}
     encounters = encounter_formulas(layout, dimension, body.frame, motions)
-    return LawFormulas(dimension, tuple(_pair_formulas(layout, integrals)), body, encounters)
+    periods = tuple(None if slot is None else _symbol(slot) for slot in layout.period_slots(dimension))
+    return LawFormulas(dimension, tuple(_pair_formulas(layout, integrals)), body, encounters, periods)
 
 
 def _parameters(layout: Layout, owner: str) -> Callable[[str], sympy.Expr]:

@@ -14,12 +14,15 @@ from flocking.model.energy import Energy
 from flocking.model.graphs.weights import HashedWeights, PairWeights
 from flocking.model.law import Law
 from flocking.model.leaders_and_obstacles.leaders import Leader
+from flocking.model.space import OPEN, Space
 from flocking.model.terms.avoidance import ObstacleGroup, ObstacleTerm, PerObstacle
 from flocking.model.terms.fading_potentials import Fall
 from flocking.model.terms.pair_terms import Term, Value
 from flocking.model.terms.schedules import Schedule
 
 MASS, DAMPING = "A0", "A1"
+SPACE = "space"
+"""Owner of the lengths of space."""
 BODIES = "bodies"
 """Owner of the parameters of the agents' bodies."""
 
@@ -52,11 +55,14 @@ class Layout:
         The energy; its leader's parameters get slots too.
     bodies
         What the agents are; their parameters get slots too.
+    space
+        Where they live; the lengths of axes that repeat get slots too.
     """
 
     law: Law
     energy: Energy
     bodies: Body = field(default_factory=PointMass)
+    space: Space = OPEN
 
     def leaders(self) -> tuple[Leader, ...]:
         """Leaders of the law, then the energy's if it is another one."""
@@ -81,8 +87,16 @@ class Layout:
         found += [(f"leader{k}", {**x.parameters, **self._places(x)}) for k, x in enumerate(self.leaders())]
         found += [(owner, dict(fall.parameters)) for owner, fall in self.falls.items()]
         found += [(f"obstacles{k}", dict(group.rows)) for k, (_, group) in enumerate(self.encounters())]
-        found += [(BODIES, dict(self.bodies.parameters))]
+        found += [(BODIES, dict(self.bodies.parameters)), (SPACE, self._lengths)]
         return found
+
+    @cached_property
+    def _lengths(self) -> dict[str, Value | PerObstacle | Place]:
+        return {f"length_{k}": x for k, x in enumerate(self.space.lengths) if np.isfinite(x)}
+
+    def period_slots(self, dimension: int) -> tuple[str | None, ...]:
+        """Slot of the length after which each of ``dimension`` axes repeats, None where it does not."""
+        return tuple(self.slots.get((SPACE, f"length_{k}")) for k in range(dimension))
 
     @staticmethod
     def _places(leader: Leader) -> dict[str, Place]:
@@ -137,6 +151,7 @@ class Layout:
             tuple(x.structure for x in self.leaders()),
             (self.energy.structure, self.leader_number(self.energy.leader)),
             self.bodies.structure,
+            self.space.structure,
             tuple(self.slots.items()),
         )
 

@@ -21,6 +21,7 @@ from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.weights import MatrixWeights
 from flocking.model.law import Law
+from flocking.model.space import OPEN, Space
 from flocking.model.state import Agents, State
 from flocking.model.terms.schedules import Schedule
 
@@ -56,15 +57,15 @@ class Evaluation:
     pair_force_sum: Array
 
 
-def graph_links(law: Law, state: State, headings: Array | None = None) -> list[Links]:
-    """Link matrix of each graph of the law; the memory of the state serves the first."""
-    found = [g.start_links(state.q, headings) for g in law.graphs]
+def graph_links(law: Law, state: State, headings: Array | None = None, space: Space = OPEN) -> list[Links]:
+    """Link matrix of each graph of the law in a ``space``; the memory of the ``state`` serves the first."""
+    found = [g.links_in(space, state.q, headings) for g in law.graphs]
     if state.links is not None:
         found[0] = np.asarray(state.links)
     return found
 
 
-def control(law: Law, state: State, *, agents: Body | None = None) -> Array:
+def control(law: Law, state: State, *, agents: Body | None = None, space: Space = OPEN) -> Array:
     """Control u_i of every agent under ``law``.
 
     Parameters
@@ -76,6 +77,8 @@ def control(law: Law, state: State, *, agents: Body | None = None) -> Array:
         rule decides.
     agents
         What the agents are; point masses of 1 without damping when absent.
+    space
+        Where they live.
 
     Returns
     -------
@@ -88,10 +91,12 @@ def control(law: Law, state: State, *, agents: Body | None = None) -> Array:
         When law, agents and state disagree in numbers of agents or dimensions, or the force between two neighbours
         is not finite, as at one point under a potential that is infinite there.
     """
-    return _evaluated(law, state, agents, None, checked=True).u
+    return _evaluated(law, state, agents, None, space, checked=True).u
 
 
-def evaluate(law: Law, state: State, *, agents: Body | None = None, energy: Energy | None = None) -> Evaluation:
+def evaluate(
+    law: Law, state: State, *, agents: Body | None = None, energy: Energy | None = None, space: Space = OPEN
+) -> Evaluation:
     """Control, energies and ledger powers of one state, on NumPy arrays over all linked pairs.
 
     Parameters
@@ -104,22 +109,27 @@ def evaluate(law: Law, state: State, *, agents: Body | None = None, energy: Ener
         Masses and damping.
     energy
         Frame of the energies; the lab frame when absent.
+    space
+        Where the agents live.
 
     Raises
     ------
     InvalidInput
         When law, agents and state disagree in numbers of agents or dimensions.
     """
-    return _evaluated(law, state, agents, energy, checked=False)
+    return _evaluated(law, state, agents, energy, space, checked=False)
 
 
-def _evaluated(law: Law, state: State, agents: Body | None, energy: Energy | None, *, checked: bool) -> Evaluation:
+def _evaluated(
+    law: Law, state: State, agents: Body | None, energy: Energy | None, space: Space, *, checked: bool
+) -> Evaluation:
     if not isinstance(state, State):
         raise InvalidInput("control", "state", "must be a State", state, "Use fk.State(q, p).")
     given_parts = (
         ("law", law, Law, "Law"),
         ("agents", agents, Body | None, "Agents"),
         ("energy", energy, Energy | None, "Energy"),
+        ("space", space, Space, "a space, such as Open"),
     )
     for name, part, kind, word in given_parts:
         if not isinstance(part, kind):
@@ -131,19 +141,20 @@ def _evaluated(law: Law, state: State, agents: Body | None, energy: Energy | Non
         state = replace(state, p=np.zeros_like(state.q))
     law.check_count(n, m)
     energy = energy or Energy()
-    layout = Layout(law, energy, agents)
+    layout = Layout(law, energy, agents, space)
     module = array_kernels(layout, m)
     P, A, W = layout.values(agents, n, state.t)
     u = np.zeros((n, m))
     force_sum = np.zeros(n)
     frame = frame_velocity(energy, state, A[0])
     storage = dissipation = supply = 0.0
-    pairs = [np.nonzero(links) for links in graph_links(law, state, agents.headings)]
+    pairs = [np.nonzero(links) for links in graph_links(law, state, agents.headings, space)]
     for number, (i, j) in enumerate(pairs):
         functional = _functional(law, number, (i, j), n)
-        values, force = _pair_forces(module, number, state, (i, j), (P, A, W), functional, frame)
+        d = displacements(space, state.q, (i, j))
+        values, force = _pair_forces(module, number, d, state.p, (i, j), (P, A, W), functional, frame)
         if checked:
-            check_finite("control", state.q[j] - state.q[i], force, (i, j))
+            check_finite("control", d, force, (i, j))
         np.add.at(u, i, force)
         np.add.at(force_sum, i, np.linalg.norm(force, axis=1))
         storage += 0.5 * float(np.sum(values["storage"] * np.ones(len(i))))
@@ -165,7 +176,7 @@ def _evaluated(law: Law, state: State, agents: Body | None, energy: Energy | Non
         moving = {f"u{k}": u[:, k] for k in range(m)} | {f"mean_u{k}": v for k, v in enumerate(A[0] @ u / A[0].sum())}
         supply = float(np.sum(module.body_flow(P, given | moving)["supply"] * np.ones(n)))
         for number, (i, j) in enumerate(pairs):
-            seen = _pair_values(state.q, u, (i, j), (A, W), np.zeros(m))
+            seen = _pair_values(displacements(space, state.q, (i, j)), u, (i, j), (A, W), np.zeros(m))
             flow = getattr(module, f"pair_flow{number}")(P, seen)["supply"]
             supply += 0.5 * float(np.sum(flow * np.ones(len(i))))
         for i, values in near:
@@ -228,7 +239,8 @@ def frame_velocity(energy: Energy, state: State, masses: Array) -> Array:
 def _pair_forces(
     module: Any,
     number: int,
-    state: State,
+    d: Array,
+    p: Array,
     pairs: tuple[Indices, Indices],
     slots: tuple[Array, Array, Array],
     functional: Array | None,
@@ -236,10 +248,10 @@ def _pair_forces(
 ) -> tuple[dict[str, Any], Array]:
     i, _ = pairs
     P, A, W = slots
-    given = _pair_values(state.q, state.p, pairs, (A, W), frame)
+    given = _pair_values(d, p, pairs, (A, W), frame)
     if functional is not None:
         given["functional"] = functional[i]
-    r, d, v = given["r"], given.pop("d"), given.pop("v")
+    r, v = given["r"], given.pop("v")
     with np.errstate(all="ignore"):
         values = getattr(module, f"pair{number}")(P, given)
         along = np.broadcast_to(values["along"], r.shape)
@@ -248,18 +260,23 @@ def _pair_forces(
         return values, along[:, None] * direction + drag[:, None] * v
 
 
+def displacements(space: Space, q: Array, pairs: tuple[Indices, Indices]) -> Array:
+    """Vectors from the first to the second agent of each of ``pairs`` at positions ``q`` in a ``space``."""
+    i, j = pairs
+    return space.displacement(q[j] - q[i])
+
+
 def _pair_values(
-    q: Array, p: Array, pairs: tuple[Indices, Indices], slots: tuple[Array, Array], frame: Array
+    d: Array, p: Array, pairs: tuple[Indices, Indices], slots: tuple[Array, Array], frame: Array
 ) -> dict[str, Any]:
-    """What pair formulas may use about each ordered pair, and the vectors d and v between the two."""
+    """What pair formulas may use about each ordered pair at displacements d, and the velocities v between the two."""
     i, j = pairs
     A, W = slots
-    d, v = q[j] - q[i], p[j] - p[i]
+    v = p[j] - p[i]
     r = np.sqrt((d**2).sum(axis=1))
     length = np.where(r > 0, r, 1.0)
     given: dict[str, Any] = {
         "r": r,
-        "d": d,
         "v": v,
         "speed2": (v**2).sum(axis=1),
         "radial": (d * v).sum(axis=1) / length,
@@ -306,6 +323,7 @@ def control_of(
     *,
     mass: float = 1.0,
     damping: float = 0.0,
+    space: Space = OPEN,
 ) -> Array:
     """Control of one agent from what that agent may know: itself, its neighbours, the leader and the time.
 
@@ -322,6 +340,8 @@ def control_of(
         Time.
     mass, damping
         Mass and velocity damping of the agent.
+    space
+        Where they live.
 
     Returns
     -------
@@ -346,7 +366,7 @@ def control_of(
             "Use control(law, state), which sees the whole group.",
         )  # fmt: skip
     m = len(agent.q)
-    layout = Layout(law, Energy())
+    layout = Layout(law, Energy(), space=space)
     module = array_kernels(layout, m)
     lists = neighbours if isinstance(neighbours, Mapping) else {law.graph: neighbours}
     rule = "must be agents with as many coordinates"
@@ -368,8 +388,9 @@ def control_of(
         weights = np.zeros((len(W), len(seen) + 1, len(seen) + 1))
         if len(W):
             weights[:, 0, 1:] = W[:, agent.index, index]
-        _, force = _pair_forces(module, number, together, (np.zeros_like(k), k), (P, rows, weights), None, np.zeros(m))
-        offsets = together.q[1:] - together.q[0]
+        pairs = np.zeros_like(k), k
+        offsets = displacements(space, together.q, pairs)
+        _, force = _pair_forces(module, number, offsets, together.p, pairs, (P, rows, weights), None, np.zeros(m))
         check_neighbours("control_of", law, number, offsets, force, (np.full_like(index, agent.index), index))
         u += force.sum(axis=0)
     given: dict[str, Any] = {"t": t, **{f"A{k}": row[agent.index] for k, row in enumerate(A)}}

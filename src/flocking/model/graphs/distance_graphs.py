@@ -17,6 +17,7 @@ from flocking.model.graphs.weights import PairWeights
 from flocking.model.parts import values
 from flocking.model.parts.description import Group, add_group
 from flocking.model.parts.registration import register_part
+from flocking.model.space import OPEN, Space
 
 if TYPE_CHECKING:
     import networkx
@@ -59,15 +60,38 @@ class Graph(ABC):
         """Links at the start from positions and, for graphs that see them, ``headings`` as in `Agents`."""
         return self.initial(q)
 
+    def among(self, distance: Array) -> Links:
+        """Links at the start of pairs at a ``distance``, shape (N, N), infinite on the diagonal.
+
+        Raises
+        ------
+        InvalidInput
+            When the graph does not say so; it then exists in open space alone.
+        """
+        raise InvalidInput(
+            type(self).__name__, "space", "must be open for a graph that does not say who is linked by distances alone",
+            "another", "State Graph.among.",
+        )  # fmt: skip
+
+    def links_in(self, space: Space, q: Array, headings: Array | None = None) -> Links:
+        """Links at the start in a ``space``, from positions ``q``, shape (N, m), and ``headings``.
+
+        Raises
+        ------
+        InvalidInput
+            When the space is not open and the graph does not know others, see `among`.
+        """
+        return self.start_links(q, headings) if space.is_open else self.among(pair_distances(q, space))
+
     def allowed(self, headings: Array | None) -> Links | None:
         """Pairs that the headings let link at some distance, shape (N, N); None for all."""
         return None
 
-    def update(self, q: Array, links: Links) -> Links:
-        """Links after the agents moved to ``q``, given the links they had before."""
+    def update(self, q: Array, links: Links, space: Space = OPEN) -> Links:
+        """Links after the agents moved to ``q`` in a ``space``, given the ``links`` they had before."""
         if not self.moves:
             return links
-        distance = pair_distances(q)
+        distance = pair_distances(q, space)
         leaves = np.asarray(self.break_radius)[..., None]
         enters = np.asarray(self.appear_radius)[..., None]
         lasting = links & (distance < leaves)
@@ -123,9 +147,17 @@ class Graph(ABC):
 add_group(Group("graph", Graph, names="graph"))
 
 
-def pair_distances(q: Array) -> Array:
-    """Distances of all pairs, shape (N, N), infinite on the diagonal."""
-    offsets = q[None, :, :] - q[:, None, :]
+def pair_distances(q: Array, space: Space = OPEN) -> Array:
+    """Distances of all pairs, shape (N, N), infinite on the diagonal.
+
+    Parameters
+    ----------
+    q
+        Positions, shape (N, m).
+    space
+        Where the agents live.
+    """
+    offsets = space.displacement(q[None, :, :] - q[:, None, :])
     distance = np.sqrt((offsets**2).sum(axis=-1))
     np.fill_diagonal(distance, np.inf)
     return np.asarray(distance)
@@ -292,7 +324,10 @@ class Proximity(Graph):
 
     def initial(self, q: Array) -> Links:
         """Links of the positions ``q``, shape (N, m)."""
-        distance = pair_distances(q)
+        return self.among(pair_distances(q))
+
+    def among(self, distance: Array) -> Links:
+        """Pairs at a ``distance`` below the radius, or at it."""
         return np.asarray(distance <= self.radius if self.closed else distance < self.radius)
 
 
@@ -340,4 +375,8 @@ class Hysteresis(Graph):
 
     def initial(self, q: Array) -> Links:
         """Links of the positions ``q``: every pair closer than ``radius`` (Zhou, rule (i))."""
-        return np.asarray(pair_distances(q) < self.radius)
+        return self.among(pair_distances(q))
+
+    def among(self, distance: Array) -> Links:
+        """Pairs at a ``distance`` below the radius."""
+        return np.asarray(distance < self.radius)

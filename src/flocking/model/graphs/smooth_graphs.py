@@ -66,7 +66,11 @@ class Smooth(Graph):
 
     def initial(self, q: Array) -> Links:
         """Pairs of positions ``q``, shape (N, m), closer than R."""
-        return np.asarray(pair_distances(q) < self.radius)
+        return self.among(pair_distances(q))
+
+    def among(self, distance: Array) -> Links:
+        """Pairs at a ``distance`` below R."""
+        return np.asarray(distance < self.radius)
 
     def weight(self, r: sympy.Expr, parameter: Callable[[str], sympy.Expr]) -> sympy.Expr:
         """The bump of r/R."""
@@ -136,8 +140,11 @@ class PerAgentRadii(Graph):
 
     def initial(self, q: Array) -> Links:
         """Links of the positions ``q``, shape (N, m): entry (i, j) where agent i senses agent j."""
-        self.check_count(len(q))
-        distance = pair_distances(q)
+        return self.among(pair_distances(q))
+
+    def among(self, distance: Array) -> Links:
+        """Pairs at a ``distance`` below the radius of the sensing agent, or at it."""
+        self.check_count(len(distance))
         reach = self.radii[:, None]
         return np.asarray(distance <= reach if self.closed else distance < reach)
 

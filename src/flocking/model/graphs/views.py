@@ -17,6 +17,7 @@ from flocking.model.graphs.weights import PairWeights
 from flocking.model.parts import values
 from flocking.model.parts.registration import register_part
 from flocking.model.potentials.bumps import Bump, bump_named
+from flocking.model.space import OPEN, Space
 
 if TYPE_CHECKING:
     import sympy
@@ -39,7 +40,7 @@ class HeadingGraph(Graph):
         """
         return self.start_links(q, None)
 
-    def update(self, q: Array, links: Links) -> Links:
+    def update(self, q: Array, links: Links, space: Space = OPEN) -> Links:
         """Not to be had from positions ``q`` alone.
 
         Raises

@@ -51,6 +51,19 @@ class Stored:
 
 
 @dataclass(frozen=True)
+class Unwritten:
+    """Says which value of a field is not written: what files meant that did not know the field.
+
+    Parameters
+    ----------
+    value
+        The value, which is the field's default.
+    """
+
+    value: object
+
+
+@dataclass(frozen=True)
 class Field:
     """One field of a part.
 
@@ -67,6 +80,8 @@ class Field:
         it; empty for all others.
     type_name
         Its annotation, for messages.
+    unwritten
+        Value that files and JSON do not name, see `Unwritten`.
     """
 
     name: str
@@ -75,6 +90,11 @@ class Field:
     required: bool
     plain: tuple[type, ...] = ()
     type_name: str = ""
+    unwritten: Unwritten | None = None
+
+    def is_written(self, value: object) -> bool:
+        """Whether files and JSON name such a ``value``."""
+        return self.unwritten is None or value != self.unwritten.value
 
 
 @dataclass(frozen=True)

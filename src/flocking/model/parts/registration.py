@@ -24,6 +24,7 @@ from flocking.model.parts.description import (
     Field,
     Nested,
     Stored,
+    Unwritten,
     add_description,
     group_of,
     registered,
@@ -203,12 +204,13 @@ def _field(attribute: str, annotation: object, required: bool) -> Field:
     kinds = [x for x in members if x is not NoneType]
     name = next((x.name for x in stated if isinstance(x, Stored)), attribute)
     holds = next((x for x in stated if isinstance(x, Value | Nested)), None) or _held(kinds)
+    unwritten = next((x for x in stated if isinstance(x, Unwritten)), None)
     plain: tuple[type, ...] = ()
     type_name = ""
     if len(kinds) == 1 and kinds[0] in _PLAIN:
         _, plain, type_name = _PLAIN[kinds[0]]
         plain, type_name = (*plain, NoneType) if optional else plain, type_name + " | None" * optional
-    return Field(name, attribute, holds, required, plain, type_name)
+    return Field(name, attribute, holds, required, plain, type_name, unwritten)
 
 
 def _members(annotation: object) -> Sequence[object]:

@@ -10,6 +10,7 @@ from flocking.arrays import Reals, Records
 from flocking.engine.runs.fidelity import Fidelity
 from flocking.engine.runs.run import Run
 from flocking.model.checks import Array
+from flocking.model.graphs.distance_graphs import pair_distances
 from flocking.model.law import Law
 from flocking.model.state import State
 
@@ -92,6 +93,14 @@ class RunEvidence:
     def switches_known(self) -> bool:
         """Whether every switch of a link is recorded; else only the frames say who was linked."""
         return not self.law.graph.moves or self.fidelity.switches_located
+
+    def displacement(self, difference: Array) -> Array:
+        """Vectors between agents from a ``difference`` of positions, shape (..., m), in the space of the scenario."""
+        return self.run.scenario.space.displacement(difference)
+
+    def distances(self, q: Array) -> Array:
+        """Distances of all pairs at positions ``q``, shape (N, N), infinite on the diagonal."""
+        return pair_distances(q, self.run.scenario.space)
 
     @property
     def masses(self) -> Array:

@@ -8,7 +8,6 @@ import numpy as np
 
 from flocking.engine.fixed_step.step_checks import RESIDUAL
 from flocking.model.checks import Array
-from flocking.model.graphs.distance_graphs import pair_distances
 from flocking.study.evidence.basis import NotResolvable, stated
 from flocking.study.evidence.links import LinkEvidence
 
@@ -117,7 +116,7 @@ class LedgerEvidence(LinkEvidence):
         graph, state = self.law.graph, self.state(-1) if len(self.run.t) else None
         if state is None or state.links is None or graph.sees_headings or not self.switches_known:
             return ""
-        distance = pair_distances(state.q)
+        distance = self.distances(state.q)
         if graph.moves:
             leaves, enters = (np.asarray(r)[..., None] for r in (graph.break_radius, graph.appear_radius))
             wrong = state.links & (distance > leaves * (1 + SLACK)) | ~state.links & (distance < enters * (1 - SLACK))

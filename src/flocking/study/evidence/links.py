@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from flocking.arrays import AnyArray, Records
 from flocking.model.graphs.connectivity import Links, components, is_connected
-from flocking.model.graphs.distance_graphs import pair_distances
 from flocking.study.evidence.basis import NotMeasurable, NotResolvable, RunEvidence
 
 FASTER = 1.25
@@ -63,8 +62,8 @@ class LinkEvidence(RunEvidence):
     def _distances(self, frame: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Distances of all pairs at a frame and the sizes of their rates of change, shape (N, N) each."""
         q, p = self.q[frame], self.p[frame]
-        r = pair_distances(q)
-        d, v = q[None] - q[:, None], p[None] - p[:, None]
+        r = self.distances(q)
+        d, v = self.displacement(q[None] - q[:, None]), p[None] - p[:, None]
         return r, np.abs((d * v).sum(axis=2)) / np.where((r > 0) & np.isfinite(r), r, 1.0)
 
     @cached_property

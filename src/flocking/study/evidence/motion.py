@@ -62,7 +62,7 @@ class MotionEvidence(RunEvidence):
 
     @cached_property
     def diameter(self) -> Array:
-        """Largest distance of two agents at each frame, shape (F,)."""
+        """Largest distance of two agents at each frame, shape (F,), of positions as they are, not of their images."""
         self.need_few()
         found = []
         for q in self.q:
@@ -82,7 +82,7 @@ class MotionEvidence(RunEvidence):
         i, j = np.triu_indices(self.run.n, 1)
         if len(i) == 0:
             return 0.0
-        d, v = q[j] - q[i], p[j] - p[i]
+        d, v = self.displacement(q[j] - q[i]), p[j] - p[i]
         r = np.linalg.norm(d, axis=1)
         return float(np.abs((d * v).sum(axis=1) / np.where(r > 0, r, 1.0)).max())
 

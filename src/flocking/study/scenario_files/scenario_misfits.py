@@ -8,8 +8,8 @@ from typing import TypeVar
 
 from flocking.errors import InvalidInput
 from flocking.model.graphs.distance_graphs import Graph
-from flocking.model.law import checked_end, checked_frames, checked_tolerance
 from flocking.model.leaders_and_obstacles.leaders import Leader
+from flocking.model.scenario_numbers import checked_end, checked_frames, checked_tolerance
 from flocking.model.state import Agents, State
 from flocking.model.terms.avoidance import ObstacleTerm
 from flocking.model.terms.pair_terms import Term

@@ -75,7 +75,7 @@ class PartWriter:
             field = kind.fields[name]
             holds = field.holds
             inner = inline_kind(field)
-            if value is None or (holds is NAMED_NUMBERS and not value):
+            if value is None or (holds is NAMED_NUMBERS and not value) or not field.is_written(value):
                 continue
             if inner is not None:
                 table |= self.fields(inner, value)

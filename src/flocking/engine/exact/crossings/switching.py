@@ -21,6 +21,7 @@ from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.views import FieldOfView
 from flocking.model.law import Law
+from flocking.model.space import OPEN, Space
 
 SLIDE = 1e-6
 """A pair that crosses back and has moved less than this fraction of the distance has not really left it."""
@@ -71,6 +72,8 @@ class LinkState:
         Headings of the agents, as in `Agents`, where a graph sees them.
     base
         The time at which the session's own time, in which all times are given here, is 0.
+    space
+        Where the agents live.
     """
 
     def __init__(
@@ -81,11 +84,13 @@ class LinkState:
         t: float = 0.0,
         headings: Array | None = None,
         base: float = 0.0,
+        space: Space = OPEN,
     ) -> None:
         self._base = base
+        self.space = space
         self._law = law
         self.graphs: tuple[Graph, ...] = law.graphs
-        self.links: list[Links] = [np.array(g.start_links(q, headings)) for g in self.graphs]
+        self.links: list[Links] = [np.array(g.links_in(space, q, headings)) for g in self.graphs]
         if links is not None:
             self.links[0] = np.array(links)
         self.watches = watches_of(law, len(q))
@@ -126,7 +131,7 @@ class LinkState:
     def _near_at(self, q: Array, watch: Watch) -> Links:
         if watch.kind == "link":
             return self.links[watch.graph]
-        offsets = q[None] - q[:, None]
+        offsets = self.space.displacement(q[None] - q[:, None])
         return np.asarray((offsets**2).sum(axis=-1) < watch.leave[:, None] ** 2)
 
     def pairs(self) -> tuple[Indices, Indices, Indices, NDArray[np.int32]]:

@@ -85,7 +85,7 @@ def _meets_a_radius(e: Evidence) -> bool:
     """Whether a pair would switch if all agents went on straight ahead from the end."""
     e.need_few()
     q, p, links = e.q[-1], e.p[-1], e.end_links
-    d, v = q[None] - q[:, None], p[None] - p[:, None]
+    d, v = e.displacement(q[None] - q[:, None]), p[None] - p[:, None]
     enters, leaves = (np.asarray(r)[..., None] for r in (e.law.graph.appear_radius, e.law.graph.break_radius))
     closing, speed = -(d * v).sum(axis=2), (v**2).sum(axis=2)
     moving = speed > 0

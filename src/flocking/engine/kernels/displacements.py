@@ -1,0 +1,29 @@
+"""The vector from an agent to another, as lines of generated code: the one place where kernels subtract positions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import sympy
+
+Periods = Sequence["sympy.Symbol | None"]
+"""Symbol of the length after which each axis repeats; None where it does not."""
+
+
+def displacement_lines(periods: Periods) -> list[str]:
+    """Lines that compute ``d0...``, the displacement of agent ``j`` from agent ``i`` in arrays ``q``.
+
+    Parameters
+    ----------
+    periods
+        Those of the axes.
+    """
+    lines = [f"d{k} = q[j, {k}] - q[i, {k}]" for k in range(len(periods))]
+    # A tie goes away from zero in both directions, so that d_ji = -d_ij to the last bit; see Periodic.
+    return lines + [
+        f"d{k} = d{k} - {period} * math.copysign(math.floor(math.fabs(d{k}) / {period} + 0.5), d{k})"
+        for k, period in enumerate(periods)
+        if period is not None
+    ]
