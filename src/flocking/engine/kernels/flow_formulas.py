@@ -36,7 +36,8 @@ def flow_formulas(formulas: LawFormulas) -> LawFormulas:
         tuple(f.xreplace(still) for f in body.force), body.storage.xreplace(still), zero, zero,
         tuple(f.xreplace(still) for f in body.frame), body.flow.xreplace(still), body.motion,
     )  # fmt: skip
-    return LawFormulas(m, pairs, resting, tuple(_encounter(e, still, zero) for e in formulas.encounters))
+    encounters = tuple(_encounter(e, still, zero) for e in formulas.encounters)
+    return LawFormulas(m, pairs, resting, encounters, formulas.periods)
 
 
 def _zero() -> sympy.Expr:
