@@ -1,7 +1,7 @@
-"""Types of the arrays that go from one module to another: what an array holds, and its shape in words.
+"""Types of arrays: what an array holds, and its shape in words.
 
-The type checker knows the number type, not the shape; the name says it to the reader. N is the number of agents, m the
-number of space dimensions, T the number of frames.
+The type checker knows the number type, not the shape; the name states it for the reader. N is the number of agents, m
+the number of space dimensions, T the number of frames.
 """
 
 from __future__ import annotations
@@ -33,28 +33,28 @@ Times = NDArray[np.float64]
 """Ascending times, shape (T,)."""
 
 Mask = NDArray[np.bool_]
-"""Which entries are meant, of the shape of what it chooses from."""
+"""Boolean mask, of the shape of the array that it selects from."""
 
 Links = NDArray[np.bool_]
-"""Who listens to whom: entry (i, j) when i has the neighbour j, shape (N, N)."""
+"""Link matrix: entry (i, j) is true when i has the neighbour j, shape (N, N)."""
 
 Indices = NDArray[np.intp]
-"""Places in an array, shape (K,)."""
+"""Indices into an array, shape (K,)."""
 
 Numbers = NDArray[np.int64]
-"""Whole numbers, such as the numbers of agents, shape (K,)."""
+"""Integers, such as the numbers of agents, shape (K,)."""
 
 Numbers32 = NDArray[np.int32]
-"""Whole numbers in 32 bits, such as who lies in each place of the tiled engine, shape (K,)."""
+"""Integers in 32 bits, such as the agent at each place of the tiled engine, shape (K,)."""
 
 PairIndices = NDArray[np.intp]
-"""Pairs (i, j) of agents by their places in an array, shape (K, 2)."""
+"""Pairs (i, j) of agents by their indices in an array, shape (K, 2)."""
 
 Records = NDArray[np.void]
-"""Rows with named fields, shape (K,); the fields are those of the constant that is stated where it is used."""
+"""Structured rows, shape (K,); the fields are those of a constant that is named at each use."""
 
 Reals = NDArray[np.floating]
-"""Numbers in the precision that an engine computes in."""
+"""Numbers in the precision of an engine."""
 
 AnyArray = NDArray[Any]
-"""An array whose type of number or record is known at run time alone, as that of a file."""
+"""An array whose type is known only at run time, as that of a file."""

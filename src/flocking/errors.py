@@ -1,4 +1,4 @@
-"""The errors a user can meet: each names the parameter, its owner, the rule, the value and the usual fix."""
+"""The exceptions of this library: each names the parameter, its owner, the rule, the value and the usual fix."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ LONGEST_VALUE = 120
 
 
 def said(value: object) -> str:
-    """A value as a message gives it: a number of an array library is a number, an array a list."""
+    """A value as text for a message: a NumPy number as a number, an array as a list."""
     try:
         text = repr(_plain(value))
     except ValueError:  # Python prints no number of thousands of digits
@@ -62,7 +62,7 @@ class InvalidInput(FlockingError, ValueError):
 
 
 class SuspectInput(UserWarning):
-    """A value given by the user is allowed, and hardly what was meant."""
+    """A value given by the user is allowed and probably not intended."""
 
 
 class FormulaError(InvalidInput):
@@ -99,7 +99,7 @@ class NotFinite(SimulationError):
 
 
 class OutOfPrecision(SimulationError):
-    """Positions or times that numbers cannot tell apart as finely as the links or the tolerance ask."""
+    """Positions or times whose floating-point spacing is too coarse for the links or the tolerance."""
 
 
 class Chattering(SimulationError):
@@ -111,13 +111,13 @@ class LinkLost(SimulationError):
 
 
 class StepTooLarge(SimulationError):
-    """A fixed time step too large for what the agents met; ``would_do`` is a step that would do."""
+    """A fixed time step that is too large for the motion; ``would_do`` is a step that is small enough."""
 
     would_do: float = 0.0
 
 
 class LawNotObeyed(SimulationError):
-    """Forces or powers of an engine that are not those of the declared law, beyond all rounding."""
+    """Forces or powers of an engine that differ from those of the declared law by more than rounding."""
 
 
 class TooCrowded(SimulationError):
@@ -143,8 +143,8 @@ class UnsupportedLaw(FlockingError):
 
 
 class EngineMissing(FlockingError):
-    """The chosen engine needs a package that is not installed, or another version of it; the message says how."""
+    """The chosen engine needs a package that is missing, or another version of it; the message says how to get it."""
 
 
 class SweepError(FlockingError):
-    """A sweep that cannot go on; what its runs gave until then is kept where it has a folder."""
+    """A sweep that cannot go on; finished runs are kept if it has a folder."""

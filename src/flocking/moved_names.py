@@ -1,4 +1,4 @@
-"""Names that documentation has stated and that have moved: the old place warns and gives what is at the new one."""
+"""Documented names that have moved: the old name warns and gives the object at the new place."""
 
 from __future__ import annotations
 
@@ -20,17 +20,11 @@ MOVED: Mapping[str, Mapping[str, str]] = {
     "flocking.study.claims": {"Claim": "flocking.study.claims.claim.Claim"},
     "flocking.study.nets": {"laplacian": "flocking.study.nets.matrices.laplacian"},
 }  # fmt: skip
-"""For each package the names that were there, and the modules, classes and functions that they stand for now."""
+"""For each package its former names, and the modules, classes and functions that they now refer to."""
 
 
 def found(place: str) -> object:
-    """The module, or the class or function of a module, at a place.
-
-    Parameters
-    ----------
-    place
-        Its name with dots.
-    """
+    """The module, or the class or function of a module, with the dotted name ``place``."""
     try:
         return import_module(place)
     except ModuleNotFoundError:
@@ -39,13 +33,7 @@ def found(place: str) -> object:
 
 
 def moved_from(package: str) -> Callable[[str], object]:
-    """The function ``__getattr__`` of a package that names have left.
-
-    Parameters
-    ----------
-    package
-        Name of the package, a key of `MOVED`.
-    """
+    """The function ``__getattr__`` of a ``package`` that names have left, a key of `MOVED`."""
     names = MOVED[package]
 
     def moved(name: str) -> object:

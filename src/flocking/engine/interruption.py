@@ -1,7 +1,7 @@
 """Defers Ctrl-C to the end of a step, and recognises errors that an interrupt caused in a library.
 
-Ctrl-C waits for the end of a step, as inside compiled code it could not be told from a crash; and an error that a
-library made of an interrupt is told from one of what the library was given.
+Ctrl-C waits for the end of a step, as inside compiled code it would look like a crash. An error that a library raised
+because of an interrupt is distinguished from an error in its input.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ SECOND_ENDS = False
 """Whether a second Ctrl-C ends the process, even within compiled code: right for a command, not for a notebook."""
 
 PARTIAL_RESULTS = True
-"""Whether a simulation that Ctrl-C ends gives the part that it has computed: right for a notebook.
+"""Whether a simulation that Ctrl-C ends returns the part that it has computed: right for a notebook.
 
-A command says where it wants it, see `partial_results`: whatever else it computes of a run, it computes of a whole one.
+A command chooses with `partial_results`: its other computations need complete runs.
 """
 
 RAISED = False
@@ -34,15 +34,10 @@ _answered = False
 
 
 class TrackedKeyboardInterrupt(KeyboardInterrupt):
-    """The interrupt that a signal raises in a command; destroyed before anybody has `answered` it, it was dropped.
+    """The interrupt that a signal raises in a command; ``dropped`` is called if it is destroyed before `answered`.
 
-    Python drops whatever is raised while it closes a file that nobody holds any more, and libraries drop what their
-    callbacks raise: a signal at such a moment would be lost.
-
-    Parameters
-    ----------
-    dropped
-        Called without arguments when it was dropped.
+    Python drops exceptions raised while it closes a file without references, and libraries drop those of their
+    callbacks: a signal at such a moment would be lost.
     """
 
     def __init__(self, dropped: Callable[[], None]) -> None:
@@ -57,31 +52,20 @@ class TrackedKeyboardInterrupt(KeyboardInterrupt):
 
 
 def answered() -> None:
-    """Say that an interrupt was caught by who does about it what is to be done: it is not raised again."""
+    """Mark the interrupt as handled: it is not raised again."""
     global _answered
     _answered = True
 
 
 def interrupted(error: BaseException) -> bool:
-    """Whether an error was raised after a signal, or comes of an interrupt by its own account.
-
-    Parameters
-    ----------
-    error
-        The error.
-    """
+    """Whether an ``error`` was raised after a signal, or names an interrupt as its cause."""
     return RAISED or comes_of_interrupt(error)
 
 
 def comes_of_interrupt(error: BaseException) -> bool:
-    """Whether an error names an interrupt as what it comes of: it says nothing that the interrupt does not.
+    """Whether an ``error`` or one of its causes is an interrupt.
 
-    Compiled libraries may make an error of their own of it, which does not name it as its cause, but in its text.
-
-    Parameters
-    ----------
-    error
-        The error; those that it came of are looked at too.
+    Compiled libraries may raise an error of their own, which names the interrupt only in its text.
     """
     return any(
         isinstance(x, KeyboardInterrupt)
@@ -91,18 +75,18 @@ def comes_of_interrupt(error: BaseException) -> bool:
 
 
 class Noted(KeyboardInterrupt):
-    """A Ctrl-C that waited for the end of a step: what was running is whole."""
+    """A Ctrl-C that waited for the end of a step: the state is consistent."""
 
 
 class Deferred:
-    """While it lasts, Ctrl-C is noted, and raised where `check` is called; a second one is raised at once.
+    """A context in which Ctrl-C is noted, and raised where `check` is called; a second one is raised at once.
 
-    Outside the main thread, where signals cannot be handled, it does nothing. Where Ctrl-C is ignored it stays so.
-    Within another one it leaves what was noted to that.
+    Outside the main thread, where signals cannot be handled, it does nothing. If Ctrl-C is ignored it stays so. A
+    nested one leaves the interrupt to the outer one.
     """
 
     late: bool = False
-    """Whether Ctrl-C was noted and nobody has looked since."""
+    """Whether Ctrl-C was noted and not checked since."""
 
     def __enter__(self) -> Deferred:
         global _deferred
@@ -131,13 +115,7 @@ class Deferred:
 
 @contextmanager
 def partial_results(returned: bool = True) -> Iterator[None]:
-    """Within it simulations that Ctrl-C ends give the part that they have computed; where not, they raise it on.
-
-    Parameters
-    ----------
-    returned
-        Whether they do.
-    """
+    """A context in which simulations that Ctrl-C ends return what they have computed (``returned``), or raise."""
     global PARTIAL_RESULTS
     before, PARTIAL_RESULTS = PARTIAL_RESULTS, returned
     try:
@@ -148,7 +126,7 @@ def partial_results(returned: bool = True) -> Iterator[None]:
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """What is done in it is done whole: Ctrl-C waits for its end; a second one does not.
+    """A context that is completed: Ctrl-C waits for its end; a second one does not.
 
     Raises
     ------
@@ -175,12 +153,12 @@ def noted() -> bool:
 
 
 def note() -> bool:
-    """Do what Ctrl-C does where it is deferred, on behalf of another signal.
+    """Handle another signal as Ctrl-C, if that is deferred.
 
     Returns
     -------
     bool
-        Whether it is deferred now; nothing was done where it is not.
+        Whether it is deferred now; otherwise nothing was done.
     """
     if _deferred:
         _note(signal.SIGINT, None)

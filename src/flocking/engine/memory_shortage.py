@@ -1,4 +1,4 @@
-"""Recognises errors of any kind that mean too little memory."""
+"""Recognises errors of any type that mean lack of memory."""
 
 from __future__ import annotations
 
@@ -7,19 +7,13 @@ import re
 from collections.abc import Iterator
 
 LEAST_ADDRESS_SPACE = 800 * 2**20
-"""Bytes of address space that the library and those it rests on take before they do anything."""
+"""Bytes of address space that the library and its dependencies need to start."""
 
 _WORDS = re.compile("can't start new thread|failed to map segment|[Cc]annot allocate memory")
 
 
 def starved(error: BaseException) -> bool:
-    """Whether an error comes of too little memory.
-
-    Parameters
-    ----------
-    error
-        The error; those that it came of are looked at too.
-    """
+    """Whether an ``error`` or one of its causes is lack of memory."""
     return any(
         isinstance(x, MemoryError) or (isinstance(x, OSError) and x.errno == errno.ENOMEM) or _WORDS.search(str(x))
         for x in causes(error)
@@ -27,13 +21,7 @@ def starved(error: BaseException) -> bool:
 
 
 def causes(error: BaseException | None) -> Iterator[BaseException]:
-    """An error, and those that it came of.
-
-    Parameters
-    ----------
-    error
-        The error.
-    """
+    """An ``error`` and its causes."""
     while error is not None:
         yield error
         error = error.__cause__ or error.__context__

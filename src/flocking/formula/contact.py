@@ -6,6 +6,7 @@ formulas have their limit at r = 0; some, such as sin(r)/r, only as a limit; som
 
 from __future__ import annotations
 
+from itertools import count
 from typing import TYPE_CHECKING
 
 from flocking.formula.precise import evaluator, wide_context
@@ -18,6 +19,11 @@ ENDLESS = "endless"
 
 CLOSEST = 1e-150
 """Distances below it count as 0 if a formula cannot be evaluated at 0: the square of a smaller one underflows."""
+
+AGREEMENT = 1e-6
+"""Difference of two values, relative where they exceed 1, up to which an expression counts as converged."""
+FIRST_PRIME = 5
+"""Number of the prime, 11, that gives the first parameter its value: tenths of primes satisfy no simple relation."""
 
 _PROBES = (16, 32)
 """Decimal places of the two distances at which an expression is evaluated to see whether it diverges."""
@@ -94,11 +100,11 @@ def _removable(expression: sympy.Expr, r: sympy.Symbol) -> sympy.Expr | None:
     """The limit if setting r = 0 gives none; SymPy computes it after numerical values show that it exists."""
     import sympy
 
-    primes = (sympy.Rational(sympy.prime(k + 5), 10) for k in range(1000))
+    primes = (sympy.Rational(sympy.prime(k), 10) for k in count(FIRST_PRIME))
     known = dict(zip(sorted(expression.free_symbols - {r}, key=str), primes, strict=False))
     at, finite = evaluator(expression, r, known), wide_context().isfinite
     inner, far = (at(wide_context().mpf(10) ** -places) for places in _PROBES)
-    if not (finite(inner) and finite(far)) or abs(far - inner) > 1e-6 * max(1.0, abs(inner)):
+    if not (finite(inner) and finite(far)) or abs(far - inner) > AGREEMENT * max(1.0, abs(inner)):
         return None
     try:
         found = _finite(sympy.limit(expression, r, 0))
@@ -107,7 +113,7 @@ def _removable(expression: sympy.Expr, r: sympy.Symbol) -> sympy.Expr | None:
     if found is None or found.has(r):
         return None
     value = evaluator(found, r, known)(0)
-    return found if finite(value) and abs(value - far) <= 1e-6 * max(1.0, abs(far)) else None
+    return found if finite(value) and abs(value - far) <= AGREEMENT * max(1.0, abs(far)) else None
 
 
 def defined_at_contact(expression: sympy.Expr, r: sympy.Symbol) -> sympy.Expr:

@@ -16,6 +16,9 @@ from flocking.arrays import Array
 
 Interval = tuple[Array, Array]
 
+LARGEST_INTEGER_POWER = 1e6
+"""Integer exponents below it may have negative bases; formulas have exponents of at most 256 (`grammar`)."""
+
 
 def _sound(low: Array, high: Array) -> Interval:
     """Bounds with NaN replaced by infinities: a value that could not be computed is unknown."""
@@ -61,7 +64,7 @@ def _integer_power(a: Interval, n: int) -> Interval:
 
 
 def _power(a: Interval, exponent: float) -> Interval:
-    if float(exponent).is_integer() and abs(exponent) < 1e6:
+    if float(exponent).is_integer() and abs(exponent) < LARGEST_INTEGER_POWER:
         return _integer_power(a, int(exponent))
     low, high = (np.maximum(x, 0.0) ** exponent for x in a)
     return _sound(np.minimum(low, high), np.maximum(low, high))

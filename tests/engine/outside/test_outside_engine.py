@@ -73,11 +73,11 @@ def test_a_run_killed_while_it_is_saved_goes_on_bit_for_bit(tmp_path: Path) -> N
         "from tests.engine.outside.plain_verlet import ENGINE\n"
         "from tests.engine.storage.stored_runs import scenario\n"
         "fk.register_engine(ENGINE)\n"
-        "saving.COMMIT_SECONDS, keep, count = 0.0, saving.SessionWriter.keep, [0]\n"
+        "saving.COMMIT_SECONDS, keep, count = 0.0, saving.SessionWriter.commit_if_due, [0]\n"
         "def dying(self):\n"
         "    keep(self); count[0] += 1\n"
         "    if count[0] == 7: os.kill(os.getpid(), signal.SIGKILL)\n"
-        "saving.SessionWriter.keep = dying\n"
+        "saving.SessionWriter.commit_if_due = dying\n"
         f"fk.simulate(scenario(1.0), engine={NAME!r}, save=sys.argv[1], progress=False)\n"
     )
     died = subprocess.run([sys.executable, "-c", script, str(tmp_path / "run")], cwd=ROOT, check=False)
@@ -176,13 +176,13 @@ def test_the_command_line_finds_it_in_an_installed_package(tmp_path: Path) -> No
 def test_a_run_whose_engine_is_missing_is_read_and_says_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    keep = saving.SessionWriter.keep
+    keep = saving.SessionWriter.commit_if_due
 
     def stopping(self: saving.SessionWriter) -> None:
         keep(self)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(saving.SessionWriter, "keep", stopping)
+    monkeypatch.setattr(saving.SessionWriter, "commit_if_due", stopping)
     monkeypatch.setattr(saving, "COMMIT_SECONDS", 0.0)
     assert run(save=tmp_path / "run").status.startswith("interrupted")
     monkeypatch.undo()

@@ -81,7 +81,7 @@ def unfinished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     session = fk.start(scenario())
     with saving.SessionWriter.create(folder, session, 0.0) as kept:
         session.advance(1.0)
-        kept.keep()
+        kept.commit_if_due()
     return folder
 
 

@@ -20,7 +20,7 @@ from tests.engine.storage.stored_runs import assert_same, finished, scenario, un
 def stop_after(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
     """Commit at every stop, and interrupt the simulation at one of them."""
     monkeypatch.setattr(saving, "COMMIT_SECONDS", 0.0)
-    keep = saving.SessionWriter.keep
+    keep = saving.SessionWriter.commit_if_due
 
     def arrange(count: int) -> None:
         seen = 0
@@ -32,7 +32,7 @@ def stop_after(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
             if seen == count:
                 raise KeyboardInterrupt
 
-        monkeypatch.setattr(saving.SessionWriter, "keep", keep_some)
+        monkeypatch.setattr(saving.SessionWriter, "commit_if_due", keep_some)
 
     return arrange
 
@@ -47,7 +47,7 @@ def test_an_interrupted_run_goes_on_bit_for_bit(
     assert stored.status == part.status
     assert part.status.startswith("interrupted at t = ")
     assert len(stored.t) == len(part.t) < 21
-    monkeypatch.setattr(saving.SessionWriter, "keep", lambda self: None)
+    monkeypatch.setattr(saving.SessionWriter, "commit_if_due", lambda self: None)
     assert_same(fk.resume(tmp_path / "run", progress=False), finished())
     assert_same(read_run(tmp_path / "run"), finished())
     assert_same(fk.resume(tmp_path / "run", progress=False), finished())
@@ -75,7 +75,7 @@ def test_the_plant_goes_on_too(
     assert whole.q.tobytes() != finished().q.tobytes()
     stop_after(10)
     fk.simulate(scenario(), plant=plant, save=tmp_path / "run", progress=False)
-    monkeypatch.setattr(saving.SessionWriter, "keep", lambda self: None)
+    monkeypatch.setattr(saving.SessionWriter, "commit_if_due", lambda self: None)
     assert_same(fk.resume(tmp_path / "run", progress=False), whole)
 
 

@@ -88,11 +88,11 @@ def stop_after(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
             nonlocal seen
             seen += 1
             if seen in (count - 16, count):
-                self._keep()
+                self._save()
             if seen == count:
                 raise KeyboardInterrupt
 
-        monkeypatch.setattr(saving.SessionWriter, "keep", keep_some)
+        monkeypatch.setattr(saving.SessionWriter, "commit_if_due", keep_some)
 
     return arrange
 
@@ -117,7 +117,7 @@ def test_a_stopped_run_goes_on_bit_for_bit_with_any_number_of_threads(
     stop_after(71)
     part = fk.simulate(scenario(kind), save=tmp_path / "run", threads=3, **how)
     assert len(part.t) < 11
-    monkeypatch.setattr(saving.SessionWriter, "keep", lambda self: None)
+    monkeypatch.setattr(saving.SessionWriter, "commit_if_due", lambda self: None)
     assert_same(fk.resume(tmp_path / "run", threads=1, progress=False), whole)
     assert_same(read_run(tmp_path / "run"), whole)
 
@@ -237,10 +237,10 @@ def test_a_second_stop_before_a_commit_forgets_no_provenance(
     def fall(self: saving.SessionWriter) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(saving.SessionWriter, "keep", fall)
+    monkeypatch.setattr(saving.SessionWriter, "commit_if_due", fall)
     fk.resume(tmp_path / "run", progress=False)
     assert read_run(tmp_path / "run").provenance == first
-    monkeypatch.setattr(saving.SessionWriter, "keep", lambda self: None)
+    monkeypatch.setattr(saving.SessionWriter, "commit_if_due", lambda self: None)
     assert_same(fk.resume(tmp_path / "run", progress=False), fk.simulate(scenario("proximity"), **OPTIONS))
 
 
@@ -251,7 +251,7 @@ def test_a_run_without_frames_keeps_observations(
     assert (len(whole.t), len(whole.observables)) == (0, 11)
     stop_after(60)
     fk.simulate(scenario("hysteresis"), save=tmp_path / "run", keep_frames=False, **OPTIONS)
-    monkeypatch.setattr(saving.SessionWriter, "keep", lambda self: None)
+    monkeypatch.setattr(saving.SessionWriter, "commit_if_due", lambda self: None)
     assert_same(fk.resume(tmp_path / "run", progress=False), whole)
     assert_same(read_run(tmp_path / "run"), whole)
 
@@ -275,8 +275,8 @@ def test_many_waiting_frames_are_committed_at_once(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(saving, "COMMIT_SECONDS", 1e9)
     monkeypatch.setattr(saving, "MOST_WAITING", 40_000)
     commits = []
-    keep = saving.SessionWriter._keep
-    monkeypatch.setattr(saving.SessionWriter, "_keep", lambda self: (commits.append(self._session.time), keep(self)))
+    keep = saving.SessionWriter._save
+    monkeypatch.setattr(saving.SessionWriter, "_save", lambda self: (commits.append(self._session.time), keep(self)))
     fk.simulate(scenario("proximity"), save=tmp_path / "run", **OPTIONS)
     assert len(commits) in (3, 4), "every third frame of 16,000 bytes"
 

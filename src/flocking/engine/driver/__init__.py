@@ -1,1 +1,1 @@
-"""From a scenario to a run: simulate, save, resume; the only folder that knows engines and storage."""
+"""From a scenario to a run: simulate, save, resume; the only folder that imports both engines and storage."""

@@ -1,4 +1,4 @@
-"""Checkpoints: all a session needs to go on bit for bit, but its records, in one file; each engine packs its own."""
+"""Checkpoints: the state of a session, without its records, in one file; each engine packs its own."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.errors import StorageError
 
 ENGINE = "engine"
-"""Where a checkpoint names its engine, beside what that packed."""
+"""Key of the engine's name in a checkpoint."""
 
 
 def write_checkpoint(engine: str, packed: Packed, file: BinaryIO) -> None:
@@ -25,7 +25,7 @@ def write_checkpoint(engine: str, packed: Packed, file: BinaryIO) -> None:
     engine
         Name of its engine.
     packed
-        What `flocking.engine.protocol.session.Session.pack` gave.
+        The result of `flocking.engine.protocol.session.Session.pack`.
     """
     numbers, arrays = packed
     write_archive(file, {ENGINE: engine, **numbers}, arrays)
@@ -39,21 +39,19 @@ def pack(session: Session) -> bytes:
 
 
 def read_checkpoint(data: bytes | Path, engine: str, where: Path) -> Packed:
-    """What was packed.
+    """The packed state in a checkpoint.
 
     Parameters
     ----------
     data
-        What `pack` gave, or the file that `write_checkpoint` wrote.
+        The result of `pack`, or the file that `write_checkpoint` wrote.
     engine
-        Name of the engine that the run says it is of.
-    where
-        Where the data come from, for messages.
+        Name of the engine that the run states.
 
     Raises
     ------
     StorageError
-        When the data are no checkpoint, or of another engine.
+        When the data are no checkpoint, or of another engine; the message names the file ``where``.
     """
     try:
         numbers, arrays = read_archive(data)
@@ -65,23 +63,12 @@ def read_checkpoint(data: bytes | Path, engine: str, where: Path) -> Packed:
 
 
 def restored(engine: Engine, packed: Packed, stored: Stored, where: Path, changes: Mapping[str, object]) -> Session:
-    """The session that was packed.
-
-    Parameters
-    ----------
-    engine
-        Its engine.
-    packed
-        What was packed.
-    stored
-        Its scenario, and its records as of the same commit.
-    where
-        Where the data come from, for messages.
+    """The session of an ``engine`` from its ``packed`` state and its ``stored`` records of the same commit.
 
     Raises
     ------
     StorageError
-        When the data are of no session of this scenario.
+        When the data are of no session of this scenario; the message names the file ``where``.
     """
     try:
         return engine.unpack(packed, stored, changes)

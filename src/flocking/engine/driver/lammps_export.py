@@ -1,4 +1,4 @@
-"""A scenario written as files for a cluster that has LAMMPS alone."""
+"""A scenario written as input files for LAMMPS alone."""
 
 from __future__ import annotations
 
@@ -14,11 +14,16 @@ from flocking.errors import InvalidInput, StorageError
 from flocking.model.checks import number
 from flocking.model.law import Scenario
 
+EVEN = 1e-9
+"""Relative difference of frame distances that counts as rounding: times are sums of about 10^6 roundings of 1e-16."""
+RESTART_STEPS = 1000
+"""Least number of steps between two restart files, so that writing them takes a small share of the time."""
+
 
 def export_deck(scenario: Scenario, folder: str | Path, *, step: float | None = None) -> Path:
-    """Write a scenario for a cluster that has LAMMPS alone: ``in.flocking``, ``data.flocking`` and tables.
+    """Write a scenario as input files for LAMMPS: ``in.flocking``, ``data.flocking`` and tables.
 
-    Run it there with ``mpiexec -n 64 lmp -in in.flocking``. Frames go to ``frames.lammpstrj``.
+    Run it with ``mpiexec -n 64 lmp -in in.flocking``. Frames go to ``frames.lammpstrj``.
 
     Parameters
     ----------
@@ -39,7 +44,7 @@ def export_deck(scenario: Scenario, folder: str | Path, *, step: float | None = 
     InvalidInput
         When the step is not positive, or the frames are not evenly spaced from the start on.
     StorageError
-        When the folder holds something already or cannot be written.
+        When the folder is not empty or cannot be written.
     """
     deck = make_deck(scenario)
     step = chosen_step(scenario, scenario.start) if step is None else number("export_deck", "step", step, above=0.0)
@@ -56,10 +61,10 @@ def export_deck(scenario: Scenario, folder: str | Path, *, step: float | None = 
         f"timestep {h!r}", f"thermo {each}", "thermo_style custom step time atoms ke pe",
         f"dump frames all custom {each} frames.lammpstrj id {places} {velocities}",
         "dump_modify frames sort id format float %.17g",
-        f"restart {max(each, 1000)} restart.1 restart.2", f"run {count}",
+        f"restart {max(each, RESTART_STEPS)} restart.1 restart.2", f"run {count}",
     ]  # fmt: skip
     with storage_errors(
-        folder, "write the deck", full="What is there is not whole; free some space or choose another folder."
+        folder, "write the deck", full="The files there are incomplete; free some space or choose another folder."
     ):
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise StorageError(f"{folder}: not an empty folder. Choose another one; nothing is ever overwritten.")
@@ -79,11 +84,11 @@ def _clock(scenario: Scenario, step: float) -> tuple[float, int, int]:
     span = scenario.t_end - start
     gaps = np.diff(times)
     gap = float(gaps[0]) if len(gaps) else span
-    even = (times[:1] == start).all() and np.allclose(gaps, gap, rtol=1e-9)
+    even = (times[:1] == start).all() and np.allclose(gaps, gap, rtol=EVEN)
     each = steps_between(0.0, gap, step)
     h = gap / each
     count = round(span / h) if h else 0
-    if not even or abs(count * h - span) > 1e-9 * span:
+    if not even or abs(count * h - span) > EVEN * span:
         raise InvalidInput(
             "export_deck", "frames", "must be evenly spaced from the start to the end", [float(t) for t in times[:4]],
             "Give a number of frames.",

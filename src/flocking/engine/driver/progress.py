@@ -1,26 +1,23 @@
-"""How far a run has come: where it is looked at, and what is shown of it meanwhile."""
+"""Times at which a session is stopped to report and save, and the progress report."""
 
 from __future__ import annotations
 
 import sys
 import time
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from flocking.model.law import Scenario
 
-if TYPE_CHECKING:
-    pass
-
 QUIET_SECONDS = 2.0
-"""Runs shorter than this show no progress: nobody would read it."""
+"""Runs shorter than this show no progress: it could not be read."""
 LINE_SECONDS = 10.0
 """Wall time between two lines, and before the first, where there is no terminal for a bar."""
 
 
 def stops(scenario: Scenario, now: float, *, often: bool) -> list[float]:
-    """Times at which a session is looked at on its way to the end of its scenario; often: also at its frames.
+    """Times at which a session is stopped on its way to the end of its scenario; ``often``: also at its frames.
 
     Parameters
     ----------
@@ -34,14 +31,14 @@ def stops(scenario: Scenario, now: float, *, often: bool) -> list[float]:
 
 
 class Progress:
-    """A progress bar that stays away from short runs.
+    """A progress bar, shown only for runs that take some time.
 
     Parameters
     ----------
     enabled
         Whether to show anything.
     lines
-        Without a terminal, as under ``mpiexec`` or in the log of a batch job, write a line now and then.
+        Whether to write lines instead if there is no terminal, as under ``mpiexec`` or in the log of a batch job.
     """
 
     def __init__(self, enabled: bool, scenario: Scenario, *, lines: bool = False) -> None:
@@ -62,14 +59,14 @@ class Progress:
             self._bar.stop()
 
     def show(self, t: float, agent_steps: int, note: str = "") -> None:
-        """Report the time reached and how many agents made how many steps.
+        """Report the time reached.
 
         Parameters
         ----------
         agent_steps
-            Steps made so far times the number of agents.
+            Number of steps so far times the number of agents.
         note
-            What else is to be said, such as why it does not go on.
+            Further text, such as why the run does not advance.
         """
         now = time.monotonic()
         if self._first is None:

@@ -1,6 +1,6 @@
-"""All engines by name: those of this library, those that other packages bring, and those registered while it runs.
+"""All engines by name: those of this library, of other packages, and those registered at run time.
 
-An engine is imported when it is used. A package brings one by an entry point of the group ``flocking.engines``, whose
+An engine is imported when it is used. A package provides one by an entry point of the group ``flocking.engines``, whose
 name is that of the engine and whose object is an instance of `flocking.engine.protocol.engine.Engine`.
 """
 
@@ -20,7 +20,7 @@ from flocking.errors import EngineMissing, FlockingError, InvalidInput, SuspectI
 from flocking.model.law import Law, Scenario
 
 GROUP = "flocking.engines"
-"""Group of the entry points that bring engines."""
+"""Group of the entry points of engines."""
 
 AUTO = "auto"
 NAME = re.compile(r"[a-z][a-z0-9_-]*")
@@ -29,16 +29,16 @@ OWN_PACKAGE = "flocking"
 
 @dataclass(frozen=True)
 class Entry:
-    """Where an engine is found.
+    """The location of an engine.
 
     Parameters
     ----------
     target
         The engine itself, or ``"module:attribute"``.
     package
-        The package that brings it.
+        The package that provides it.
     automatic_from, interactive_from
-        Smallest group for which ``"auto"`` takes it, in a run and on a page that is looked at; never where absent.
+        Smallest group for which ``"auto"`` selects it, in a run and in an interactive page; never where absent.
     """
 
     name: str
@@ -90,18 +90,18 @@ BUILT_IN = {
         Entry("lammps", "flocking.engine.lammps.engine:ENGINE", OWN_PACKAGE),
     )
 }
-"""Engines of this library. Beyond 2,000 agents, 300 on a page, ``"auto"`` takes the tiled one where it can run them."""
+"""Engines of this library. Above 2,000 agents (300 on a page) ``"auto"`` selects the tiled one if it can run them."""
 
 _registered: dict[str, Entry] = {}
 
 
 def check_engine(engine: object) -> None:
-    """Refuse what is no engine.
+    """Refuse an object that is not a valid engine.
 
     Raises
     ------
     InvalidInput
-        When it is not an `Engine`, or its name or its options are none.
+        When it is not an `Engine`, or its name or its options are invalid.
     """
     if not isinstance(engine, Engine):
         raise InvalidInput(
@@ -143,12 +143,12 @@ def register_engine(engine: Engine) -> None:
 
 
 def register_entry(entry: Entry) -> None:
-    """Let another engine be known; one that is known already under this entry stays.
+    """Register an engine; the same entry may be registered again.
 
     Raises
     ------
     InvalidInput
-        When another one has its name.
+        When another engine has its name.
     """
     other = BUILT_IN.get(entry.name) or _registered.get(entry.name) or _installed().get(entry.name)
     if other is not None and other != entry and other.target is not entry.target:
@@ -160,7 +160,7 @@ def register_entry(entry: Entry) -> None:
 
 
 def unregister_engine(name: str) -> None:
-    """Forget an engine that `register_engine` was given.
+    """Remove an engine that `register_engine` was given.
 
     Raises
     ------
@@ -173,24 +173,18 @@ def unregister_engine(name: str) -> None:
 
 
 def adopt_entries(entries: Iterable[Entry]) -> None:
-    """Let engines be known that the process knows for which this one works.
-
-    Parameters
-    ----------
-    entries
-        What `registered` gave there.
-    """
+    """Register the ``entries`` that `registered` gave in the parent process."""
     _registered.update({entry.name: entry for entry in entries if entry.name not in BUILT_IN})
 
 
 def registered() -> tuple[Entry, ...]:
-    """Engines that this process alone knows, for other processes that work for it."""
+    """Engines known to this process only, for its worker processes."""
     return tuple(_registered.values())
 
 
 @lru_cache(maxsize=1)
 def _installed() -> Mapping[str, Entry]:
-    """Engines that installed packages bring. They are not imported."""
+    """Engines of installed packages. They are not imported."""
     from importlib.metadata import entry_points
 
     found: dict[str, Entry] = {}
@@ -216,12 +210,12 @@ def _installed() -> Mapping[str, Entry]:
 
 
 def entry_named(name: str) -> Entry | None:
-    """Where the engine of a name is found; None where there is none."""
+    """Entry of the engine with this name; None if there is none."""
     return BUILT_IN.get(name) or _registered.get(name) or _installed().get(name)
 
 
 def engine_names() -> tuple[str, ...]:
-    """Names of all engines that there are."""
+    """Names of all engines."""
     return tuple({**BUILT_IN, **_registered, **_installed()})
 
 
@@ -258,16 +252,16 @@ def engine_named(name: str) -> Engine:
 
 
 def chosen_engine(scenario: Scenario, engine: str, plant: Law | None = None, *, interactive: bool = False) -> str:
-    """The engine that ``"auto"`` means for a scenario; any other name is left as it is.
+    """The engine that ``"auto"`` selects for a scenario; any other name is returned unchanged.
 
     Parameters
     ----------
     engine
         Name of an engine, or ``"auto"``.
     plant
-        The law the agents really obey, where it is not the scenario's; then it is the engine of the smallest groups.
+        The law the agents really obey, if it is not the scenario's; then it is the engine of the smallest groups.
     interactive
-        Whether somebody looks on and waits.
+        Whether a user waits for each step.
     """
     if not isinstance(engine, str) or engine != AUTO:
         return engine
@@ -284,11 +278,11 @@ def chosen_engine(scenario: Scenario, engine: str, plant: Law | None = None, *, 
 
 
 ARGUMENTS = ("engine", "fine", "plant", "progress", "save")
-"""What `flocking.simulate` takes beside the options of an engine."""
+"""Arguments of `flocking.simulate` beside the options of an engine."""
 
 
 def options_of(engine: Engine, given: Mapping[str, object]) -> object:
-    """Options of an engine; the error of an unknown one names the engines that have it.
+    """Options of an engine; the error for an unknown one names the engines that have it.
 
     Raises
     ------
@@ -315,14 +309,14 @@ def _option_names(name: str) -> tuple[str, ...]:
 
 
 def missing_engine(folder: object, name: str, package: str) -> EngineMissing:
-    """Why a stored run cannot go on: its engine is not there.
+    """The error for a stored run whose engine is missing.
 
     Parameters
     ----------
     folder
         Where the run is.
     name, package
-        The engine, and the package that brought it; empty where the run does not say.
+        The engine, and its package; empty if the run does not state it.
     """
     fix = f"Install the package {package!r}" if package else "Install the package that brings it"
     return EngineMissing(

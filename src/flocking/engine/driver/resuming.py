@@ -1,4 +1,4 @@
-"""Going on with a run on disk that was killed or interrupted."""
+"""Resuming a run on disk that was killed or interrupted."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def resume(
 
 @dataclass(frozen=True, eq=False)
 class _Left:
-    """What a stopped run has left: the run itself where it is finished, else where it goes on from."""
+    """State of a stopped run: the run itself if it is finished, else what it goes on from."""
 
     scenario: Scenario
     plant: Law | None
@@ -81,7 +81,7 @@ def _resume(
     name, package = engine_of(folder)
     entry = entry_named(name)
     if entry is None:
-        # What is finished is read without it.
+        # A finished run is read without it.
         found = read_run(folder, scenario=scenario)
         if found.finished:
             return found
@@ -115,7 +115,7 @@ def _left(folder: Path, writer: RunWriter | None, engine: str, scenario: Scenari
         return left
     if checkpoint is None:
         raise StorageError(f"{folder}: this run cannot go on, it ended: {record['status']}")
-    # Whatever was damaged is told before anything goes on.
+    # Damage is reported before the run goes on.
     read_last(folder, scenario, 0)
     place = folder / checkpoint["file"]
     with storage_errors(folder, "read the checkpoint"):

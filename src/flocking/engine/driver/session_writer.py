@@ -1,4 +1,4 @@
-"""A session kept on disk while it runs: frames streamed, a commit with a checkpoint every few seconds."""
+"""Saving a session while it runs: frames are appended, and a checkpoint is committed every few seconds."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ COMMIT_SECONDS = 2.0
 """Wall time between two commits; a kill loses no more than this and one stop of the simulation, in a small run."""
 
 COMMIT_SHARE = 20.0
-"""A commit that takes long is followed by so many times its own duration without one."""
+"""Least ratio of the time between two commits to the duration of a commit."""
 
 MOST_WAITING = 2**28
-"""Bytes of frames that wait in memory for a commit."""
+"""Bytes of frames in memory that trigger a commit."""
 
 MOST_RETURNED = 8 * 2**30
-"""Bytes of frames up to which a saved run comes back whole; a larger one with its last frame alone."""
+"""Bytes of frames up to which a saved run is returned complete; a larger one is returned with its last frame only."""
 
 
 class SessionWriter:
-    """Writes what a session has recorded since the last time.
+    """Writes the new records of a session.
 
     Parameters
     ----------
@@ -55,17 +55,12 @@ class SessionWriter:
 
     @classmethod
     def create(cls, folder: str | Path, session: Session, every: float | None = None) -> SessionWriter:
-        """Save a new session to a new or empty folder.
-
-        Parameters
-        ----------
-        every
-            Wall time between two commits, in seconds; `COMMIT_SECONDS` when absent.
+        """Save a new session to a new or empty folder; ``every`` as for the class.
 
         Raises
         ------
         StorageError
-            When the folder holds something already or cannot be written.
+            When the folder is not empty or cannot be written.
         """
         entry = entry_named(session.engine)
         how: dict[str, object] = {"engine": session.engine, "options": plain_options(session.options)}
@@ -90,17 +85,17 @@ class SessionWriter:
         assert self._writer is not None
         return self._writer
 
-    def keep(self) -> None:
-        """Commit what was recorded, with a checkpoint, when it is time to."""
+    def commit_if_due(self) -> None:
+        """Commit the new records, with a checkpoint, if a commit is due."""
         if self._team.shared(self._due):
-            self._keep()
+            self._save()
 
     def _due(self) -> bool:
         waited = time.monotonic() - self._last
         wait = max(self._every, COMMIT_SHARE * self._cost) if self._every else 0.0
         return waited >= wait or self._session.records.waiting > MOST_WAITING
 
-    def _keep(self, status: str = "unfinished") -> None:
+    def _save(self, status: str = "unfinished") -> None:
         begin = time.monotonic()
         self._write(complete=False)
         self._commit(status, resumable=True)
@@ -108,22 +103,23 @@ class SessionWriter:
         self._cost = self._last - begin
 
     def finish(self, status: str) -> None:
-        """Commit the last records of a run that will not go on."""
+        """Commit the last records of a run that has ended."""
         self._write(complete=True)
         self._commit(status, resumable=False)
 
     def interrupt(self, status: str, *, between_steps: bool = False) -> None:
-        """Keep a run that was interrupted.
+        """Save a run that was interrupted.
 
-        ``between_steps``, all of it; otherwise its last commit, for an interrupted step is in no state to be kept.
+        ``between_steps``, with all its records; otherwise as of its last commit, as the state within a step cannot be
+        saved.
         """
         if between_steps and self._session.saves_when_interrupted:
-            self._keep(status)
+            self._save(status)
         else:
             self._team.alone(lambda: self._here.mark(status))
 
     def run(self, status: str) -> Run:
-        """The whole run: what is on disk, and what came after its last commit."""
+        """The complete run: what is on disk, and what came after its last commit."""
         recent = self._session.run(status)
         records = self._session.records
         if not any(records.stored.values()):
@@ -170,7 +166,7 @@ def plain_options(options: object) -> dict[str, object]:
     Raises
     ------
     InvalidInput
-        When one of them is nothing that JSON can hold.
+        When JSON cannot hold one of them.
     """
     if not is_dataclass(options) or isinstance(options, type):
         raise InvalidInput("Session", "options", "must be a dataclass", options)
@@ -186,7 +182,7 @@ def plain_options(options: object) -> dict[str, object]:
 
 
 def _joined(stored: Run, recent: Run) -> Run:
-    """A run of which memory holds the end alone, the rest read back."""
+    """A run from the part on disk and the recent part in memory."""
     names = ["t", "q", "p", "switches", "trace"] + ([] if recent.observables is None else ["observables"])
     complete: dict[str, Any] = {name: np.concatenate([getattr(stored, name), getattr(recent, name)]) for name in names}
     links = [run.links for run in (stored, recent) if len(run.t)] or [recent.links]

@@ -1,4 +1,4 @@
-"""The one entry: start a session, or run a scenario to its end."""
+"""Start a session, or run a scenario to its end."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from flocking.errors import EngineFailed, FlockingError, InvalidInput, Simulatio
 from flocking.model.law import Law, Scenario
 
 GLANCE_SECONDS = 0.25
-"""Wall time between two looks at a run on its way, for its progress and its commits; a slow step takes longer."""
+"""Wall time between two stops of a run for progress and commits; a slow step takes longer."""
 
 
 def start(scenario: Scenario, engine: str = "auto", *, plant: Law | None = None, **options: object) -> Session:
-    """Start a session: a simulation that is advanced, looked at and changed step by step.
+    """Start a session: a simulation that is advanced, inspected and changed step by step.
 
     Parameters
     ----------
     scenario
         What to simulate.
     engine
-        ``"exact"``, ``"tiles"`` for large groups, ``"lammps"`` for a cluster, or ``"auto"`` to choose: the exact one
-        up to 2,000 agents, the tiled one beyond.
+        ``"exact"``, ``"tiles"`` for large groups, ``"lammps"`` for a cluster, or ``"auto"`` to choose: the exact one up
+        to 2,000 agents, the tiled one beyond.
     plant
         The law the agents really obey, for tests of an audit; the scenario's law when absent.
     options
@@ -63,14 +63,7 @@ def _engine_of(scenario: Scenario, engine: str, plant: Law | None) -> Engine:
 
 
 def open_session(engine: Engine, scenario: Scenario, options: object, plant: Law | None = None) -> Session:
-    """Start a session of an engine, and see that it is one.
-
-    Parameters
-    ----------
-    engine
-        The engine.
-    plant
-        The law the agents really obey, where it is not the scenario's.
+    """Start a session of an ``engine``, and check its type; ``plant`` as for `start`.
 
     Raises
     ------
@@ -85,19 +78,12 @@ def open_session(engine: Engine, scenario: Scenario, options: object, plant: Law
 
 
 def fine_option(engine: Engine, fine: bool) -> dict[str, object]:
-    """The option that keeps fine samples, for an engine that has it.
-
-    Parameters
-    ----------
-    engine
-        The engine.
-    fine
-        Whether they are wanted.
+    """The option that stores fine samples, if they are wanted (``fine``), for an ``engine`` that has it.
 
     Raises
     ------
     InvalidInput
-        When they are and it does not.
+        When they are wanted and the engine has none.
     """
     if not fine:
         return {}
@@ -196,14 +182,14 @@ def run_session(
 
 
 def drive(session: Session, *, progress: bool, writer: SessionWriter | None = None) -> Run:
-    """Advance a session to the end of its scenario, save it on the way, and close it.
+    """Advance a session to the end of its scenario, save it meanwhile, and close it.
 
     Parameters
     ----------
     progress
         Show a progress bar.
     writer
-        Keeps the run on disk on the way; nothing is kept when absent.
+        Saves the run; nothing is saved when absent.
 
     Raises
     ------
@@ -223,14 +209,14 @@ def _drive(session: Session, progress: bool, writer: SessionWriter | None) -> Ru
     try:
         with deferred, Progress(progress and team.first, scenario, lines=True) as bar:
             begin = session.steps
-            # What is saved can be committed at every frame; else the clock alone says when to look.
+            # A saved run can be committed at every frame; otherwise it stops only by wall time.
             for t in [scenario.t_end] if writer is None else stops(scenario, session.time, often=True):
                 while not session.reached(t):
                     _advance(session, t)
                     note = "" if session.shrunk is None else str(session.shrunk)
                     bar.show(session.time, (session.steps - begin) * scenario.start.n, note)
                     if writer is not None and not session.reached(scenario.t_end):
-                        writer.keep()
+                        writer.commit_if_due()
             if writer is not None:
                 writer.finish(status)
     except KeyboardInterrupt as stop:
@@ -248,7 +234,7 @@ def _drive(session: Session, progress: bool, writer: SessionWriter | None) -> Ru
             raise
         interruption.answered()
     except EngineFailed as error:
-        # Once its fault is mended, the run can go on from its last commit.
+        # Once the engine is repaired, the run can go on from its last commit.
         if writer is not None:
             with suppress(StorageError):
                 writer.interrupt(f"stopped: {error}")
@@ -274,7 +260,7 @@ def _drive(session: Session, progress: bool, writer: SessionWriter | None) -> Ru
 
 
 def _advance(session: Session, to: float) -> None:
-    """Go on for a while; whatever an engine fails with that is no error of this library is told as its failure."""
+    """Advance for a while; an exception that is not of this library becomes `EngineFailed`."""
     before = session.time, session.steps
     try:
         session.advance(to, GLANCE_SECONDS)
@@ -291,7 +277,7 @@ def _advance(session: Session, to: float) -> None:
 
 
 def _available(session: Session, writer: SessionWriter | None, status: str) -> Run:
-    """What was computed until the disk failed: with what is on it, where that can be read."""
+    """What was computed until the disk failed, with the part on disk if it can be read."""
     with suppress(StorageError):
         if writer is not None:
             return writer.run(status)

@@ -1,4 +1,4 @@
-"""A scenario run to one end after the other, each time as if that had been the end from the start."""
+"""A scenario run to several ends in turn, each as if that had been the end from the start."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def in_stages(
     ends
         Ascending times, the first no earlier than the scenario's end.
     engine
-        Name of the engine. The exact one starts anew for none of the ends, and gives the same bits as if it did.
+        Name of the engine. The exact one continues from end to end, with the same bits as separate runs.
     plant
         The law the agents really obey; the scenario's law when absent.
     fine
@@ -36,7 +36,7 @@ def in_stages(
     Raises
     ------
     InvalidInput
-        When the ends do not ascend, or the scenario has no length that frames could go on with.
+        When the ends do not ascend, or the scenario has no duration from which the distance of frames follows.
     SimulationError
         When the run cannot go on.
     """

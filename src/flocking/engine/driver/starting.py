@@ -23,4 +23,4 @@ class _Start:
 
 
 start = _Start()
-"""The one object behind ``fk.start``."""
+"""The object ``fk.start``."""

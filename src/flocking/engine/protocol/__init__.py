@@ -1,1 +1,1 @@
-"""What an engine is to everybody else: an entry with a name and options, and sessions that advance."""
+"""The interface of all engines: an entry with a name and options, and sessions that advance."""

@@ -31,13 +31,13 @@ class Engine(ABC):
     options: type[object]
 
     free_options: frozenset[str] = frozenset()
-    """Options on which results do not depend: another value may be given where a stored run goes on."""
+    """Options on which results do not depend: a stored run may go on with other values."""
 
     command_line_options: Mapping[str, object] = {}
-    """Values that the command line gives to options which its user leaves out."""
+    """Values that the command line uses for options that are not given."""
 
     large_group_options: Mapping[str, object] = {}
-    """Values that suit groups of millions."""
+    """Values suited to groups of millions."""
 
     @abstractmethod
     def check(self, scenario: Scenario, plant: Law | None = None) -> None:
@@ -46,7 +46,7 @@ class Engine(ABC):
         Parameters
         ----------
         plant
-            The law the agents really obey, where it is not the scenario's.
+            The law the agents really obey, if it is not the scenario's.
 
         Raises
         ------
@@ -75,21 +75,21 @@ class Engine(ABC):
 
     @abstractmethod
     def unpack(self, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:
-        """The session that was packed.
+        """Restore a packed session.
 
         Parameters
         ----------
         packed, stored, changes
-            As `flocking.engine.protocol.session.Session.unpack` takes them.
+            As for `flocking.engine.protocol.session.Session.unpack`.
 
         Raises
         ------
         MalformedError, ValueError, KeyError, TypeError
-            As that does.
+            As there.
         """
 
     def open_unrecorded(self, scenario: Scenario) -> Session:
-        """Start a session that keeps no frames, however long it goes on; its steps are those of `open`.
+        """Start a session that stores no frames; its steps are those of `open`.
 
         Raises
         ------
@@ -101,17 +101,11 @@ class Engine(ABC):
         return session
 
     def team(self) -> Team:
-        """The processes that run it together, before there is a session."""
+        """The processes that run it together, before a session is opened."""
         return ONE_PROCESS
 
     def why_not(self, scenario: Scenario, plant: Law | None = None) -> str:
-        """Why it cannot run a scenario; empty where it can.
-
-        Parameters
-        ----------
-        plant
-            The law the agents really obey, where it is not the scenario's.
-        """
+        """Why it cannot run a scenario; empty if it can. ``plant`` is as for `check`."""
         try:
             self.check(scenario, plant)
         except FlockingError as error:
@@ -134,12 +128,12 @@ class Engine(ABC):
         return from_keywords(self.options, given, self.name)
 
     def stored_options(self, data: Mapping[str, object]) -> object:
-        """Its options as a run on disk holds them.
+        """Its options as stored with a run.
 
         Raises
         ------
         InvalidInput, TypeError
-            When they are none.
+            When they are malformed.
         """
         return self.options_from(data)
 
@@ -148,7 +142,7 @@ class Engine(ABC):
     ) -> Iterator[Run]:
         """Runs of a scenario to each of several ends, each as if that had been the end from the start.
 
-        An engine whose steps do not depend on the end need not start anew for each.
+        An engine whose steps do not depend on the end need not start again for each.
 
         Parameters
         ----------

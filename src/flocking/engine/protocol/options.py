@@ -17,12 +17,7 @@ class UnknownOption(InvalidInput):
 
 
 def from_keywords(kind: type[Options], given: Mapping[str, object], engine: str) -> Options:
-    """Options of one kind.
-
-    Parameters
-    ----------
-    engine
-        Name of the engine.
+    """Options of the dataclass ``kind``; ``engine`` is the name of the engine.
 
     Raises
     ------
@@ -36,15 +31,7 @@ def from_keywords(kind: type[Options], given: Mapping[str, object], engine: str)
 
 
 def unknown_option(name: str, value: object, known: Iterable[str], engine: str) -> UnknownOption:
-    """Why an option is refused: it is unknown, and there is one of about that name, or none.
-
-    Parameters
-    ----------
-    known
-        Names that there are.
-    engine
-        Name of the engine.
-    """
+    """The error for an option that ``engine`` lacks; it suggests the nearest of the ``known`` names."""
     names = sorted(known)
     near = nearest(name, names)
     fix = f"{near} Known: {', '.join(names)}." if names else "It has no options."
@@ -52,12 +39,6 @@ def unknown_option(name: str, value: object, known: Iterable[str], engine: str) 
 
 
 def nearest(name: str, names: Iterable[str]) -> str:
-    """A sentence that asks for the nearest of some names; empty where none is near.
-
-    Parameters
-    ----------
-    names
-        What there is.
-    """
+    """A sentence that suggests the nearest of some ``names``; empty if none is near."""
     near = difflib.get_close_matches(name, sorted(names), n=1)
     return f"Did you mean {near[0]}?" if near else ""

@@ -1,4 +1,4 @@
-"""What a running simulation is to whoever drives, saves, resumes, shows or changes it, whichever engine runs it."""
+"""The interface of a running simulation, for the code that drives, saves, resumes, shows or changes it."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ Packed = tuple[dict[str, object], Arrays]
 
 @dataclass(frozen=True, eq=False)
 class Stored:
-    """What a run that goes on from a checkpoint has recorded before.
+    """Records of a run that goes on from a checkpoint.
 
     Parameters
     ----------
     scenario, plant
-        What was simulated, and the law that the agents really obey where it is another.
+        The scenario, and the law that the agents really obey if it is another.
     counts
         Numbers of records, by the names in `flocking.engine.runs.recorder.GROWING`.
     read
@@ -44,23 +44,23 @@ class Stored:
 
 
 class Session(ABC):
-    """A running simulation: it stands at a time, and goes on from there.
+    """A running simulation at some time, from which it can be advanced.
 
-    The same calls give the same bits, however `advance` is cut into pieces. Whoever drives a session uses what is
-    named here and nothing else.
+    The same calls give the same bits, independent of how `advance` is cut into pieces. Drivers use only the attributes
+    and methods of this class.
 
     Attributes
     ----------
     engine
         Name of its engine.
     plant
-        The law the agents really obey, where it is not the scenario's.
+        The law the agents really obey, if it is not the scenario's.
     options
-        The options of its engine, as it runs with them; a dataclass.
+        The options of its engine, with the values in use; a dataclass.
     time, steps
         Time reached, and number of steps until then.
     records
-        What it has written down.
+        Its recorder.
     """
 
     engine: ClassVar[str]
@@ -72,7 +72,7 @@ class Session(ABC):
     records: Recorder
 
     saves_when_interrupted: ClassVar[bool] = False
-    """Whether Ctrl-C, which is heeded between two steps, finds it in a state that can be packed."""
+    """Whether its state can be packed when Ctrl-C, which is handled between two steps, stops it."""
 
     @abstractmethod
     def advance(self, to: float, seconds: float = math.inf) -> None:
@@ -102,14 +102,14 @@ class Session(ABC):
 
     @abstractmethod
     def replace(self, *, law: Law | None = None, state: State | None = None) -> None:
-        """Put another law or state in force from the session's time on.
+        """Replace the law or the state from the session's time on.
 
         Raises
         ------
         InvalidInput
-            When law and state disagree; the session then goes on as before.
+            When law and state disagree; the session is then unchanged.
         UnsupportedLaw
-            When this engine cannot run the law, or replaces nothing.
+            When this engine cannot run the law, or supports no replacement.
         """
 
     @abstractmethod
@@ -119,25 +119,25 @@ class Session(ABC):
     @property
     @abstractmethod
     def fidelity(self) -> Fidelity:
-        """What is known of how well this run is computed."""
+        """What is known of the accuracy of this run."""
 
     @abstractmethod
     def pack(self) -> Packed:
-        """All that another session needs to go on bit for bit, but its scenario and its records; not copied."""
+        """All that another session needs to go on bit for bit, without its scenario and its records; not copied."""
 
     @classmethod
     @abstractmethod
     def unpack(cls, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:
-        """The session that was packed.
+        """Restore a packed session.
 
         Parameters
         ----------
         packed
-            What `pack` gave, read back from a file that anybody may have written.
+            The result of `pack`, read from a file that anybody may have written.
         stored
             Its scenario and its records.
         changes
-            Options to go on with, among those that results do not depend on.
+            New values of options on which results do not depend.
 
         Raises
         ------
@@ -156,27 +156,27 @@ class Session(ABC):
 
     @property
     def shrunk(self) -> object | None:
-        """Why the run hardly goes on, to be shown as text; None where it does."""
+        """Why the run hardly advances, to be shown as text; None if it does advance."""
         return None
 
     @property
     def steady(self) -> bool:
-        """Whether this is a moment to come back to: its steps are about as long as those before."""
+        """Whether this is a time worth returning to: its steps are about as long as those before."""
         return True
 
     @property
     def time_is_exact(self) -> bool:
-        """Whether the session's time alone leads another session to the same state."""
+        """Whether another session that reaches this time has the same state."""
         return True
 
     @property
     def about(self) -> dict[str, object]:
-        """Where the results come from, as the run's provenance says."""
+        """Provenance of the run."""
         return provenance(self.engine, self.scenario) | {"steps": self.steps}
 
     @property
     def known(self) -> tuple[tuple[Closest, Closest], Accuracy | None]:
-        """The closest linked and unlinked pair until now, and what is known of the errors."""
+        """Closest linked and unlinked pair until now, and what is known of the errors."""
         return (self.records.closest_linked, self.records.closest_unlinked), None
 
     @property
@@ -186,17 +186,11 @@ class Session(ABC):
 
     @property
     def accuracy(self) -> Accuracy | None:
-        """What is known of the errors of what was computed so far; None where nothing is."""
+        """What is known of the errors so far; None where nothing is."""
         return self.known[1]
 
     def run(self, status: str = "finished") -> Run:
-        """What was computed so far and is in memory.
-
-        Parameters
-        ----------
-        status
-            How the run stands.
-        """
+        """The records that are in memory, as a run; ``status`` is its state."""
         (linked, unlinked), accuracy = self.known
         return Run(
             self.scenario, status=status, provenance=self.about, closest_linked=linked, closest_unlinked=unlinked,
@@ -204,7 +198,7 @@ class Session(ABC):
         )  # fmt: skip
 
     def moment(self) -> Callable[[], Session]:
-        """The way back to this moment: a function that opens a session which stands as this one does now."""
+        """A function that opens a session in the present state of this one."""
         packed = copy.deepcopy(self.pack())
         records, run = self.records.copy(), self.run("unfinished")
         stored = Stored(self.scenario, self.plant, records.counts, lambda: run)
@@ -217,4 +211,4 @@ class Session(ABC):
         return back
 
     def close(self) -> None:  # noqa: B027  most engines hold nothing else
-        """Give back what it holds beside memory; nothing unless an engine says otherwise."""
+        """Release resources other than memory; by default there are none."""

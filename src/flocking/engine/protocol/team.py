@@ -9,7 +9,7 @@ T = TypeVar("T")
 
 
 class Team:
-    """All processes of a run, each of which calls the same methods in the same order: here there is one.
+    """All processes of a run, each of which calls the same methods in the same order; here there is one.
 
     An engine of several processes derives its own, as `flocking.engine.lammps.ranks.Ranks` does.
     """
@@ -19,29 +19,20 @@ class Team:
 
     @property
     def first(self) -> bool:
-        """Whether this is the process that writes and speaks."""
+        """Whether this is the process that writes files and messages."""
         return self.rank == 0
 
     def alone(self, action: Callable[[], T]) -> T | None:
-        """Let the first process do something. Its result stays there; its failure is raised in all of them.
-
-        Parameters
-        ----------
-        action
-            Called without arguments.
-        """
+        """Call ``action`` in the first process. Its result stays there; its exception is raised in all of them."""
         return action()
 
     def shared(self, action: Callable[[], T]) -> T:
-        """Let the first process do something, and give its result to all of them; its failure is raised in all.
+        """Call ``action`` in the first process and return its result, which can be pickled, in all of them.
 
-        Parameters
-        ----------
-        action
-            Called without arguments; what it gives can be pickled.
+        Its exception is raised in all.
         """
         return action()
 
 
 ONE_PROCESS = Team()
-"""The team of an engine that runs in this process alone."""
+"""The team of an engine that runs in this process only."""

@@ -1,4 +1,4 @@
-"""The bare law on NumPy arrays: the control of a state, and the control one agent can compute by itself."""
+"""The law on NumPy arrays: the control of a state, and the control that one agent can compute by itself."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ __all__ = ["Agent", "Evaluation", "control", "control_of", "evaluate"]
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Everything a law says about one state.
+    """Control, energies and powers of a law in one state.
 
-    First-order agents move with velocity u and have no kinetic energy; their dissipation is that of a gradient
-    flow, the sum of |u_i|^2.
+    First-order agents move with velocity u and have no kinetic energy; their dissipation is that of a gradient flow,
+    the sum of |u_i|^2.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class Evaluation:
 
 
 def graph_links(law: Law, state: State, headings: Array | None = None, space: Space = OPEN) -> list[Links]:
-    """Link matrix of each graph of the law in a ``space``; the memory of the ``state`` serves the first."""
+    """Link matrix of each graph of the law in a ``space``; for the first, the links of the state if it has any."""
     found = [g.links_in(space, state.q, headings) for g in law.graphs]
     if state.links is not None:
         found[0] = np.asarray(state.links)
@@ -195,7 +195,7 @@ def _evaluated(
 def obstacles_met(
     law: Law, layout: Layout, module: object, q: Array, P: Array, given: Mapping[str, Any]
 ) -> list[tuple[Any, dict[str, Array]]]:
-    """For every group of obstacles: the agents within range, once for each obstacle, and what it does to them.
+    """For every group of obstacles: the agents within range, once for each obstacle, and the forces on them.
 
     Parameters
     ----------
@@ -269,7 +269,7 @@ def displacements(space: Space, q: Array, pairs: tuple[Indices, Indices]) -> Arr
 def _pair_values(
     d: Array, p: Array, pairs: tuple[Indices, Indices], slots: tuple[Array, Array], frame: Array
 ) -> dict[str, Any]:
-    """What pair formulas may use about each ordered pair at displacements d, and the velocities v between the two."""
+    """Values that pair formulas may use of each ordered pair at displacements d, and the relative velocities v."""
     i, j = pairs
     A, W = slots
     v = p[j] - p[i]
@@ -407,7 +407,7 @@ def control_of(
 def _known_slots(
     law: Law, layout: Layout, agent: Agent, count: int, mass: float, damping: float, t: float
 ) -> tuple[Array, Array, Array]:
-    """Parameter arrays that reach at least to the largest index the agent has met."""
+    """Parameter arrays up to the largest index that the agent has met."""
     sizes = [
         len(value.values if isinstance(value, MatrixWeights) else np.atleast_1d(value))
         for _, owned in layout.owners()

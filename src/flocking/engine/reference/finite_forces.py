@@ -1,4 +1,4 @@
-"""Refuses pairs of agents at which a law has no force."""
+"""Checks that a law has a force between neighbours."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ def check_finite(owner: str, offsets: Array, forces: Array, pairs: tuple[Indices
 def check_neighbours(
     owner: str, law: Law, graph: int, offsets: Array, forces: Array, pairs: tuple[Indices, Indices]
 ) -> None:
-    """Check that forces are finite, and neighbours on this side of the potentials' poles.
+    """Check that forces are finite, and that neighbours are within the poles of the potentials.
 
-    A pole bounds the distances of neighbours where no link of the graph appears beyond it.
+    A pole bounds the distances of neighbours if no link of the graph appears beyond it.
 
     Parameters
     ----------

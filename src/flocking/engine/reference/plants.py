@@ -1,4 +1,4 @@
-"""Plants: laws that agents obey instead of the declared one, so that ledgers and audits can be tried out."""
+"""Plants: laws that agents obey instead of the declared one, for tests of ledgers and audits."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from flocking.model.law import Law
 
 
 def known_plant(owner: str, plant: Law | None) -> None:
-    """Whether a plant is a law.
+    """Check that a plant is a law or None.
 
     Raises
     ------
@@ -21,7 +21,7 @@ def known_plant(owner: str, plant: Law | None) -> None:
 
 
 def check_plant(owner: str, declared: Law, plant: Law) -> None:
-    """Whether an engine with fixed steps can run a plant and keep the books of the declared law: over the same graphs.
+    """Check that an engine with fixed steps can run a plant and the ledger of the declared law: their graphs agree.
 
     Raises
     ------

@@ -27,6 +27,10 @@ VECTOR_FLAGS = ("contract", "reassoc", "arcp", "nsz", "afn")
 """Fast-math flags of LLVM for vectors of numbers; single numbers have none."""
 
 
+MOST_FACTORS = 2**16
+"""Constant integer exponents below it are products, by at most 30 multiplications (binary exponentiation)."""
+
+
 def number(value: Value) -> Number:
     """A value as a single number.
 
@@ -221,7 +225,7 @@ def power(builder: ir.IRBuilder, base: Number, exponent: Value) -> Number:
     known = exponent.value if isinstance(exponent, Constant) else None
     if base.kind == B1:
         base = converted(builder, base, I8)
-    if isinstance(known, int) and abs(known) < 2**16 and (base.kind.real or known >= 0):
+    if isinstance(known, int) and abs(known) < MOST_FACTORS and (base.kind.real or known >= 0):
         multiply = builder.fmul if base.kind.real else builder.mul
         one = ir.Constant(base.kind.type, [1] * base.kind.lanes if base.kind.lanes else 1)
         result, factor, left = one, base.code, abs(known)

@@ -39,6 +39,9 @@ CASTS: dict[object, Kind] = {
 }  # fmt: skip
 """Kinds by the types that name them."""
 
+FAULT_ODDS = 2**20
+"""Weight of a branch without fault beside one with, for LLVM's layout of the code."""
+
 LARGEST_ON_STACK = 512
 """Numbers an array of known size may have to be kept on the stack."""
 
@@ -82,7 +85,7 @@ class Variables(ABC):
     def _leave_unless(self, holds: ir.Value, fault: ir.Value) -> None:
         b = self.builder
         bad, fine = b.append_basic_block("bad"), b.append_basic_block("fine")
-        b.cbranch(holds, fine, bad).set_weights([2**20, 1])
+        b.cbranch(holds, fine, bad).set_weights([FAULT_ODDS, 1])
         b.position_at_end(bad)
         b.store(fault, self.fault)
         b.branch(self.failed)

@@ -22,16 +22,19 @@ DEGREE = 7
 """Degree of the polynomial of a step."""
 
 RELATIVE = 1e-13
-"""Relative tolerance; the absolute tolerances carry the accuracy."""
+"""Relative tolerance; it is small, as the absolute tolerances determine the accuracy."""
 
 SAFETY, SHORTER, LONGER = 0.9, 0.2, 10.0
-"""By how much less than the error allows a step is changed, and the factors it is changed by at least and at most."""
+"""Safety factor of the step length, and the least and the largest ratio of two successive lengths (as in SciPy)."""
+
+THIRD_ORDER = 0.01
+"""Weight of the squared estimate of order 3 beside that of order 5, as in the DOP853 of Hairer et al."""
 
 EXPONENT = -1 / 8
 """Exponent of the error in the length of the next step, for an estimate of order 7."""
 
 Stages = Callable[[int, int, int, float, Array, float, Array, Array, Array], Array]
-"""What computes stages, see `flocking.engine.exact.dynamics.Dynamics.stages`."""
+"""Computes stages, see `flocking.engine.exact.dynamics.Dynamics.stages`."""
 
 
 class Tableau(NamedTuple):
@@ -78,7 +81,7 @@ TO_BERNSTEIN = _dense_to_bernstein()
 
 
 def halves(stages: Stages, t: float, y: Array, h: float) -> tuple[Array, Array, Array]:
-    """States at the middle and at the end of a step taken in two halves, and the slopes of the second half.
+    """States at the middle and at the end of a step taken as two half steps, and the slopes of the second half.
 
     Parameters
     ----------
@@ -97,7 +100,7 @@ def halves(stages: Stages, t: float, y: Array, h: float) -> tuple[Array, Array, 
 
 @native_apart
 def error_norm(K: Array, h: float, before: Array, after: Array, tolerance: Array, third: Array, fifth: Array) -> float:
-    """Error of a step in units of what is allowed.
+    """Error of a step relative to the tolerance (Hairer, Norsett & Wanner, section II.10).
 
     Parameters
     ----------
@@ -125,12 +128,12 @@ def error_norm(K: Array, h: float, before: Array, after: Array, tolerance: Array
         five += (high[c] / scale) ** 2
     if three == 0.0 and five == 0.0:
         return 0.0
-    return float(abs(h) * five / np.sqrt((five + 0.01 * three) * size))
+    return float(abs(h) * five / np.sqrt((five + THIRD_ORDER * three) * size))
 
 
 @native
 def next_length(length: float, error: float, rejected: bool) -> float:
-    """Length of the step after one of this error: the next one where it is below 1, else another trial of the same.
+    """Length of the next step, or of another trial of this one if its error is not below 1.
 
     Parameters
     ----------
@@ -190,7 +193,7 @@ def polynomial(
     to_bernstein
         `TO_BERNSTEIN`.
     coefficients
-        Takes them, shape (8, size).
+        The result, shape (8, size).
     """
     F = powers(K, h, before, after, dense)
     last = coefficients.shape[0] - 1

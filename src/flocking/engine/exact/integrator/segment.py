@@ -13,6 +13,9 @@ from flocking.engine.exact.integrator.method import DEGREE, TO_BERNSTEIN
 from flocking.formula.native.functions import native_apart
 from flocking.model.checks import Array
 
+BOUND_ROUNDING = 1e-14
+"""Relative margin of the bounds on displacements, more than the rounding of a root of a sum of a few squares."""
+
 ROUNDING = 16 * float(np.finfo(float).eps)
 """Error of a position and a velocity from rounding, relative to the largest of the group."""
 
@@ -25,14 +28,14 @@ def _part(coefficients: Array, x: float) -> Array:
 
 @native_apart
 def fill_part(coefficients: Array, x: float, left: Array) -> None:
-    """Fill the coefficients of the first fraction ``x`` of a segment; the last row is its end (de Casteljau).
+    """Coefficients of the first fraction ``x`` of a segment (de Casteljau); the last row is its end.
 
     Parameters
     ----------
     coefficients
         Those of the segment, shape (8, size).
     left
-        Takes them, of the same shape.
+        The result, of the same shape.
     """
     work = np.empty(coefficients.shape[0])
     for c in range(coefficients.shape[1]):
@@ -50,12 +53,12 @@ def weights_at(places: Sequence[float]) -> Array:
 
 
 def powers_at(places: Sequence[float]) -> Array:
-    """Weights of DOP853's powers in what is added to the start at some places in [0, 1], shape (places, 7)."""
+    """Weights of DOP853's powers in the change since the start at some places in [0, 1], shape (places, 7)."""
     return np.asarray(weights_at(places) @ TO_BERNSTEIN)
 
 
 class Motion(NamedTuple):
-    """How the agents move on a segment.
+    """Motion of the agents on a segment.
 
     Parameters
     ----------
@@ -64,9 +67,9 @@ class Motion(NamedTuple):
     velocities
         Those of the velocities, shape (8, N, m); agents of order 1 have none, shape (8, 0, m).
     far
-        Bound on how far each agent strays from its start, seen from the group's mean, shape (N,).
+        Bound on the displacement of each agent from its start, relative to the group's mean, shape (N,).
     size
-        The largest coefficient of a position, without its sign.
+        Largest absolute coefficient of a position.
     """
 
     positions: Array
@@ -77,14 +80,14 @@ class Motion(NamedTuple):
 
 @native_apart
 def split_motion(coefficients: Array, B: Array, P: Array, far: Array) -> float:
-    """Fill what a `Motion` holds from the coefficients of a segment, and return its size.
+    """Fill the fields of a `Motion` from the coefficients of a segment, and return its size.
 
     Parameters
     ----------
     coefficients
         Those of the state vector, shape (8, size).
     B, P, far
-        Take the positions, the velocities and the bounds.
+        Results: the positions, the velocities and the bounds.
     """
     count, n, m = B.shape[0], B.shape[1], B.shape[2]
     size = 0.0
@@ -101,15 +104,7 @@ def split_motion(coefficients: Array, B: Array, P: Array, far: Array) -> float:
 
 
 def bound_excursions(B: Array, far: Array) -> None:
-    """Fill the bounds on how far agents stray, see `Motion`; for native functions.
-
-    Parameters
-    ----------
-    B
-        Bernstein coefficients of the positions, shape (8, N, m).
-    far
-        Takes them, shape (N,).
-    """
+    """Fill the bounds ``far`` on displacements, shape (N,), see `Motion`; for native functions."""
     n, m = B.shape[1], B.shape[2]
     mean = np.empty(m)
     for i in range(n):
@@ -126,7 +121,7 @@ def bound_excursions(B: Array, far: Array) -> None:
                 square += (B[a, i, k] - B[0, i, k] - mean[k]) ** 2
             far[i] = max(far[i], square)
     for i in range(n):
-        far[i] = np.sqrt(far[i]) * (1.0 + 1e-14)
+        far[i] = np.sqrt(far[i]) * (1.0 + BOUND_ROUNDING)
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,13 +147,7 @@ class Segment:
         return cls(t, t, np.repeat(y[None], DEGREE + 1, axis=0))
 
     def motion(self, n: int, m: int, order: int) -> Motion:
-        """How the agents move on it; it is found once.
-
-        Parameters
-        ----------
-        order
-            Order of the agents: only those of order 2 have velocities.
-        """
+        """Motion of the agents on it, computed once; ``order`` is that of the agents: order 1 has no velocities."""
         found = self._motion.get((n, m, order))
         if found is None:
             B, P, far = np.empty((DEGREE + 1, n, m)), np.empty((DEGREE + 1, n * (order - 1), m)), np.empty(n)

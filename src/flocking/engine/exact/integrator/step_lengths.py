@@ -1,4 +1,4 @@
-"""Lengths of the last steps of a run, and the agents that limit them where they have shrunk to nothing."""
+"""Lengths of the last steps of a run, and the agents that limit them if they become too short."""
 
 from __future__ import annotations
 
@@ -10,28 +10,31 @@ import numpy as np
 from flocking.model.checks import Array
 
 RECENT = 50
-"""So many steps in a row must be short: a single one is cut by a crossing, or by the end of a run."""
+"""Number of successive steps that must be short: a single one is cut by a crossing, or by the end of a run."""
 
 USUAL = 0.01
-"""The last steps are as usual while the longest of them is no shorter than this part of the mean of all."""
+"""The last steps count as usual while the longest of them is at least this share of the mean of all."""
 
 TOO_MANY_STEPS = 1e9
-"""Steps have shrunk where a whole scenario would take more of them than this."""
+"""Steps are too short if a scenario of this length would take more of them than this."""
+
+STRAINED = 0.5
+"""Agents with at least this share of the largest error are named."""
 
 MOST_NAMED = 4
-"""Most agents that are named."""
+"""Largest number of agents in a message."""
 
 
 @dataclass(frozen=True)
 class Shrunk:
-    """Steps so short that a run hardly goes on.
+    """Steps so short that a run hardly advances.
 
     Parameters
     ----------
     step
         The longest of the last steps.
     agents
-        The agents whose motion asked for it, where known.
+        The agents that limit it, where known.
     """
 
     step: float
@@ -42,19 +45,13 @@ class Shrunk:
 
 
 def named(agents: tuple[int, ...]) -> str:
-    """Agents as they are named in a sentence.
-
-    Parameters
-    ----------
-    agents
-        Their numbers, at least one.
-    """
+    """Agents as text; ``agents`` are their numbers, at least one."""
     *first, last = map(str, agents)
     return f"agents {', '.join(first)} and {last}" if first else f"agent {last}"
 
 
 class StepLengths:
-    """The lengths of the last steps of a run; they decide nothing about the steps to come.
+    """The lengths of the last steps of a run; they do not affect later steps.
 
     Parameters
     ----------
@@ -68,25 +65,19 @@ class StepLengths:
         self._sum, self._count = 0.0, 0
 
     def add(self, step: float) -> None:
-        """Take in a step.
-
-        Parameters
-        ----------
-        step
-            Its length.
-        """
+        """Add a step of length ``step``."""
         self._last.append(step)
         self._sum += step
         self._count += 1
 
     @property
     def usual(self) -> bool:
-        """Whether the last steps are about as long as those before: a run that collapses is not yet near its end."""
+        """Whether the last steps are about as long as those before: a run that collapses has not come near its end."""
         return len(self._last) < RECENT or max(self._last) >= USUAL * self._sum / self._count
 
     @property
     def shrunk_to(self) -> float | None:
-        """The longest of the last steps, where all of them were too short to get anywhere."""
+        """The longest of the last steps, if all of them were too short to advance."""
         if len(self._last) < RECENT or self._last[-1] >= self._shortest:
             return None
         longest = max(self._last)
@@ -94,15 +85,12 @@ class StepLengths:
 
 
 def most_strained(errors: Array) -> tuple[int, ...]:
-    """The agents with the largest errors on a step, in ascending order: those within a factor of 2 of the largest.
+    """The agents with the largest errors on a step, in ascending order; ``errors`` has shape (N,).
 
-    Parameters
-    ----------
-    errors
-        Estimated error of each agent, shape (N,).
+    They are those within `STRAINED` of the largest error.
     """
     sizes = np.where(np.isnan(errors), np.inf, errors)
     if not len(sizes) or sizes.max() == 0.0:
         return ()
     order = np.argsort(-sizes, kind="stable")[:MOST_NAMED]
-    return tuple(sorted(int(i) for i in order if sizes[i] >= 0.5 * sizes.max()))
+    return tuple(sorted(int(i) for i in order if sizes[i] >= STRAINED * sizes.max()))

@@ -1,9 +1,10 @@
-"""Steps of the method with their error under control; every step becomes a polynomial segment."""
+"""Adaptive steps of the method; every step becomes a polynomial segment."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import count
 from typing import cast
 
 import numpy as np
@@ -26,18 +27,12 @@ from flocking.errors import NotFinite, StepTooSmall
 from flocking.model.checks import Array
 
 SPACINGS = 10
-"""Steps are at least so many spacings of neighbouring numbers long at the time they begin."""
+"""Least length of a step in units of the spacing of floating-point numbers at its start."""
 
 
 @dataclass(frozen=True, eq=False)
 class StepperMemory:
-    """All a stepper needs to go on exactly where it was: time, state, slope and proposed step.
-
-    Parameters
-    ----------
-    y
-        State vector.
-    """
+    """State of a stepper: time, state vector ``y``, slope and proposed step."""
 
     t: float
     y: Array
@@ -46,7 +41,7 @@ class StepperMemory:
 
 
 class Stepper:
-    """An adaptive integrator of order 8 that never sees the graph: it is restarted where the graph switches.
+    """An adaptive integrator of order 8, independent of the graph: it is restarted where links switch.
 
     Parameters
     ----------
@@ -85,13 +80,7 @@ class Stepper:
         self.memory = memory
 
     def restart(self, t: float, y: Array) -> None:
-        """Go on from another state, keeping the proposed step.
-
-        Parameters
-        ----------
-        y
-            The state vector to go on from.
-        """
+        """Go on from another state vector ``y``, with the same proposed step."""
         self.memory = StepperMemory(t, y, self._slope(t, y), self.memory.step)
 
     def recall(self, memory: StepperMemory) -> None:
@@ -100,7 +89,7 @@ class Stepper:
 
     @property
     def strained(self) -> tuple[int, ...]:
-        """The agents whose errors made the step tried last no longer than it was; none before the first."""
+        """The agents whose errors limited the step tried last; none before the first."""
         length, before = self.tried
         if not length:
             return ()
@@ -111,7 +100,7 @@ class Stepper:
         return most_strained(each.max(axis=(0, 2)))
 
     def _first_length(self, bound: float, longest: float) -> float:
-        """Length to begin with, as SciPy chooses it (Hairer et al., section II.4)."""
+        """Initial step length, chosen as in SciPy (Hairer et al., section II.4)."""
         from scipy.integrate import DOP853
 
         before, tolerance = self.memory, cast(float, self.tolerance)  # as SciPy's types have it, which takes arrays too
@@ -136,7 +125,7 @@ class Stepper:
             proposed = before.step or self._first_length(bound, longest)
             length = min(max(proposed, shortest), longest)
             error = np.inf
-            for trial in range(1, 2**30):
+            for trial in count(1):
                 interruption.check()
                 if length < shortest:
                     raise StepTooSmall(
