@@ -1,4 +1,4 @@
-"""Steps that went over a barrier of a potential: they show in the energy."""
+"""Detects steps that crossed a barrier of a potential: the energy shows them."""
 
 from __future__ import annotations
 
@@ -12,12 +12,15 @@ from flocking.engine.exact.integrator.segment import Segment
 from flocking.model.checks import Array
 
 LEDGER_GAP = 1e5
-"""A step whose energy its ledger misses at its end by more than this, in tolerances, jumped over a barrier: a step that
-met no barrier misses some tolerances."""
+"""Ledger residual of a step, in tolerances, above which it counts as having crossed a barrier.
+
+A step that met no barrier has a residual of some tolerances.
+"""
 
 DIP_GAP = 1e-2
-"""The same at a close encounter inside the step, relative to the energies: the polynomial of a step that resolves an
-encounter keeps the energy to some digits."""
+"""The same at a close approach inside the step, relative to the energies: the polynomial of a step that resolves it
+keeps the energy to some digits.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +66,7 @@ def jumps_barrier(dynamics: Dynamics, segment: Segment, ledger: LedgerState) -> 
 
 
 def _gap(dynamics: Dynamics, t: float, y: Array, ledger: LedgerState) -> float:
-    """What the ledger misses between the start of the step and ``y``, relative to the energies."""
+    """Residual of the ledger between the start of the step and ``y``, relative to the energies."""
     _, dissipated, supplied = (y[dynamics.motion_size :] - ledger.tail)[:LEDGER]
     energy, kinetic = dynamics.energy(t, y)
     gap = relative_gap(energy, kinetic, ledger.energy, ledger.kinetic, dissipated, supplied)
@@ -73,14 +76,14 @@ def _gap(dynamics: Dynamics, t: float, y: Array, ledger: LedgerState) -> float:
 def relative_gap(
     energy: float, kinetic: float, energy_before: float, kinetic_before: float, dissipated: float, supplied: float
 ) -> float:
-    """What the ledger misses of a change of energy, relative to the energies; for native functions too.
+    """Residual of the ledger for a change of energy, relative to the energies; for native functions too.
 
     Parameters
     ----------
     energy, kinetic, energy_before, kinetic_before
         Energy and kinetic energy after the change and before it.
     dissipated, supplied
-        What the ledger says of the change.
+        Entries of the ledger for the change.
     """
     gap = abs(energy - energy_before + dissipated - supplied)
     return gap / max(1.0, abs(energy_before), abs(supplied), kinetic_before, kinetic)

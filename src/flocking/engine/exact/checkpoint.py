@@ -21,7 +21,7 @@ from flocking.engine.runs.run import Closest, Largest
 
 
 def pack_exact(snapshot: Snapshot) -> tuple[dict[str, object], Arrays]:
-    """Numbers and arrays of a snapshot, but for its scenario and its records."""
+    """Numbers and arrays of a snapshot, without its scenario and its records."""
     links, near = snapshot.links
     numbers = {
         "time": snapshot.time, "energy": snapshot.energy, "jumped": snapshot.jumped, "steps": snapshot.steps,
@@ -52,7 +52,7 @@ def pack_exact(snapshot: Snapshot) -> tuple[dict[str, object], Arrays]:
 
 
 def restore_exact(numbers: Mapping[str, object], arrays: Arrays, stored: Stored) -> Snapshot:
-    """The snapshot that was packed, with its records from a run read back.
+    """The snapshot that was packed, with its records from a stored run.
 
     Parameters
     ----------
@@ -89,15 +89,7 @@ def restore_exact(numbers: Mapping[str, object], arrays: Arrays, stored: Stored)
 
 
 def recorder_of(stored: Stored, numbers: ExactNumbers) -> ExactRecorder:
-    """A recorder that holds the records of a run and goes on with them.
-
-    Parameters
-    ----------
-    stored
-        The run.
-    numbers
-        Those of the checkpoint: what was in doubt, and the extreme values, at the last whole step.
-    """
+    """A recorder with the records of a ``stored`` run, and doubts and extreme values from ``numbers``."""
     recorder = ExactRecorder(stored.scenario)
     recorder.recall(stored.counts, stored.read)
     linked, unlinked = (Closest(d, t, (pair[0], pair[1]), e) for d, t, pair, e in numbers["closest"])

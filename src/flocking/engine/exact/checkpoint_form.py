@@ -1,4 +1,4 @@
-"""What a checkpoint of the exact engine must look like, by the scenario it belongs to."""
+"""The form of a checkpoint of the exact engine for a given scenario."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ from flocking.model.law import Law, Scenario
 ANY = Real(finite=False)
 POSITIVE = Real(least=0.0, finite=False)
 LARGEST = squarable("f8")
-"""No step that was accepted holds larger numbers."""
+"""Bound on the numbers of accepted steps."""
 Extreme = tuple[float, float, tuple[int, ...], float]
 """A value, its time, the agents and its error."""
 
 LATE = 1e-9
-"""By how much, relative to their size, two ways of telling one moment may differ."""
+"""Largest relative difference of two representations of one time."""
 
 
 class ExactNumbers(TypedDict):
@@ -69,19 +69,19 @@ class ExactNumbers(TypedDict):
 
 
 def check_exact(numbers: Mapping[str, object], arrays: Arrays, scenario: Scenario, plant: Law | None) -> ExactNumbers:
-    """The numbers of a checkpoint of a session of this scenario; what cannot be one is refused.
+    """The numbers of a checkpoint of a session of this scenario, after all checks.
 
     Parameters
     ----------
     numbers, arrays
         What was read.
     plant
-        The law the agents really obey, where it is another.
+        The law the agents really obey, if it is another.
 
     Raises
     ------
     MalformedError
-        When they are none; the message names what is wrong.
+        When something is wrong; the message names it.
     """
     acting = plant or scenario.law
     acting.check_count(*scenario.start.q.shape)
@@ -107,7 +107,7 @@ def check_exact(numbers: Mapping[str, object], arrays: Arrays, scenario: Scenari
 
 
 def _tuples(value: object) -> object:
-    """Plain data with tuples in place of lists, so that every place has a type of its own."""
+    """Plain data with tuples in place of lists, so that each entry has a type of its own."""
     if isinstance(value, list | tuple):
         return tuple(_tuples(x) for x in value)
     return {name: _tuples(x) for name, x in value.items()} if isinstance(value, dict) else value
@@ -157,7 +157,7 @@ class _Either(Form[Value]):
         self.one, self.two = one, two
 
     def check(self, value: object, name: str) -> Value:
-        """Refuse what has neither form."""
+        """Refuse a value that has neither form."""
         try:
             return self.one.check(value, name)
         except MalformedError:

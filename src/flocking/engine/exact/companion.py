@@ -1,10 +1,10 @@
-"""A second solution beside the first, in steps of half the length: the difference is the integration error.
+"""A second solution in half steps: its difference from the first one is the integration error.
 
 Over the step of the solution y, the companion z = y + e takes two half steps of the same method. Its local errors are
-about 256 times smaller, so e follows the error of y however the motion spreads or damps it, the error of the
-polynomial at which a step was cut included. At a switch z would cross a time dt later than y; to first order
-e jumps by (f before - f after) dt (the saltation rule; Leine & Nijmeijer, Dynamics and Bifurcations of Non-Smooth
-Mechanical Systems, 2004, ch. 7).
+about 256 times smaller, so e follows the error of y, whether the motion amplifies or damps it, including the error of
+the polynomial at which a step was cut. At a switch z would cross a time dt later than y; to first order e jumps by (f
+before - f after) dt (the saltation rule; Leine & Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems,
+2004, ch. 7).
 
 Above `FEW_PAIRS` pairs two half steps would cost more than the step itself. There e' = f(y + e) - y' is integrated
 along the polynomial of the step, in steps short enough for four slopes each.
@@ -24,23 +24,25 @@ from flocking.formula.native.functions import native_apart
 from flocking.model.checks import Array
 
 SAFETY = 4.0
-"""Errors reported are this many times the differences found. Observed on random small systems, chaotic and grazing
-ones included: see `tests/engine/exact/test_error_estimate.py`."""
+"""Ratio of reported errors to the differences found. Measured on random small systems, chaotic and grazing ones
+included: see `tests/engine/exact/test_error_estimate.py`.
+"""
 
 LOST = 0.1
-"""An error of this share of the group's size, or of the shortest reach of a graph, leaves nothing of a solution: what
-comes later is unknown."""
+"""Error, as a share of the group's size or of the shortest reach of a graph, beyond which the solution is unknown."""
 
 FEW_PAIRS = 1500
-"""Ordered pairs up to which two half steps are taken; measured, they cost no more than four slopes a step do there."""
+"""Ordered pairs up to which two half steps are taken; measured, they cost no more than four slopes per step there."""
 
 SHORT = 0.5
-"""Longest step of four slopes, in times within which the fastest part of the motion changes: the classical method of
-order 4 errs there by less than 0.5^5 / 120, 0.03 %, a step."""
+"""Longest step of four slopes, in time constants of the fastest change: the classical method of order 4 has an error
+below 0.5^5 / 120, 0.03 %, per step there.
+"""
 
 PLACES = (0.5, 0.625, 0.8125, 0.9)
-"""Where inside a step the solution is compared, in steps: between its ends the polynomial errs most in the second half,
-least near its middle."""
+"""Where inside a step the solution is compared, as fractions of it: between its ends the polynomial is least accurate
+in the second half, most accurate near its middle.
+"""
 
 NODES = len(PLACES) + 2
 INSIDE = weights_at(PLACES)
@@ -49,12 +51,12 @@ SECOND = powers_at([2 * x - 1 for x in PLACES[1:]])
 """Weights of the powers of the companion's second half step in the companion at those of them that lie in it."""
 
 SLOWER = 0.9
-"""Factor of the rate of the fastest change with each step on which it was not looked at."""
+"""Factor of the rate of the fastest change for each step on which it was not measured."""
 
 
 @dataclass(frozen=True, eq=False)
 class Difference:
-    """What the companion is away from the solution over a step.
+    """Difference of the companion from the solution over a step.
 
     Parameters
     ----------
@@ -63,7 +65,7 @@ class Difference:
     rate
         Rate of the fastest change seen, for large groups.
     lost
-        Since when nothing is known any more; infinite when the solution is known.
+        Time from which on nothing is known; infinite when the solution is known.
     """
 
     nodes: Array
@@ -72,13 +74,7 @@ class Difference:
 
     @classmethod
     def none(cls, size: int) -> Difference:
-        """That of a start that is exact.
-
-        Parameters
-        ----------
-        size
-            Size of the state vector.
-        """
+        """That of an exact start; ``size`` is that of the state vector."""
         return cls(np.zeros((NODES, size)))
 
 
@@ -90,9 +86,9 @@ class Companion:
     dynamics
         The law in force.
     difference
-        Where to go on.
+        Initial difference.
     reach
-        Shortest reach of a graph of the law; infinite where none has one.
+        Shortest reach of a graph of the law; infinite if none has one.
     """
 
     def __init__(self, dynamics: Dynamics, difference: Difference, reach: float) -> None:
@@ -102,7 +98,7 @@ class Companion:
         self.difference = difference
 
     def follow(self, segment: Segment, start: Array | None = None) -> None:
-        """Go along a step.
+        """Integrate the companion over a step.
 
         Parameters
         ----------
@@ -157,37 +153,23 @@ class Companion:
         return np.asarray(self._dynamics.slope(t, y + e)) - slope
 
     def _loses(self, segment: Segment) -> bool:
-        """Whether the difference is too large to say anything."""
+        """Whether the difference is too large to be meaningful."""
         error = self.over(segment)
         size = min(error.spread, self._reach)
         return not error.finite or error.position > LOST * size > 0.0
 
     def lose(self, t: float) -> None:
-        """From time ``t`` on nothing is known: a switch that decides all that comes is in doubt."""
+        """Mark everything after time ``t`` as unknown, because a switch in doubt decides it."""
         self.difference = replace(self.difference, lost=min(t, self.difference.lost))
 
     def push(self, kick: Array) -> None:
-        """Add to the difference at the end of the step.
-
-        Parameters
-        ----------
-        kick
-            What is added, shape (size,).
-        """
+        """Add ``kick``, shape (size,), to the difference at the end of the step."""
         nodes = self.difference.nodes.copy()
         nodes[-1] += kick
         self.difference = replace(self.difference, nodes=nodes)
 
     def know(self, segment: Segment, numbers: Sequence[float]) -> None:
-        """Take in the `summary` of the difference on a step.
-
-        Parameters
-        ----------
-        segment
-            The step.
-        numbers
-            What `summary` gives.
-        """
+        """Store the `summary` (``numbers``) of the difference on a step ``segment``."""
         dynamics, (finite, *sizes) = self._dynamics, numbers
         lost = self.difference.lost < np.inf
         shape = dynamics.n, dynamics.m, dynamics.order
@@ -195,13 +177,7 @@ class Companion:
         self._known = (segment, self.difference, error)
 
     def over(self, segment: Segment) -> StateError:
-        """Errors of positions and velocities on a step that was followed.
-
-        Parameters
-        ----------
-        segment
-            The step.
-        """
+        """Errors of positions and velocities on the step ``segment`` that was followed."""
         known = self._known
         if known is not None and known[0] is segment and known[1] is self.difference:
             return known[2]
@@ -212,26 +188,20 @@ class Companion:
 
 
 def companion_gap(companion: float, solution: float, dissipated: float, supplied: float) -> float:
-    """What the ledger of the companion misses beside that of the solution; for native functions too.
+    """Difference of the ledger residuals of the companion and the solution; for native functions too.
 
     Parameters
     ----------
     companion, solution
         Energies of the two.
     dissipated, supplied
-        What they differ by in these.
+        Differences of these entries.
     """
     return companion - solution + dissipated - supplied
 
 
 def unexplained_energy(before: float, after: float) -> float:
-    """What the error of a step leaves the ledger unable to explain; for native functions too.
-
-    Parameters
-    ----------
-    before, after
-        The `companion_gap` at the ends of the step.
-    """
+    """Ledger residual due to the error of a step, from the `companion_gap` ``before`` and ``after``; also native."""
     change = abs(after - before)
     return change if np.isfinite(change) else np.inf
 
@@ -387,12 +357,9 @@ class StateError:
         return SAFETY * _between(self.nodes[:, : self.n * self.m], i, j, self.m) + 2 * self.q_floor
 
     def pair_velocity(self, i: int, j: int, velocities: Array) -> float:
-        """Bound on the error of the relative velocity of two agents.
+        """Bound on the error of the relative velocity of two agents, from ``velocities``.
 
-        Parameters
-        ----------
-        velocities
-            Differences of the velocities at some times, shape (k, N m).
+        These are differences of the velocities at some times, shape (k, N m).
         """
         return SAFETY * _between(velocities, i, j, self.m) + 2 * self.p_floor
 

@@ -1,4 +1,4 @@
-"""The compiled law of a running simulation: kernels, parameters in force, and the energies the ledger holds."""
+"""The compiled law of a running simulation: kernels, parameters in force, and the energies of the ledger."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ LEDGER = len(RATES)
 """Number of integrated quantities of the ledger."""
 
 KNOWN_ENERGIES = 6
-"""How many energies are remembered: a step asks for those of its ends, and of the companion's, several times."""
+"""Number of energies cached: a step uses those of its ends, and of the companion's, several times."""
 
 _START = np.zeros(1), np.zeros((1, 1))
-"""Nodes and weights of the method whose only stage is where it starts."""
+"""Nodes and weights of a method whose only stage is at its start."""
 
 
 class Dynamics:
@@ -41,10 +41,10 @@ class Dynamics:
     Parameters
     ----------
     plant
-        The law the agents really obey, where it is not the scenario's: the ledger's powers and energies go on
-        being those of the declared law.
+        The law the agents really obey, if it is not the scenario's: powers and energies of the ledger remain those of
+        the declared law.
     base
-        The time at which the session's own time, which all functions here are given, is 0.
+        The time at which the session's own time, the time of all functions here, is 0.
 
     Raises
     ------
@@ -82,7 +82,7 @@ class Dynamics:
         self._energies: dict[tuple[float, bytes], tuple[float, float]] = {}
 
     def repack(self, t: float) -> None:
-        """Take the parameters as they are from time ``t`` on."""
+        """Take the parameters in force from time ``t`` on."""
         self._energies.clear()
         t = self._late(t)
         agents = self.scenario.agents
@@ -106,10 +106,10 @@ class Dynamics:
         return senders[:end], sensed[:end]
 
     def divide(self, links: LinkState) -> None:
-        """Find where the pieces of the formulas go on beyond `LinkState.borders`, and their narrow features."""
+        """Find how far the pieces of the formulas continue beyond `LinkState.borders`, and their narrow features."""
         self._energies.clear()
         self.__dict__.pop("_zones", None)
-        self._zone_sources = links.borders(), links.encounters.groups, self._slots
+        self._zone_sources = links.borders(), links.contacts.groups, self._slots
         rows = [np.array([FREE])]
         for k, borders in enumerate(links.borders()):
             graphs = len(links.graphs)
@@ -136,7 +136,7 @@ class Dynamics:
 
     @cached_property
     def _zones(self) -> tuple[Array, Numbers, list[Array]]:
-        """Found when a step is made: a law that is replaced before that needs none."""
+        """Computed when a step is made: a law that is replaced before needs none."""
         borders, groups, slots = self._zone_sources
         name, shape, graphs = self._kernels.name, self._kernels.shape, len(self.layout.law.graphs)
         found = [zones_of(name, shape(f"shape{k}"), slots, ends) for k, ends in enumerate(borders[:graphs])]
@@ -147,13 +147,7 @@ class Dynamics:
         return np.concatenate(found), np.repeat(np.arange(len(found)), [len(rows) for rows in found]), obstacles
 
     def allowed_share(self, segment: Segment, links: LinkState) -> float:
-        """Which fraction of a step nobody moves further within a narrow feature than it may.
-
-        Parameters
-        ----------
-        segment
-            The step.
-        """
+        """The fraction of the step ``segment`` on which no pair moves too far within a narrow feature."""
         share = 1.0
         motion = segment.motion(self.n, self.m, self.order)
         B = motion.positions
@@ -161,11 +155,11 @@ class Dynamics:
             share = float(allowed_share(B, motion.far, *self.pairs[:3], self.zones, self.zone_graphs))
         if any(map(len, self._obstacle_zones)):
             found = self._obstacle_zones
-            share = min(share, allowed_by_obstacles(segment, B, links.encounters, links.active(), found, self.base))
+            share = min(share, allowed_by_obstacles(segment, B, links.contacts, links.active(), found, self.base))
         return share
 
     def relink(self, links: LinkState) -> None:
-        """Take the links as they are now.
+        """Update the pairs from the links.
 
         Raises
         ------
@@ -183,9 +177,9 @@ class Dynamics:
         self._linked = int(np.count_nonzero(links.links[0]))
 
     def renumbered(self, scenario: Scenario) -> Dynamics | None:
-        """The same kernels, links and pieces for a scenario whose law has other numbers; None where more changed.
+        """The same kernels, links and pieces for a scenario whose law has other numbers; None if more changed.
 
-        The parameters are still to be taken, see `repack`, and then the spans of pieces, see `divide` and `keep_pairs`.
+        Call `repack` for the parameters, and then `divide` and `keep_pairs` for the spans of the pieces.
         """
         layout = Layout(scenario.law, scenario.energy, scenario.agents, scenario.space)
         known = self._declared is None and library_states_all(layout.parts)
@@ -208,7 +202,7 @@ class Dynamics:
         self.singular = law.singular_at_zero()
 
     def keep_pairs(self) -> None:
-        """Go on with the same links and pieces, under the spans of the pieces found by `divide`."""
+        """Keep links and pieces, with the spans of the pieces found by `divide`."""
         self._energies.clear()
         self.pairs = self.pairs._replace(spans=self._spans)
         self._declared_pairs = self.pairs
@@ -220,10 +214,10 @@ class Dynamics:
 
     @property
     def compiled(self) -> CompiledLaw | None:
-        """The law in force, as native functions take it.
+        """The law in force for native functions.
 
-        None where a step needs more: leaders without a closed form, the ledger of another law, or obstacles whose
-        potentials have narrow features.
+        None for leaders without a closed form, the ledger of another law, or obstacles whose potentials have narrow
+        features.
         """
         if self._places or self._ledger is not None or any(map(len, self._obstacle_zones)):
             return None
@@ -237,7 +231,7 @@ class Dynamics:
         return np.array([place.at(t + self.base) for _, place in self._places])
 
     def _locate(self, y: Array) -> None:
-        """Put these coordinates where the kernels read them."""
+        """Write these coordinates where the kernels read them."""
         if not self._places:
             return
         known = y[self.motion_size + LEDGER :]
@@ -246,26 +240,14 @@ class Dynamics:
             slots[0][slot] = coordinate
 
     def slope(self, t: float, y: Array) -> Array:
-        """dy/dt; with a plant the ledger's powers are those of the declared law along the plant's motion.
-
-        Parameters
-        ----------
-        y
-            State vector: positions, velocities of agents of order 2, further columns, then the integrated quantities.
-        """
+        """dy/dt of a state vector ``y``; with a plant the ledger's powers are those of the declared law along its motion."""
         if self._places:
             with self._reading:
                 return self._slope(t, y)
         return self._slope(t, y)
 
     def accelerations(self, t: float, y: Array) -> Array:
-        """Rates of change of the velocities of agents of order 2, controls of those of order 1, shape (N, m).
-
-        Parameters
-        ----------
-        y
-            State vector.
-        """
+        """Rates of change of velocities (order 2), or controls (order 1), at a state vector ``y``, shape (N, m)."""
         size = self.n * self.m
         return np.asarray(self.slope(t, y))[(self.order - 1) * size : self.order * size].reshape(self.n, self.m)
 
@@ -318,13 +300,7 @@ class Dynamics:
         return found
 
     def energy(self, t: float, y: Array) -> tuple[float, float]:
-        """Energy and kinetic energy of a state vector under the declared law.
-
-        Parameters
-        ----------
-        y
-            State vector: positions, velocities of agents of order 2, further columns, then the integrated quantities.
-        """
+        """Energy and kinetic energy of a state vector ``y`` under the declared law."""
         key = (t, y.tobytes())
         known = self._energies.get(key)
         if known is not None:
@@ -339,40 +315,20 @@ class Dynamics:
         return found
 
     def know_energy(self, t: float, y: Array, found: tuple[float, float]) -> None:
-        """Remember energy and kinetic energy of a state vector, see `energy`.
-
-        Parameters
-        ----------
-        t, y
-            As for `energy`.
-        found
-            The energies.
-        """
+        """Cache energy and kinetic energy (``found``) of a state vector ``y``, see `energy`."""
         while len(self._energies) >= KNOWN_ENERGIES:
             del self._energies[next(iter(self._energies))]
         self._energies[t, y.tobytes()] = found
 
     def split(self, y: Array) -> tuple[Array, Array, Array]:
-        """Positions, velocities and the integrated quantities of a state vector; views, where there are velocities.
-
-        Parameters
-        ----------
-        y
-            State vector: positions, velocities of agents of order 2, further columns, then the integrated quantities.
-        """
+        """Positions, velocities and the integrated quantities of a state vector ``y``; views, if there are velocities."""
         count = self.n * self.m
         q = y[:count].reshape(self.n, self.m)
         p = y[count : 2 * count].reshape(self.n, self.m) if self.order == 2 else np.zeros_like(q)
         return q, p, y[self.motion_size :]
 
     def further(self, y: Array) -> dict[str, Array]:
-        """Further columns of a state vector by name, shape (N, width) each; views.
-
-        Parameters
-        ----------
-        y
-            State vector: positions, velocities of agents of order 2, further columns, then the integrated quantities.
-        """
+        """Further columns of a state vector ``y`` by name, shape (N, width) each; views."""
         found, first = {}, self.order * self.n * self.m
         for name, width in self.columns.items():
             found[name] = y[first : first + self.n * width].reshape(self.n, width)
@@ -392,13 +348,7 @@ class Dynamics:
         return np.concatenate([*parts, *further, integrated])
 
     def tolerances(self, state: State, energy: float) -> Array:
-        """Absolute error tolerance of each component, from the size of the group at ``state``.
-
-        Parameters
-        ----------
-        energy
-            Energy at the same state, the scale of the ledger.
-        """
+        """Absolute error tolerance of each component, from the size of the group at ``state`` and the ``energy``."""
         spread = float(np.abs(state.q - state.q.mean(axis=0)).max(initial=0.0))
         speed = float(np.abs(state.p).max(initial=0.0))
         tolerance = self.scenario.tolerance

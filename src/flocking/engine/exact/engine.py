@@ -1,4 +1,4 @@
-"""The entry of the exact engine, and runs of it to one end after the other."""
+"""The entry of the exact engine, and runs to several ends."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from flocking.errors import InvalidInput
 from flocking.model.law import Law, Scenario
 
 MOST_AGENTS = 20_000
-"""Largest group of this engine, which holds a matrix of all pairs."""
+"""Largest group of this engine, which stores a matrix of all pairs."""
 
 LEAD = 0.02
-"""How long before an end, in parts of the scenario's own length, the session that goes on is left for it."""
+"""Distance from an end, as a share of the scenario's duration, at which the run to that end is split off."""
 
 
 class ExactEngine(Engine):
@@ -28,7 +28,7 @@ class ExactEngine(Engine):
     options = ExactOptions
 
     def check(self, scenario: Scenario, plant: Law | None = None) -> None:
-        """Refuse groups whose matrix of pairs would not fit."""
+        """Refuse groups whose matrix of pairs would not fit into memory."""
         if scenario.start.n > MOST_AGENTS:
             raise InvalidInput(
                 "start", "engine", f"must be 'tiles' for more than {MOST_AGENTS} agents",
@@ -42,17 +42,17 @@ class ExactEngine(Engine):
         return ExactSession(scenario, options, plant=plant)
 
     def open_unrecorded(self, scenario: Scenario) -> Session:
-        """Start a session that keeps no frames, which do not move its steps."""
+        """Start a session that stores no frames, which do not affect its steps."""
         return self.open(scenario.with_(frames=1), ExactOptions())
 
     def unpack(self, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:
-        """The session that was packed."""
+        """Restore a packed session."""
         return ExactSession.unpack(packed, stored, changes)
 
     def in_stages(
         self, scenario: Scenario, ends: Sequence[float], options: object, *, plant: Law | None = None
     ) -> Iterator[Run]:
-        """Runs to each of several ends without starting anew for any; the first alone keeps fine samples."""
+        """Runs to each of several ends from one session; only the first stores fine samples."""
         assert isinstance(options, ExactOptions)
         first = scenario.t_end - scenario.start.t
         # This session meets no end: its steps near one are those of a run that has it far ahead.
@@ -72,4 +72,4 @@ class ExactEngine(Engine):
 
 
 ENGINE = ExactEngine()
-"""The one entry."""
+"""The entry of this engine."""

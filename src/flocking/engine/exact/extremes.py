@@ -1,4 +1,4 @@
-"""Largest speeds and distances over a whole run, and closest pairs, with the errors of the integration."""
+"""Largest speeds and distances over a run, and closest pairs, with the errors of the integration."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 
 NAMES = ("diameter", "speed", "spread", "relative speed", "ledger")
-"""What the largest values are kept of, in the order of their rows; those of the closest pairs follow."""
+"""Quantities whose largest values are recorded, in the order of their rows; the closest pairs follow."""
 
 DIAMETER, SPEED, LEDGER = 0, 1, 4
 """Rows of some of the `NAMES`."""
@@ -27,17 +27,17 @@ CLOSEST = len(NAMES)
 """Row of the closest linked pair; that of the closest pair without a link is the next one."""
 
 VALUE, TIME, ERROR, FIRST, SECOND, KNOWN = range(6)
-"""What a row holds: the value, when, how far off it may be, whose it was, and 1 where there is one."""
+"""Columns of a row: value, time, error, the agents, and 1 if there is a value."""
 
 FARTHEST = 1e150
-"""Distances beyond it are taken for it: its square, 1e300, is still a number in double precision."""
+"""Largest distance considered: its square, 1e300, does not overflow."""
 
 SQUARED = 64 * float(np.finfo(float).eps)
 """Error of a squared distance inside a step, relative to the largest on it: a sum of 64 products, halved repeatedly."""
 
 
 class Extremes:
-    """Keeps the largest values and the closest pairs of a solution, step by step.
+    """Records the largest values and the closest pairs of a solution, step by step.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class Extremes:
     order
         Order of the agents: only those of order 2 have velocities.
     goal
-        Constant velocity of the leader, shape (m,), where there is such a one.
+        Constant velocity of the leader, shape (m,), if there is one.
     """
 
     def __init__(self, masses: Array, dimension: int, order: int, goal: Array | None) -> None:
@@ -61,7 +61,7 @@ class Extremes:
         self.closest = (Closest(), Closest())
 
     def copy(self) -> Extremes:
-        """One that goes on by itself."""
+        """An independent copy."""
         other = copy.copy(self)
         other.rows = self.rows.copy()
         return other
@@ -98,7 +98,7 @@ class Extremes:
             self.rows[CLOSEST + number] = x.distance, x.time, x.error, *x.pair, 1.0
 
     def follow(self, segment: Segment, linked: Links, error: StateError, origin: Origin) -> None:
-        """Take in a step.
+        """Record a step.
 
         Parameters
         ----------
@@ -109,7 +109,7 @@ class Extremes:
         error
             Errors on it.
         origin
-            What its time and coordinates are relative to.
+            Origin of its time and coordinates.
         """
         motion = segment.motion(self.n, self.m, self._order)
         _, off = origin.rounded(segment.t1, 0.0, error.velocity)
@@ -117,24 +117,18 @@ class Extremes:
         follow_extremes(motion, linked, self.references(origin), times, errors, self.rows)
 
     def references(self, origin: Origin) -> References:
-        """What velocities are compared with.
-
-        Parameters
-        ----------
-        origin
-            What the coordinates are relative to.
-        """
+        """Velocities for comparison; ``origin`` is that of the coordinates."""
         return References(self.shares, self.goal, self.has_goal, origin.velocity)
 
     def add_to_ledger(self, segment: Segment, unexplained: float, base: float) -> None:
-        """Add what the integration error leaves the energy ledger unable to explain on a step.
+        """Add the ledger residual of a step that the integration error explains.
 
         Parameters
         ----------
         segment
             The step.
         unexplained
-            Energy by which the ledger of this step may be open for that reason alone.
+            The residual.
         base
             The time at which the segment's own time is 0.
         """
@@ -143,15 +137,7 @@ class Extremes:
 
 @native
 def add_unexplained(rows: Array, unexplained: float, time: float) -> None:
-    """Add to the row of the ledger, see `Extremes.add_to_ledger`.
-
-    Parameters
-    ----------
-    rows
-        What is known, shape (7, 6).
-    unexplained, time
-        As for `Extremes.add_to_ledger`, and when.
-    """
+    """Add ``unexplained`` at ``time`` to the ledger's row of ``rows``, shape (7, 6); see `Extremes.add_to_ledger`."""
     known = rows[LEDGER, VALUE] if rows[LEDGER, KNOWN] > 0.0 else 0.0
     rows[LEDGER, VALUE], rows[LEDGER, TIME], rows[LEDGER, KNOWN] = known + unexplained, time, 1.0
 
@@ -176,7 +162,7 @@ class References(NamedTuple):
 
 
 class StepTimes(NamedTuple):
-    """When a step begins and ends, and the time at which these would be 0."""
+    """Begin and end of a step, and the time at which these would be 0."""
 
     begin: float
     end: float
@@ -203,18 +189,18 @@ class StepErrors(NamedTuple):
 def follow_extremes(
     motion: Motion, linked: Links, references: References, times: StepTimes, errors: StepErrors, rows: Array
 ) -> None:
-    """Take in a step.
+    """Record a step.
 
     Parameters
     ----------
     motion
-        How the agents move on it.
+        Motion of the agents on it.
     linked
         Links during the step, shape (N, N).
     references, times, errors
-        What velocities are compared with, when the step is, and the errors on it.
+        Velocities for comparison, times of the step, and the errors on it.
     rows
-        What is known, shape (7, 6).
+        The values so far, shape (7, 6); updated.
     """
     B, P, far, velocity = motion.positions, motion.velocities, motion.far, errors.velocity
     if B.shape[1] > 1:
@@ -240,7 +226,7 @@ def follow_extremes(
 
 
 def _least(rows: Array, row: int, error: float) -> float:
-    """Above which value a step has something to say of a quantity."""
+    """Value of a quantity that a step must exceed to matter."""
     value = rows[row, VALUE]
     return float(value if error == np.inf else min(value, value + rows[row, ERROR] - error))
 
@@ -250,7 +236,7 @@ def _time_at(times: StepTimes, x: float) -> float:
 
 
 def _take(rows: Array, row: int, times: StepTimes, value: float, x: float, i: float, j: float, error: float) -> None:
-    """Take in the largest value of a step; none above what is known where ``x`` is beyond 1."""
+    """Record the largest value of a step; none exceeds the known one if ``x`` is beyond 1."""
     rows[row, KNOWN] = 1.0
     if x > 1.0:
         rows[row, ERROR] = error
@@ -263,7 +249,7 @@ def _take(rows: Array, row: int, times: StepTimes, value: float, x: float, i: fl
 
 
 def _approach(motion: Motion, linked: Links, times: StepTimes, error: float, rows: Array) -> None:
-    """Take in how close pairs come on a step."""
+    """Record the closest pairs on a step."""
     B, far = motion.positions, motion.far
     margin = 0.0 if error == np.inf else error
     known = np.empty(2)

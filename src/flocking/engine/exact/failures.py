@@ -1,4 +1,4 @@
-"""Why a run of the exact engine cannot go on, in words."""
+"""Errors that end a run of the exact engine."""
 
 from __future__ import annotations
 
@@ -6,13 +6,7 @@ from flocking.errors import Chattering, LinkLost, NotFinite
 
 
 def link_lost(time: float, agents: tuple[int, ...]) -> LinkLost:
-    """A link came to where its potential is infinite.
-
-    Parameters
-    ----------
-    time, agents
-        When, and whose.
-    """
+    """The error for a link of ``agents`` that reached, at ``time``, the distance where its potential is infinite."""
     return LinkLost(
         "A link whose potential is infinite at the break radius reached it. "
         "The energy of the start is not finite or the tolerance is too coarse; lower Scenario.tolerance.",
@@ -21,13 +15,7 @@ def link_lost(time: float, agents: tuple[int, ...]) -> LinkLost:
 
 
 def sliding(time: float, agents: tuple[int, ...]) -> Chattering:
-    """A pair does not leave a distance that it crosses.
-
-    Parameters
-    ----------
-    time, agents
-        When, and who.
-    """
+    """The error for ``agents`` that do not leave a distance that they cross at ``time``."""
     return Chattering(
         "A pair crosses the same distance to and fro and does not leave it (a Filippov sliding mode). "
         "Use Hysteresis with a gap, or a potential that vanishes smoothly at the radius.",
@@ -36,13 +24,7 @@ def sliding(time: float, agents: tuple[int, ...]) -> Chattering:
 
 
 def infinite_at_once(time: float, agents: tuple[int, ...]) -> NotFinite:
-    """A link appeared at a distance where it has no finite energy.
-
-    Parameters
-    ----------
-    time, agents
-        When, and whose.
-    """
+    """The error for a link of ``agents`` that appears, at ``time``, at a distance where its energy is infinite."""
     return NotFinite(
         "A link appeared where its potential is infinite. Use Hysteresis with a gap.", time=time, agents=agents
     )

@@ -1,4 +1,4 @@
-"""When terms of a law switch by themselves: a step ends at the last moment before."""
+"""Times at which terms of a law switch by themselves; a step ends at the last floating-point time before one."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ class JumpTimes:
     Parameters
     ----------
     origin
-        What the session's own time is relative to.
+        Origin of the session's own time.
     end
-        When the run ends, in the user's time; a session that goes on beyond it has no end.
+        End of the run, in the user's time; a session that goes on beyond it has no end.
     """
 
     def __init__(self, law: Law, origin: Origin, end: float) -> None:
@@ -34,13 +34,7 @@ class JumpTimes:
         return self._next
 
     def bound(self, now: float) -> float:
-        """Where a step from ``now`` on must end: the end of the run, or the last moment before a term switches.
-
-        Parameters
-        ----------
-        now
-            Where the step begins.
-        """
+        """Latest end of a step from ``now`` on: the end of the run, or the last time before a term switches."""
         end = self._end if now < self._end else np.inf
         jump = self.following(now)
         before = float(np.nextafter(jump, -np.inf))

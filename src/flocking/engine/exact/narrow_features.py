@@ -1,9 +1,9 @@
-"""Narrow features of the formulas of a pair: distances that a step may not jump over.
+"""Narrow features of pair formulas: distances that a step may not jump over.
 
-The estimate of a step's error knows of the force only what the stages of the step have met. A bump of the force
-between two stages leaves no trace, so a pair may move only a fraction of its width while it is within reach of it.
-Where bumps are follows from the formulas: each has an extremum of the force. On an interval where the slope of the
-force has a sign there is none; interval arithmetic finds all others, however narrow.
+The error estimate of a step uses the force only at the stages of the step. A bump of the force between two stages
+leaves no trace, so a pair may move only a fraction of its width per step while it is near it. The formulas give the
+positions of bumps: each has an extremum of the force. On an interval where the slope of the force has one sign there is
+none; interval arithmetic finds all others, however narrow.
 """
 
 from __future__ import annotations
@@ -26,13 +26,16 @@ from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 
 NARROW = 1 / 32
-"""Features wider than this fraction of the range are none: no step of a pair passes them unseen."""
+"""Features wider than this fraction of the range are ignored: no step of a pair misses them."""
 
 ZONE = 16.0
-"""How far around a feature it can be felt, in widths: from an extremum of the force to the next inflection."""
+"""Size of the zone around a feature, in widths: from an extremum of the force to the next inflection is one width."""
+
+MERGED = 4.0
+"""Largest ratio of the widths of overlapping zones that become one: the smaller width then bounds the steps in both."""
 
 STRIDE = 2.0
-"""How far a pair may move in one step within a zone, in widths."""
+"""Largest motion of a pair in one step within a zone, in widths."""
 
 NEGLIGIBLE = 1e-26
 """Differences of potential that a step may ignore: the square of the finest tolerance."""
@@ -41,24 +44,31 @@ FINEST = 1e-10
 """Smallest width looked for, relative to the distance."""
 
 AIMED = 0.9
-"""Share of the allowed stride at which a step that goes too far is cut: the path between two samples is taken for
-straight, and its bend must not make the next step too long again."""
+"""Share of the allowed stride at which a step that is too long is cut: the path between two samples is taken for
+straight, and its curvature must not make the next step too long again.
+"""
 
 MOST_CELLS = 4096
-"""Undecided intervals at which the search ends: extrema that are left then are known to the stages of a step alone."""
+"""Undecided intervals at which the search ends; extrema that are left then are not protected."""
 
 MOST_KNOWN = 1000
-"""Formulas whose zones are kept; a thousand laws at one time is more than a sweep in one process has."""
+"""Formulas whose zones are cached; a thousand laws are more than one process uses at a time."""
+
+REFINEMENTS, PARTS = 7, 32
+"""An interval with a root is divided so often into so many parts: 32^-7 = 2^-35 of it is left."""
+
+WIDTHS = 100
+"""Distances from an extremum at which the next inflection is looked for, a factor of 1.26 apart."""
 
 SHELLS = 40
 """Halvings of the range, down to 2^-40 of it; where the range is infinite, from 2^40 to 2^-40."""
 
 SAMPLES = 64
-"""Places of a pair looked at along a step."""
+"""Samples of a pair along a step."""
 
 
 _known: dict[object, Array] = {}
-"""Zones of the formulas met so far: what a formula is known by, its numbers and its borders."""
+"""Zones of the formulas so far, by formula, numbers and borders."""
 
 
 def zones_of(
@@ -68,14 +78,14 @@ def zones_of(
     borders: Sequence[float],
     rows: tuple[object, ...] = (),
 ) -> Array:
-    """Result of `zones`, found once for the same formulas and numbers.
+    """Result of `zones`, computed once for the same formulas and numbers.
 
     Parameters
     ----------
     function, parameters, borders
         As for `zones`. ``function.reads`` names the parameters it reads.
     rows
-        Whatever else it reads.
+        Other values it reads.
     """
     P, A, W = parameters
     scalars, per_agent, per_pair = function.reads
@@ -132,10 +142,10 @@ def _piece(formula: Callable[[Jet], Jet], low: float, high: float, outer: float)
 
 
 def _merged(found: list[tuple[float, float, float]]) -> Array:
-    """Zones that overlap become one with the smaller width, unless one is far wider."""
+    """Overlapping zones become one with the smaller width, unless one is far wider."""
     joined: list[tuple[float, float, float]] = []
     for begin, end, width in sorted(found):
-        if joined and begin <= joined[-1][1] and 0.25 <= width / joined[-1][2] <= 4.0:
+        if joined and begin <= joined[-1][1] and 1 / MERGED <= width / joined[-1][2] <= MERGED:
             joined[-1] = (joined[-1][0], max(end, joined[-1][1]), min(width, joined[-1][2]))
         else:
             joined.append((begin, end, width))
@@ -170,7 +180,7 @@ def _extrema(formula: Callable[[Jet], Jet], low: float, high: float) -> list[tup
 
 
 def _roots(formula: Callable[[Jet], Jet], a: Array, b: Array) -> list[tuple[float, float]]:
-    """Where the slope, monotone on each interval, is zero, and how far the next inflection is."""
+    """Roots of the slope, monotone on each interval, and the distances of the next inflections."""
 
     def sign(r: Array, order: int) -> Array:
         low, high = formula(Jet.variable(r.ravel(), r.ravel())).parts[order]
@@ -178,8 +188,8 @@ def _roots(formula: Callable[[Jet], Jet], a: Array, b: Array) -> list[tuple[floa
 
     if not len(a):
         return []
-    for _ in range(7):
-        grid = a[:, None] + (b - a)[:, None] * np.linspace(0.0, 1.0, 33)
+    for _ in range(REFINEMENTS):
+        grid = a[:, None] + (b - a)[:, None] * np.linspace(0.0, 1.0, PARTS + 1)
         signs = sign(grid, 1)
         changed = signs[:, 1:] * signs[:, :1] <= 0
         passes = changed.any(axis=1)
@@ -189,11 +199,11 @@ def _roots(formula: Callable[[Jet], Jet], a: Array, b: Array) -> list[tuple[floa
         if not len(a):
             return []
     r = 0.5 * (a + b)
-    steps = np.geomspace(FINEST, 1.0, 100)
+    steps = np.geomspace(FINEST, 1.0, WIDTHS)
     around = r[:, None] * np.concatenate([[1.0], 1 + steps, np.maximum(1 - steps, FINEST)])
     bent = sign(around, 2)
     turned = bent[:, 1:] * bent[:, :1] < 0
-    either = turned[:, :100] | turned[:, 100:]
+    either = turned[:, :WIDTHS] | turned[:, WIDTHS:]
     widths = np.where(either.any(axis=1), r * steps[np.argmax(either, axis=1)], np.inf)
     return [(float(x), float(w)) for x, w in zip(r, widths, strict=True)]
 
@@ -212,7 +222,7 @@ def _value(g: Array, x: float, work: Array) -> float:
 def allowed_share(
     B: Array, far: Array, senders: Indices, sensed: Indices, offsets: Numbers, found: Array, owners: Indices
 ) -> float:
-    """Which fraction of a segment no pair moves further within a zone than its `STRIDE`; 1 or more for all of it.
+    """The fraction of a segment on which no pair moves further within a zone than its `STRIDE`; 1 or more: all.
 
     Parameters
     ----------
@@ -264,12 +274,12 @@ def allowed_share(
 def allowed_by_obstacles(
     segment: Segment,
     B: Array,
-    encounters: ObstacleDistances,
+    contacts: ObstacleDistances,
     active: Sequence[Links],
     found: Sequence[Array],
     base: float,
 ) -> float:
-    """Which fraction of a segment no agent moves further within a zone of an obstacle than its `STRIDE`.
+    """The fraction of a segment on which no agent moves further within a zone of an obstacle than its `STRIDE`.
 
     Parameters
     ----------
@@ -277,8 +287,8 @@ def allowed_by_obstacles(
         The segment.
     B
         Bernstein coefficients of the positions, shape (8, N, m).
-    encounters
-        The obstacles.
+    contacts
+        Distances from the obstacles.
     active
         Pairs (agent, obstacle) within range, shape (N, K) for each group.
     found
@@ -293,7 +303,7 @@ def allowed_by_obstacles(
             continue
         times = segment.t0 + base + x * (segment.t1 - segment.t0)
         paths = np.einsum("ka,aim->kim", _basis(x), B)
-        distance = np.array([encounters.distances(group, q, float(t)) for q, t in zip(paths, times, strict=True)])
+        distance = np.array([contacts.distances(group, q, float(t)) for q, t in zip(paths, times, strict=True)])
         distance = distance[:, pairs]
         for begin, end, width in rows:
             inside = np.clip(distance, begin, end)

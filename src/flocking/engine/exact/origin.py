@@ -1,8 +1,8 @@
-"""Where a running simulation has its origin in space and time, so that translations and Galilean shifts cost no digits.
+"""Origin of a running simulation in space and time, so that translations and Galilean shifts lose no digits.
 
-A session computes in coordinates relative to its origin. Its own time begins with 0 at the start of the run, whatever
-the law. Where the law knows no place, positions are relative to a point in the middle of the group; where it knows no
-velocity either, that point moves along with the group.
+A session computes in coordinates relative to its origin. Its own time is 0 at the start of the run. If the law is
+invariant under translations, positions are relative to a point in the middle of the group; if it is also invariant
+under Galilean transformations, that point moves with the group.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ OriginData = tuple[float, tuple[float, ...], tuple[float, ...], float]
 """An origin as plain data: its fields in order."""
 
 QUANTUM = 4.0
-"""Origins lie on a grid this many times as wide as the group, and at powers of two: subtracting them rounds nothing,
-and a group near the origin of its coordinates keeps them."""
+"""Width of the grid of origins relative to the group; it is a power of two, so that subtracting an origin does not
+round, and a group near the origin of its coordinates keeps them.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +57,7 @@ class Origin:
         return own + self.time
 
     def latest(self, own: float) -> float:
-        """The latest time that is not after the session's own time ``own``: not all of these are numbers."""
+        """The latest time that is not after the session's own time ``own``: own times are finer than times."""
         t = self.time_at(own)
         return t if self.own_time(t) <= own else float(np.nextafter(t, -np.inf))
 
@@ -70,7 +71,7 @@ class Origin:
         return not (self.place.any() or self.velocity.any())
 
     def inwards(self, state: State) -> State:
-        """A state as the session sees it."""
+        """A state in the session's own time and coordinates."""
         own = self.own_time(state.t)
         if self.rests:
             return replace(state, t=own)
@@ -103,7 +104,7 @@ class Origin:
         return position + q, velocity + p
 
     def added(self, scenario: Scenario, p: Array, begin: Array) -> tuple[float, float, float]:
-        """What kinetic energy, work and supply are more in the user's coordinates.
+        """Differences of kinetic energy, work and supply in the user's coordinates from those in the session's.
 
         Parameters
         ----------
@@ -133,14 +134,14 @@ class Origin:
 
 
 def origin_of(scenario: Scenario, plant: Law | None, state: State, time: float) -> Origin:
-    """The origin for a run from a state on.
+    """The origin for a run that begins at a state.
 
     Parameters
     ----------
     scenario, plant
-        What is simulated. With a plant both laws must allow the origin.
+        Scenario and plant. With a plant both laws must allow the origin.
     state
-        Where the run stands.
+        The state.
     time
         The time at which the session's own time is 0.
     """
@@ -151,7 +152,7 @@ def origin_of(scenario: Scenario, plant: Law | None, state: State, time: float) 
 
 
 def may_have(scenario: Scenario, plant: Law | None, origin: Origin) -> bool:
-    """Whether a run may have an origin that was found for another law."""
+    """Whether a run may keep an origin that was chosen for another law."""
     laws = _laws(scenario, plant)
     place = not origin.place.any() or all(knows_no_place(law, scenario) for law in laws)
     return place and (not origin.velocity.any() or all(knows_no_velocity(law, scenario) for law in laws))
@@ -167,13 +168,13 @@ def momentum(scenario: Scenario, p: Array) -> Array:
 
 
 def knows_no_place(law: Law, scenario: Scenario) -> bool:
-    """Whether the law and the energy of a scenario are the same everywhere and at all times."""
+    """Whether the law and the energy of a scenario are invariant under translations of space and time."""
     alike = all(isinstance(term, PairTerm | Compensate) for term in law.terms)
     return alike and scenario.energy.leader is None and scenario.agents.homogeneous
 
 
 def knows_no_velocity(law: Law, scenario: Scenario) -> bool:
-    """Whether the law is also the same for all observers who move uniformly."""
+    """Whether the law is also invariant under Galilean transformations."""
     return knows_no_place(law, scenario) and scenario.agents.inert and "galilean" in law.symmetries
 
 

@@ -1,4 +1,4 @@
-"""Whether numbers still tell the positions and times of a run apart as finely as its tolerance asks."""
+"""Checks that floating-point numbers resolve the positions and times of a run as finely as its tolerance asks."""
 
 from __future__ import annotations
 
@@ -11,23 +11,22 @@ from flocking.model.checks import Array
 from flocking.model.law import Scenario
 
 COARSEST = 10.0
-"""How many tolerances the spacing of neighbouring numbers may be."""
+"""Largest spacing of floating-point numbers, in tolerances."""
 
 EPSILON = float(np.finfo(float).eps)
 """Spacing of the numbers of double precision next to 1, 2.2e-16."""
 
 DISTANCE = 4.0
-"""How many spacings of the coordinates the rounding of a distance may come to: a bound for two rounded coordinates in
-up to three dimensions is 2 sqrt(3) half spacings, and the rounding of the square root comes on top."""
+"""Bound on the rounding of a distance, in spacings of the coordinates: for two rounded coordinates in up to three
+dimensions it is 2 sqrt(3) half spacings, and the rounding of the square root is added.
+"""
 
 
 def places_fine(largest: float, tolerance: float, finest: float) -> bool:
-    """Whether coordinates are told apart finely enough, wherever the group is; for native functions too.
+    """Whether coordinates up to ``largest`` are resolved finely enough; for native functions too.
 
     Parameters
     ----------
-    largest
-        The largest coordinate.
     tolerance
         Tolerance of the scenario.
     finest
@@ -38,13 +37,7 @@ def places_fine(largest: float, tolerance: float, finest: float) -> bool:
 
 
 def times_fine(time: float, tolerance: float) -> bool:
-    """Whether times are told apart finely enough for speeds and sizes of 1 or less; for native functions too.
-
-    Parameters
-    ----------
-    tolerance
-        Tolerance of the scenario.
-    """
+    """Whether times are resolved finely enough for speeds and sizes of 1 or less; for native functions too."""
     return EPSILON * abs(time) <= COARSEST * tolerance
 
 
@@ -74,17 +67,12 @@ class Precision:
         """The finest distance that links tell apart."""
 
     def check(self, own: float, y: Array) -> None:
-        """Check a state vector at the session's own time.
-
-        Parameters
-        ----------
-        y
-            The state vector.
+        """Check the state vector ``y`` at the session's own time.
 
         Raises
         ------
         OutOfPrecision
-            When positions, links or times are finer than the numbers that hold them.
+            When positions, links or times are finer than floating-point numbers resolve.
         """
         q, p, _ = self._dynamics.split(y)
         if not places_fine(float(np.abs(q).max(initial=0.0)), self._tolerance, self.finest):

@@ -1,4 +1,4 @@
-"""What a session of the exact engine writes down beyond others: errors, doubts, extreme values, fine samples."""
+"""Records of the exact engine beyond those of others: errors, doubts, extreme values, fine samples."""
 
 from __future__ import annotations
 
@@ -48,12 +48,12 @@ class ExactOptions:
 
 
 class ExactRecorder(Recorder):
-    """Collects the records of a run; those of its small groups stay in memory.
+    """Collects the records of a run; they stay in memory, as its groups are small.
 
     Parameters
     ----------
     fine
-        Whether several samples of every step are kept.
+        Whether several samples of every step are stored.
     """
 
     def __init__(self, scenario: Scenario, *, fine: bool = False) -> None:
@@ -68,7 +68,7 @@ class ExactRecorder(Recorder):
         self.fine: list[tuple[float, Array, Array]] | None = [] if fine else None
 
     def copy(self) -> Self:
-        """One that goes on by itself. The records are shared: none is changed after it was made."""
+        """An independent recorder. The rows are shared: none is changed after it was made."""
         other = super().copy()
         other.extremes = self.extremes.copy()
         return other
@@ -77,14 +77,14 @@ class ExactRecorder(Recorder):
         self, own: float, t: float, y: Array, dynamics: Dynamics, links: Links, error: tuple[float, float],
         origin: Origin,
     ) -> None:  # fmt: skip
-        """Store a frame from a state vector, and the errors of its positions and velocities, relative to an origin.
+        """Store a frame from a state vector ``y`` relative to an origin, and its errors of positions and velocities.
 
         Parameters
         ----------
         own, t
             The session's own time and the user's.
-        y, dynamics
-            The state vector, and whose it is.
+        dynamics
+            The right-hand side of ``y``.
         """
         q, p, _ = dynamics.split(y)
         outside = origin.outwards(own, q, p)
@@ -108,11 +108,11 @@ class ExactRecorder(Recorder):
         return [(float(s), float(t)) for s, t in zip(own[:count], todo[:count], strict=True)]
 
     def to_come(self, base: float) -> Array:
-        """Times of the frames not yet stored, from the time ``base`` on."""
+        """Times of the frames not yet stored, relative to the time ``base``."""
         return self.frame_times[self.count :] - base
 
     def sample(self, segment: Segment, split: Callable[[Array], tuple[Array, Array, Array]], origin: Origin) -> None:
-        """Keep the solution at several times in a segment, where that was asked for.
+        """Store the solution at several times in a segment, if fine samples are wanted.
 
         Parameters
         ----------
@@ -121,7 +121,7 @@ class ExactRecorder(Recorder):
         split
             Gives positions and velocities of a state vector.
         origin
-            What they are relative to.
+            Origin of its time and coordinates.
         """
         if self.fine is None or segment.t1 <= segment.t0:
             return
@@ -141,7 +141,7 @@ class ExactRecorder(Recorder):
         return {**super().tables(), "fine": self._fine_samples()}
 
     def accuracy(self, doubts: list[DoubtRow], largest: dict[str, Largest], known_until: float) -> Accuracy:
-        """What is known of the errors.
+        """The `Accuracy` of the run.
 
         Parameters
         ----------
@@ -150,6 +150,6 @@ class ExactRecorder(Recorder):
         largest
             Largest values.
         known_until
-            Since when nothing is known.
+            Time from which on nothing is known.
         """
         return Accuracy(self.frame_errors(), np.array(doubts, dtype=DOUBT_FIELDS), dict(largest), known_until)

@@ -1,4 +1,4 @@
-"""What a session goes on with when its law or its state is replaced."""
+"""Replacement of the law or the state of a session."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flocking.model.state import State
 
 @dataclass(frozen=True, eq=False)
 class Replacement:
-    """What is in force from a moment on.
+    """What is in force from a time on.
 
     Parameters
     ----------
@@ -24,9 +24,9 @@ class Replacement:
     begin
         The state, in these.
     segment
-        The step under way, up to that moment.
+        The current step, up to that time.
     dynamics
-        The law in force before under other numbers, with its links and pieces; None where more than numbers changed.
+        The previous dynamics with other numbers, with its links and pieces; None if more than numbers changed.
     """
 
     scenario: Scenario
@@ -42,14 +42,14 @@ def renumbered(
     scenario: Scenario, law: Law | None, time: float, own: float, segment: Segment, links: LinkState, origin: Origin,
     dynamics: Dynamics,
 ) -> Replacement | None:  # fmt: skip
-    """What a session goes on with under the same law with other numbers; None where more than numbers change.
+    """The replacement of a law by the same law with other numbers; None if more than numbers change.
 
-    No link, formula or pair is looked for anew.
+    Links, formulas and pairs are kept.
 
     Parameters
     ----------
     scenario, law
-        What was simulated, and the law that takes the place of its own; None where more is replaced.
+        The scenario, and the law that replaces its own; None if more is replaced.
     own, segment, links, origin
         As for `replacement`.
     dynamics
@@ -86,16 +86,16 @@ def replacement(
     origin: Origin,
     dynamics: Dynamics,
 ) -> Replacement:
-    """What a session goes on with under another law or from another state.
+    """The replacement of a law or a state by another.
 
     Parameters
     ----------
     law, state
-        What takes the place of the law and of the state; none where that stays.
+        The new law and the new state; None for what stays.
     old, own
-        The state, and the session's own time.
+        The present state, and the session's own time.
     segment, links, origin
-        The step under way, the links on it, and what it is relative to.
+        The current step, the links on it, and the origin of its time and coordinates.
     dynamics
         The law in force, whose state vectors these are.
 

@@ -43,13 +43,11 @@ class ExactSession(Session):
 
     Parameters
     ----------
-    scenario
-        What to simulate.
     options
-        Whether fine samples are kept.
+        Whether fine samples are stored.
     plant
-        The law the agents really obey, where it is not the scenario's: the ledger goes on holding the
-        declared law, so that a wrong plant shows.
+        The law the agents really obey, if it is not the scenario's: the ledger remains that of the declared law, so
+        that a wrong plant shows.
 
     Raises
     ------
@@ -87,7 +85,7 @@ class ExactSession(Session):
         self._lengths = StepLengths(self.scenario.t_end - self.scenario.start.t)
 
     def _begin(self, state: State, links: LinkState, *, same_pairs: bool = False) -> None:
-        """Stand at ``state``, in own time and coordinates; ``same_pairs`` says that the dynamics have these links."""
+        """Start at ``state``, in own time and coordinates; ``same_pairs``: the dynamics already have these links."""
         dynamics = self._dynamics
         dynamics.repack(state.t)
         self._links = links
@@ -128,24 +126,24 @@ class ExactSession(Session):
 
     @property
     def _own_now(self) -> float:
-        """The session's own time now, on the last step also where that is shorter than times can tell."""
+        """The session's own time now, within the last step even if that is shorter than times resolve."""
         return min(max(self._origin.own_time(self.time), self._segment.t0), self._segment.t1)
 
     @property
     def time_is_exact(self) -> bool:
-        """Not where steps are shorter than the spacing of numbers at that time."""
+        """False if steps are shorter than the spacing of floating-point times."""
         own, segment = self._origin.own_time(self.time), self._segment
         return own == segment.t1 or segment.t0 < own < segment.t1
 
     @property
     def shrunk(self) -> Shrunk | None:
-        """The length of the last steps and who made them so short, where the run hardly goes on."""
+        """The length of the last steps and the agents that limit it, if the run hardly advances."""
         step = self._lengths.shrunk_to
         return None if step is None else Shrunk(step, self._stepper.strained)
 
     @property
     def steady(self) -> bool:
-        """Whether the last steps were about as long as those before, so that this is a moment to come back to."""
+        """Whether the last steps were about as long as those before."""
         return self._lengths.usual and self._lengths.shrunk_to is None
 
     def advance(self, to: float, seconds: float = np.inf) -> None:
@@ -222,7 +220,7 @@ class ExactSession(Session):
         self.steps += 1
 
     def _leave_segment(self) -> None:
-        """Put the current segment on record and switch what crosses at its end."""
+        """Record the current segment and apply the switches at its end."""
         segment = self._segment
         t, y = segment.t1, segment.coefficients[-1]
         if t > segment.t0:
@@ -247,7 +245,7 @@ class ExactSession(Session):
             raise error
 
     def _switch(self) -> SimulationError | None:
-        """Toggle what crosses at the end of the segment; why the run cannot go on, if it cannot."""
+        """Apply the crossings at the end of the segment; the error, if the run cannot go on."""
         crossings, self._pending = self._pending, []
         t, y = self._segment.t1, self._segment.coefficients[-1]
         q, p, _ = self._dynamics.split(y)
@@ -298,7 +296,7 @@ class ExactSession(Session):
         return LedgerRow(self._origin.time_at(own), energy + more, kinetic + more, worked, lost, given, self.jumped)
 
     def _added(self, y: Array) -> tuple[float, float, float]:
-        """What kinetic energy, work and supply are more in the user's coordinates than in the session's own."""
+        """Differences of kinetic energy, work and supply in the user's coordinates from those in the session's."""
         return self._origin.added(self.scenario, self._dynamics.split(y)[1], self._momentum)
 
     def snapshot(self, *, records: bool = True) -> Snapshot:
@@ -345,15 +343,15 @@ class ExactSession(Session):
         return session
 
     def replace(self, *, law: Law | None = None, state: State | None = None) -> None:
-        """Put another law or state in force from the session's time on.
+        """Replace the law or the state from the session's time on.
 
-        The change of energy counts as a jump of the ledger. A law over the same graphs keeps their link memory;
-        a state that brings links sets that of the law's graph. A new law takes the place of a plant, too.
+        The change of energy counts as a jump of the ledger. A law over the same graphs keeps their link memory; a state
+        with links sets that of the law's graph. A new law replaces a plant, too.
 
         Raises
         ------
         InvalidInput
-            When law and state disagree, or the new energy is not finite; the session then goes on as before.
+            When law and state disagree, or the new energy is not finite; the session is then unchanged.
         """
         if (own := self._own_now) == self._segment.t1:
             self._leave_segment()
@@ -385,7 +383,7 @@ class ExactSession(Session):
         self._record_trace()
 
     def moment(self) -> Callable[[], Session]:
-        """The way back to this moment; records that come later go on being those of this session."""
+        """A function that opens a session in the present state; later records remain those of this session."""
         return partial(ExactSession.resume, self.snapshot(records=False))
 
     def pack(self) -> Packed:
@@ -394,7 +392,7 @@ class ExactSession(Session):
 
     @classmethod
     def unpack(cls, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> ExactSession:
-        """The session that was packed."""
+        """Restore a packed session."""
         return cls.resume(restore_exact(*packed, stored))
 
     def accelerations(self) -> Array:
@@ -404,7 +402,7 @@ class ExactSession(Session):
 
     @property
     def about(self) -> dict[str, object]:
-        """Where the records come from: versions, engine, tolerance and counts."""
+        """Provenance of the records: versions, engine, tolerance and counts."""
         return super().about | {"tolerance": self.scenario.tolerance}
 
     @property

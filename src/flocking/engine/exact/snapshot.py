@@ -17,12 +17,12 @@ from flocking.model.law import Law, Scenario
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """Everything a session of the exact engine needs to go on bit for bit.
+    """The state of a session of the exact engine, to go on bit for bit.
 
     Parameters
     ----------
     stepper
-        What the integrator needs.
+        State of the integrator.
     segment
         The last step.
     pending
@@ -38,10 +38,9 @@ class Snapshot:
     origin, momentum
         The origin of the session's own time and coordinates, and the momentum when the session began to use it.
     sliding
-        Of each pair that crosses again and again, by guard and pair: time and speed of the last crossing, and how many
-        there were.
+        For each pair that crosses repeatedly, by watch and pair: time and speed of the last crossing, and their number.
     error
-        Where the estimate of the error is.
+        State of the error estimate.
     """
 
     scenario: Scenario

@@ -1,4 +1,4 @@
-"""The error of a running solution, and what it says of switches and of extreme values."""
+"""The error of a running solution, and its consequences for switches and extreme values."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ DIFFERENCED = 0.01
 long against the rounding of polynomials, about 1e-14 of it."""
 
 MOST_DOUBTS = 2000
-"""After so many switches in doubt the rest of a run counts as unknown."""
+"""Number of switches in doubt after which the rest of a run counts as unknown."""
 
 
 @dataclass(frozen=True, eq=False)
 class ErrorMemory:
-    """All that is needed to go on with the estimate of the error.
+    """State of the error estimate.
 
     Parameters
     ----------
     difference
-        Where the companion is.
+        Difference of the companion.
     doubts
         Pairs that are within the error of a switch, as plain data.
     """
@@ -50,16 +50,16 @@ class ErrorMemory:
 
 
 class SolutionError:
-    """Follows a solution and records what its error leaves open.
+    """Estimates the error of a solution and records switches that it leaves open.
 
     Parameters
     ----------
     dynamics
         The law in force.
     recorder
-        Where switches in doubt and extreme values go.
+        Takes switches in doubt and extreme values.
     memory
-        Where to go on; an exact start when absent.
+        State to go on from; an exact start when absent.
     size
         Size of the state vector.
     """
@@ -82,12 +82,12 @@ class SolutionError:
 
     @property
     def memory(self) -> ErrorMemory:
-        """What is needed to go on."""
+        """State of the estimate."""
         return ErrorMemory(self.difference, self._doubts.memory())
 
     @property
     def difference(self) -> Difference:
-        """What the companion is away from the solution on the step followed last."""
+        """Difference of the companion from the solution on the step followed last."""
         return self._companion.difference
 
     @difference.setter
@@ -100,12 +100,10 @@ class SolutionError:
         return bool(self._doubts.approaches or self._doubts.fresh)
 
     def know(self, segment: Segment, errors: Array) -> None:
-        """Take in what the native loop found of the step followed last, see `leave`.
+        """Store the results of the native loop for the step ``segment`` followed last, see `leave`.
 
         Parameters
         ----------
-        segment
-            The step.
         errors
             See `flocking.engine.exact.blocks.loop.step_block`.
         """
@@ -115,47 +113,29 @@ class SolutionError:
 
     @property
     def known_until(self) -> float:
-        """Since when nothing is known any more, in the user's time; infinite where the solution is known."""
+        """User time from which on nothing is known; infinite if the solution is known."""
         return self.difference.lost + self._dynamics.base
 
     def follow(self, segment: Segment, *, again: bool = False) -> None:
-        """Estimate the error on a step; ``again``: on the first part of the step followed last.
-
-        Parameters
-        ----------
-        segment
-            The step.
-        """
+        """Estimate the error on a step ``segment``; ``again``: on the first part of the step followed last."""
         self._companion.follow(segment, self.difference.nodes[0] if again else None)
 
     def over(self, segment: Segment) -> StateError:
-        """Errors on the step followed last.
-
-        Parameters
-        ----------
-        segment
-            The step.
-        """
+        """Errors on the step ``segment`` followed last."""
         return self._companion.over(segment)
 
     def leave(self, segment: Segment, links: LinkState, origin: Origin) -> None:
-        """Take in the step followed last, in coordinates relative to ``origin``, before what crosses at its end.
-
-        Parameters
-        ----------
-        segment
-            The step.
-        """
+        """Record the step ``segment`` followed last, relative to ``origin``, before the crossings at its end."""
         error = self.over(segment)
         self._recorder.extremes.follow(segment, links.links[0], error, origin)
         self._recorder.extremes.add_to_ledger(segment, self._unexplained(segment), origin.time)
         self._settle(self._doubts.follow(segment, links, error), segment, links)
 
     def _unexplained(self, segment: Segment) -> float:
-        """By how much the energy ledger misses on a step what it misses on the companion's.
+        """Difference of the ledger residuals of the solution and of the companion on a step.
 
-        Without integration error a ledger misses nothing, so this is what the error alone leaves unexplained, whatever
-        law the ledger holds against the motion.
+        Without integration error a residual is zero, so this is the part of it that the error alone explains, whatever
+        law the ledger belongs to.
         """
         if self.known_until < np.inf:
             return np.inf
@@ -190,7 +170,7 @@ class SolutionError:
     def _push(
         self, number: int, i: int, j: int, segment: Segment, links: LinkState, longest: float, bound: float
     ) -> None:
-        """Add what the force would have done while a pair that is in doubt was on the other side of its distance."""
+        """Add the effect of the force while a pair in doubt was on the other side of its distance."""
         t, y = segment.t1, segment.coefficients[-1]
         memory = links.memory()
         try:
@@ -274,14 +254,14 @@ class SolutionError:
         return late + unit, drift + abs(acceleration) * late
 
     def switched(self, slope: Array) -> None:
-        """Take in that the law has switched: the slope after it is ``slope``."""
+        """Update the difference after a switch of the law; ``slope`` is the slope after it."""
         if self._jump is not None:
             delay, before = self._jump
             self._jump = None
             self._companion.push((before - slope) * delay)
 
     def abandon(self, t: float, links: LinkState) -> None:
-        """Put on record what is in doubt now: the watches of ``links`` are given up."""
+        """Record the doubts open at time ``t`` and drop them: the watches of ``links`` end."""
         self._recorder.doubts += self._in_user_time(self._doubts.open_rows(t, links))
         self._doubts = Doubts()
 
@@ -319,13 +299,7 @@ class SolutionError:
         return [(row[0] + base, row[1] + base, row[2] + base, *row[3:]) for row in rows]
 
     def take_over(self, other: SolutionError, *, exact: bool) -> None:
-        """Go on from where another estimate ended, under another law; ``exact``: from a state that is given.
-
-        Parameters
-        ----------
-        other
-            The other estimate.
-        """
+        """Go on from the ``other`` estimate under a new law; ``exact``: from a given state."""
         known, mine = other.difference, self.difference
         nodes = np.zeros_like(mine.nodes)
         if not exact:

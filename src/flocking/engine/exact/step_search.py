@@ -1,4 +1,4 @@
-"""The next step that can be right: tried again, smaller, where it lost a link or jumped over something."""
+"""Search for an acceptable step: one that lost a link or jumped over a feature is tried again, smaller."""
 
 from __future__ import annotations
 
@@ -13,10 +13,13 @@ from flocking.engine.exact.integrator.segment import Segment
 from flocking.engine.exact.integrator.stepper import Stepper, StepperMemory
 
 SHORTENED = 0.25
-"""What a step that cannot be right is shortened to."""
+"""Factor by which a step that is not acceptable is shortened."""
+
+SHORTEST = 64 * float(np.finfo(float).eps)
+"""Steps are not shortened below this share of the time, or of 1: times would no longer resolve them."""
 
 RETRIES = 30
-"""How often a step that cannot be right is retried, four times smaller each time."""
+"""Number of retries, each four times smaller."""
 
 
 def found_step(
@@ -71,7 +74,7 @@ def found_step(
         if lost is None and share >= 1 and not jumped:
             break
         longest = (segment.t1 - segment.t0) * (share if share < 1 else SHORTENED)
-        if longest <= 64 * np.finfo(float).eps * max(1.0, abs(before.t)):
+        if longest <= SHORTEST * max(1.0, abs(before.t)):
             break
         stepper.recall(before)
     if lost is not None:

@@ -1,18 +1,16 @@
-"""What a session records of the pairs that switch."""
+"""Records of the pairs that switch."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from flocking.engine.exact.crossings.obstacle_contacts import is_tangential
 from flocking.engine.exact.crossings.switching import Crossing, LinkState
 from flocking.engine.exact.integrator.segment import Segment
 from flocking.engine.exact.origin import Origin
 from flocking.engine.exact.recorder import ExactRecorder
 from flocking.engine.exact.solution_error import SolutionError
 from flocking.model.checks import Array
-
-TANGENTIAL = 1e-6
-"""A crossing slower than this fraction of the pair's relative speed is flagged as tangential."""
 
 
 def write_switch(
@@ -25,12 +23,12 @@ def write_switch(
     error: SolutionError,
     origin: Origin,
 ) -> tuple[int, ...]:
-    """Record the switches of a crossing; the pair that chatters, if one does.
+    """Record the switches of a crossing; returns the pair that chatters, if one does.
 
     Parameters
     ----------
     recorder
-        Where they go.
+        Takes the records.
     crossing
         The pairs that cross at the end of ``segment``.
     q, p
@@ -44,7 +42,7 @@ def write_switch(
     own, time = segment.t1, origin.time_at(segment.t1)
     for k, (i, j) in enumerate(crossing.pairs):
         if watch.kind in ("obstacle", "rim"):
-            record = links.encounters.record(watch.graph - len(links.graphs), time, q, p, (i, j))
+            record = links.contacts.record(watch.graph - len(links.graphs), time, q, p, (i, j))
             errors = error.crossing(crossing, k, record[5], segment, links)
             if watch.kind == "obstacle":
                 recorder.switches.append((*record, *errors))
@@ -53,7 +51,7 @@ def write_switch(
             continue
         d, v = links.space.displacement(q[j] - q[i]), p[j] - p[i]
         speed = float(d @ v / np.linalg.norm(d)) if d.any() else 0.0
-        slow = abs(speed) < TANGENTIAL * max(float(np.linalg.norm(v)), 1e-12)
+        slow = is_tangential(speed, v)
         kind = "kink" if watch.kind == "kink" else "break" if near[i, j] else "appear"
         errors = error.crossing(crossing, k, speed, segment, links)
         recorder.switches.append((time, int(i), int(j), kind, watch.graph, speed, slow, *errors))

@@ -1,4 +1,4 @@
-"""Switches that the integration error leaves open: crossings too shallow to be certain, and pairs that nearly cross."""
+"""Switches that the integration error leaves open: shallow crossings, and pairs that nearly cross."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ DoubtMemory = tuple[
 """Pairs within the error of a switch, and pairs that have switched, as plain data: each its key and its fields."""
 
 LEFT = 0.99
-"""A pair that leaves the error behind after its switch is at this share of it, or more, when it has left."""
+"""Share of the error above which a pair counts as having left its neighbourhood after a switch."""
 
 
 @dataclass
@@ -75,7 +75,7 @@ class Fresh:
 
 @dataclass(frozen=True)
 class Settled:
-    """A doubt that has come to its end, and the pair it is about.
+    """A doubt that has ended, and the pair it concerns.
 
     Parameters
     ----------
@@ -90,21 +90,21 @@ class Settled:
 
 
 class Doubts:
-    """Watches for switches in doubt along a solution."""
+    """Detects switches in doubt along a solution."""
 
     def __init__(self) -> None:
         self.approaches: dict[Key, Approach] = {}
         self.fresh: dict[Key, Fresh] = {}
 
     def follow(self, segment: Segment, links: LinkState, error: StateError) -> list[Settled]:
-        """Look at a step; the doubts that end in it.
+        """Process a step; returns the doubts that end in it.
 
         Parameters
         ----------
         segment
             The step.
         links
-            Links as they are during the step.
+            Links during the step.
         error
             Errors on it.
         """
@@ -229,7 +229,7 @@ class Doubts:
         return settled
 
     def open_rows(self, t: float, links: LinkState) -> list[DoubtRow]:
-        """Doubts that have not come to their end at time ``t``, as rows of `DOUBT_FIELDS`."""
+        """Doubts still open at time ``t``, as rows of `DOUBT_FIELDS`."""
         rows = [
             self._row(key, near.begin, t, near.time, "near miss", links.would(*key), near, links)
             for key, near in self.approaches.items()
@@ -249,7 +249,7 @@ class Doubts:
         return near, fresh
 
     def recall(self, memory: DoubtMemory) -> None:
-        """Go back to ``memory``."""
+        """Restore ``memory``."""
         near, fresh = memory
         self.approaches = {key: Approach(*about) for key, about in near}
         self.fresh = {key: Fresh(*about) for key, about in fresh}

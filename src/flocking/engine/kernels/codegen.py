@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from flocking.engine.kernels.displacements import displacement_lines
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.kernels.motion_source import RATES, motion_source, motion_values, point_source
-from flocking.engine.kernels.obstacle_formulas import encounter_function, encounter_loop, obstacle_slot
+from flocking.engine.kernels.obstacle_formulas import obstacle_function, obstacle_loop, obstacle_slot
 from flocking.engine.kernels.pieces import held, piece_lines
 from flocking.engine.kernels.source_text import free_names, indented, nonzero, unpack
 from flocking.formula.compiled import generated_module
@@ -80,20 +80,20 @@ def _shapes_source(formulas: LawFormulas) -> str:
     for number, pair in enumerate(formulas.pairs):
         requested, _ = held({name: getattr(pair, name) for name in ("along", "drag", "storage")}, "r")
         source += _shape_function(f"shape{number}", "r", requested, formulas)
-    for number, encounter in enumerate(formulas.encounters):
-        requested, _ = held(encounter.after_distance, "distance")
+    for number, group in enumerate(formulas.obstacles):
+        requested, _ = held(group.after_distance, "distance")
         source += _shape_function(f"shape_obstacles{number}", "distance", requested, formulas)
     return source
 
 
 def _shape_function(name: str, distance: str, requested: dict[str, sympy.Expr], formulas: LawFormulas) -> str:
-    """Formulas as a function of the distance alone: what else they depend on is 1, or that of the first agent."""
+    """Formulas as a function of the distance alone: other values are 1, or those of the first agent."""
     from flocking.formula.printing import statements
 
     names = free_names(requested.values())
     lines = [f"{n} = A[{n[1:]}, 0]" for n in names.per_agent] + [f"{n} = W[{n[1:]}, 0, -1]" for n in names.per_pair]
     for other in sorted(names.others - {distance, "side", "reach"}):
-        lines += [f"{other} = {obstacle_slot(other, formulas.encounters, '0') or '1.0'}"]
+        lines += [f"{other} = {obstacle_slot(other, formulas.obstacles, '0') or '1.0'}"]
     lines += [*statements(requested, arrays=False, prefix="s_"), "return " + ", ".join(requested) + ","]
     head = f"\n\ndef {name}({distance}, side, reach, P, A, W):\n"
     kinds = (names.scalars, names.per_agent, names.per_pair)
@@ -104,7 +104,7 @@ def _shape_function(name: str, distance: str, requested: dict[str, sympy.Expr], 
 
 
 def _sums(formulas: Iterable[str], m: int, share: str = "") -> list[str]:
-    """Lines that add what was computed, by the names of the formulas, to the force and to the sums."""
+    """Lines that add computed formulas, by their names, to the force and to the sums."""
     found, forces = [], {k: [f"force{k}"] if f"force{k}" in formulas else [] for k in range(m)}
     if "along" in formulas:
         found += ["scale = along / r if r > 0.0 else along * 0.0"]
@@ -173,12 +173,12 @@ def _means(body: BodyFormulas, m: int) -> str:
     used = free_names([*body.named().values(), *body.frame]).others
     if not any(n.startswith("mean_") for n in used):
         return frame
-    lines = [f"mean_q{k} = 0.0" for k in range(m)] + [f"mean_p{k} = 0.0" for k in range(m)] + ["whole = 0.0"]
+    lines = [f"mean_q{k} = 0.0" for k in range(m)] + [f"mean_p{k} = 0.0" for k in range(m)] + ["total_mass = 0.0"]
     lines += ["for i in range(n):"]
-    lines += ["    whole += A[0, i]"]
+    lines += ["    total_mass += A[0, i]"]
     lines += [f"    mean_q{k} += A[0, i] * q[i, {k}]" for k in range(m)]
     lines += [f"    mean_p{k} += A[0, i] * p[i, {k}]" for k in range(m)]
-    lines += [f"mean_q{k} /= whole" for k in range(m)] + [f"mean_p{k} /= whole" for k in range(m)]
+    lines += [f"mean_q{k} /= total_mass" for k in range(m)] + [f"mean_p{k} /= total_mass" for k in range(m)]
     return indented(lines, 1) + frame
 
 
@@ -209,8 +209,8 @@ def _control_source(formulas: LawFormulas, order: int) -> str:
     push = [f"u[i, {k}] += force{k}" for k in range(m)]
     if order == 2:
         push += ["dissipated += dissipation", "supplied += supply"]
-    for number, encounter in enumerate(formulas.encounters):
-        source += encounter_loop(number, len(formulas.pairs), encounter, m, push)
+    for number, group in enumerate(formulas.obstacles):
+        source += obstacle_loop(number, len(formulas.pairs), group, m, push)
     source += indented(["for i in range(n):"], 1)
     unwanted = {"storage"} if order == 2 else {"storage", "dissipation", "supply"}
     results = nonzero({k: v for k, v in body.named().items() if k not in unwanted})
@@ -231,14 +231,16 @@ def _flow_source(formulas: LawFormulas) -> str:
     for number in range(len(formulas.pairs)):
         source += _pair_loop(number, formulas, {"supply": "flow"}, ["supplied += 0.5 * supply"], velocity="u")
     power = ["supplied += " + " + ".join(f"force{k} * u[i, {k}]" for k in range(m))]
-    for number, encounter in enumerate(formulas.encounters):
-        source += encounter_loop(number, len(formulas.pairs), encounter, m, power)
+    for number, group in enumerate(formulas.obstacles):
+        source += obstacle_loop(number, len(formulas.pairs), group, m, power)
     if any(name.startswith("mean_u") for name in free_names([formulas.body.flow]).others):
         lines = (
-            ["whole = 0.0"] + [f"mean_u{k} = 0.0" for k in range(m)] + ["for i in range(n):", "    whole += A[0, i]"]
+            ["total_mass = 0.0"]
+            + [f"mean_u{k} = 0.0" for k in range(m)]
+            + ["for i in range(n):", "    total_mass += A[0, i]"]
         )
         lines += [f"    mean_u{k} += A[0, i] * u[i, {k}]" for k in range(m)]
-        source += indented([*lines, *(f"mean_u{k} /= whole" for k in range(m))], 1)
+        source += indented([*lines, *(f"mean_u{k} /= total_mass" for k in range(m))], 1)
     source += indented(["for i in range(n):"], 1)
     flow = nonzero({"supply": formulas.body.flow})
     lines = [f"u{k} = u[i, {k}]" for k in range(m)] + _body_values(flow, m) + _sums(flow, m)
@@ -278,8 +280,8 @@ def _array_module(formulas: LawFormulas) -> str:
         source += _array_function(f"pair{number}", pair.named())
         source += _size_function(f"pair_sizes{number}", pair.named())
         source += _array_function(f"pair_flow{number}", {"supply": pair.flow})
-    for number, encounter in enumerate(formulas.encounters):
-        source += encounter_function(number, encounter)
+    for number, group in enumerate(formulas.obstacles):
+        source += obstacle_function(number, group)
     source += _array_function("body", formulas.body.named())
     source += _size_function("body_sizes", formulas.body.named())
     source += _array_function("motion", motion_values(formulas.body.motion))

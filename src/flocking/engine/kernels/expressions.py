@@ -1,4 +1,4 @@
-"""The formulas of a whole law, collected from its parts: what every generated kernel is printed from."""
+"""The formulas of a law, collected from its parts, from which every kernel is printed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from flocking.engine.kernels.displacements import Periods
 from flocking.engine.kernels.layout import BODIES, DAMPING, MASS, Layout
-from flocking.engine.kernels.obstacle_formulas import EncounterFormulas, encounter_formulas
+from flocking.engine.kernels.obstacle_formulas import ObstacleFormulas, obstacle_formulas
 from flocking.errors import InvalidInput
 from flocking.formula.contact import defined_at_contact
 from flocking.formula.identities import nothing_or_itself
@@ -118,7 +118,7 @@ class LawFormulas:
         One entry for each graph of the law.
     body
         Formulas of one agent by itself.
-    encounters
+    obstacles
         One entry for each group of obstacles.
     periods
         Lengths after which axes repeat, one entry for each axis.
@@ -127,7 +127,7 @@ class LawFormulas:
     dimension: int
     pairs: tuple[PairFormulas, ...]
     body: BodyFormulas
-    encounters: tuple[EncounterFormulas, ...]
+    obstacles: tuple[ObstacleFormulas, ...]
     periods: Periods
 
 
@@ -155,9 +155,9 @@ def law_formulas(layout: Layout, dimension: int, *, integrals: bool = True) -> L
     body = _body_formulas(layout, dimension)
     leaders = (None, *layout.leaders())
     motions = {layout.leader_number(x): _leader_motion(layout, x, dimension) for x in leaders}
-    encounters = encounter_formulas(layout, dimension, body.frame, motions)
+    obstacles = obstacle_formulas(layout, dimension, body.frame, motions)
     periods = tuple(None if slot is None else _symbol(slot) for slot in layout.period_slots(dimension))
-    return LawFormulas(dimension, tuple(_pair_formulas(layout, integrals)), body, encounters, periods)
+    return LawFormulas(dimension, tuple(_pair_formulas(layout, integrals)), body, obstacles, periods)
 
 
 def _parameters(layout: Layout, owner: str) -> Callable[[str], sympy.Expr]:

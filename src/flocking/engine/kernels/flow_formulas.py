@@ -1,4 +1,4 @@
-"""The formulas of a law as agents of order 1 obey it, whose velocity is their control: the law sees none."""
+"""The formulas of a law for agents of order 1, whose velocity is their control and which see no velocities."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from flocking.engine.kernels.expressions import BodyFormulas, LawFormulas, PairF
 if TYPE_CHECKING:
     import sympy
 
-    from flocking.engine.kernels.obstacle_formulas import EncounterFormulas
+    from flocking.engine.kernels.obstacle_formulas import ObstacleFormulas
 
 OF_PAIRS = ("speed2", "radial", "push", "pull")
-"""Symbols of a pair that are zero where nobody has a velocity."""
+"""Symbols of a pair that are zero without velocities."""
 
 
 def flow_formulas(formulas: LawFormulas) -> LawFormulas:
@@ -36,8 +36,8 @@ def flow_formulas(formulas: LawFormulas) -> LawFormulas:
         tuple(f.xreplace(still) for f in body.force), body.storage.xreplace(still), zero, zero,
         tuple(f.xreplace(still) for f in body.frame), body.flow.xreplace(still), body.motion,
     )  # fmt: skip
-    encounters = tuple(_encounter(e, still, zero) for e in formulas.encounters)
-    return LawFormulas(m, pairs, resting, encounters, formulas.periods)
+    obstacles = tuple(_obstacle(e, still, zero) for e in formulas.obstacles)
+    return LawFormulas(m, pairs, resting, obstacles, formulas.periods)
 
 
 def _zero() -> sympy.Expr:
@@ -57,9 +57,7 @@ def _pair(pair: PairFormulas, still: dict[sympy.Basic, sympy.Basic], zero: sympy
     return PairFormulas(pair.along.xreplace(still), zero, pair.storage.xreplace(still), zero, zero, pair.flow)
 
 
-def _encounter(
-    encounter: EncounterFormulas, still: dict[sympy.Basic, sympy.Basic], zero: sympy.Expr
-) -> EncounterFormulas:
-    geometry = tuple({name: e.xreplace(still) for name, e in stage.items()} for stage in encounter.geometry)
-    force = tuple(f.xreplace(still) for f in encounter.force)
-    return replace(encounter, geometry=geometry, force=force, dissipation=zero, supply=zero)
+def _obstacle(formulas: ObstacleFormulas, still: dict[sympy.Basic, sympy.Basic], zero: sympy.Expr) -> ObstacleFormulas:
+    geometry = tuple({name: e.xreplace(still) for name, e in stage.items()} for stage in formulas.geometry)
+    force = tuple(f.xreplace(still) for f in formulas.force)
+    return replace(formulas, geometry=geometry, force=force, dissipation=zero, supply=zero)

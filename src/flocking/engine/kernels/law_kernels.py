@@ -1,4 +1,4 @@
-"""The compiled functions of one law, called by their addresses from functions that are compiled once for all laws."""
+"""The compiled functions of one law, called by address from functions that are compiled once for all laws."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where each run-time parameter of a law sits in the arrays a compiled kernel is handed."""
+"""The slots of the run-time parameters of a law in the arrays of a compiled kernel."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ BODIES = "bodies"
 
 @dataclass(frozen=True)
 class Place:
-    """One coordinate of a leader whose position has no closed form: a parameter that is integrated as time goes on.
+    """One coordinate of a leader whose position has no closed form: a parameter that is integrated in time.
 
     Parameters
     ----------
     axis
-        Which coordinate.
+        Number of the coordinate.
     """
 
     leader: Leader
@@ -71,12 +71,12 @@ class Layout:
             found.append(self.energy.leader)
         return tuple(found)
 
-    def encounters(self) -> tuple[tuple[ObstacleTerm, ObstacleGroup], ...]:
+    def obstacle_groups(self) -> tuple[tuple[ObstacleTerm, ObstacleGroup], ...]:
         """Every group of obstacles with its term, in the order of the terms."""
-        return self._encounters
+        return self._obstacle_groups
 
     @cached_property
-    def _encounters(self) -> tuple[tuple[ObstacleTerm, ObstacleGroup], ...]:
+    def _obstacle_groups(self) -> tuple[tuple[ObstacleTerm, ObstacleGroup], ...]:
         return tuple((t, g) for t in self.law.body_terms if isinstance(t, ObstacleTerm) for g in t.groups)
 
     def owners(self) -> list[tuple[str, dict[str, Value | PerObstacle | Place]]]:
@@ -86,7 +86,7 @@ class Layout:
         found += [(f"term{k}", dict(t.parameters)) for k, t in enumerate(self.law.terms)]
         found += [(f"leader{k}", {**x.parameters, **self._places(x)}) for k, x in enumerate(self.leaders())]
         found += [(owner, dict(fall.parameters)) for owner, fall in self.falls.items()]
-        found += [(f"obstacles{k}", dict(group.rows)) for k, (_, group) in enumerate(self.encounters())]
+        found += [(f"obstacles{k}", dict(group.rows)) for k, (_, group) in enumerate(self.obstacle_groups())]
         found += [(BODIES, dict(self.bodies.parameters)), (SPACE, self._lengths)]
         return found
 
@@ -106,7 +106,7 @@ class Layout:
 
     @cached_property
     def places(self) -> tuple[tuple[int, Place], ...]:
-        """Positions in P of the coordinates that are integrated as time goes on."""
+        """Positions in P of the coordinates that are integrated in time."""
         owned = dict(self.owners())
         found = ((slot, owned[owner][name]) for (owner, name), slot in self.slots.items())
         return tuple((int(slot[1:]), value) for slot, value in found if isinstance(value, Place))
@@ -138,7 +138,7 @@ class Layout:
 
     @property
     def structure(self) -> tuple[object, ...]:
-        """What fixes the kernels of the library's own parts: which terms act on which graph, and the slots."""
+        """What determines the kernels of the library's own parts: which terms act on which graph, and the slots."""
         law = self.law
         return (
             tuple(g.structure for g in law.graphs),

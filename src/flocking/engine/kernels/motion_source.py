@@ -17,7 +17,7 @@ RATES = ("work", "dissipated", "supplied")
 
 
 def point_source(m: int, order: int) -> str:
-    """Lines that take the point which the law sees from the state vector.
+    """Lines that take positions and velocities, as the law sees them, from the state vector.
 
     Parameters
     ----------
@@ -62,13 +62,7 @@ def motion_source(formulas: LawFormulas) -> str:
 
 
 def motion_values(motion: MotionFormulas) -> dict[str, sympy.Expr]:
-    """Kinetic energy, departure and rates, with the expressions they share put in place.
-
-    Parameters
-    ----------
-    motion
-        Formulas of the bodies.
-    """
+    """Kinetic energy, departure and rates of ``motion``, with shared expressions substituted."""
     found = {"kinetic": motion.kinetic, "departure": motion.departure, **motion.rates}
     for name, expression in reversed(motion.lets.items()):
         shared = {s for e in found.values() for s in e.free_symbols if str(s) == name}

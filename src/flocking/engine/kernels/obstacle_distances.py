@@ -1,4 +1,4 @@
-"""Distances of agents from the obstacles of a law, and the distances at which something happens."""
+"""Distances of agents from the obstacles of a law, and the distances at which its formulas change."""
 
 from __future__ import annotations
 

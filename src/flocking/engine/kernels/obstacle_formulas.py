@@ -1,4 +1,4 @@
-"""Formulas of agents that meet obstacles, and the loops of the kernels that are printed from them."""
+"""Formulas of agents within range of obstacles, and the loops of the kernels that are printed from them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Motion = tuple[Sequence["sympy.Expr"], Sequence["sympy.Expr"], Sequence["sympy.E
 
 
 @dataclass(frozen=True)
-class EncounterFormulas:
+class ObstacleFormulas:
     """What one group of obstacles does to an agent within range.
 
     Parameters
@@ -57,9 +57,9 @@ class EncounterFormulas:
         return {name: value for stage in stages[begin + 1 :] for name, value in stage.items()}
 
 
-def encounter_formulas(
+def obstacle_formulas(
     layout: Layout, dimension: int, frame: Sequence[sympy.Expr], motions: dict[int | None, Motion]
-) -> tuple[EncounterFormulas, ...]:
+) -> tuple[ObstacleFormulas, ...]:
     """Formulas of every group of obstacles of a law.
 
     Parameters
@@ -77,7 +77,7 @@ def encounter_formulas(
     q, p = ([symbol(f"{letter}{k}") for k in range(dimension)] for letter in "qp")
     t = symbol("t")
     found = []
-    for number, (term, group) in enumerate(layout.encounters()):
+    for number, (term, group) in enumerate(layout.obstacle_groups()):
         obstacle = group.obstacles[0]
 
         def owned(name: str, owner: str = f"obstacles{number}") -> sympy.Symbol:
@@ -94,7 +94,7 @@ def encounter_formulas(
         dissipated, supplied = term.encounter_balance(x)
         geometry = tuple(obstacle.geometry(q, p, t, owned))
         _check_common(group, lambda other: (other.geometry(q, p, t, owned), other.anchor(t, owned)))
-        found.append(EncounterFormulas(geometry, tuple(term.encounter(x)), dissipated, supplied, layout.counts))
+        found.append(ObstacleFormulas(geometry, tuple(term.encounter(x)), dissipated, supplied, layout.counts))
     return tuple(found)
 
 
@@ -126,7 +126,7 @@ def _statements(stages: Sequence[dict[str, sympy.Expr]], arrays: bool, prefix: s
     ]  # fmt: skip
 
 
-def obstacle_slot(name: str, formulas: Sequence[EncounterFormulas], obstacle: str) -> str:
+def obstacle_slot(name: str, formulas: Sequence[ObstacleFormulas], obstacle: str) -> str:
     """Source of the value of a slot per obstacle; empty where ``name`` is none.
 
     Parameters
@@ -142,7 +142,7 @@ def obstacle_slot(name: str, formulas: Sequence[EncounterFormulas], obstacle: st
     return f"P[{scalars} + {name[1:]} * ((P.shape[0] - {scalars}) // {rows}) + {obstacle}]"
 
 
-def encounter_loop(number: int, first: int, formulas: EncounterFormulas, m: int, tail: Sequence[str]) -> str:
+def obstacle_loop(number: int, first: int, formulas: ObstacleFormulas, m: int, tail: Sequence[str]) -> str:
     """Source of the loop over the active pairs (agent, obstacle) of one group, then the ``tail`` lines.
 
     The pairs follow those of the ``first`` graphs in ``senders`` and ``sensed``.
@@ -173,8 +173,8 @@ def encounter_loop(number: int, first: int, formulas: EncounterFormulas, m: int,
     return "\n".join([*lines, *(f"        {line}" for line in body)]) + "\n"
 
 
-def encounter_function(number: int, formulas: EncounterFormulas) -> str:
-    """Source of the NumPy function ``encounter<number>``: force, dissipation and supply of many active pairs.
+def obstacle_function(number: int, formulas: ObstacleFormulas) -> str:
+    """Source of the NumPy function ``obstacles<number>``: force, dissipation and supply of many active pairs.
 
     Parameters
     ----------
@@ -189,4 +189,4 @@ def encounter_function(number: int, formulas: EncounterFormulas) -> str:
     lines += [f"{n} = values[{n!r}]" for n in sorted(free - set(scalars))]
     lines += _statements(stages, True, "x")
     lines += ["return {" + ", ".join(f"{k!r}: {k}" for k in stages[-1]) + "}"]
-    return f"def encounter{number}(P, values):\n" + "".join(f"    {line}\n" for line in lines) + "\n\n"
+    return f"def obstacles{number}(P, values):\n" + "".join(f"    {line}\n" for line in lines) + "\n\n"

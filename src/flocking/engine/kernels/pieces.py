@@ -1,9 +1,9 @@
-"""Formulas made of pieces: a pair keeps the piece it is in until its crossing of the border has been located.
+"""Piecewise formulas: a pair keeps the piece in force until its crossing of the border has been located.
 
-A step that passes a border would else average over two formulas, and no estimate of its error holds. Conditions of a
-piecewise formula are therefore asked at the distance moved into the piece in force (``side``), while the piece itself
-goes on beyond its border at the true distance, as far as it does so continuously. A piece that has no continuation is
-held at its value near the border (``reach``).
+A step across a border would average over two formulas, and its error estimate would be invalid. Conditions of a
+piecewise formula are therefore evaluated at the distance clipped to the piece in force (``side``), while the piece
+itself continues beyond its border at the true distance, as far as it is continuous. A piece that has no continuation is
+evaluated at the distance clipped near the border (``reach``).
 """
 
 from __future__ import annotations
@@ -24,10 +24,19 @@ Shape = Callable[..., Sequence[float]]
 """The formulas of one graph or group of obstacles: functions of distance, ``side``, ``reach`` and their parameters."""
 
 MARGIN = 1e-12
-"""Relative distance from a border at which conditions are asked."""
+"""Relative distance from a border at which conditions are evaluated."""
 
 STEP = 1e-4
-"""Relative step over a border, and a hundredth of it, with which continuations are probed."""
+"""Relative step over a border with which continuations are probed, and then a hundredth of it."""
+
+LEAST_SCALE = 1e-3
+"""Borders nearer to 0 are probed as if they were at this distance, so that the steps do not vanish."""
+
+HALVED = 0.5
+"""A gap that falls below this share when the step becomes a hundredth vanishes with the step: there is no jump."""
+
+AGREED = 1e-9
+"""Relative difference of values that counts as rounding of the formulas."""
 
 FREE = (-np.inf, np.inf, -np.inf, np.inf)
 """Limits of ``side`` and ``reach`` that leave every condition to the distance itself."""
@@ -62,13 +71,7 @@ def held(formulas: Mapping[str, sympy.Expr], distance: str) -> tuple[dict[str, s
 
 
 def piece_lines(distance: str) -> list[str]:
-    """Source lines of a kernel's loop that set ``side`` and ``reach`` of pair ``e``.
-
-    Parameters
-    ----------
-    distance
-        Name of the distance in the kernel.
-    """
+    """Source lines of a kernel's loop that set ``side`` and ``reach`` of pair ``e`` from its ``distance``."""
     return [
         "row = pieces[e]",
         f"side = min(max({distance}, spans[row, 0]), spans[row, 1])",
@@ -77,7 +80,7 @@ def piece_lines(distance: str) -> list[str]:
 
 
 def free_pieces(count: int) -> tuple[NDArray[np.int32], Array]:
-    """Rows and limits of ``count`` pairs whose pieces the distance itself decides."""
+    """Rows and limits of ``count`` pairs whose pieces the distance itself selects."""
     return np.zeros(count, dtype=np.int32), np.array([FREE])
 
 
@@ -127,11 +130,11 @@ def _limits(
 
 def _goes_on(edge: float, inwards: float, side: float, shape: Callable[[float, float, float], Array]) -> bool:
     """Whether the formulas of the piece around ``side`` are continuous beyond its edge."""
-    scale = max(abs(edge), 1e-3)
+    scale = max(abs(edge), LEAST_SCALE)
     gaps = []
     for step in (STEP, STEP / 100):
         before, after = (shape(d, side, d) for d in (edge + inwards * step * scale, edge - inwards * step * scale))
         gaps.append((np.abs(after - before), np.abs(before) + np.abs(after)))
     (coarse, size), (fine, _) = gaps
     with np.errstate(invalid="ignore"):
-        return bool(np.isfinite(coarse).all() and (fine <= 0.5 * coarse + 1e-9 * size).all())
+        return bool(np.isfinite(coarse).all() and (fine <= HALVED * coarse + AGREED * size).all())

@@ -45,33 +45,15 @@ def free_names(expressions: Iterable[sympy.Expr]) -> Names:
 
 
 def indented(lines: Iterable[str], depth: int) -> str:
-    """Lines as text, indented.
-
-    Parameters
-    ----------
-    lines, depth
-        The lines, and how many levels of four blanks stand before them.
-    """
+    """The ``lines`` as text, indented by ``depth`` levels of four blanks."""
     return "".join("    " * depth + line + "\n" for line in lines)
 
 
 def unpack(names: Names, depth: int) -> str:
-    """Lines that take the values of single numbers from their slots.
-
-    Parameters
-    ----------
-    names, depth
-        The slots, and the indentation in levels.
-    """
+    """Lines, indented by ``depth`` levels, that read single numbers from the slots in ``names``."""
     return indented((f"{n} = P[{n[1:]}]" for n in names.scalars), depth)
 
 
 def nonzero(formulas: Mapping[str, sympy.Expr]) -> dict[str, sympy.Expr]:
-    """Those that do anything: what is left out need not be compiled.
-
-    Parameters
-    ----------
-    formulas
-        Formulas by name.
-    """
+    """The ``formulas`` that are not zero; the others need not be compiled."""
     return {name: value for name, value in formulas.items() if value != 0}

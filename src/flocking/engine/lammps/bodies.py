@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import sympy
 
     from flocking.engine.kernels.expressions import LawFormulas
-    from flocking.engine.kernels.obstacle_formulas import EncounterFormulas
+    from flocking.engine.kernels.obstacle_formulas import ObstacleFormulas
 
 AXES = "xyz"
 MOST_GROUPS = 24
@@ -97,7 +97,7 @@ def body_deck(formulas: LawFormulas, layout: Layout, P: Array, agents: Body) -> 
         for k, f in enumerate(forces):
             deck.lines.append(f'variable force_{AXES[k]} atom "{names.text(f, P)}"')
         deck.lines.append(f"fix body all addforce {_vector('force_', m)}")
-    _encounters(deck, formulas, layout, P, names)
+    _obstacles(deck, formulas, layout, P, names)
     deck.properties = names.properties
     return deck
 
@@ -106,20 +106,20 @@ def _vector(prefix: str, m: int) -> str:
     return " ".join(f"v_{prefix}{AXES[k]}" for k in range(m)) + (" 0.0" if m == 2 else "")
 
 
-def _encounters(deck: BodyDeck, formulas: LawFormulas, layout: Layout, P: Array, names: _Names) -> None:
+def _obstacles(deck: BodyDeck, formulas: LawFormulas, layout: Layout, P: Array, names: _Names) -> None:
     """Beta- and gamma-agents: variables per obstacle, applied to a dynamic group of the agents near some of them."""
     import sympy
 
     m, rows = formulas.dimension, layout.obstacle_rows()
     met: list[tuple[str, float, object]] = []
-    if layout.encounters():
+    if layout.obstacle_groups():
         deck.lines += [
             "# Of each obstacle: signed distance of the agent, speed at which the boundary recedes, normal towards the",
             "# agent, velocity of the beta-agent (55)-(57) as it slides outside and as continued inside, force (54).",
         ]
-    for number, (term, group) in enumerate(layout.encounters()):
-        stages = formulas.encounters[number].geometry
-        needed_names = _needed(formulas.encounters[number])
+    for number, (term, group) in enumerate(layout.obstacle_groups()):
+        stages = formulas.obstacles[number].geometry
+        needed_names = _needed(formulas.obstacles[number])
         for column, which in enumerate(group.numbers):
             prefix = f"o{number}_{which}_"
             table = {
@@ -133,7 +133,7 @@ def _encounters(deck: BodyDeck, formulas: LawFormulas, layout: Layout, P: Array,
                         deck.lines.append(f'variable {prefix}{name} atom "{names.text(e.xreplace(table), P, own)}"')
                 own |= {name: f"v_{prefix}{name}" for name in stage}
             near = f"v_{prefix}distance < {term.range!r}"
-            for k, f in enumerate(formulas.encounters[number].force):
+            for k, f in enumerate(formulas.obstacles[number].force):
                 inside = names.text(f.xreplace(table), P, own)
                 deck.lines.append(f'variable {prefix}{AXES[k]} atom "ternary({near}, {inside}, 0)"')
             met.append((prefix, term.range, group.obstacles[column]))
@@ -167,7 +167,7 @@ def _near(name: str, some: list[tuple[str, float, sympy.Expr]]) -> list[str]:
     return [f'variable {name} atom "{condition}"', f"group {name} dynamic all var {name} every 1"]
 
 
-def _needed(encounter: EncounterFormulas) -> set[str]:
+def _needed(encounter: ObstacleFormulas) -> set[str]:
     """Names of the stages that the force uses, directly or through others."""
     needed_names = {s.name for f in encounter.force for s in f.free_symbols} | {"distance"}
     for stage in reversed(encounter.geometry):

@@ -44,7 +44,7 @@ class Ledger:
         self._counts: list[int] = []
         self._layout = Layout(scenario.law, scenario.energy)
         self._slots = self._layout.values(scenario.agents, scenario.start.n, scenario.start.t)
-        self._encounters = ObstacleDistances(scenario.law)
+        self._distances = ObstacleDistances(scenario.law)
 
     @property
     def trace(self) -> list[tuple[float, ...]]:
@@ -89,9 +89,9 @@ class Ledger:
         pairs = list(pairs)
         self._closest(state, pairs[0])
         n, count = state.n, len(pairs[0][0])
-        for level in self._encounters.levels:
+        for level in self._distances.levels:
             if level.kind == "obstacle":
-                near = np.argwhere(self._encounters.within(level, state.q, state.t))
+                near = np.argwhere(self._distances.within(level, state.q, state.t))
                 pairs.append((near[:, 0], near[:, 1]))
         offsets = np.cumsum([0, *(len(i) for i, _ in pairs)])
         senders, sensed = (np.concatenate([pair[k] for pair in pairs]).astype(np.int64) for k in (0, 1))

@@ -207,14 +207,14 @@ def obstacles_met(
     from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 
     rows, found = layout.obstacle_rows(), []
-    encounters = ObstacleDistances(law)
-    for level in encounters.levels:
+    distances = ObstacleDistances(law)
+    for level in distances.levels:
         if level.kind == "obstacle":
-            i, o = np.nonzero(encounters.within(level, q, given["t"]))
+            i, o = np.nonzero(distances.within(level, q, given["t"]))
             values = {k: v[i] if np.ndim(v) else v for k, v in given.items()}
             values |= {f"O{k}": row[o] for k, row in enumerate(rows)}
             with np.errstate(all="ignore"):
-                result = getattr(module, f"encounter{level.group}")(P, values)
+                result = getattr(module, f"obstacles{level.group}")(P, values)
             found.append((i, {k: v * np.ones(len(i)) for k, v in result.items()}))
     return found
 

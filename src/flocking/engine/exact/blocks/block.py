@@ -1,4 +1,4 @@
-"""A block of steps of a session: what the native loop is given, and what comes of it."""
+"""A block of steps of a session: the arguments of the native loop, and its results."""
 
 from __future__ import annotations
 
@@ -49,11 +49,13 @@ MOST_FRAMES = 64
 """Most frames of one native call."""
 
 WORK = 200_000
-"""Pairs looked at in one native call, about: Ctrl-C and a clock wait for its end, some hundredths of a second."""
+"""Approximate number of pairs processed in one native call: Ctrl-C and clocks wait for its end, some hundredths of a
+second.
+"""
 
 
 SHORT_SLICE = 0.05
-"""Where less wall time is left than this, steps are taken one by one."""
+"""Remaining wall time in seconds below which steps are taken one by one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,24 +109,24 @@ def take_block(
     *,
     seconds: float,
 ) -> StepBlock | None:
-    """Take steps, up to the first that ends in a switch or leaves something in doubt; None for what needs more.
+    """Take steps, up to the first that ends in a switch or leaves something in doubt; None if that is impossible.
 
-    Nothing that is given is changed, but for what the stepper says of the step tried last.
+    Arguments are not changed, except for the stepper's data on the step tried last.
 
     Parameters
     ----------
     dynamics, links
         The law in force and the links.
     stepper
-        Stands where the last step ended, which is on record.
+        At the end of the last step, which is recorded.
     error
-        The estimate of the error, at the same place.
+        The error estimate, at the same place.
     extremes
         The largest values so far.
     precision
-        The bounds of what numbers can tell apart.
+        The bounds on resolution.
     origin
-        What times and coordinates are relative to.
+        Origin of times and coordinates.
     energies
         Energy and kinetic energy at the start.
     until
@@ -132,7 +134,7 @@ def take_block(
     frame_times
         The own times of the frames to come.
     seconds
-        Wall time that is left.
+        Remaining wall time.
     """
     law, watched, memory = dynamics.compiled, links.tables(dynamics.barriers), stepper.memory
     known = error.difference

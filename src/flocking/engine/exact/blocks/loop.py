@@ -43,8 +43,7 @@ from flocking.engine.kernels.law_kernels import CompiledLaw
 from flocking.formula.native.functions import native
 
 OPEN, REFUSED, FAILED = range(3)
-"""How it ends: with a step that is not on record yet; or, all being on record, before a step that was tried and needs a
-closer look, or that could not be tried."""
+"""Outcomes: the last step is not recorded yet; or all are recorded and the next was refused, or failed."""
 
 
 @native
@@ -52,24 +51,24 @@ def step_block(
     law: CompiledLaw, method: Method, watches: Watches, limits: Limits, references: References, solution: Solution,
     records: Records,
 ) -> tuple[int, int, int, int, int]:  # fmt: skip
-    """Take steps, and put those on record that leave nothing to decide.
+    """Take steps, and record those that leave nothing to decide.
 
     Parameters
     ----------
     law, method, watches, limits
-        The law in force, the integrator, what is watched and what bounds the steps.
+        The law in force, the integrator, the watches and the bounds of the steps.
     references
-        What velocities are compared with.
+        Velocities for comparison.
     solution
-        The solution, which stands where the last step ended; changed.
+        The solution at the end of the last step; updated.
     records
-        Takes what is put on record; changed.
+        The records; updated.
 
     Returns
     -------
     tuple
-        How many steps were taken and how many are on record, how many frames were made, how it ends, see `OPEN`, and
-        how many pairs cross at the end. Of a step that was refused ``solution.coefficients`` is the polynomial.
+        Numbers of steps taken and recorded, of frames, the outcome, see `OPEN`, and the number of pairs that cross at
+        the end. For a refused step ``solution.coefficients`` is the polynomial.
     """
     taken, recorded, shown = 0, 0, 0
     progress, errors, e = solution.progress, solution.errors, solution.difference
@@ -148,14 +147,12 @@ def near_misses(watched: PairWatches, pairs: float, q_floor: float, work: Work) 
 
 
 def frames_due(times: Array, shown: int, stop: float) -> int:
-    """How many frames there are until a time, of which the first ``shown`` have been made.
+    """Number of frames until the own time ``stop``, of which the first ``shown`` have been made.
 
     Parameters
     ----------
     times
         Own times of the frames, shape (frames,).
-    stop
-        The own time.
     """
     due = shown
     while due < times.shape[0] and times[due] <= stop:
@@ -164,15 +161,7 @@ def frames_due(times: Array, shown: int, stop: float) -> int:
 
 
 def make_frame(records: Records, f: int, t: float, stop: float, work: Work) -> None:
-    """Make frame ``f``, which falls on the step from ``t`` to ``stop``.
-
-    Parameters
-    ----------
-    records
-        Takes it.
-    work
-        Holds the step.
-    """
+    """Make frame ``f`` of ``records``, which falls on the step in ``work`` from ``t`` to ``stop``."""
     frame, time = records.frames[f], records.frame_times[f]
     if time == stop:
         for c in range(frame.shape[0]):

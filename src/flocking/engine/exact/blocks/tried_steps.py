@@ -42,17 +42,11 @@ LAST = NODES - 1
 """Number of the node at the end of a step."""
 
 REFUSED = -1
-"""Returned for a step that ends in more than a cut at its first crossing."""
+"""Returned for a step that needs more than a cut at its first crossing."""
 
 
 def new_work(law: CompiledLaw, solution: Solution) -> Work:
-    """Arrays for steps of a law; for native functions.
-
-    Parameters
-    ----------
-    solution
-        Where the steps begin.
-    """
+    """Arrays for steps of a law that begin at ``solution``; for native functions."""
     n, m, size, count = law.n, law.m, solution.y.shape[0], DEGREE + 1
     motion = Motion(np.empty((count, n, m)), np.empty((count, n * (law.order - 1), m)), np.empty(n), 0.0)
     return Work(
@@ -64,40 +58,26 @@ def new_work(law: CompiledLaw, solution: Solution) -> Work:
 
 
 def copy_rows(source: Array, target: Array) -> None:
-    """Copy an array of two axes; for native functions.
-
-    Parameters
-    ----------
-    source, target
-        What is copied, and where it goes.
-    """
+    """Copy the array ``source`` of two axes to ``target``; for native functions."""
     for a in range(source.shape[0]):
         for c in range(source.shape[1]):
             target[a, c] = source[a, c]
 
 
 def energy_at(law: CompiledLaw, limits: Limits, t: float, y: Array, found: Array) -> float:
-    """Energy of a state vector at an own time; the parts go to ``found``, shape (3,).
+    """Energy of a state vector ``y`` at an own time; its parts go to ``found``, shape (3,).
 
     Parameters
     ----------
     law, limits
         The law, and the energy of pairs without links.
-    y
-        The state vector, shape (size,).
     """
     state_energies(law, t + limits.base, y, found)
     return float(found[0] + found[1] + found[2] + limits.unlinked)
 
 
 def shortest_step(t: float) -> float:
-    """The shortest step that is taken at a time.
-
-    Parameters
-    ----------
-    t
-        The own time.
-    """
+    """The shortest step at the own time ``t``."""
     return SPACINGS * abs(math.nextafter(t, np.inf) - t)
 
 
@@ -246,14 +226,14 @@ def cut_at_crossing(watches: Watches, stop: float, solution: Solution, work: Wor
 
 
 def is_sound(law: CompiledLaw, watches: Watches, limits: Limits, stop: float, solution: Solution, work: Work) -> bool:
-    """Whether a step jumps over no feature and no barrier of a potential, and does not lose its digits.
+    """Whether a step jumps over no feature and no barrier of a potential, and is resolved by floating-point numbers.
 
     Its energies are left in ``work.energies``.
 
     Parameters
     ----------
     law, watches, limits
-        The law, what is watched, and the bounds.
+        The law, the watches, and the bounds.
     stop
         Where the step ends.
     solution
@@ -335,7 +315,7 @@ def companion_gap_now(law: CompiledLaw, limits: Limits, t: float, energy: float,
 
 
 def go_on(law: CompiledLaw, limits: Limits, stop: float, energy: float, solution: Solution, work: Work) -> float:
-    """Take the step that was tried; what its error leaves the ledger unable to explain.
+    """Accept the step that was tried; returns the ledger residual that its error explains.
 
     Parameters
     ----------
@@ -344,7 +324,7 @@ def go_on(law: CompiledLaw, limits: Limits, stop: float, energy: float, solution
     stop, energy
         Where the step ends, and the energy there; the kinetic energy is still in ``work.energies``.
     solution
-        Goes on to its end.
+        Advanced to its end.
     work
         Holds the step.
     """

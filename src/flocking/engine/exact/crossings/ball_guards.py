@@ -1,7 +1,7 @@
 """Certified crossings of the distances from balls that stand still or move uniformly.
 
-The squared distance of an agent from such a ball's centre is a polynomial on a segment, like that of two agents:
-no excursion can be missed, however short. Other obstacles take the general way of `obstacle_contacts`.
+The squared distance of an agent from such a ball's centre is a polynomial on a segment, like that of two agents: no
+excursion can be missed, however short. `obstacle_contacts` treats other obstacles.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.engine.exact.crossings.guards import _PRODUCT, NEVER, add_row, all_rows, first_above, places_and_pairs
-from flocking.engine.exact.integrator.segment import ROUNDING
+from flocking.engine.exact.integrator.segment import BOUND_ROUNDING, ROUNDING
 from flocking.formula.native.functions import native_apart
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
@@ -20,16 +20,13 @@ from flocking.model.leaders_and_obstacles.leaders import Leader, Sink, Velocity
 from flocking.model.leaders_and_obstacles.obstacles import Ball
 from flocking.model.terms.avoidance import ObstacleGroup
 
+ROUNDED = 1e-13
+"""Slack of a distance whose coordinates are exact: above the rounding of a distance, some units of 2.2e-16."""
+
 
 def ball_slack(size: float) -> float:
-    """How far an agent must pass a distance from a ball to have crossed it, for native functions too.
-
-    Parameters
-    ----------
-    size
-        The largest coordinate.
-    """
-    return 1e-13 + ROUNDING * size
+    """Distance beyond a ball's level at which an agent has crossed it, for coordinates up to ``size``; also native."""
+    return ROUNDED + ROUNDING * size
 
 
 def uniform_balls(group: ObstacleGroup) -> bool:
@@ -95,14 +92,14 @@ def ball_crossings(
 def find_ball_crossings(
     B: Array, centres: Array, radii: Array, near: Links, active: Links, level: float, slack: float, found: Array
 ) -> int:
-    """Fill the rows (place, agent, ball) of `ball_crossings`, as many as there is room for; how many there are.
+    """Fill the rows (place, agent, ball) of `ball_crossings`, as many as fit; returns their total number.
 
     Parameters
     ----------
     B, centres, radii, near, active, level, slack
         As for `ball_crossings`.
     found
-        Takes them, shape (room, 3).
+        The rows, shape (room, 3).
     """
     n, m = B.shape[1], B.shape[2]
     count = 0
@@ -123,7 +120,7 @@ def find_ball_crossings(
                     if a == 0:
                         first += relative[0, k] ** 2
                 excursion = max(excursion, apart2)
-            first, excursion = np.sqrt(first), np.sqrt(excursion) * (1.0 + 1e-14)
+            first, excursion = np.sqrt(first), np.sqrt(excursion) * (1.0 + BOUND_ROUNDING)
             if near[i, o]:
                 if first + excursion < border:
                     continue

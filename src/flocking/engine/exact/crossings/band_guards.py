@@ -1,4 +1,4 @@
-"""Which pairs come within the error of the distance at which they would switch: certified on a segment."""
+"""Pairs that come within the error of the distance at which they would switch, certified on a segment."""
 
 from __future__ import annotations
 
@@ -15,6 +15,9 @@ from flocking.engine.exact.crossings.guards import (
 from flocking.formula.native.functions import native, native_apart
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
+
+BOUND_ROUNDING = 1e-12
+"""Relative margin of the bounds on distances from the mean: above the rounding of a mean of thousands of positions."""
 
 
 def pair_error(nodes: Array, floor: float, i: int, j: int) -> float:
@@ -72,14 +75,14 @@ def find_within_error(
     B: Array, far: Array, near: Links, active: Links, enter: Array, leave: Array, directed: bool,
     nodes: Array, most: float, floor: float, found: Array,
 ) -> int:  # fmt: skip
-    """Fill the rows of `within_error`, as many as there is room for; how many there are.
+    """Fill the rows of `within_error`, as many as fit; returns their total number.
 
     Parameters
     ----------
     B, far, near, active, enter, leave, directed, nodes, most, floor
         As for `within_error`.
     found
-        Takes them, shape (room, 6).
+        The rows, shape (room, 6).
     """
     n = B.shape[1]
     count = 0
@@ -140,14 +143,14 @@ def first_beyond(B: Array, i: int, j: int, distance: float, outward: bool) -> fl
 
 @native
 def closest_after(B: Array, i: int, j: int, level: float, inside: bool, x: float) -> tuple[float, float]:
-    """How close a pair comes to a distance from position ``x`` on, and where.
+    """Least distance of a pair from a level after position ``x``, and where.
 
     Parameters
     ----------
     B
         Bernstein coefficients of the positions, shape (8, N, m).
     inside
-        Whether the pair is closer than the distance, so that it would have to go further.
+        Whether the pair is closer than the level, so that it would have to move apart.
     level
         The distance.
     """
@@ -194,7 +197,7 @@ def _farthest_from_mean(B: Array, far: Array) -> Array:
         square = 0.0
         for k in range(m):
             square += (B[0, i, k] - mean[k]) ** 2
-        away[i] = (far[i] + np.sqrt(square)) * (1.0 + 1e-12)
+        away[i] = (far[i] + np.sqrt(square)) * (1.0 + BOUND_ROUNDING)
     return away
 
 

@@ -19,27 +19,31 @@ from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 
 NEVER = 2.0
-"""Returned where nothing happens on [0, 1]."""
+"""Returned if nothing happens on [0, 1]."""
+
+NARROWEST = 1e-15
+"""Width at which an interval around a root is no longer halved: some units of rounding of a place in [0, 1]."""
+
+NARROWEST_MINIMUM = 1e-12
+"""The same for a minimum, whose value changes by the square of the width."""
+
+DIP = 0.25
+"""A squared distance that falls below this share of the smaller one at the ends is a dip: half the distance."""
 
 FINEST = 1e-13
-"""How finely smallest values are sought, relative to their size."""
+"""Relative accuracy of smallest values."""
 
 _PRODUCT = np.array([[comb(7, a) * comb(7, b) / comb(14, a + b) for b in range(8)] for a in range(8)])
 _DEPTH = 80
 """Rows of the stack of intervals: each halving needs one more, and an interval of 1e-15 is reached after 50."""
 _RETRIES = 20
-"""How often a crossing is looked for further on where the velocities disagree. Each time a place is passed at which a
-polynomial of degree 14 rises through zero, of which there are at most 7."""
+"""Number of times a crossing is sought further on if the velocities disagree. Each time passes a place at which a
+polynomial of degree 14 rises through zero, of which there are at most 7.
+"""
 
 
 def squared_distance(B: Array, i: int, j: int, out: Array) -> None:
-    """Bernstein coefficients, shape (15,), of the squared distance of agents i and j; B has shape (8, N, m).
-
-    Parameters
-    ----------
-    out
-        Where the coefficients go, shape (15,).
-    """
+    """Bernstein coefficients ``out``, shape (15,), of the squared distance of agents i and j; B has shape (8, N, m)."""
     for a in range(15):
         out[a] = 0.0
     for a in range(8):
@@ -51,15 +55,7 @@ def squared_distance(B: Array, i: int, j: int, out: Array) -> None:
 
 
 def halve_top(stack: Array, top: int) -> None:
-    """Put the two halves of the polynomial in row ``top`` of a stack in its place, the left one above.
-
-    Parameters
-    ----------
-    stack
-        Bernstein coefficients, one polynomial in each row.
-    top
-        Its row.
-    """
+    """Replace the polynomial in row ``top`` of a ``stack`` by its two halves, the left one above."""
     size = stack.shape[1]
     for k in range(size):
         stack[top + 1, k] = stack[top, 0]
@@ -69,14 +65,12 @@ def halve_top(stack: Array, top: int) -> None:
 
 
 def halve_interval(begin: Array, width: Array, top: int) -> None:
-    """Put the two halves of the interval in row ``top`` of a stack in its place, the left one above.
+    """Replace the interval in row ``top`` of a stack by its two halves, the left one above.
 
     Parameters
     ----------
     begin, width
-        Where the intervals begin, and their widths.
-    top
-        Its row.
+        Begins and widths of the intervals.
     """
     half = 0.5 * width[top]
     begin[top + 1], width[top + 1] = begin[top], half
@@ -100,7 +94,7 @@ def first_above(g: Array) -> float:
         if not possible:
             top -= 1
             continue
-        if stack[top, 0] > 0.0 or width[top] < 1e-15 or top + 2 >= _DEPTH:
+        if stack[top, 0] > 0.0 or width[top] < NARROWEST or top + 2 >= _DEPTH:
             return float(begin[top])
         halve_top(stack, top)
         halve_interval(begin, width, top)
@@ -135,7 +129,7 @@ def smallest_value(g: Array, below: float) -> tuple[float, float]:
         least, possible = best - FINEST * abs(best), False
         for k in range(size):
             possible = possible or not stack[top, k] >= least
-        if not possible or width[top] < 1e-12 or top + 2 >= _DEPTH:
+        if not possible or width[top] < NARROWEST_MINIMUM or top + 2 >= _DEPTH:
             top -= 1
             continue
         halve_top(stack, top)
@@ -189,25 +183,19 @@ def _moving_so(square: Array, x: float, B: Array, P: Array, i: int, j: int, sign
 
 
 def add_row(found: Array, count: int, x: float, i: int, j: int) -> int:
-    """Put (x, i, j) behind ``count`` rows where there is room; how many rows there are then, or would be.
-
-    Parameters
-    ----------
-    found
-        The rows, shape (room, 3).
-    """
+    """Store (x, i, j) behind ``count`` rows of ``found``, shape (room, 3), if it fits; returns the new count."""
     if count < found.shape[0]:
         found[count, 0], found[count, 1], found[count, 2] = x, i, j
     return count + 1
 
 
 def all_rows(search: Callable[[Array], int], columns: int) -> Array:
-    """Rows that a search finds, however many there are.
+    """All rows of a search.
 
     Parameters
     ----------
     search
-        Fills an array with the rows it has room for, and returns how many there are.
+        Fills an array with the rows that fit, and returns their total number.
     columns
         Length of a row.
     """
@@ -272,14 +260,14 @@ def find_crossings(
     B: Array, far: Array, near: Links, active: Links, enter: Array, leave: Array, directed: bool, slack: float,
     P: Array, found: Array,
 ) -> int:  # fmt: skip
-    """Fill the rows (place, i, j) of `crossings`, as many as there is room for; how many there are.
+    """Fill the rows (place, i, j) of `crossings`, as many as fit; returns their total number.
 
     Parameters
     ----------
     B, far, near, active, enter, leave, directed, slack, P
         As for `crossings`.
     found
-        Takes them, shape (room, 3).
+        The rows, shape (room, 3).
     """
     n = B.shape[1]
     count = 0
@@ -352,16 +340,16 @@ def find_closest(B: Array, far: Array, linked: Links, best_linked: float, best_f
 def deepest_dip(B: Array, far: Array, senders: Indices, sensed: Indices) -> float:
     """Where on the segment a linked pair comes much closer than at both its ends, deepest first; or `NEVER`.
 
-    A step that jumps over a close encounter shows as such a dip: its ends know nothing of the force between.
+    A step that jumps over a close approach shows such a dip, as the force in between does not affect its ends.
 
     Parameters
     ----------
     far
-        How far each agent gets from where the segment begins, shape (N,).
+        Bound on the displacement of each agent on the segment, shape (N,).
     senders, sensed
         The linked pairs, shape (K,) each.
     """
-    deepest, where = 0.25, NEVER
+    deepest, where = DIP, NEVER
     square = np.empty(15)
     for e in range(senders.shape[0]):
         i, j = senders[e], sensed[e]

@@ -1,10 +1,9 @@
-"""Which agents are within range of which obstacles, and when that next changes.
+"""Agents within range of obstacles, and the next change of that.
 
-The distance to an obstacle changes no faster than the agent and the obstacle move. On a piece of a segment it
-therefore stays within the agent's reach of its value in the middle: halving the segment either proves that a
-distance is not crossed or closes in on the first crossing. Excursions shorter than `FINE` of a step that leave
-no trace at the ends and the middle of their piece are not seen. Balls that stand still or move uniformly are
-watched by `ball_guards`, which misses nothing.
+The distance to an obstacle changes no faster than the agent and the obstacle move. On a piece of a segment it therefore
+stays within a bound of its value in the middle: halving the segment either proves that a distance is not crossed or
+closes in on the first crossing. Excursions shorter than `FINE` of a step that leave no trace at the ends and the middle
+of their piece are not detected. `ball_guards` detects all excursions for balls that stand still or move uniformly.
 """
 
 from __future__ import annotations
@@ -31,16 +30,31 @@ from flocking.model.leaders_and_obstacles.obstacles import Obstacle
 Indices = NDArray[np.intp]
 
 FINE = 1e-7
-"""Fraction of a step below which excursions that leave no trace at ends and middles are not looked for."""
+"""Fraction of a step below which excursions that leave no trace at ends and middles are not detected."""
 SPEED_SAMPLES = 9
 """Samples of a speed on a step, the ends of 8 parts: one part more than the degree of the polynomial that resolves
 the motion of a step."""
 SPEED_MARGIN = 1.5
-"""Covers a speed that changes by a third between neighbouring samples of a step, which is more than steps that resolve
-the motion have. It proves nothing: used where a velocity has no bound by interval arithmetic."""
+"""Factor that covers a speed which changes by a third between neighbouring samples of a step, more than steps that
+resolve the motion have. It proves nothing: it is used if interval arithmetic finds no bound on a velocity.
+"""
 
 CLOSED = 1e-15
 """Fraction of a step to which a crossing is located."""
+
+SPEED_STEP = 1e-6
+"""Time on each side over which the speed of a crossing is a difference quotient: near the root of its rounding."""
+
+TANGENTIAL = 1e-6
+"""A crossing slower than this fraction of the relative speed is flagged as tangential."""
+
+AT_REST = 1e-12
+"""Relative speeds below it count as this one, so that agents at rest have a bound above zero."""
+
+
+def is_tangential(speed: float, velocity: Array) -> bool:
+    """Whether a crossing with this ``speed`` is tangential, ``velocity`` being the relative one, shape (m,)."""
+    return abs(speed) < TANGENTIAL * max(float(np.linalg.norm(velocity)), AT_REST)
 
 
 class ObstacleContacts(ObstacleDistances):
@@ -62,13 +76,12 @@ class ObstacleContacts(ObstacleDistances):
             Number of the group of obstacles.
         """
         i, o = (int(k) for k in pair)
-        step = 1e-6
         low, high = (
-            self.clearance(group, (q[i] + s * p[i])[None], np.array([t + s]), np.array([o]))[0] for s in (-step, step)
+            self.clearance(group, (q[i] + s * p[i])[None], np.array([t + s]), np.array([o]))[0]
+            for s in (-SPEED_STEP, SPEED_STEP)
         )
-        speed = float(high - low) / (2 * step)
-        slow = abs(speed) < 1e-6 * max(float(np.linalg.norm(p[i])), 1e-12)
-        return (t, i, self.groups[group].numbers[o], "obstacle", group, speed, slow)
+        speed = float(high - low) / (2 * SPEED_STEP)
+        return (t, i, self.groups[group].numbers[o], "obstacle", group, speed, is_tangential(speed, p[i]))
 
     def next_crossings(
         self, segment: Segment, B: Array, near: list[Links], active: list[Links]
@@ -171,7 +184,7 @@ class ObstacleContacts(ObstacleDistances):
     def _excess(
         self, segment: Segment, group: int, obstacle: Indices, sign: Array, border: Array
     ) -> Callable[[Array, Array, Indices], Array]:
-        """By how much candidates are beyond their border, as `first_crossings` asks for it."""
+        """How far candidates are beyond their border, as a function for `first_crossings`."""
         length = segment.t1 - segment.t0
 
         def above(points: Array, x: Array, which: Indices) -> Array:
@@ -250,7 +263,7 @@ def first_crossings(above: Callable[[Array, Array, Indices], Array], C: Array, s
 
 
 def _halves(C: Array) -> tuple[Array, Array, Array]:
-    """Both halves of each path, and how far it strays from its middle; shapes (k, 8, m) twice and (k,)."""
+    """Both halves of each path, and its largest distance from its middle; shapes (k, 8, m) twice and (k,)."""
     left, right = np.empty(C.shape), C.copy()
     reach = np.zeros(len(C))
     _halve_paths(C, left, right, reach)

@@ -1,4 +1,4 @@
-"""Links of a running group: their memory, the ordered pairs kernels loop over, and the next switch."""
+"""Links of a running group: their memory, the ordered pairs of the kernels, and the next switch."""
 
 from __future__ import annotations
 
@@ -24,20 +24,21 @@ from flocking.model.law import Law
 from flocking.model.space import OPEN, Space
 
 SLIDE = 1e-6
-"""A pair that crosses back and has moved less than this fraction of the distance has not really left it."""
+"""A pair that crosses back after moving less than this fraction of the distance has not left it."""
 
 MOST_SLIDES = 200
-"""So many such crossings in a row make a session say that the motion chatters."""
+"""Number of such crossings in a row that counts as chattering."""
 
 GRAZE = 1e-9
-"""How far, as a fraction of the distance, a pair must pass a kink with continuous force for it to be a crossing."""
+"""Depth of a crossing, as a fraction of the distance, at a kink with continuous force."""
 
 TIE = 1e-12
 """Crossings closer than this fraction of a step count as one instant."""
 
 ROUNDED = 1e-13
 """The same at other distances: above the error of a distance from rounding, some units of 2.2e-16, and a tenth of
-`TIE`, so that what counts as one instant does not depend on it."""
+`TIE`, so that the choice of simultaneous crossings does not depend on it.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,21 +58,21 @@ class Crossing:
 
 
 def slack_of(watch: Watch, size: float) -> float:
-    """How far a pair must pass the distance of a watch to have crossed it, where coordinates have this ``size``."""
+    """Distance beyond that of a watch at which a pair has crossed it, for coordinates of this ``size``."""
     return slack_at((GRAZE if watch.smooth else ROUNDED) * watch.farthest, size)
 
 
 class LinkState:
-    """Which pairs are linked under each graph of a law, and on which side of each kink they are.
+    """The pairs linked under each graph of a law, and their side of each kink.
 
     Parameters
     ----------
     links
         Link memory of the law's own graph; its initial rule decides when absent.
     headings
-        Headings of the agents, as in `Agents`, where a graph sees them.
+        Headings of the agents, as in `Agents`, if a graph sees them.
     base
-        The time at which the session's own time, in which all times are given here, is 0.
+        The time at which the session's own time, the time of all functions here, is 0.
     space
         Where the agents live.
     """
@@ -95,12 +96,12 @@ class LinkState:
             self.links[0] = np.array(links)
         self.watches = watches_of(law, len(q))
         self.near: list[Links] = [self._near_at(q, w) for w in self.watches]
-        self.encounters = ObstacleContacts(law)
+        self.contacts = ObstacleContacts(law)
         self._first_level = len(self.watches)
-        for level in self.encounters.levels:
+        for level in self.contacts.levels:
             distance = np.full(len(q), level.distance)
             self.watches.append(Watch(len(self.graphs) + level.group, level.kind, distance, distance))
-            self.near.append(self.encounters.within(level, q, t + base))
+            self.near.append(self.contacts.within(level, q, t + base))
         self.sliding: dict[tuple[int, int, int], tuple[float, float, int]] = {}
         everyone = np.ones((len(q), len(q)), dtype=bool)
         allowed = [g.allowed(headings) for g in self.graphs]
@@ -110,19 +111,19 @@ class LinkState:
         ]
 
     def under(self, law: Law) -> LinkState | None:
-        """The same links under another law, if its graphs, kinks and obstacles are where they were; else None."""
-        watches, encounters = watches_of(law, len(self._allowed[0])), ObstacleContacts(law)
-        obstacles = [(g.structure, g.rows) for g in encounters.groups] == [
-            (g.structure, g.rows) for g in self.encounters.groups
+        """The same links under another law, if its graphs, kinks and obstacles are the same; else None."""
+        watches, contacts = watches_of(law, len(self._allowed[0])), ObstacleContacts(law)
+        obstacles = [(g.structure, g.rows) for g in contacts.groups] == [
+            (g.structure, g.rows) for g in self.contacts.groups
         ]
         before = self.watches[: self._first_level]
         if not (
-            law.graphs == self.graphs and obstacles and encounters.levels == self.encounters.levels
+            law.graphs == self.graphs and obstacles and contacts.levels == self.contacts.levels
             and len(watches) == len(before) and all(map(Watch.is_where, watches, before))
         ):  # fmt: skip
             return None
         found = copy(self)
-        found._law, found.graphs, found.encounters = law, law.graphs, encounters
+        found._law, found.graphs, found.contacts = law, law.graphs, contacts
         found.watches = [*watches, *self.watches[self._first_level :]]
         found.recall((self.links, self.near))
         found.sliding = {}
@@ -159,10 +160,10 @@ class LinkState:
 
         The last is where links break, or the range of the term.
         """
-        owners = range(len(self.graphs) + len(self.encounters.groups))
+        owners = range(len(self.graphs) + len(self.contacts.groups))
         inner = [[float(w.leave[0]) for w in self.watches if w.inner and w.graph == owner] for owner in owners]
         outer = [float(np.max(np.asarray(graph.break_radius))) for graph in self.graphs]
-        outer += [level.distance for level in self.encounters.levels if level.kind == "obstacle"]
+        outer += [level.distance for level in self.contacts.levels if level.kind == "obstacle"]
         return [[*kinks, end] for kinks, end in zip(inner, outer, strict=True)]
 
     def active(self) -> list[Links]:
@@ -183,7 +184,7 @@ class LinkState:
         return found
 
     def watched(self) -> Iterator[tuple[int, Watch, Links, tuple[Array, Array] | None]]:
-        """Watches of pairs of agents: number, watch, which pairs are looked at, headings and cosines of views."""
+        """Watches of pairs of agents: number, watch, pairs checked, headings and cosines of views."""
         for number, watch in enumerate(self.watches[: self._first_level]):
             active = self.links[watch.graph] if watch.kind == "kink" else self._allowed[watch.graph]
             yield number, watch, active, self._views[watch.graph]
@@ -199,8 +200,8 @@ class LinkState:
         if any(view is not None for view in self._views):
             return None
         balls: BallWatches | None = NO_BALLS
-        if self.encounters.levels:
-            balls = self.encounters.tables(self.near[self._first_level :], self.active())
+        if self.contacts.levels:
+            balls = self.contacts.tables(self.near[self._first_level :], self.active())
         if balls is None:
             return None
         n = len(self._allowed[0])
@@ -251,10 +252,10 @@ class LinkState:
             when, which = crossings(B, far, self.near[number], active, watch.enter, watch.leave, directed, slack, P)
             if len(when):
                 found.append((number, when, which))
-        if self.encounters.levels:
+        if self.contacts.levels:
             near = self.near[self._first_level :]
             late = Segment(segment.t0 + self._base, segment.t1 + self._base, segment.coefficients)
-            for level, when, which in self.encounters.next_crossings(late, B, near, self.active()):
+            for level, when, which in self.contacts.next_crossings(late, B, near, self.active()):
                 found.append((self._first_level + level, when, which))
         if not found:
             return 2.0, []
@@ -277,7 +278,7 @@ class LinkState:
             self._settle_kinks(watch.graph, crossing)
 
     def _settle_kinks(self, graph: int, crossing: Crossing) -> None:
-        """A pair that was not watched may be on either side of a kink when its link appears."""
+        """Set the side of kinks of pairs whose link appears: before, it was not tracked."""
         link_watch = self.watches[crossing.watch]
         for number, watch in enumerate(self.watches):
             if watch.kind == "kink" and watch.graph == graph:
@@ -286,7 +287,7 @@ class LinkState:
                     self.near[number][i, j] = self.near[number][j, i] = at < watch.leave[i]
 
     def slides(self, crossing: Crossing, k: int, time: float, speed: float) -> bool:
-        """Note that pair ``k`` of a crossing crosses at ``time`` with ``speed``; whether it slides."""
+        """Record that pair ``k`` of a crossing crosses at ``time`` with ``speed``; whether it slides."""
         watch = self.watches[crossing.watch]
         if watch.smooth:
             return False
@@ -299,14 +300,14 @@ class LinkState:
         return count >= MOST_SLIDES
 
     def lost_link(self, crossings: Sequence[Crossing], barriers: Sequence[bool]) -> tuple[int, ...] | None:
-        """The first pair that would break a link whose potential is infinite there; None when there is none.
+        """The first pair that would break a link whose potential is infinite there; None if there is none.
 
         Parameters
         ----------
-        barriers
-            Of each graph, whether a potential is infinite where its links break, see `Law.has_barrier`.
         crossings
-            What crosses at the end of a step.
+            The crossings at the end of a step.
+        barriers
+            For each graph, whether a potential is infinite where its links break, see `Law.has_barrier`.
         """
         for crossing in crossings:
             watch = self.watches[crossing.watch]
@@ -317,13 +318,7 @@ class LinkState:
         return None
 
     def meets_barrier(self, crossing: Crossing, barriers: Sequence[bool]) -> bool:
-        """Whether the links of a crossing appear where their potential is infinite.
-
-        Parameters
-        ----------
-        barriers
-            As for `lost_link`.
-        """
+        """Whether the links of a crossing appear where their potential is infinite; ``barriers`` as for `lost_link`."""
         watch = self.watches[crossing.watch]
         return watch.kind == "link" and barriers[watch.graph] and bool((watch.enter >= watch.leave).any())
 
@@ -332,7 +327,7 @@ class LinkState:
         return [x.copy() for x in self.links], [x.copy() for x in self.near]
 
     def recall(self, memory: tuple[Sequence[Links], Sequence[Links]]) -> None:
-        """Go back to ``memory``."""
+        """Restore ``memory``."""
         links, near = memory
         self.links = [x.copy() for x in links]
         self.near = [

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from flocking.engine.exact.crossings.guards import (
     _DEPTH,
     _PRODUCT,
+    NARROWEST,
     NEVER,
     add_row,
     all_rows,
@@ -55,7 +56,7 @@ def first_all_above(g: Array) -> float:
         if not possible:
             top -= 1
             continue
-        if width[top] < 1e-15 or top + 2 >= _DEPTH:
+        if width[top] < NARROWEST or top + 2 >= _DEPTH:
             at_end = True
             for k in range(count):
                 at_end = at_end and stack[k, top, size - 1] > 0.0
@@ -88,7 +89,7 @@ def _polynomials(B: Array, i: int, j: int, heading: Array, c: float, out: Array)
 
 
 def _change(near: bool, square: Array, L: Array, Q: Array, c: float, radius: float, slack: float) -> float:
-    """When a pair that is seen is lost, or one that is not is seen."""
+    """Position at which a seen pair is lost, or an unseen one is seen."""
     wide = 4.0 * radius * slack + slack * slack
     border = (radius + slack) ** 2 if near else max(radius - slack, 0.0) ** 2
     one, other, two, three = np.empty((1, 15)), np.empty((1, 15)), np.empty((2, 15)), np.empty((3, 15))

@@ -1,4 +1,4 @@
-"""Distances that are watched, as arrays for native functions."""
+"""Watched distances as arrays for native functions."""
 
 from __future__ import annotations
 

@@ -11,10 +11,17 @@ from flocking.model.checks import Array
 from flocking.model.law import Law
 from flocking.model.terms.pair_terms import Consensus, Gradient, PairTerm
 
+BESIDE, EQUAL_VALUES = 1e-12, 1e-9
+"""Relative distance from a kink at which values of a potential are compared, and their largest difference, relative
+where they exceed 1, that is no jump."""
+
+BESIDE_SLOPE, EQUAL_SLOPES = 1e-9, 1e-6
+"""The same for slopes, which change faster and round more."""
+
 
 @dataclass(frozen=True)
 class Watch:
-    """One family of distances to watch: the links of a graph, or a kink of its formulas.
+    """One set of distances to watch: the links of a graph, or a kink of its formulas.
 
     Parameters
     ----------
@@ -24,7 +31,7 @@ class Watch:
     enter, leave
         Distances per sensing agent, shape (N,).
     rise
-        By how much the stored energy of a pair jumps up as it leaves: not zero where pieces of a formula do not meet.
+        Jump of the stored energy of a pair as it leaves: not zero if pieces of a formula do not meet.
     smooth
         Whether the force is continuous there: then nothing can slide, and a crossing by less than `GRAZE` of the
         distance changes the force by less than the tolerance.
@@ -76,14 +83,14 @@ def watches_of(law: Law, n: int) -> list[Watch]:
 def _rise(term: PairTerm, distance: float) -> float:
     if not isinstance(term, Gradient):
         return 0.0
-    inside, outside = term.potential(distance * (1 + np.array([-1e-12, 1e-12])))
+    inside, outside = term.potential(distance * (1 + np.array([-BESIDE, BESIDE])))
     rise = float(outside - inside)
-    return rise if abs(rise) > 1e-9 * max(1.0, abs(float(inside)), abs(float(outside))) else 0.0
+    return rise if abs(rise) > EQUAL_VALUES * max(1.0, abs(float(inside)), abs(float(outside))) else 0.0
 
 
 def _meets(term: PairTerm, distance: float) -> bool:
     """Whether the force of a term is continuous at a kink of its own formulas; graph weights always are."""
     if not isinstance(term, Gradient) or distance not in term.kinks():
         return isinstance(term, Gradient | Consensus)
-    inside, outside = term.potential.slope(distance * (1 + np.array([-1e-9, 1e-9])))
-    return bool(abs(outside - inside) <= 1e-6 * max(1.0, abs(float(inside)), abs(float(outside))))
+    inside, outside = term.potential.slope(distance * (1 + np.array([-BESIDE_SLOPE, BESIDE_SLOPE])))
+    return bool(abs(outside - inside) <= EQUAL_SLOPES * max(1.0, abs(float(inside)), abs(float(outside))))

@@ -180,5 +180,5 @@ def only_numbers_differ(spec: KernelSpec, other: KernelSpec) -> bool:
         What fixes their kernels.
     """
     layout, changed = spec.layout, other.layout
-    alike = changed.law.graphs == layout.law.graphs and not changed.encounters() and spec.kind == other.kind
+    alike = changed.law.graphs == layout.law.graphs and not changed.obstacle_groups() and spec.kind == other.kind
     return alike and changed.structure == layout.structure and library_states_all(changed.parts)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import sympy
 
     from flocking.engine.kernels.expressions import LawFormulas
-    from flocking.engine.kernels.obstacle_formulas import EncounterFormulas
+    from flocking.engine.kernels.obstacle_formulas import ObstacleFormulas
 
 GRAPH_ARGUMENTS = ("rows", "first", "count", "each", "limits")
 """Arguments of ``move`` for each graph: its lists, and its squared radii per agent and for all."""
@@ -78,12 +78,12 @@ def _arguments(spec: KernelSpec) -> list[str]:
     ]  # fmt: skip
     for number in range(len(spec.graphs)):
         found += [f"{name}{number}" for name in GRAPH_ARGUMENTS]
-    for number in range(len(spec.layout.encounters())):
+    for number in range(len(spec.layout.obstacle_groups())):
         found += [f"begin{number}", f"who{number}"]
     return [*found, "P", "A", "O", "ids", "seeds", "matrices", "M", "C", "tile_extremes", "sums"]
 
 
-def _encounter_block(w: Writer, number: int, encounter: EncounterFormulas) -> list[str]:
+def _encounter_block(w: Writer, number: int, encounter: ObstacleFormulas) -> list[str]:
     """Loop over the obstacles of one group that a tile may meet."""
     from flocking.engine.tiles.kernels.printing import Lifter
     from flocking.formula.printing import code
@@ -96,7 +96,7 @@ def _encounter_block(w: Writer, number: int, encounter: EncounterFormulas) -> li
     *geometry, last = encounter.stages()
     for k, stage in enumerate([*geometry, {f"meet_{n}": e for n, e in last.items() if n in requested}]):
         body += w.statements(stage, f"o{number}_{k}_")
-    term, _ = spec.layout.encounters()[number]
+    term, _ = spec.layout.obstacle_groups()[number]
     reach = spec.layout.slot(spec.layout.term_owner(term), "range")
     body += [f"close = distance <= T({reach})"]
     body += [f"pull{k} = pull{k} + select(close, meet_force{k}, T(0.0))" for k in w.axes]
@@ -166,7 +166,7 @@ def _tail_block(w: Writer) -> list[str]:
         parts |= {"pairs": "0.5 * total(total_storage)", "links": "total(links)", "jumped": "0.5 * total(total_jumped)"}
         parts["dissipated"] += " + 0.5 * total(total_dissipation)"
         parts["supplied"] += " + 0.5 * total(total_supply)"
-        if w.formulas.encounters and spec.order == 2:
+        if w.formulas.obstacles and spec.order == 2:
             parts["dissipated"] += " + total(select(live, met_dissipated, T(0.0)))"
             parts["supplied"] += " + total(select(live, met_supplied, T(0.0)))"
         lines += [f"sums[tile, {k}] = {parts[name]}" for k, name in enumerate(sums_of(spec))]
@@ -183,7 +183,7 @@ def _flow_ledger(w: Writer) -> dict[str, sympy.Expr]:
     supply: sympy.Expr = sympy.Integer(0)
     if not _reads_mean_control(body.flow):
         supply = body.flow.xreplace({sympy.Symbol(f"u{k}", real=True): v for k, v in enumerate(velocity)})
-    if w.formulas.encounters:
+    if w.formulas.obstacles:
         met = [sympy.Symbol(f"met{k}", real=True) for k in w.axes]
         supply += sum((f * v for f, v in zip(met, velocity, strict=True)), sympy.Integer(0))
     zero = sympy.Integer(0)
@@ -213,7 +213,7 @@ def _source(spec: KernelSpec, formulas: LawFormulas) -> str:
 
     w = Writer(spec, formulas)
     pairs = [pair_loop(w, number, pair) for number, pair in enumerate(formulas.pairs)]
-    pairs += [_encounter_block(w, number, encounter) for number, encounter in enumerate(formulas.encounters)]
+    pairs += [_encounter_block(w, number, encounter) for number, encounter in enumerate(formulas.obstacles)]
     tail = _tail_block(w)
     frames: list[str] = []
     if spec.ledger:

@@ -105,7 +105,7 @@ class ParticleArrays:
         return self.successor.T
 
     def _set_obstacles(self, scenario: Scenario) -> None:
-        met = self.spec.layout.encounters()
+        met = self.spec.layout.obstacle_groups()
         self.obstacles = ObstacleLists(scenario.law, [term.range for term, _ in met]) if met else None
         self.O: object = self.spec.layout.obstacle_rows()
 
