@@ -240,7 +240,7 @@ class Dynamics:
             slots[0][slot] = coordinate
 
     def slope(self, t: float, y: Array) -> Array:
-        """dy/dt of a state vector ``y``; with a plant the ledger's powers are those of the declared law along its motion."""
+        """dy/dt of a state vector ``y``; with a plant the ledger has the powers of the declared law."""
         if self._places:
             with self._reading:
                 return self._slope(t, y)
@@ -321,7 +321,7 @@ class Dynamics:
         self._energies[t, y.tobytes()] = found
 
     def split(self, y: Array) -> tuple[Array, Array, Array]:
-        """Positions, velocities and the integrated quantities of a state vector ``y``; views, if there are velocities."""
+        """Positions, velocities and integrated quantities of a state vector ``y``; views, if there are velocities."""
         count = self.n * self.m
         q = y[:count].reshape(self.n, self.m)
         p = y[count : 2 * count].reshape(self.n, self.m) if self.order == 2 else np.zeros_like(q)
