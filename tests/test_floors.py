@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import ast
+import io
 import json
 import re
 import subprocess
 import sys
+import tokenize
 from pathlib import Path
 
 import pytest
@@ -76,6 +78,41 @@ def test_the_engine_is_built_in_rows():
     found = among_children(IMPORTS, "flocking.engine")
     assert set(found) == set(row)
     assert [(a, b) for a, others in sorted(found.items()) for b in sorted(others) if row[b] >= row[a]] == []
+
+
+AUTHORS = re.compile(r"olfati|saber|tanner|jadbabaie|pappas|\bshi\b|\bshi_|zhou", re.IGNORECASE)
+CITATION = re.compile(r"\((?:[^()]|\((?:[^()]|\([^()]*\))*\))*\)|Source: [^.]*\.")
+"""What stands in parentheses, and sentences that name a source."""
+
+
+def papers_named(text: str) -> list[str]:
+    """Where a file names a paper, but for sources in its docstrings."""
+    tree = ast.parse(text)
+    docs = {
+        node.body[0].value
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node) is not None
+    }
+    cited = {id(doc): CITATION.sub("", doc.value) for doc in docs}
+    found = []
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        doc = next((d for d in docs if (d.lineno, d.col_offset) == token.start), None)
+        if AUTHORS.search(token.string if doc is None else cited[id(doc)]):
+            found.append(f"line {token.start[0]}: {token.string.splitlines()[0]}")
+    return found
+
+
+@pytest.mark.parametrize("path", [p for p in FILES if "study" in p.relative_to(SOURCE).parts[:1]], ids=lambda p: p.name)
+def test_study_names_no_paper(path):
+    """Analysis is general; what is a paper's belongs to the folder of the paper."""
+    assert papers_named(path.read_text()) == []
+
+
+def test_names_of_papers_are_found():
+    text = '"""Degrees (Saber (9)). Source: Tanner I (4)."""\n# as Zhou does\nKEY = "shi-2009"\ntanner_bound = 1.0\n'
+    assert [line.split(":")[0] for line in papers_named(text)] == ["line 2", "line 3", "line 4"]
+    assert papers_named('"""As Olfati-Saber shows."""\n') != []
+    assert papers_named('"""Shift of a ship (Tanner II, Definition V.2)."""\nshift = 1\n') == []
 
 
 @pytest.mark.parametrize("root", [SOURCE, ROOT / "tests"], ids=["src", "tests"])

@@ -15,8 +15,8 @@ from flocking.model.law import Scenario
 from flocking.model.terms.pair_terms import Gradient
 from flocking.papers import KEYS, paper
 from flocking.papers.description import Paper
+from flocking.papers.equation_table import Demonstration, Fault, Row
 from flocking.papers.numbered import index
-from flocking.study.equation_table import Demonstration, Fault, Row
 
 
 def constants(module: ModuleType) -> list[tuple[str, str, str]]:

@@ -39,9 +39,9 @@ if TYPE_CHECKING:
     from flocking.errors import StorageError as StorageError
     from flocking.model.library import *  # noqa: F403
     from flocking.papers.auditing import audit as audit
+    from flocking.papers.potential_definitions import check_potential as check_potential
     from flocking.show.animate import animate as animate
     from flocking.show.plot import plot as plot
-    from flocking.study.potentials.potential_check import check_potential as check_potential
     from flocking.study.potentials.state_energy import agent_energies as agent_energies
     from flocking.study.potentials.state_energy import total_energy as total_energy
     from flocking.study.scenario_files.scenario_file import read_scenario as read_scenario
@@ -56,7 +56,7 @@ _HOMES = {
     "Agent": "engine.reference.control", "ExactSession": "engine.exact.session", "FlockingError": "errors",
     "InvalidInput": "errors", "Run": "engine.runs.run", "Sample": "study.sweeps.sampling",
     "SimulationError": "errors", "StorageError": "errors", "agent_energies": "study.potentials.state_energy",
-    "animate": "show.animate", "audit": "papers.auditing", "check_potential": "study.potentials.potential_check",
+    "animate": "show.animate", "audit": "papers.auditing", "check_potential": "papers.potential_definitions",
     "control": "engine.reference.control", "control_of": "engine.reference.control",
     "evaluate": "engine.reference.control", "export_run": "engine.storage.exchange",
     "first_difference": "engine.runs.compare", "lab": "apps.lab.server", "plot": "show.plot",

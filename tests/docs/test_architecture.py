@@ -48,7 +48,7 @@ HOMES = {
     "change the progress lines": "LINE_SECONDS =",
     "add a claim about links that any law can be asked": "def stays_connected(",
     "change the verdict over several seeds": "class Judgement",
-    "change when a potential counts as one": "def check_potential(",
+    "change the properties that a potential is checked for": "class Properties:",
     "let files, editors and the lab know another kind of value": "class Value",
     "change what an annotation of a part's field means": "def _held(",
     "change what happens to work of a dead worker": "class Scheduler",

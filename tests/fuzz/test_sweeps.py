@@ -14,7 +14,7 @@ import tomli_w
 from hypothesis import strategies as st
 
 import flocking as fk
-from flocking.papers.scenario_families import families
+from flocking.papers.sweep_scenarios import sweep_scenarios
 from flocking.study.sweeps.sweep_file import SweepFileError, read_sweep_file
 from tests.fuzz.formulas import FORMULAS
 from tests.fuzz.guard import files_below, fuzz, guarded
@@ -23,7 +23,7 @@ from tests.study.sweeps.sweep_cases import make
 from tests.study.sweeps.test_sweep_file import OF_A_PAPER, WRITTEN
 
 BASES = [tomllib.loads(text) for text in (OF_A_PAPER, WRITTEN)]
-FAMILIES = families()
+FAMILIES = sweep_scenarios()
 
 VALUES = st.recursive(
     st.just("soon")

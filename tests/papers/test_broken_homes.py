@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.study.equation_table import Row
+from flocking.papers.equation_table import Row
 from tests.papers.broken import running
 from tests.papers.broken.__main__ import homes, outcomes, told
 from tests.papers.broken.edits import edits_of

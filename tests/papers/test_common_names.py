@@ -8,9 +8,9 @@ import pytest
 
 import flocking as fk
 from flocking.papers import KEYS, paper
+from flocking.papers.equation_table import Fault, fault_counts
 from flocking.papers.studies.shipped import STUDIES
 from flocking.study.claims.claim import Origin
-from flocking.study.equation_table import Fault, fault_counts
 
 LAST = {"olfati-saber-2003": 9, "tanner-2003-fixed": 8, "tanner-2003-dynamic": 7, "zhou-2015": 14, "shi-2009": 12}
 

@@ -6,8 +6,8 @@ import pytest
 
 from flocking.papers import paper
 from flocking.papers.equation_files import rows_of
+from flocking.papers.equation_table import Fault
 from flocking.papers.shi_2009.system import SETTINGS
-from flocking.study.equation_table import Fault
 
 PACKAGE, KEY = "flocking.papers.tanner_2003_fixed", "tanner-2003-fixed"
 PLAIN = {"number": "(1)", "kind": "equation", "title": "t", "home": "flocking.model.law.Law",

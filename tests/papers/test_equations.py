@@ -6,7 +6,7 @@ import importlib
 
 import pytest
 
-from flocking.study.equation_table import KINDS, Demonstration, Fault, Row
+from flocking.papers.equation_table import KINDS, Demonstration, Fault, Row
 from tests.papers.transcriptions.rows import ROWS, examine, identity
 
 

@@ -25,7 +25,7 @@ def test_a_true_trajectory_closes_its_ledger(sampled):
     assert report["ledger"].verdict == Verdict.HOLDS
     assert report["momentum"].verdict == Verdict.HOLDS
     assert report["switching-stops"].verdict == Verdict.NOT_RESOLVED
-    assert "out of reach" in report["switching-stops"].note
+    assert "do not show" in report["switching-stops"].note
 
 
 @pytest.mark.parametrize("what", ["gain", "potential", "velocity"])

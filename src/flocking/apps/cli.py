@@ -323,7 +323,7 @@ def check(
     """
     from flocking.apps.tables import print_table
     from flocking.model.potentials.potential import Potential
-    from flocking.study.potentials.potential_check import check_potential
+    from flocking.papers.potential_definitions import check_potential
 
     potential = Potential(formula, **_named_values(parameter or []))
     report = check_potential(potential, radius=radius, definition=definition)
@@ -393,11 +393,11 @@ def schema(*, sweep: bool = False) -> int:
     sweep
         That of sweep files instead.
     """
-    from flocking.papers.scenario_families import families
+    from flocking.papers.sweep_scenarios import sweep_scenarios
     from flocking.study.scenario_files.scenario_file import scenario_schema
     from flocking.study.sweeps.editor_schema import sweep_schema
 
-    _print_json(sweep_schema(families()) if sweep else scenario_schema())
+    _print_json(sweep_schema(sweep_scenarios()) if sweep else scenario_schema())
     return FINE
 
 

@@ -12,9 +12,10 @@ from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
 from flocking.papers.equation_files import has_table, read_statements
+from flocking.papers.equation_table import Erratum, Row, errata_of
 from flocking.show.declaration import Figures, drawn_figure
 from flocking.study.claims.claim import Claim
-from flocking.study.equation_table import Erratum, Row, errata_of
+from flocking.study.potentials.potential_check import Definition
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Picture
@@ -51,6 +52,8 @@ class Paper:
         Names of the sweeps of its scenarios that come with the library.
     home
         Dotted name of its package, where it is not one of the library.
+    potential_definition
+        Its definition of what counts as a potential, where it has one.
     """
 
     key: str
@@ -64,6 +67,7 @@ class Paper:
     figures: Callable[[], Figures]
     studies: tuple[str, ...] = ()
     home: str = ""
+    potential_definition: Definition | None = None
 
     @property
     def citation(self) -> str:

@@ -3,12 +3,12 @@
 A table is a list of ``[[statement]]``, each with these keys:
 
 ``number``, ``kind``, ``title``, ``home``, ``also``
-    As in `flocking.study.equation_table.Row`.
+    As in `flocking.papers.equation_table.Row`.
 ``example``
     The function that gives `Row.build`, as ``"module.function"`` of the paper's package. With ``example_arguments`` it
     is called with them first, and returns the builder.
 ``reading``, ``note``, ``fault``
-    As in `Row`; a fault in the words of `flocking.study.equation_table.Fault`.
+    As in `Row`; a fault in the words of `flocking.papers.equation_table.Fault`.
 ``same_reading_as``, ``same_note_as``
     Number of the statement that has the same reading or note, written there.
 ``counterexample``
@@ -23,7 +23,7 @@ from importlib import import_module
 from importlib.resources import files
 from typing import Any, Literal, NotRequired, TypedDict, cast
 
-from flocking.study.equation_table import Fault, Row
+from flocking.papers.equation_table import Fault, Row
 
 FILE = "equations.toml"
 TEXTS = ("number", "kind", "title", "home", "example", "reading", "note", "fault", "same_reading_as", "same_note_as",

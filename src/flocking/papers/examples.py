@@ -16,11 +16,11 @@ from flocking.model.checks import Array, integer
 from flocking.model.law import Law, Scenario
 from flocking.model.potentials.potential import Potential
 from flocking.model.state import Agents, State
+from flocking.papers.potential_definitions import check_potential
 from flocking.show.declaration import Figures
 from flocking.study.claims.audit import audit
 from flocking.study.claims.claim import Claim
 from flocking.study.claims.judgement import Judgement, judge
-from flocking.study.potentials.potential_check import check_potential
 
 if TYPE_CHECKING:
     from flocking.show.contents import PanelContents

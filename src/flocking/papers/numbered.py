@@ -9,7 +9,7 @@ out, among them Corollary 6.2.27 that Shi, Wang, Chu cite.
 from __future__ import annotations
 
 from flocking.papers import paper
-from flocking.study.equation_table import Row
+from flocking.papers.equation_table import Row
 
 
 def _each(kind: str, *numbers: str) -> tuple[str, ...]:

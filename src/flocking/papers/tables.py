@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from flocking.papers import keys as all_keys
 from flocking.papers import paper
-from flocking.study.equation_table import Row
+from flocking.papers.equation_table import Row
 
 
 def equation_table(keys: Sequence[str] | None = None) -> list[Row]:

@@ -1,4 +1,4 @@
-"""WHAT IT MEANS: nets, claims, audits, scenario files."""
+"""Analysis of runs: nets, claims, audits, sweeps, scenario files."""
 
 from typing import TYPE_CHECKING
 

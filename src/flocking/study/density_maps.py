@@ -1,4 +1,4 @@
-"""How many agents there are where: counts on a grid, smoothed, for groups too large to draw agent by agent."""
+"""Density of agents: smoothed counts on a grid, for groups too large to draw agent by agent."""
 
 from __future__ import annotations
 
@@ -11,7 +11,13 @@ from flocking.errors import InvalidInput
 from flocking.model.checks import Array, array, number
 
 MOST_CELLS = 50_000_000
-"""Most cells of a map."""
+"""Most cells of a map, a bound on memory: 400 MB of counts."""
+
+REACH = 4.0
+"""Standard deviations at which the smoothing of SciPy cuts its Gaussian off by default."""
+
+ROUNDING = 1e-9
+"""Part of a cell by which a map may exceed a number of cells without another one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +38,7 @@ class DensityMap:
 
     @property
     def agents(self) -> float:
-        """How many agents the map holds; smoothing may carry some over its border."""
+        """Number of agents on the map; smoothing carries some over its border."""
         return float(self.values.sum() * np.prod(self.high - self.low) / self.values.size)
 
 
@@ -46,7 +52,7 @@ def density_map(
     q
         Positions, shape (N, 2).
     low, high
-        Corners of the map; the upper right one is moved out to a whole number of cells.
+        Corners of the map; the upper right one is moved out to the next multiple of a cell.
     cell
         Side of a cell.
     blur
@@ -55,7 +61,7 @@ def density_map(
     Raises
     ------
     InvalidInput
-        When agents do not live in the plane, the map has no area, or it would have too many cells.
+        When agents are not in the plane, the map has no area, or it would have too many cells.
     """
     from scipy.ndimage import gaussian_filter
 
@@ -63,15 +69,15 @@ def density_map(
     if q.ndim != 2 or q.shape[1] != 2:
         raise InvalidInput("density_map", "q", "must have shape (N, 2)", q.shape)
     corner, size = array("density_map", "low", low, ndim=1), number("density_map", "cell", cell, above=0.0)
-    counts = np.ceil((array("density_map", "high", high, ndim=1) - corner) / size - 1e-9)
+    counts = np.ceil((array("density_map", "high", high, ndim=1) - corner) / size - ROUNDING)
     if counts.shape != (2,) or (counts < 1).any():
         raise InvalidInput("density_map", "high", "must lie above and to the right of low", high)
     if counts.prod() > MOST_CELLS:
         raise InvalidInput("density_map", "cell", f"must give at most {MOST_CELLS} cells", cell, "Take larger cells.")
     columns, rows = (int(k) for k in counts)
     upper = corner + size * counts
-    # The surroundings are counted too: what is smoothed in over the border is as true as what is smoothed out.
-    rim = int(np.ceil(4.0 * blur / size)) if number("density_map", "blur", blur, least=0.0) > 0 else 0
+    # Agents around the map are counted too: smoothing carries some of them over the border.
+    rim = int(np.ceil(REACH * blur / size)) if number("density_map", "blur", blur, least=0.0) > 0 else 0
     found, _, _ = np.histogram2d(
         q[:, 1], q[:, 0], bins=(rows + 2 * rim, columns + 2 * rim),
         range=[(corner[k] - rim * size, upper[k] + rim * size) for k in (1, 0)],

@@ -1,4 +1,7 @@
-"""Which way a triangular lattice points about each agent: the hexatic order of Halperin and Nelson."""
+"""Hexatic order: size and direction of triangular lattice order about each agent.
+
+Source: B. I. Halperin, D. R. Nelson, Phys. Rev. Lett. 41 (1978) 121.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,7 @@ def hexatic(q: Array, reach: float) -> tuple[NDArray[np.complex128], NDArray[np.
     q
         Positions in the plane, shape (N, 2).
     reach
-        How far neighbours are; in a lattice of spacing d between d and sqrt(3) d.
+        Largest distance of neighbours; in a lattice of spacing d between d and sqrt(3) d.
 
     Returns
     -------
@@ -39,7 +42,7 @@ def hexatic(q: Array, reach: float) -> tuple[NDArray[np.complex128], NDArray[np.
     Raises
     ------
     InvalidInput
-        When agents do not live in the plane or the reach is not positive.
+        When agents are not in the plane or the reach is not positive.
     """
     q = np.asarray(q, dtype=np.float64)
     if q.ndim != 2 or q.shape[1] != 2:
@@ -47,7 +50,7 @@ def hexatic(q: Array, reach: float) -> tuple[NDArray[np.complex128], NDArray[np.
     pairs, n = neighbour_pairs(q, number("hexatic", "reach", reach, above=0.0)), len(q)
     offset = q[pairs[:, 1]] - q[pairs[:, 0]]
     angle = 6.0 * np.arctan2(offset[:, 1], offset[:, 0])
-    # A sixth power does not tell a direction from its opposite: a pair adds the same to both.
+    # Opposite directions have the same sixth power: a pair adds the same to both.
     total = _sum(pairs, np.cos(angle), n) + 1j * _sum(pairs, np.sin(angle), n)
     count = np.bincount(pairs.ravel(), minlength=n)
     return total / np.maximum(count, 1), count
@@ -89,7 +92,7 @@ def hexatic_map(
     Returns
     -------
     numpy.ndarray
-        Order of each cell, 0 where nobody is near, shape ``shape``.
+        Order of each cell, 0 where no agent is near, shape ``shape``.
     """
     from scipy.spatial import cKDTree
 

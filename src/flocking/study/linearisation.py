@@ -1,4 +1,4 @@
-"""Small motions about a state: stiffness, damping, eigenvalues, and the motions that cost nothing."""
+"""Small motions about a state: stiffness, damping, eigenvalues and zero modes."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Linearisation:
         return float(np.abs(self.stiffness - self.stiffness.T).max(initial=0.0)) / scale if scale else 0.0
 
     def zero_modes(self, tolerance: float = 1e-6) -> int:
-        """Motions that the stiffness does not resist: the rigid ones of a rigid flock, more of a floppy one.
+        """Number of zero modes of the stiffness: the rigid motions, and more where the flock is not rigid.
 
         Singular values of K below ``tolerance`` times the largest count as zero.
         """
@@ -73,7 +73,7 @@ def linearise(law: Law, state: State, *, agents: Agents | None = None, step: flo
     law
         The control law.
     state
-        Where; for a flock in motion take the frame of its velocity, or a law that does not see it.
+        The state; for a moving flock in the frame of its velocity, or with a law that does not depend on it.
     agents
         Masses, damping and headings; of order 2.
     step

@@ -1,13 +1,12 @@
-"""Mutants: motions of a wrong system, to be held against the law that was declared.
+"""Mutants: motions of a deliberately wrong system, which audits of the declared law must detect.
 
-An audit that cannot fail is worthless. Each mutant changes one thing about what really moves; the audit is not told
-and judges the motion by the declared scenario.
+Each mutant changes one thing about the system that is simulated; the audit judges the motion by the declared scenario.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,7 +33,7 @@ if TYPE_CHECKING:
     import sympy
 
 Mutation = Callable[[Scenario], Scenario]
-"""Makes the system that really moves from the one that was declared."""
+"""Makes the simulated system from the declared one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,24 +43,24 @@ class Flipped(PairTerm):
     Parameters
     ----------
     term
-        The right term.
+        The term with the right sign.
     """
 
     term: PairTerm
 
     @property
     def parameters(self) -> dict[str, Value]:
-        """Those of the right term."""
+        """Those of the term."""
         return self.term.parameters
 
     @property
     def structure(self) -> tuple[object, ...]:
-        """The right term's, marked."""
+        """Differs from that of the right term."""
         return ("Flipped", self.term.structure)
 
     @property
     def symmetries(self) -> frozenset[str]:
-        """Those of the right term."""
+        """Those of the term."""
         return self.term.symmetries
 
     def drag(self, x: PairSymbols) -> sympy.Expr:
@@ -70,19 +69,19 @@ class Flipped(PairTerm):
 
 
 class Swapped(Avoid):
-    """Obstacle avoidance that damps against the mirrored boundary velocity."""
+    """Obstacle avoidance that damps relative to the reversed boundary velocity."""
 
     @property
     def structure(self) -> tuple[object, ...]:
-        """The right term's, marked."""
+        """Differs from that of the right term."""
         return ("Swapped", *super().structure)
 
     def encounter(self, x: ObstacleSymbols) -> Sequence[sympy.Expr]:
-        """(54) with -phat in the place of phat."""
+        """The force with the velocity of the beta-agent reversed."""
         return super().encounter(replace(x, boundary=[-w for w in x.boundary]))
 
     def encounter_balance(self, x: ObstacleSymbols) -> tuple[sympy.Expr, sympy.Expr]:
-        """All power is supplied: which part damps is not the point of a mutant."""
+        """All power counts as supplied."""
         return ObstacleTerm.encounter_balance(self, x)
 
 
@@ -98,7 +97,7 @@ def _with_graph(scenario: Scenario, graph: Graph) -> Scenario:
 
 
 def flipped_sign(scenario: Scenario) -> Scenario:
-    """Consensus pushes velocities apart."""
+    """Consensus with the wrong sign."""
     return _with_terms(scenario, lambda t: Flipped(t) if isinstance(t, Consensus) else t, "a Consensus term")
 
 
@@ -115,7 +114,7 @@ def gain_halved(scenario: Scenario) -> Scenario:
 
 
 def dropped_link(scenario: Scenario) -> Scenario:
-    """The first link of a fixed graph does not work."""
+    """The first link of a fixed graph is missing."""
     graph = scenario.law.graph
     if not isinstance(graph, Fixed) or len(graph.edges) < 2:
         raise InvalidInput("mutant", "scenario", "must have a Fixed graph with links", scenario.name)
@@ -123,7 +122,7 @@ def dropped_link(scenario: Scenario) -> Scenario:
 
 
 def late_switch(scenario: Scenario) -> Scenario:
-    """Links break, and appear, five per cent too far out."""
+    """Links break, and appear, at a radius 5 % too large; of `Hysteresis`, appear at a gap of a fifth."""
     graph = scenario.law.graph
     if isinstance(graph, Proximity):
         return _with_graph(scenario, Proximity(graph.radius * 1.05, graph.closed))
@@ -133,7 +132,7 @@ def late_switch(scenario: Scenario) -> Scenario:
 
 
 def broken_symmetry(scenario: Scenario) -> Scenario:
-    """Agent 0 gives its neighbours one and a half times the weight they give it."""
+    """The weights of agent 0 for its neighbours are 1.5 times theirs for it."""
 
     def change(term: Term) -> Term:
         if not isinstance(term, Consensus):
@@ -147,29 +146,18 @@ def broken_symmetry(scenario: Scenario) -> Scenario:
 
 
 def swapped_boundary_velocity(scenario: Scenario) -> Scenario:
-    """Beta-agents move the wrong way along the boundary."""
+    """The velocities of beta-agents are reversed."""
 
     def change(term: Term) -> Term:
         if not isinstance(term, Avoid):
             return term
-        names = (
-            "range",
-            "repulsion_gain",
-            "damping_gain",
-            "repulsion",
-            "attraction",
-            "offset",
-            "onset",
-            "bump",
-            "gamma_agents",
-        )
-        return Swapped(term.obstacles, term.leader, **{name: getattr(term, name) for name in names})
+        return Swapped(**{f.name: getattr(term, f.name) for f in fields(term) if f.init})
 
     return _with_terms(scenario, change, "an Avoid term")
 
 
 def _point_masses(scenario: Scenario) -> Body:
-    """Agents of a scenario, where they are no others than the papers'."""
+    """Agents of a scenario; other bodies than point masses are refused."""
     agents = scenario.agents
     if agents.order == 2 and not is_point_mass(agents):
         raise InvalidInput("mutants", "scenario", "must have point masses", agents)
@@ -177,7 +165,7 @@ def _point_masses(scenario: Scenario) -> Body:
 
 
 def wrong_mass(scenario: Scenario) -> Scenario:
-    """Every agent is a tenth heavier than declared."""
+    """Every agent is 10 % heavier than declared."""
     agents = _point_masses(scenario)
     heavier = np.multiply(agents.masses, 1.1)
     return scenario.with_(agents=Agents(heavier, agents.damping, agents.order, agents.headings))
@@ -192,18 +180,18 @@ MUTATIONS: dict[str, Mutation] = {
     "swapped obstacle velocity": swapped_boundary_velocity,
     "wrong mass": wrong_mass,
 }
-"""Wrong systems by name. `coarse_step` is the eighth mutant: the right system, integrated badly."""
+"""Wrong systems by name. `coarse_step` is the eighth mutant: the right system with a large integration error."""
 
 
 def mutated_run(declared: Scenario, mutation: Mutation) -> Run:
-    """The motion of a mutant, as samples to be held against the declared scenario.
+    """The motion of a mutant, as samples under the declared scenario.
 
     Parameters
     ----------
     declared
-        What the audit is told.
+        The scenario that audits judge by.
     mutation
-        What really moves.
+        Makes the simulated system.
     """
     moved = simulate(mutation(declared).with_(name=""), progress=False)
     return run_from_samples(declared, moved.t, moved.q, moved.p)

@@ -1,4 +1,4 @@
-"""Trajectories from elsewhere: samples of a motion, made into a run that can be audited."""
+"""Sampled trajectories, for example of an experiment, as runs that can be audited."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from flocking.model.state import State
 from flocking.model.terms.pair_terms import Gradient
 
 SAMPLES = "samples"
-"""What the runs made here name in place of an engine."""
+"""Name of the engine in runs made here."""
 
 LARGEST_FILE = 2_000_000_000
-"""Bytes a trajectory file may have."""
+"""Bytes of a trajectory file, a bound on memory: 2 GB."""
 
 
 def read_trajectory(path: str | Path) -> tuple[Array, Array, Array]:
@@ -99,11 +99,11 @@ def _read_table(path: Path) -> tuple[Array, Array, Array]:
 
 
 def run_from_samples(scenario: Scenario, t: Array, q: Reals, p: Reals) -> Run:
-    """A run made of samples of a motion that a declared law is said to govern.
+    """A run made of samples of a motion under a declared law.
 
     Links follow the law's graph from sample to sample; energies are evaluated at the samples, and the powers
-    of the ledger are integrated between them, with the error that Simpson's and the trapezoidal rule's
-    difference shows, and half the jump of the power where links switch.
+    of the ledger are integrated by Simpson's rule. The error is its difference from the trapezoidal rule, and half the
+    jump of the power where links switch.
 
     Parameters
     ----------
@@ -127,11 +127,11 @@ def run_from_samples(scenario: Scenario, t: Array, q: Reals, p: Reals) -> Run:
     if scenario.agents.columns:
         raise InvalidInput(
             "trajectory", "scenario", "must have agents whose state is their position and velocity", scenario.agents,
-            "Samples of positions and velocities do not tell the other columns.",
+            "Samples of positions and velocities do not contain the other columns.",
         )  # fmt: skip
     if len(t) < 3 or (np.diff(t) <= 0).any():
         raise InvalidInput("trajectory", "t", "must be at least three ascending times", np.asarray(t)[:5].tolist())
-    # What is so large that it overflows leaves the ledger without a value.
+    # Overflow leaves values of the ledger that are not finite.
     with np.errstate(all="ignore"):
         return _run_of(scenario, t, q, p)
 
@@ -147,8 +147,8 @@ def _run_of(scenario: Scenario, t: Array, q: Reals, p: Reals) -> Run:
             for k in range(len(t))
         ]
     n = q.shape[1]
-    strangers = np.array([0.5 * (n * (n - 1) - int(x.sum())) for x in links]) * scenario.energy.unlinked
-    energy = np.array([e.storage + e.kinetic for e in found]) + strangers
+    unlinked = np.array([0.5 * (n * (n - 1) - int(x.sum())) for x in links]) * scenario.energy.unlinked
+    energy = np.array([e.storage + e.kinetic for e in found]) + unlinked
     work = np.array([float((e.u * v).sum()) for e, v in zip(found, p, strict=True)])
     switched = np.array([bool((a != b).any()) for a, b in itertools.pairwise(links)])
     integrals, errors, switching = zip(
@@ -180,12 +180,12 @@ def _run_of(scenario: Scenario, t: Array, q: Reals, p: Reals) -> Run:
 def _integrate(t: Array, power: Array, switched: NDArray[np.bool_]) -> tuple[Array, float, float]:
     """Running integral of sampled power, an estimate of its error, and what switches add to that at most.
 
-    Where links switched between two samples the power jumped, no one knows when.
+    Where links switched between two samples the power jumped at an unknown time.
 
     Parameters
     ----------
     switched
-        Whether they did, between each sample and the next, shape (F - 1,).
+        Whether links switched between each sample and the next, shape (F - 1,).
     """
     from scipy.integrate import cumulative_simpson
 
@@ -196,7 +196,7 @@ def _integrate(t: Array, power: Array, switched: NDArray[np.bool_]) -> tuple[Arr
 
 
 def _jumps(scenario: Scenario, links: list[Links]) -> Array:
-    """Energy that links bring or take: the stored energy of a pair at the distance where the graph switches it."""
+    """Sum of the energy jumps of switches: the stored energy of a pair at the distance where the graph switches it."""
     law = scenario.law
     first = np.max(np.asarray(law.graph.appear_radius))
     last = np.max(np.asarray(law.graph.break_radius))
@@ -211,14 +211,14 @@ def _jumps(scenario: Scenario, links: list[Links]) -> Array:
 
 def _stored_at(law: Law, r: float) -> float:
     """Energy a linked pair stores just inside distance ``r``, summed over the potentials of the law's own graph."""
-    # A smooth graph gives weight zero to a link that is about to break.
+    # The weight of a smooth graph is zero where a link breaks.
     smooth = law.graph.structure != ("hard",)
     terms = [t for t in law.pair_terms if isinstance(t, Gradient) and t.over is None]
     return 0.0 if smooth else float(sum(float(t.potential(r)) for t in terms))
 
 
 def _gap(t: Array, p: Reals) -> float:
-    """How far two agents may have moved towards each other between samples unseen."""
+    """Largest distance by which two agents may have approached each other between samples."""
     spread = np.linalg.norm(p - p.mean(axis=1, keepdims=True), axis=2).max(axis=1)
     return float((np.diff(t) * np.maximum(spread[1:], spread[:-1])).max()) if len(t) > 1 else math.inf
 

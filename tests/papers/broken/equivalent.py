@@ -14,11 +14,10 @@ GRID = "a wider bracket holds the maximum too, and the largest slope of the grid
 EQUAL_MASSES = "equal masses give the same mean, whatever they are"
 DEEPER = "a block may be indented by more, and what the last turn of a loop assigns stands after it as well"
 UNUSED = "a value that no formula reads is assigned too"
-ONE_END = "what holds at one end is the same whether distances end at R or go on"
 RULES: tuple[tuple[str, str, str], ...] = (
     ("matrices.adjacency", "index: [(i, j)] turned round", SYMMETRIC_GAP),
     ("matrices._matrix", "sign: minus matrix", "algebraic_connectivity passes its matrix through _matrix twice"),
-    ("structure._weights", "times adjacency", "a vote asks only whether a weight is positive"),
+    ("structural_nets._weights", "times adjacency", "a vote asks only whether a weight is positive"),
     ("views.Cone.allowed", "in -1", ANY_LENGTH),
     ("views.Cone.start_links", "in -1", ANY_LENGTH),
     ("Cone.allowed", "in max(n, 1)", NO_HEADINGS),
@@ -48,16 +47,16 @@ RULES: tuple[tuple[str, str, str], ...] = (
     ),
     ("tanner_2003_dynamic.pictures.times", "SNAPSHOT_TIMES = with 0.05 at 0", "the first time is left out"),
     ("theorems.longest_path", "for 50 in", "the upper end of the bracket need only lie beyond the root"),
-    ("Equilibrium._look", "in np.where(self.r > 0", "the direction of a pair at one place is 0, whatever divides it"),
+    (
+        "Equilibrium._set_pairs",
+        "in np.where(self.r > 0",
+        "the direction of a pair at one place is 0, whatever divides it",
+    ),
     ("diagrams.neighbourhoods", "other sign in headings[0] +", "the first agent heads along x, at an angle of 0"),
     ("diagrams._neighbours", "without arrows = False", "the agents of Fig. 1 are at rest and have no arrows"),
     ("diagrams._neighbours", "True for False in a keyword", "the agents of Fig. 1 are at rest and have no arrows"),
     ("control._pair_values", "in np.where(r > 0", "the direction of a pair at one place is 0, whatever divides it"),
     ("Obstacle.geometry", "swap: arguments of zip(normals, p", "the factors of a scalar product may change places"),
-    *(
-        ("check_potential", f"in judge.{name}(", ONE_END)
-        for name in ("at_zero", "at_radius", "increasing", "unbounded")
-    ),
     *(
         ("motion_source", f"for {words}", DEEPER)
         for words in ("1 in unpack(", "1 in indented([f'out", "2 in indented(")

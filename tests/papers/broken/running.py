@@ -20,7 +20,7 @@ from functools import cache
 from typing import Any
 
 from flocking.formula.native.functions import NativeFunction
-from flocking.study.equation_table import Row
+from flocking.papers.equation_table import Row
 from tests.papers.broken.equivalent import reason
 from tests.papers.broken.homes import Mutant, Part, mutants_of, names_of, parts_of
 from tests.papers.broken.tracing import traced

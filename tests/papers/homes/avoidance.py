@@ -17,7 +17,7 @@ from flocking.model.leaders_and_obstacles.obstacles import Ball, Obstacle, Piece
 from flocking.model.potentials.potential import Potential
 from flocking.model.state import State
 from flocking.model.terms.avoidance import Avoid
-from flocking.study.nets.obstacle_links import beta_links
+from flocking.papers.olfati_saber_2003.obstacle_links import beta_links
 
 CENTRE, RADIUS, DRIFT = np.array([1.0, -2.0]), 1.5, np.array([0.4, -0.3])
 Q = np.array([[3.0, -1.5], [1.2, 0.2], [-1.8, -3.0], [1.0, 1.2], [6.0, 6.0], [1.3, -1.7]])
@@ -214,7 +214,7 @@ def links():
 
 MODEL = "flocking.model"
 HOMES = {
-    "flocking.study.nets.obstacle_links.beta_links": links,
+    "flocking.papers.olfati_saber_2003.obstacle_links.beta_links": links,
     f"{MODEL}.terms.avoidance.Avoid": avoided,
     f"{MODEL}.leaders_and_obstacles.obstacles.Obstacle.distance": geometry,
     f"{MODEL}.leaders_and_obstacles.obstacles.Obstacle.project": geometry,

@@ -15,7 +15,7 @@ from flocking.model.graphs.smooth_graphs import PerAgentRadii, Smooth
 from flocking.model.graphs.views import Cone, SmoothCone, heading_gaps
 from flocking.model.observables import density, flocks
 from flocking.model.potentials.bumps import BUMPS
-from flocking.study.nets import conformations
+from flocking.papers.olfati_saber_2003 import conformations
 from flocking.study.nets import matrices as nets
 from flocking.study.nets.agreement import agree, agreement_law
 from flocking.study.nets.rigidity import rigidity_matrix
@@ -322,7 +322,7 @@ def refused_beyond_four():
         conformations.conformations(5, 1.2)
 
 
-MODEL, STUDY = "flocking.model", "flocking.study"
+MODEL, STUDY, SABER = "flocking.model", "flocking.study", "flocking.papers.olfati_saber_2003"
 HOMES = {
     f"{MODEL}.graphs.smooth_graphs.PerAgentRadii": per_agent_radii,
     f"{MODEL}.graphs.smooth_graphs.Smooth": smooth,
@@ -346,7 +346,7 @@ HOMES = {
     f"{STUDY}.nets.agreement.agreement_law": law_of_agreement,
     f"{STUDY}.nets.agreement.agree": agreement,
     f"{STUDY}.nets.rigidity.rigidity_matrix": rigidity,
-    f"{STUDY}.nets.conformations.conformations": refused_beyond_four,
-    f"{STUDY}.nets.conformations.count": shapes,
-    f"{STUDY}.nets.conformations.upper_bound": shapes,
+    f"{SABER}.conformations.conformations": refused_beyond_four,
+    f"{SABER}.conformations.count": shapes,
+    f"{SABER}.conformations.upper_bound": shapes,
 }

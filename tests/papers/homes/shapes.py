@@ -17,6 +17,7 @@ from flocking.model.law import Law, Scenario
 from flocking.model.potentials.potential import Potential
 from flocking.model.state import State
 from flocking.model.terms.pair_terms import Consensus, Gradient
+from flocking.papers.potential_definitions import definitions as known_definitions
 from flocking.study.evidence import Evidence, NotResolvable
 from flocking.study.potentials import nonsmooth
 from flocking.study.potentials.potential_check import check_potential
@@ -68,6 +69,7 @@ def verdicts(text):
 
 def definitions():
     """Six potentials whose properties follow by calculus, and which definitions they meet."""
+    known = known_definitions()
     tanner = Potential("1/r**2 + log(r**2)")
     zhou = Potential("1/r + 1/(R - r)", R=4.0)
     cases = (
@@ -79,7 +81,7 @@ def definitions():
         (Potential("r**2"), 3.0, "TFTFFTTTT", ("TTTFF", "TFFT", "TTFFF", "FFF"), 3.0),
     )
     for psi, radius, properties, items, judged_at in cases:
-        found = check_potential(psi, radius=radius)
+        found = check_potential(psi, radius=radius, definitions=tuple(known.values()))
         assert found.potential is psi
         assert found.radius == judged_at
         assert tuple(row.name for row in found.rows) == PROPERTIES
@@ -89,10 +91,10 @@ def definitions():
             assert tuple(row.name for row in definition.rows) == names
             assert tuple(row.holds for row in definition.rows) == verdicts(wanted), (psi, key)
     # Real below R alone, and so not on all r > 0.
-    part = check_potential("1/r + sqrt(4 - r)", radius=3.0, definition="tanner-2003-fixed")
+    part = check_potential("1/r + sqrt(4 - r)", radius=3.0, definitions=[known["tanner-2003-fixed"]])
     assert part.rows[0].holds
     assert not part.definitions[0].rows[0].holds
-    only = check_potential(tanner, definition="zhou-2015").definitions
+    only = check_potential(tanner, definitions=[known["zhou-2015"]]).definitions
     assert [d.key for d in only] == ["zhou-2015"]
     assert "r = 1" in check_potential("1/r**2 + log(r**2)").rows[1].explanation
 

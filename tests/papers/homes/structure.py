@@ -13,7 +13,8 @@ from flocking.model.graphs.views import Cone
 from flocking.model.potentials.bumps import BUMPS, Bump
 from flocking.model.potentials.structural_potential import structural_potential
 from flocking.model.state import State
-from flocking.study.nets import rigid_motion, structure
+from flocking.papers.olfati_saber_2003 import rigid_motion
+from flocking.papers.olfati_saber_2003 import structural_nets as structure
 
 A, B, D, R = 2.0, 5.0, 3.0, 4.5
 Q = np.array([[0.0, 0.0], [2.5, 0.4], [0.3, 3.4], [-2.8, 1.0], [1.9, 3.9], [-8.0, -8.0]])
@@ -290,12 +291,12 @@ def converse():
     assert rigid_motion.converse_conditions(Proximity(2.0), State(q, spin, links=links))[0] is False
 
 
-MODEL, STUDY = "flocking.model", "flocking.study.nets.structure"
+MODEL, STUDY = "flocking.model", "flocking.papers.olfati_saber_2003.structural_nets"
 HOMES = {
     f"{MODEL}.potentials.structural_potential.structural_potential": potentials,
     f"{MODEL}.potentials.bumps.Bump": bumps,
     f"{MODEL}.potentials.bumps.Bump.steepest": slopes,
-    "flocking.study.nets.rigid_motion.converse_conditions": converse,
+    "flocking.papers.olfati_saber_2003.rigid_motion.converse_conditions": converse,
     f"{STUDY}.structural_energy": energy,
     f"{STUDY}.vote_weights": weights,
     f"{STUDY}.vote": votes,

@@ -8,7 +8,7 @@ from functools import cache
 import pytest
 
 from flocking.papers import KEYS, paper
-from flocking.study.equation_table import Row
+from flocking.papers.equation_table import Row
 from tests.papers.homes import HOMES
 
 ROWS = [row for key in KEYS for row in paper(key).equations()]

@@ -73,14 +73,14 @@ def test_too_few_decided_seeds_leave_an_observation_untested() -> None:
 
 
 def test_basis_and_expected_verdict_go_together() -> None:
-    with pytest.raises(ValueError, match="proof is named"):
+    with pytest.raises(ValueError, match="ground goes with"):
         Claim("key", "source", "Statement.", lambda _: Measure(1.0), basis=Basis.PROOF)
-    with pytest.raises(ValueError, match="counter-example"):
+    with pytest.raises(ValueError, match="COUNTEREXAMPLE"):
         claim(Basis.COUNTEREXAMPLE, Verdict.HOLDS)
 
 
 def test_what_is_asked_without_a_proof_is_open_while_one_run_is() -> None:
-    asked = claim(Basis.ASKED)
+    asked = claim(Basis.GENERAL)
     assert judged("hhhhhhhh?", asked).verdict == Verdict.NOT_RESOLVED
     assert judged("hhhhhhhhy", asked).verdict == Verdict.NOT_YET
     assert judged("hhhhhhhhu", asked).verdict == Verdict.HOLDS

@@ -171,7 +171,7 @@ def test_errors_that_are_not_known_decide_nothing() -> None:
     report = fk.audit(run)
     for key in ("links-kept", "connected", "crossings-transversal", "switching-stops", "all-apart", "linked-apart"):
         assert report[key].verdict is Verdict.NOT_RESOLVED, key
-        assert "errors of the run are not known" in report[key].note
+        assert "errors of the run are unknown" in report[key].note
 
 
 def test_a_pair_in_doubt_at_the_end_leaves_the_links_there_open() -> None:

@@ -94,10 +94,10 @@ def test_the_memory_of_a_link_is_unsure_between_the_two_radii() -> None:
     run = run_from_samples(scenario, t, path, np.broadcast_to(np.array(p), path.shape).copy())
     evidence = Evidence(run)
     assert not run.links[2, 0, 1]
-    assert evidence.unsure_links[2, 0, 1]
-    assert evidence.unsure_links[3, 1, 0]
-    assert not evidence.unsure_links[:, 2, 3].any()
-    assert not evidence.unsure_links[:2].any()
+    assert evidence.uncertain_links[2, 0, 1]
+    assert evidence.uncertain_links[3, 1, 0]
+    assert not evidence.uncertain_links[:, 2, 3].any()
+    assert not evidence.uncertain_links[:2].any()
 
 
 def test_far_apart_samples_leave_the_ledger_open(zhou) -> None:

@@ -10,8 +10,10 @@ import pytest
 import flocking as fk
 from flocking.errors import InvalidInput
 from flocking.model.graphs.distance_graphs import pair_distances
+from flocking.papers.olfati_saber_2003 import conformations
+from flocking.papers.olfati_saber_2003 import structural_nets as structure
 from flocking.study.linearisation import linearise
-from flocking.study.nets import conformations, rigidity, structure
+from flocking.study.nets import rigidity
 
 D, R = 7.0, 8.4
 PSI = fk.structural_potential(D)

@@ -11,7 +11,7 @@ import flocking as fk
 from flocking.errors import InvalidInput
 from flocking.formula.grammar import Formula
 from flocking.formula.precise import evaluator
-from flocking.study.potentials.potential_check import check_potential
+from flocking.papers.potential_definitions import check_potential
 from flocking.study.potentials.potential_shape import shape_of
 from tests.formula.test_grammar import expressions
 from tests.model.potentials.test_potential import SHI, TANNER, ZHOU

@@ -373,7 +373,7 @@ def test_parts_of_ones_own_are_refused_when_written():
         parameters = property(lambda self: {})
         structure = ("own",)
 
-    with pytest.raises(fk.InvalidInput, match="files have a word for"):
+    with pytest.raises(fk.InvalidInput, match="with a name in files"):
         scenario_to_text(scenario(terms=(Own(),)))
     with pytest.raises(fk.InvalidInput, match="one line"):
         scenario_to_text(scenario(name="two\nlines"))

@@ -222,7 +222,7 @@ def test_a_changed_function_is_noticed_and_a_moved_one_is_not(tmp_path):
         ({"seeds": 200, "most_runs": 100}, "at most 100 runs"),
         ({"seeds": iter(int, 1), "most_runs": 100}, "at most 100 values"),
         ({"measures": [3]}, "must be names, or functions"),
-        ({"measures": ["flocks", "flocks"]}, "not taken twice"),
+        ({"measures": ["flocks", "flocks"]}, "different names"),
         ({"audit": 3}, "must be true or false"),
         ({"engine": "warp"}, "must be one of"),
         ({"make": 3}, "must be a function"),
@@ -318,7 +318,7 @@ def test_values_that_are_not_numbers_label_their_axis():
 
 def test_the_folder_of_something_else_is_left_alone(tmp_path):
     (tmp_path / "thesis.tex").write_text("years of work")
-    with pytest.raises(StorageError, match="holds something else already"):
+    with pytest.raises(StorageError, match="holds other files already"):
         run(out=tmp_path)
     (tmp_path / "file").write_text("")
     with pytest.raises(StorageError):

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.papers.scenario_families import families
 from flocking.papers.studies.running import run_file
 from flocking.papers.studies.shipped import STUDIES, study
+from flocking.papers.sweep_scenarios import sweep_scenarios
 from flocking.study.sweeps import sweep_file
 from flocking.study.sweeps.measures import MEASURES
-from flocking.study.sweeps.scenario_families import path_steps
+from flocking.study.sweeps.parametrised_scenarios import path_steps
 from flocking.study.sweeps.sweep_file import SweepFileError, parse_sweep, read_sweep_file
 
-FAMILIES = families()
+FAMILIES = sweep_scenarios()
 
 OF_A_PAPER = """
 scenario = "zhou-2015"

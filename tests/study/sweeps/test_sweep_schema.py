@@ -6,8 +6,8 @@ import tomllib
 import pytest
 
 from flocking.apps.cli import main
-from flocking.papers.scenario_families import families
 from flocking.papers.studies.shipped import STUDIES
+from flocking.papers.sweep_scenarios import sweep_scenarios
 from flocking.study.scenario_files.scenario_file import scenario_schema
 from flocking.study.sweeps.editor_schema import sweep_schema
 from flocking.study.sweeps.sweep_file import SweepFileError, parse_sweep
@@ -16,12 +16,12 @@ from tests.study.scenario_files.schema_validator import fits
 from tests.study.scenario_files.test_scenario_file import BASES
 from tests.study.sweeps.test_sweep_file import FAULTY, OF_A_PAPER, WRITTEN
 
-SCHEMA = json.loads(json.dumps(sweep_schema(families())))
+SCHEMA = json.loads(json.dumps(sweep_schema(sweep_scenarios())))
 
 
 def is_read(text):
     try:
-        parse_sweep(text, families())
+        parse_sweep(text, sweep_scenarios())
     except SweepFileError:
         return False
     return True
@@ -30,10 +30,10 @@ def is_read(text):
 def test_it_names_every_section_and_every_family_with_its_options():
     assert set(SCHEMA["properties"]) == set(SECTIONS)
     assert SCHEMA["required"] == ["scenario"]
-    assert SCHEMA["properties"]["scenario"]["anyOf"][0]["enum"] == sorted(families())
+    assert SCHEMA["properties"]["scenario"]["anyOf"][0]["enum"] == sorted(sweep_scenarios())
     message = {part["if"]["properties"]["scenario"]["const"]: part["then"]["properties"] for part in SCHEMA["allOf"]}
     assert {name: set(message[name]["options"]["properties"]) for name in message} == {
-        name: set(family.options) for name, family in families().items()
+        name: set(family.options) for name, family in sweep_scenarios().items()
     }
 
 

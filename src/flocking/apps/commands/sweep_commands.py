@@ -98,8 +98,8 @@ def find_sweep(name: str, most_runs: int | None, most_agents: int | None) -> Swe
     """
     from flocking.errors import InvalidInput
     from flocking.model.parts.values import nearest
-    from flocking.papers.scenario_families import families
     from flocking.papers.studies.shipped import STUDIES
+    from flocking.papers.sweep_scenarios import sweep_scenarios
     from flocking.study.scenario_files.scenario_file import MOST_AGENTS
     from flocking.study.sweeps.plan import MOST_RUNS
     from flocking.study.sweeps.sweep_file import read_sweep_file
@@ -110,7 +110,7 @@ def find_sweep(name: str, most_runs: int | None, most_agents: int | None) -> Swe
         raise InvalidInput("sweep", "sweep", "must be a TOML file or a shipped study", name, nearest(name, STUDIES))
     runs = MOST_RUNS if most_runs is None else most_runs
     return read_sweep_file(
-        name, families(), most_runs=runs, most_agents=MOST_AGENTS if most_agents is None else most_agents
+        name, sweep_scenarios(), most_runs=runs, most_agents=MOST_AGENTS if most_agents is None else most_agents
     )
 
 

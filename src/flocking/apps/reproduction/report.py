@@ -20,10 +20,10 @@ from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.potentials.potential import Potential
 from flocking.model.terms.pair_terms import Gradient, Term
 from flocking.papers.description import Paper
+from flocking.papers.equation_table import Fault
 from flocking.show.declaration import Figure
 from flocking.study.claims.claim import Origin, Verdict
 from flocking.study.claims.judgement import Judgement
-from flocking.study.equation_table import Fault
 
 CLAIMS = "claims"
 """Folder of a paper that holds the pictures drawn for its claims."""

@@ -8,7 +8,7 @@ from html import escape
 
 from flocking.apps.reproduction.report_tables import head_row, table
 from flocking.papers.description import Paper
-from flocking.study.equation_table import Fault, RowData
+from flocking.papers.equation_table import Fault, RowData
 
 HEADINGS = {
     Fault.FALSE: "False statements, each with a computed counter-example",

@@ -20,10 +20,10 @@ from flocking.errors import InvalidInput, SimulationError
 from flocking.model.checks import integer
 from flocking.papers import KEYS, paper
 from flocking.papers.description import Paper
+from flocking.papers.equation_table import Fault, RowData
 from flocking.study.claims.claim import Basis, Claim, Result, Verdict
 from flocking.study.claims.judgement import FEWEST_SEEDS, Judgement
 from flocking.study.claims.settled_run import settled_runs
-from flocking.study.equation_table import Fault, RowData
 from flocking.study.sweeps.worker_pool import WorkerPool, pool
 
 if TYPE_CHECKING:

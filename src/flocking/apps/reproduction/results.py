@@ -7,9 +7,9 @@ from pathlib import Path
 
 from flocking.engine.runs.run import Run
 from flocking.papers import paper_of
+from flocking.papers.equation_table import RowData
 from flocking.study.claims.claim import Verdict
 from flocking.study.claims.judgement import Judgement
-from flocking.study.equation_table import RowData
 
 
 @dataclass(frozen=True)

@@ -15,15 +15,15 @@ from flocking.model.potentials.bumps import BUMPS
 from flocking.model.potentials.structural_potential import structural_potential
 from flocking.model.state import State
 from flocking.model.terms.pair_terms import Gradient
+from flocking.papers.equation_table import Demonstration
 from flocking.papers.olfati_saber_2003 import examples_energy as energies
 from flocking.papers.olfati_saber_2003 import examples_nets as examples
 from flocking.papers.olfati_saber_2003 import examples_obstacles as obstacles
 from flocking.papers.olfati_saber_2003 import examples_protocols as protocols
+from flocking.papers.olfati_saber_2003 import structural_nets as structure
 from flocking.papers.olfati_saber_2003 import system
-from flocking.study.equation_table import Demonstration
+from flocking.papers.olfati_saber_2003.conformations import conformations, count
 from flocking.study.nets import matrices as nets
-from flocking.study.nets import structure
-from flocking.study.nets.conformations import conformations, count
 
 # -- nets -----------------------------------------------------------------------------------------------
 

@@ -20,8 +20,8 @@ from flocking.model.starts import hexagonal
 from flocking.model.state import State
 from flocking.model.terms.pair_terms import Gradient
 from flocking.papers.olfati_saber_2003 import system
-from flocking.study.nets.rigid_motion import converse_conditions, largest_distance_rate
-from flocking.study.nets.structure import Defect, defect, is_quasi_realization, structural_energy
+from flocking.papers.olfati_saber_2003.rigid_motion import converse_conditions, largest_distance_rate
+from flocking.papers.olfati_saber_2003.structural_nets import Defect, defect, is_quasi_realization, structural_energy
 from flocking.study.potentials.equilibrium import Equilibrium
 
 EXAMPLE_AGENTS = 12
@@ -212,7 +212,7 @@ def pair_potentials(scale: float) -> tuple[Array, Array]:
 
 def edge_deviation(scale: float) -> tuple[State, float]:
     """Two agents and the deviation of their link from d_alpha times ``scale``."""
-    from flocking.study.nets.structure import deviation
+    from flocking.papers.olfati_saber_2003.structural_nets import deviation
 
     q = np.array([[1.0, 2.0], [9.0, 3.0]])
     return State(q), deviation(q, system.hard_net().initial(q), system.DISTANCE * scale)

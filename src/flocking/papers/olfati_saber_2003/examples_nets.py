@@ -15,10 +15,11 @@ from flocking.model.graphs.smooth_graphs import PerAgentRadii, Smooth
 from flocking.model.graphs.views import Cone, FieldOfView, SmoothCone
 from flocking.model.potentials.bumps import BUMPS
 from flocking.model.state import Agents, State
+from flocking.papers.olfati_saber_2003 import conformations as shapes
+from flocking.papers.olfati_saber_2003 import structural_nets as structure
 from flocking.papers.olfati_saber_2003 import system
-from flocking.study.nets import conformations as shapes
 from flocking.study.nets import matrices as nets
-from flocking.study.nets import rigidity, structure
+from flocking.study.nets import rigidity
 from flocking.study.nets.agreement import agree, agreement_law
 
 OPENING = 0.6

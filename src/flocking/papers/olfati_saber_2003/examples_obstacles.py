@@ -22,7 +22,7 @@ from flocking.model.potentials.structural_potential import structural_potential
 from flocking.model.state import State
 from flocking.model.terms.avoidance import Avoid
 from flocking.papers.olfati_saber_2003 import closed_forms, passage, system
-from flocking.study.nets.obstacle_links import beta_links
+from flocking.papers.olfati_saber_2003.obstacle_links import beta_links
 
 CENTRE, SIZE = (100.0, 20.0), 10.0
 """The first obstacle of (59)."""

@@ -18,8 +18,8 @@ from flocking.model.terms.pair_terms import Consensus, Gradient, Term
 from flocking.papers.olfati_saber_2003 import system
 from flocking.papers.olfati_saber_2003.closed_forms import gathering_energy, translational_energy
 from flocking.papers.olfati_saber_2003.examples_energy import example_state, potential, rate_of_structural_energy
+from flocking.papers.olfati_saber_2003.structural_nets import Vote, structural_energy, vote, vote_weights
 from flocking.study.nets.matrices import laplacian
-from flocking.study.nets.structure import Vote, structural_energy, vote, vote_weights
 
 TRACKING_DAMPING = 2.0
 """c2 of the example controllers."""

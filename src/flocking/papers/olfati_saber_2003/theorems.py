@@ -200,7 +200,7 @@ def triangular(e: Evidence) -> Measure:
 
 def little_defect(e: Evidence) -> Measure:
     """Normalized defect factor (47) at the end, for w = 0.01."""
-    from flocking.study.nets.structure import defect
+    from flocking.papers.olfati_saber_2003.structural_nets import defect
 
     psi = potential_of(e)
 
@@ -214,7 +214,7 @@ def little_defect(e: Evidence) -> Measure:
 
 def realizes(e: Evidence) -> Measure:
     """Largest deviation of a link's length from d_alpha at the end."""
-    from flocking.study.nets.structure import deviation
+    from flocking.papers.olfati_saber_2003.structural_nets import deviation
 
     def off(frame: int) -> float:
         return deviation(e.q[frame], e.links_at(frame), system.DISTANCE) / system.DISTANCE
@@ -234,7 +234,7 @@ def structural_energy_vanishes(e: Evidence) -> Measure:
 
 def structural_energies(e: Evidence) -> Array:
     """H_s at the frames, shape (F,)."""
-    from flocking.study.nets.structure import structural_energy
+    from flocking.papers.olfati_saber_2003.structural_nets import structural_energy
 
     psi = potential_of(e)
     return np.array([structural_energy(e.law.graph, psi, e.state(k)).total for k in range(len(e.t))])

@@ -16,6 +16,8 @@ from flocking.papers.shi_2009.closed_forms import (
 from flocking.papers.shi_2009.pictures import figures
 from flocking.papers.shi_2009.system import KEY, potential, scenario, scenarios
 from flocking.papers.shi_2009.theorems import claims
+from flocking.study.potentials.potential_check import Definition
+from flocking.study.potentials.potential_check import Properties as Rule
 
 PAPER = Paper(
     key=KEY,
@@ -28,6 +30,12 @@ PAPER = Paper(
     claims=claims,
     figures=figures,
     studies=("shi-informed",),
+    potential_definition=Definition(
+        KEY,
+        "Shi, Definition 2",
+        True,
+        (Rule.differentiable, Rule.nonnegative, Rule.at_zero, Rule.unique, Rule.constant_beyond),
+    ),
 )
 TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
 equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure

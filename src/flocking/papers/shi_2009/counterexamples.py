@@ -18,6 +18,7 @@ from flocking.model.leaders_and_obstacles.leaders import Path
 from flocking.model.state import State
 from flocking.model.terms.body_terms import Track
 from flocking.model.terms.pair_terms import Consensus
+from flocking.papers.equation_table import Demonstration
 from flocking.papers.shi_2009 import system
 from flocking.papers.shi_2009.closed_forms import (
     centre_motion,
@@ -28,7 +29,6 @@ from flocking.papers.shi_2009.closed_forms import (
     ramp_motion,
     steady_velocity_error,
 )  # fmt: skip
-from flocking.study.equation_table import Demonstration
 
 
 def single_agent(

@@ -48,12 +48,12 @@ class Study:
         most_runs
             Largest number of runs allowed; 100,000 when absent.
         """
-        from flocking.papers.scenario_families import families
+        from flocking.papers.sweep_scenarios import sweep_scenarios
         from flocking.study.sweeps.plan import MOST_RUNS
         from flocking.study.sweeps.sweep_file import parse_sweep
 
         return parse_sweep(
-            self.text, families(), source=f"{self.name}.toml", name=self.name, most_runs=most_runs or MOST_RUNS
+            self.text, sweep_scenarios(), source=f"{self.name}.toml", name=self.name, most_runs=most_runs or MOST_RUNS
         )  # fmt: skip
 
     def stored(self) -> SweepTable:
@@ -116,7 +116,7 @@ def _tanner(table: SweepTable) -> Figure:
 
 
 def _olfati_saber(table: SweepTable) -> Figure:
-    from flocking.papers.scenario_families import OBSTACLE_AREA
+    from flocking.papers.sweep_scenarios import OBSTACLE_AREA
     from flocking.show.style import figure_of
     from flocking.show.sweep_pictures import bands
 

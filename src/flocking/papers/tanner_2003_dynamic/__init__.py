@@ -14,6 +14,8 @@ from flocking.papers.tanner_2003_dynamic.system import (
     scenarios,
 )
 from flocking.papers.tanner_2003_dynamic.theorems import claims
+from flocking.study.potentials.potential_check import Definition
+from flocking.study.potentials.potential_check import Properties as Rule
 
 PAPER = Paper(
     key=KEY,
@@ -26,6 +28,9 @@ PAPER = Paper(
     claims=claims,
     figures=figures,
     studies=("tanner-connectivity",),
+    potential_definition=Definition(
+        KEY, "Tanner II, Definition IV.2", False, (Rule.nonnegative, Rule.at_zero, Rule.unique, Rule.increasing)
+    ),
 )
 TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
 equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure

@@ -10,9 +10,9 @@ from flocking.model.law import Law
 from flocking.model.potentials.potential import Potential
 from flocking.model.state import State
 from flocking.model.terms.pair_terms import Gradient
+from flocking.papers.equation_table import Demonstration
 from flocking.papers.tanner_2003_dynamic import system
 from flocking.study.claims.potential_minimum import smallest_value
-from flocking.study.equation_table import Demonstration
 from flocking.study.evidence import Evidence
 from flocking.study.potentials import nonsmooth
 from flocking.study.potentials.state_energy import agent_energies, total_energy

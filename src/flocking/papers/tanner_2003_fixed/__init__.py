@@ -6,6 +6,8 @@ from flocking.papers.description import Paper
 from flocking.papers.tanner_2003_fixed.pictures import figures
 from flocking.papers.tanner_2003_fixed.system import KEY, potential, scenario, scenarios
 from flocking.papers.tanner_2003_fixed.theorems import claims, longest_path
+from flocking.study.potentials.potential_check import Definition
+from flocking.study.potentials.potential_check import Properties as Rule
 
 PAPER = Paper(
     key=KEY,
@@ -17,6 +19,12 @@ PAPER = Paper(
     scenarios=scenarios,
     claims=claims,
     figures=figures,
+    potential_definition=Definition(
+        KEY,
+        "Tanner I, Definition IV.3",
+        True,
+        (Rule.differentiable, Rule.nonnegative, Rule.unbounded, Rule.at_zero, Rule.unique),
+    ),
 )
 TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
 equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure

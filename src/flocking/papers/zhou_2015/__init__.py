@@ -7,6 +7,8 @@ from flocking.papers.zhou_2015.bounds import largest_energy, most_new_links
 from flocking.papers.zhou_2015.pictures import figures
 from flocking.papers.zhou_2015.system import KEY, potential, scenario, scenarios
 from flocking.papers.zhou_2015.theorems import claims
+from flocking.study.potentials.potential_check import Definition
+from flocking.study.potentials.potential_check import Properties as Rule
 
 PAPER = Paper(
     key=KEY,
@@ -19,6 +21,7 @@ PAPER = Paper(
     claims=claims,
     figures=figures,
     studies=("zhou-bound",),
+    potential_definition=Definition(KEY, "Zhou, rules (i)-(ii)", False, (Rule.unique, Rule.at_zero, Rule.at_radius)),
 )
 TITLE, AUTHORS, YEAR = PAPER.title, PAPER.authors, PAPER.year
 equations, errata, figure = PAPER.equations, PAPER.errata, PAPER.figure

@@ -14,8 +14,8 @@ from flocking.model.leaders_and_obstacles.leaders import Velocity
 from flocking.model.state import State
 from flocking.model.terms.body_terms import Track
 from flocking.model.terms.pair_terms import Consensus, Gradient
+from flocking.papers.equation_table import Demonstration
 from flocking.papers.zhou_2015 import examples, system
-from flocking.study.equation_table import Demonstration
 from flocking.study.evidence import Evidence
 from flocking.study.potentials.state_energy import total_energy
 

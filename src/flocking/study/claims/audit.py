@@ -1,4 +1,4 @@
-"""Audits: every claim held against a run."""
+"""Audits: verdicts on claims about a run."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Report:
 
     @property
     def as_expected(self) -> bool:
-        """Whether no claim that could be decided came out other than expected. One that is ``not yet`` was not."""
+        """Whether every decided claim has the expected verdict; one that is ``not yet`` is not decided."""
         decided = (Verdict.HOLDS, Verdict.FAILS, Verdict.NOT_RESOLVED)
         return all(r.as_expected for r in self.results if r.verdict in decided)
 
@@ -62,23 +62,22 @@ def _short(value: float) -> str:
 
 
 def audit(run: Run, claims: Sequence[Claim] | None = None) -> Report:
-    """Hold claims against a run.
+    """Judge claims about a run.
 
     Parameters
     ----------
     run
         The run.
     claims
-        The claims; those that make sense for any law when absent, each of which says why it does not apply
-        where it does not.
+        The claims; the general ones when absent, each of which states why where it does not apply.
     """
     from flocking.study.claims.general_claims import GENERAL
 
     if not isinstance(run, Run):
         raise InvalidInput("audit", "run", "must be a Run", run, "Use fk.simulate(scenario).")
-    held = listed("audit", "claims", GENERAL if claims is None else claims, "must be claims")
-    for claim in held:
+    checked = listed("audit", "claims", GENERAL if claims is None else claims, "must be claims")
+    for claim in checked:
         if not isinstance(claim, Claim):
             raise InvalidInput("audit", "claims", "must be claims", claim)
     evidence = Evidence(run)
-    return Report(run, tuple(claim.examine(evidence) for claim in held))
+    return Report(run, tuple(claim.examine(evidence) for claim in checked))

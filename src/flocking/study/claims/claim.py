@@ -14,11 +14,11 @@ from flocking.study.claims.subjects import About, Finder, Subject, about_of
 from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
 
 UNCOMPUTED = "could not be computed"
-"""How the note begins of a claim that stumbled over the numbers of a run without saying what it missed."""
+"""How the note of a claim begins whose computation failed for the numbers of a run."""
 
 
 class Verdict(StrEnum):
-    """What an audit says of a claim."""
+    """The possible outcomes of a claim."""
 
     HOLDS = "holds"
     FAILS = "fails"
@@ -31,7 +31,7 @@ class Verdict(StrEnum):
 
 
 class Origin(StrEnum):
-    """Who says what a claim says."""
+    """Who states a claim."""
 
     PAPER = "stated by the paper"
     ASSUMPTION = "assumed by the paper"
@@ -39,9 +39,9 @@ class Origin(StrEnum):
 
 
 class Basis(StrEnum):
-    """What the expected verdict of a claim rests on; never on runs of the simulations it is judged by."""
+    """What the expected verdict of a claim rests on; never on runs that it is judged by."""
 
-    ASKED = "asked of any law"
+    GENERAL = "asked of any law"
     PROOF = "proof"
     COUNTEREXAMPLE = "counter-example"
     OBSERVATION = "observation"
@@ -62,12 +62,12 @@ class Measure:
     unsettled
         Of a statement about a limit, why this run is too short to show or refute it; empty when it is not.
     everywhere
-        Whether the statement speaks of every moment of the run, so that samples, which say nothing of the time between
-        them, can refute it and not show it. False for what one moment decides.
+        Whether the statement is about all times of the run, so that samples can refute it but not show it. False for
+        what one time decides.
     somewhere
-        Whether it speaks of something that happens at some moment, so that samples can show it and not refute it.
+        Whether it is about the existence of a time, so that samples can show it but not refute it.
     decided
-        When it was decided, for good: what came later does not matter. The end of the run for most.
+        Time after which the motion cannot change the result; the end of the run for most.
     """
 
     margin: float
@@ -102,13 +102,7 @@ def above(value: float, bound: float, note: str, error: float = 0.0) -> Measure:
 
 
 def happens(measured: Measure) -> Measure:
-    """The measure of something that happens at some moment of the run.
-
-    Parameters
-    ----------
-    measured
-        The measure, of what holds at that moment.
-    """
+    """The measure of a statement about some time of the run, from what was ``measured`` at that time."""
     return replace(measured, everywhere=False, somewhere=True)
 
 
@@ -132,13 +126,13 @@ class Claim:
     source
         Where it is stated, for example ``"Theorem VI.2"``.
     statement
-        What it says, in one sentence.
+        The statement in one sentence.
     conclusion
         Measures the conclusion on the evidence of a run.
     hypothesis
         Measures the hypothesis; none by default.
     obstacle
-        Says why the claim cannot be asked of this run at all; empty when it can.
+        Gives the reason why the claim does not apply to a run; empty when it applies.
     expected
         The verdict that follows from the ground; see ``basis``.
     reason
@@ -146,22 +140,21 @@ class Claim:
     dynamic
         Whether the claim rests on the computed motion: then a ledger that does not close leaves it unresolved.
     origin
-        Whether the paper states it, assumes it, or it is a question of our own that the paper does not answer: what
-        fails of the last two speaks against no paper.
+        Whether the paper states it, assumes it, or it is a question of our own that the paper does not answer. A
+        failure of the last two does not contradict the paper.
     basis
-        What the expected verdict rests on. Nothing is expected of an observation: over many seeds it has a rate. The
-        claims of the papers never rest on being asked.
+        What the expected verdict rests on. An observation has no expected verdict but a rate over many seeds.
+        Claims of papers never have `Basis.GENERAL`.
     ground
         The proof or the theorem in a few words, for a basis of `Basis.PROOF`.
     counterexample
         Makes a scenario that refutes the claim, for a basis of `Basis.COUNTEREXAMPLE`: one is enough.
     subject
-        What it speaks of; that of the conclusion when absent, see `flocking.study.claims.subjects.about`.
+        What it is about; that of the conclusion when absent, see `flocking.study.claims.subjects.about`.
     witness
-        Finds the moment and the agents that broke it; that of the conclusion when absent.
+        Finds the time and the agents of a failure; that of the conclusion when absent.
     lasting
-        Whether nothing mends it once it fails; else a failure is pending until the end of the run. That of the
-        conclusion when absent.
+        Whether a failure is final; else it is pending until the end of the run. That of the conclusion when absent.
 
     Raises
     ------
@@ -179,7 +172,7 @@ class Claim:
     reason: str = ""
     dynamic: bool = True
     origin: Origin = Origin.PAPER
-    basis: Basis = Basis.ASKED
+    basis: Basis = Basis.GENERAL
     ground: str = ""
     counterexample: Callable[[], Scenario] | None = None
     subject: Subject | None = None
@@ -188,30 +181,27 @@ class Claim:
 
     def __post_init__(self) -> None:
         if (self.basis is Basis.PROOF) != bool(self.ground):
-            raise ValueError(f"{self.key}: a proof is named, and only a proof")
+            raise ValueError(f"{self.key}: a ground goes with the basis PROOF, and with no other")
         refuted = self.basis is Basis.COUNTEREXAMPLE
         if refuted != (self.counterexample is not None) or (refuted and self.expected is not Verdict.FAILS):
-            raise ValueError(f"{self.key}: a claim that a counter-example refutes is expected to fail, and names it")
+            raise ValueError(f"{self.key}: the basis COUNTEREXAMPLE needs a counterexample and expected=FAILS")
 
     @property
     def about(self) -> About:
-        """What it speaks of, who witnesses it and whether it lasts."""
-        said = about_of(self.conclusion)
-        lasting = said.lasting if self.lasting is None else self.lasting
+        """Subject, witness and finality of the claim."""
+        found = about_of(self.conclusion)
+        lasting = found.lasting if self.lasting is None else self.lasting
         return replace(
-            said, subject=self.subject or said.subject, witness=self.witness or said.witness, lasting=lasting
+            found, subject=self.subject or found.subject, witness=self.witness or found.witness, lasting=lasting
         )
 
     @property
     def expectation(self) -> str:
-        """The expected verdict in words; of an observation none is expected."""
+        """The expected verdict in words; an observation has none."""
         return "observation" if self.basis is Basis.OBSERVATION else str(self.expected)
 
     def examine(self, evidence: Evidence) -> Result:
-        """Hold the claim against the evidence of one run.
-
-        Whatever numbers the run holds, there is a verdict: what cannot be computed from them is not resolved.
-        """
+        """Judge the claim by the evidence of one run; what cannot be computed from its numbers is not resolved."""
         try:
             with np.errstate(all="ignore"):
                 return self._examined(evidence)
@@ -226,10 +216,10 @@ class Claim:
         if reason := self.obstacle(evidence):
             return Result(self, Verdict.NOT_APPLICABLE, note=reason)
         hypothesis = self.hypothesis(evidence)
-        if (open_to := self._unseen(evidence, hypothesis)) or hypothesis.holds is not True:
-            unknown = open_to or hypothesis.holds is None
+        if (doubt := self._undecided_by_samples(evidence, hypothesis)) or hypothesis.holds is not True:
+            unknown = doubt or hypothesis.holds is None
             verdict = Verdict.NOT_RESOLVED if unknown else Verdict.HYPOTHESIS_NOT_MET
-            return Result(self, verdict, hypothesis.margin, hypothesis.error, _joined(hypothesis.note, open_to))
+            return Result(self, verdict, hypothesis.margin, hypothesis.error, _joined(hypothesis.note, doubt))
         explained = not self.dynamic or evidence.ledger_closes
         measured = self.conclusion(evidence)
         if not explained:
@@ -238,14 +228,14 @@ class Claim:
         return Result(self, verdict, measured.margin, measured.error, _joined(measured.note, doubt))
 
     def _verdict(self, e: Evidence, measured: Measure, unsettled: str) -> tuple[Verdict, str]:
-        """The verdict that a measured conclusion allows, and why it is not surer."""
+        """The verdict that a measured conclusion allows, and the doubt that remains."""
         if self.dynamic and measured.decided >= e.known_until < math.inf:
             return Verdict.NOT_RESOLVED, e.loss_note
         if unsettled:
             return Verdict.NOT_YET, unsettled
         if measured.holds is None:
             return Verdict.NOT_RESOLVED, ""
-        if doubt := self._unseen(e, measured):
+        if doubt := self._undecided_by_samples(e, measured):
             return Verdict.NOT_RESOLVED, doubt
         if not measured.holds:
             return Verdict.FAILS, ""
@@ -253,8 +243,8 @@ class Claim:
             return Verdict.NOT_YET, "the run ended early"
         return Verdict.HOLDS, ""
 
-    def _unseen(self, e: Evidence, measured: Measure) -> str:
-        """Why samples do not decide what was measured at them; empty where they do. A ledger is integrated."""
+    def _undecided_by_samples(self, e: Evidence, measured: Measure) -> str:
+        """Why samples do not decide what was measured at them; empty where they do."""
         beyond = measured.everywhere if measured.holds else measured.somewhere
         decides = not e.sampled or not self.dynamic or not beyond
         return "" if decides else f"so at {len(e.run.t)} samples, nothing is known between"
@@ -290,10 +280,10 @@ class Result:
     def as_expected(self) -> bool:
         """Whether the verdict does not contradict what is expected of every run.
 
-        One run that does not refute a claim says nothing against a counter-example elsewhere, and nothing is expected
-        of an observation.
+        A run that does not refute a claim does not contradict a counter-example, and an observation has no expected
+        verdict.
         """
-        binding = self.claim.basis in (Basis.ASKED, Basis.PROOF)
+        binding = self.claim.basis in (Basis.GENERAL, Basis.PROOF)
         return not binding or self.verdict == self.claim.expected
 
     def as_dict(self) -> dict[str, object]:
@@ -312,5 +302,5 @@ class Result:
 
 
 def finite(value: float) -> float | None:
-    """The value, or None where JSON has no word for it."""
+    """The value, or None where it is not finite and JSON cannot hold it."""
     return float(value) if math.isfinite(value) else None

@@ -1,12 +1,9 @@
-"""Claims that can be asked of any law, built so that papers reuse them under their own names."""
+"""Claims about any law, and the conclusions from which papers make their own claims."""
 
 from __future__ import annotations
 
 from flocking.study.claims.claim import Claim
-from flocking.study.claims.conclusions.approach import (
-    all_apart,
-    linked_apart,
-)
+from flocking.study.claims.conclusions.approach import all_apart, linked_apart
 from flocking.study.claims.conclusions.energy import (
     at_most,
     energy_continuous,
@@ -59,37 +56,13 @@ GENERAL: tuple[Claim, ...] = (
     Claim("potential-minimal", "any law", "The total potential ends in a local minimum.", potential_is_minimal,
           obstacle=needs_total_potential),
 )  # fmt: skip
-"""Claims that `audit` asks of any run. For a user's law they report; nothing is expected of it."""
+"""Claims that `audit` judges for any run."""
 
 
 __all__ = [
-    "GENERAL",
-    "SETTLED",
-    "STATIONARY",
-    "agents_at_their_minimum",
-    "all_apart",
-    "at_most",
-    "crossings_transversal",
-    "distances_settle",
-    "energy_continuous",
-    "energy_rise",
-    "forces_vanish",
-    "imbalance",
-    "ledger_residual",
-    "linked_apart",
-    "momentum_drift",
-    "needs_free",
-    "needs_ledger",
-    "needs_momentum",
-    "needs_passive",
-    "needs_potential",
-    "needs_switching",
-    "needs_total_potential",
-    "no_link_lost",
-    "potential_is_minimal",
-    "speeds_bounded",
-    "starts_connected",
-    "stays_connected",
-    "switching_stops",
-    "velocities_agree",
-]
+    "GENERAL", "SETTLED", "STATIONARY", "agents_at_their_minimum", "all_apart", "at_most", "crossings_transversal",
+    "distances_settle", "energy_continuous", "energy_rise", "forces_vanish", "imbalance", "ledger_residual",
+    "linked_apart", "momentum_drift", "needs_free", "needs_ledger", "needs_momentum", "needs_passive",
+    "needs_potential", "needs_switching", "needs_total_potential", "no_link_lost", "potential_is_minimal",
+    "speeds_bounded", "starts_connected", "stays_connected", "switching_stops", "velocities_agree",
+]  # fmt: skip

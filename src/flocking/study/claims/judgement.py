@@ -57,7 +57,7 @@ class Judgement:
 
     @property
     def unresolved(self) -> int:
-        """Seeds of which the numerical error, or what was recorded, leaves the claim open."""
+        """Seeds for which the numerical error, or missing records, leave the claim open."""
         return sum(r.verdict == Verdict.NOT_RESOLVED for r in self.results)
 
     @property
@@ -75,12 +75,11 @@ class Judgement:
 
     @property
     def verdict(self) -> Verdict:
-        """What the runs come to.
+        """The verdict over all runs.
 
-        A statement about all runs fails by one run, a counter-example or one of the seeds, and is untested when fewer
-        than five seeds meet its hypothesis. Runs that leave it open say nothing for or against a statement that is
-        proved: where five decide it, theirs is the verdict, and the others are counted beside it. Of what is asked
-        without a proof, each must be decided. An observation is neither: it has a `rate`.
+        A claim fails when the counter-example or one seed refutes it, and is untested when fewer than five seeds meet
+        its hypothesis. It holds when all seeds that meet the hypothesis decide it; a proved claim when five do. An
+        observation has a `rate` instead.
         """
         if self.counterexample is not None and self.counterexample.verdict == Verdict.FAILS:
             return Verdict.FAILS
@@ -107,10 +106,7 @@ class Judgement:
 
     @property
     def as_expected(self) -> bool:
-        """Whether the verdict is the one that follows from the claim's proof or counter-example.
-
-        Nothing is expected of an observation.
-        """
+        """Whether the verdict follows from the proof or counter-example; true for observations."""
         return self.claim.basis is Basis.OBSERVATION or self.verdict == self.claim.expected
 
     def as_dict(self, paper: str, scenario: str) -> dict[str, object]:

@@ -10,6 +10,12 @@ from flocking.study.evidence import NotResolvable
 FARTHEST = 1e4
 """Where the search ends for a graph without a break radius."""
 
+GRID = 4001
+"""Points of the logarithmic and of the linear grid: minima further apart than 0.4 % of their distance are separated."""
+
+NEAREST = 1e-6
+"""Smallest distance of the grid, as a share of the largest."""
+
 
 def distance_of(potential: Potential, value: float, lowest: float, highest: float) -> float:
     """Distance in a range at which a potential has a value.
@@ -57,7 +63,7 @@ def smallest_value(potential: Potential, radius: float = FARTHEST) -> tuple[floa
     from scipy.optimize import minimize_scalar
 
     end = min(radius, FARTHEST)
-    grid = np.unique(np.concatenate([np.geomspace(1e-6 * end, end, 4001)[:-1], np.linspace(0, end, 4001)[1:-1]]))
+    grid = np.unique(np.concatenate([np.geomspace(NEAREST * end, end, GRID)[:-1], np.linspace(0, end, GRID)[1:-1]]))
     values = potential(grid)
     k = int(np.nanargmin(np.where(np.isfinite(values), values, np.inf)))
     a, b = grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)]

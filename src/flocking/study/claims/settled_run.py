@@ -1,4 +1,4 @@
-"""Runs that go on until their claims about limits are decided."""
+"""Runs that are extended until their claims about limits are decided."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ def settled_runs(
     scenario
         What to simulate.
     claims
-        The claims; those that make sense for any law when absent.
+        The claims; the general ones when absent.
     factor
         Largest length, in lengths of the scenario; at least 1.
     plant
-        The law the agents really obey; the scenario's law when absent.
+        The law that is simulated; the scenario's law when absent.
     fine
         Keep several samples of every step of the first of the runs, as `flocking.engine.driver.simulate.simulate` does.
 
@@ -47,7 +47,7 @@ def settled_runs(
     InvalidInput
         When the factor is less than 1.
     SimulationError
-        When the run cannot go on; its ``run`` holds what was computed until then.
+        When the run cannot be continued; its ``run`` holds what was computed until then.
     """
     if not isinstance(scenario, Scenario):
         raise InvalidInput("settled_run", "scenario", "must be a Scenario", scenario)
@@ -72,7 +72,7 @@ def settled_runs(
 def settled_run(
     scenario: Scenario, claims: Sequence[Claim] | None = None, *, factor: float = FACTOR, plant: Law | None = None
 ) -> Run:
-    """The run of a scenario, gone on with until no claim is ``not yet`` or it is ``factor`` times as long.
+    """The run of a scenario, extended until no claim is ``not yet`` or it is ``factor`` times as long.
 
     Parameters
     ----------

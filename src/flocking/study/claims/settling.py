@@ -1,13 +1,12 @@
-"""Whether a run has gone on for long enough to say what its motion tends to.
+"""Whether a run is long enough to decide what its motion tends to.
 
-Claims about limits are measured on a finite run. The criterion is one for all of them. A limit is reached when its
-bound holds throughout the last tenth of the run. It is missed when the bound does not hold at any time of that tenth
-and what is missing has settled, in one of two ways. Either it no longer changes: its means over the last tenth and
-over the tenth before differ by no more than `CHANGE` of it. Or it goes up and down and does not fall: its means over
-the five tenths of the last half differ by no more than `STEADY` of it, and the last is not the least of them. These
-changes are also held against all that it changed over the run (`OF_ALL`, and `STEADY` again), so that a run that is
-short for its motion, in which nothing could change much, does not count as settled. In all other cases the verdict is
-``not yet``.
+Claims about limits are measured on a finite run, all by one criterion. A limit is reached when its bound holds
+throughout the last tenth of the run. It is missed when the bound does not hold at any time of that tenth and the
+excess over the bound has settled, in one of two ways. Either it is constant: its means over the last tenth and over
+the tenth before differ by no more than `CHANGE` of it. Or it fluctuates and does not fall: its means over the five
+tenths of the last half differ by no more than `STEADY` of it, and the last is not the least of them. These changes are
+also compared with the total change over the run (`OF_ALL`, and `STEADY` again), so that a run too short for its motion
+does not count as settled. In all other cases the verdict is ``not yet``.
 """
 
 from __future__ import annotations
@@ -26,13 +25,16 @@ LAST = 0.1
 """Share of a run over which a limit must hold, and the share before it which it is compared with."""
 
 CHANGE = 1e-3
-"""What is missing to a limit may change by this fraction of itself from one tenth of the run to the next."""
+"""The excess over a bound may change by this fraction of itself from one tenth of the run to the next."""
 
 OF_ALL = 1e-2
-"""And by this fraction of all that it changed over the run."""
+"""And by this fraction of its total change over the run."""
 
 ROUNDING = 1e-12
 """Relative changes this small are rounding."""
+
+TIME_ROUNDING = 1e-9
+"""Frames lie on the edges of tenths up to this share of the duration."""
 
 STEADY = 0.1
 """The same for the five tenths of the last half, where the last of them is not the least."""
@@ -41,12 +43,12 @@ FEWEST = 3
 """Frames needed in each of the two shares."""
 
 MOST = 8
-"""Frames of a share that are looked at where looking at one costs much."""
+"""Frames of a share that are evaluated where the evaluation is costly."""
 
 
 @dataclass(frozen=True)
 class Late:
-    """Frames that say whether a motion has settled.
+    """Frames that decide whether a motion has settled.
 
     Parameters
     ----------
@@ -60,7 +62,7 @@ class Late:
     first: NDArray[np.int64]
 
 
-FEW = "fewer than three frames in some tenth of its last half do not show whether the motion has settled"
+FEW = "too few frames: a tenth of the last half of the run has fewer than three"
 
 
 def late_frames(t: Array, *, most: int | None = None) -> Late | None:
@@ -79,8 +81,7 @@ def late_frames(t: Array, *, most: int | None = None) -> Late | None:
         None when a tenth has fewer than three.
     """
     span = t[-1] - t[0]
-    # Frames lie on the edges up to rounding.
-    edges = t[-1] - LAST * span * np.arange(6) - 1e-9 * span
+    edges = t[-1] - LAST * span * np.arange(6) - TIME_ROUNDING * span
     borders = np.concatenate([np.searchsorted(t, edges), [0]])
     borders[0] = len(t)
     parts = [np.arange(low, high) for low, high in zip(borders[1:], borders[:-1], strict=True)]
@@ -99,7 +100,7 @@ def _thinned(frames: NDArray[np.int64], most: int | None) -> NDArray[np.int64]:
 def limit_of(
     e: Evidence, bound: float, value: Callable[[int], float], note: Callable[[float], str], *, error: float = 0.0
 ) -> Measure:
-    """A quantity that is to tend to less than a bound, measured at the end, with the criterion for limits.
+    """A quantity whose limit is to be below a bound, measured at the end, with the criterion for limits.
 
     Parameters
     ----------
@@ -143,20 +144,20 @@ def _unseen(bound: float, end: float, note: Callable[[float], str], error: float
 
 def _judged(bound: float, tenths: Sequence[Reals], first: Reals, note: Callable[[float], str], error: float) -> Measure:
     end = float(tenths[0][-1])
-    missing = [part - bound for part in tenths]
-    return Measure(bound - end, error, note(end), _unsettled(missing, first - bound), everywhere=False)
+    excess = [part - bound for part in tenths]
+    return Measure(bound - end, error, note(end), _unsettled(excess, first - bound), everywhere=False)
 
 
-def _unsettled(missing: Sequence[Reals], first: Reals) -> str:
-    """Why what is missing to a limit, in each tenth of the last half and in the first half, has not settled."""
-    late = missing[0]
+def _unsettled(excess: Sequence[Reals], first: Reals) -> str:
+    """Why the excess over a bound, in each tenth of the last half and in the first half, has not settled."""
+    late = excess[0]
     if np.isnan(late).any():
         return ""
     if late[-1] < 0:
         return "" if (late < 0).all() else "reached for less than the last tenth of the run"
     if (late < 0).any():
         return "reached in the last tenth of the run and left again"
-    means, every = np.array([part.mean() for part in missing]), np.concatenate([*missing, first])
+    means, every = np.array([part.mean() for part in excess]), np.concatenate([*excess, first])
     if not np.isfinite(every).all():
         return ""
     now, total_change = float(means[0]), float(np.ptp(every))
@@ -166,7 +167,7 @@ def _unsettled(missing: Sequence[Reals], first: Reals) -> str:
     if spread <= STEADY * min(now, total_change) and now > means.min():
         return ""
     return (
-        f"what is missing still changes in a tenth of the run, by {change / now:.1e} of itself and "
+        f"the excess over the bound still changes in a tenth of the run, by {change / now:.1e} of itself and "
         f"{change / total_change:.1e} of its change since the start"
     )
 
@@ -174,8 +175,8 @@ def _unsettled(missing: Sequence[Reals], first: Reals) -> str:
 def configuration_unsettled(e: Evidence) -> str:
     """Why the distances between linked agents have not settled; empty when they have.
 
-    They have when, in the last tenth of the run, no link came or went and no link's length differed from that at the
-    end by more than `CHANGE` of the longest, nor by more than `OF_ALL` of the most that one of them changed.
+    They have settled when, in the last tenth of the run, no link switched and no link's length differed from that at
+    the end by more than `CHANGE` of the longest, nor by more than `OF_ALL` of the largest change of a length.
     """
     links = e.end_links | e.end_links.T
     found = late_frames(e.t, most=MOST)
@@ -202,9 +203,7 @@ def configuration_unsettled(e: Evidence) -> str:
 def limit_of_configuration(
     e: Evidence, bound: float, value: Callable[[int], float], note: Callable[[float], str]
 ) -> Measure:
-    """The same as `limit_of` for a quantity that follows from links and distances.
-
-    Once these have settled, so has the quantity, and the end alone is looked at.
+    """The same as `limit_of` for a function of links and distances, which has settled once these have.
 
     Parameters
     ----------
@@ -218,7 +217,7 @@ def limit_of_configuration(
 
 
 def of_configuration(e: Evidence, measured: Measure) -> Measure:
-    """What was measured of the configuration at the end, as a statement about the one the motion tends to.
+    """A measure of the configuration at the end, as a statement about its limit.
 
     Parameters
     ----------

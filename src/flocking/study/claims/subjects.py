@@ -1,4 +1,4 @@
-"""What a measured statement speaks of, who witnesses it, whether it lasts: said beside the function that measures."""
+"""Subject, witness and finality of a measured statement, declared beside the function that measures it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ ATTRIBUTE = "statement_about"
 
 
 class Subject(StrEnum):
-    """What a statement speaks of: a picture of it stands beside the claim."""
+    """What a statement is about; reports draw a picture of it beside the claim."""
 
     LEDGER = "ledger"
     SPREAD = "spread"
@@ -27,14 +27,14 @@ class Subject(StrEnum):
 
 @dataclass(frozen=True)
 class Witness:
-    """A moment of a run and the agents it is about.
+    """A time of a run and agents.
 
     Parameters
     ----------
     time
-        When.
+        The time.
     agents
-        Who; empty when it is about no one in particular.
+        The agents; empty when none in particular are concerned.
     """
 
     time: float
@@ -42,28 +42,28 @@ class Witness:
 
     @classmethod
     def pair(cls, time: float, i: int, j: int) -> Witness:
-        """Two agents ``i`` and ``j``, numbers of any kind."""
+        """Two agents ``i`` and ``j`` at a ``time``."""
         return cls(float(time), (int(i), int(j)))
 
 
 Finder = Callable[[Evidence], Witness]
-"""Finds the moment and the agents that broke a statement; it is asked only where one is broken."""
+"""Finds the time and the agents at which a statement fails; called only where one fails."""
 
 
 @dataclass(frozen=True)
 class About:
-    """What is known of a statement besides its measure.
+    """Properties of a statement besides its measure.
 
     Parameters
     ----------
     subject
-        What it speaks of.
+        What it is about.
     witness
-        Finds who broke it; None where nothing points at anyone.
+        Finds time and agents of a failure; None where there are none in particular.
     lasting
-        Whether it speaks of every moment: once it fails nothing mends it. Else it is pending until the end.
+        Whether a failure is final; else it is pending until the end.
     while_connected
-        Whether theorems conclude it of graphs that stay connected alone.
+        Whether theorems conclude it only for graphs that stay connected.
     """
 
     subject: Subject = Subject.NET
@@ -78,29 +78,23 @@ Measuring = TypeVar("Measuring", bound=Callable[..., object])
 def about(
     subject: Subject, witness: Finder | None = None, *, lasting: bool = False, while_connected: bool = False
 ) -> Callable[[Measuring], Measuring]:
-    """Decorator of a function that measures a statement, which says what the statement is about; see `About`.
+    """Decorator that declares what the statement measured by a function is about; see `About`.
 
     Parameters
     ----------
     subject, witness, lasting, while_connected
         As in `About`.
     """
-    told = About(subject, witness, lasting, while_connected)
+    properties = About(subject, witness, lasting, while_connected)
 
-    def tell(measure: Measuring) -> Measuring:
-        setattr(measure, ATTRIBUTE, told)
+    def declare(measure: Measuring) -> Measuring:
+        setattr(measure, ATTRIBUTE, properties)
         return measure
 
-    return tell
+    return declare
 
 
 def about_of(measure: Callable[..., object]) -> About:
-    """What a statement is about, by the function that measures it; the net where nothing is said.
-
-    Parameters
-    ----------
-    measure
-        The function.
-    """
+    """What the statement that ``measure`` measures is about; the net where nothing is declared."""
     found = getattr(measure, ATTRIBUTE, None)
     return found if isinstance(found, About) else About()

@@ -1,4 +1,4 @@
-"""Agents that broke a claim, and when: the witnesses of a verdict."""
+"""Witnesses of a verdict: the agents and the time at which a claim fails."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
 
 
 def witness_of(result: Result, evidence: Evidence) -> Witness | None:
-    """The moment and the agents that broke a claim; None where it holds or nothing points at anyone.
+    """Time and agents at which a claim fails; None where it holds or none in particular are concerned.
 
     Parameters
     ----------
     result
         Verdict on the claim.
     evidence
-        Evidence it rests on.
+        The evidence for it.
     """
     found = None
     if result.verdict is Verdict.FAILS:
@@ -28,5 +28,5 @@ def witness_of(result: Result, evidence: Evidence) -> Witness | None:
     try:
         return found(evidence)
     except (NotMeasurable, NotResolvable, ArithmeticError, LookupError, ValueError):
-        # What refutes a claim need not be told to the pair and the moment.
+        # A refutation may exist without data on the pair and the time.
         return None

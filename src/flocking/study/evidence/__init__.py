@@ -1,4 +1,4 @@
-"""What claims look at: quantities computed once from a run."""
+"""Quantities computed once from a run, from which claims are judged."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from flocking.study.evidence.ledger import LEDGER_FACTOR, SLACK, LedgerEvidence
 
 
 class Evidence(LedgerEvidence, ApproachEvidence):
-    """Measured quantities of a run, each computed when first asked for.
+    """Measured quantities of a run, each computed when first needed.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How close agents came to each other."""
+"""Closest approaches of agents."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flocking.study.evidence.motion import MotionEvidence
 
 
 class ApproachEvidence(DoubtEvidence, MotionEvidence):
-    """Closest approaches, between frames too where the engine looked there."""
+    """Closest approaches, between frames too where the engine recorded them."""
 
     def error_of(self, found: Closest) -> float:
         """How much closer than recorded two agents may have come.
@@ -25,20 +25,20 @@ class ApproachEvidence(DoubtEvidence, MotionEvidence):
         """
         near = self.fidelity.approaches
         if near.looked:
-            raise NotMeasurable(f"agents' distances were looked at only {near.looked}")
+            raise NotMeasurable(f"agents' distances were recorded only {near.looked}")
         if near.error is not None:
-            return stated(near.error, "how close its agents came between two looks")
+            return stated(near.error, "how close its agents came between two samples")
         self.accuracy  # noqa: B018
         if np.isnan(found.error) and np.isfinite(found.distance):
-            raise NotResolvable("the error of the closest approach is not known")
+            raise NotResolvable("the error of the closest approach is unknown")
         return found.error if np.isfinite(found.distance) else 0.0
 
     @property
     def closest_linked(self) -> Closest:
         """Closest approach ever of two linked agents; infinitely far where there was never a link."""
-        found = self._sound(self.run.closest_linked)
+        found = self._checked(self.run.closest_linked)
         if not np.isfinite(found.distance) and self.run.links.any():
-            raise NotMeasurable(f"the engine {self.fidelity.engine} did not look at linked agents' distances")
+            raise NotMeasurable(f"the engine {self.fidelity.engine} recorded no distances of linked agents")
         return found
 
     @property
@@ -48,47 +48,44 @@ class ApproachEvidence(DoubtEvidence, MotionEvidence):
         Raises
         ------
         NotResolvable
-            When the engine does not look at them.
+            When the engine does not record it.
         """
-        found = self._sound(self.run.closest_unlinked)
-        if not np.isfinite(found.distance) and self.run.n > 1 and not self._looks_at_all_pairs:
-            raise NotResolvable(
-                f"out of reach: the engine {self.fidelity.engine} looks at linked agents' distances alone"
-            )
+        found = self._checked(self.run.closest_unlinked)
+        if not np.isfinite(found.distance) and self.run.n > 1 and not self._records_all_pairs:
+            raise NotResolvable(f"the engine {self.fidelity.engine} records distances of linked agents only")
         return found
 
     @property
     def closest(self) -> Closest:
         """Closest approach ever of any two agents.
 
-        Where an engine looks at linked pairs alone, all others are out of reach of each other, unless the graph
-        is fixed.
+        Where an engine records linked pairs only, all others are further apart than the radius, unless the graph is
+        fixed.
         """
-        if self._looks_at_all_pairs:
-            return min(self._sound(self.run.closest_unlinked), self.closest_linked, key=lambda c: c.distance)
+        if self._records_all_pairs:
+            return min(self._checked(self.run.closest_unlinked), self.closest_linked, key=lambda c: c.distance)
         if not self.law.graph.moves:
-            raise NotMeasurable(f"the engine {self.fidelity.engine} looks at linked agents' distances alone")
+            raise NotMeasurable(f"the engine {self.fidelity.engine} records distances of linked agents only")
         reach = float(np.min(np.asarray(self.law.graph.appear_radius)))
         return min(self.closest_linked, Closest(reach), key=lambda c: c.distance)
 
     @property
-    def _looks_at_all_pairs(self) -> bool:
+    def _records_all_pairs(self) -> bool:
         return self.fidelity.approaches.pairs == "all"
 
-    def _sound(self, found: Closest) -> Closest:
+    def _checked(self, found: Closest) -> Closest:
         inside = all(-1 <= agent < self.run.n for agent in found.pair)
         if np.isnan(found.distance) or found.distance < 0 or not inside:
-            raise NotResolvable("the recorded closest approach is not one")
+            raise NotResolvable("the recorded closest approach is invalid")
         return found
 
     @cached_property
     def coincidences(self) -> list[tuple[float, tuple[int, int]]]:
-        """Times and pairs of agents that are given at one and the same point: at the start, or at a sample.
+        """Times and pairs of agents that are given at one point: at the start, or at a sample.
 
-        Later frames of a computed motion carry the error of the computation. A part of a run that goes on may begin
-        later than its scenario.
+        Later frames carry the error of the computation, and a part of a running run may begin later than its scenario.
         """
-        if self.goes_on:
+        if self.is_running:
             return []
         if not self.sampled:
             start = self.run.scenario.start
@@ -96,7 +93,7 @@ class ApproachEvidence(DoubtEvidence, MotionEvidence):
         return [(float(t), pair) for t, q in zip(self.t, self.q, strict=True) for pair in _coincident(q)]
 
     def linked_together(self, time: float, pair: tuple[int, int]) -> bool:
-        """Whether a pair of `coincidences` is linked: agents at one point are nearer than any radius."""
+        """Whether a pair of `coincidences` is linked: agents at one point are within any radius."""
         graph = self.law.graph
         if graph.moves and not graph.sees_headings:
             return bool(np.min(np.asarray(graph.appear_radius)) > 0)
@@ -105,7 +102,7 @@ class ApproachEvidence(DoubtEvidence, MotionEvidence):
 
 
 def _coincident(q: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> list[tuple[int, int]]:
-    """One pair of each group of neighbours in rank whose positions, shape (N, m), are equal."""
+    """Pairs of agents with equal positions ``q``, shape (N, m), that are neighbours in lexicographic order."""
     ranks = np.lexsort(q.T)
     same = (q[ranks[1:]] == q[ranks[:-1]]).all(axis=1)
     return [(int(min(a, b)), int(max(a, b))) for a, b in zip(ranks[:-1][same], ranks[1:][same], strict=True)]

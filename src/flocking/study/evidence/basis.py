@@ -1,4 +1,4 @@
-"""What every kind of evidence starts from: the run, what was recorded of it, and whether its numbers can be used."""
+"""The base of all evidence: the run, what was recorded of it, and whether its numbers are usable."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from flocking.model.law import Law
 from flocking.model.state import State
 
 MOST_DENSE = 4000
-"""Largest group whose pairs are all looked at at once."""
+"""Largest group whose pairs are evaluated all at once, a bound on memory: 16 million pairs."""
 
 LARGEST = 1e100
-"""Larger positions, velocities and energies are not computed with: their products overflow."""
+"""Larger positions, velocities and energies are refused: products of three of them overflow."""
 
 
 class NotMeasurable(Exception):  # noqa: N818  a verdict, not a fault
-    """A quantity that this run does not let one compute; a claim that needs it is not applicable."""
+    """A quantity that cannot be computed from this run; a claim that needs it is not applicable."""
 
 
 class NotResolvable(Exception):  # noqa: N818  a verdict, not a fault
-    """A quantity that exists and that this run leaves open; a claim that needs it is not resolved."""
+    """A quantity that exists but is undecided by this run; a claim that needs it is not resolved."""
 
 
 def stated(value: float, what: str) -> float:
-    """A number that a run states of itself.
+    """A number that a run states about itself.
 
     Parameters
     ----------
@@ -45,15 +45,15 @@ def stated(value: float, what: str) -> float:
         When it is not known.
     """
     if not np.isfinite(value):
-        raise NotResolvable(f"the run does not tell {what}")
+        raise NotResolvable(f"the run does not state {what}")
     return value
 
 
 class RunEvidence:
     """A run and how it was made.
 
-    Claims read times, positions, velocities and the ledger here and not from the run, so that numbers that cannot be
-    computed with leave them unresolved.
+    Claims read times, positions, velocities and the ledger here and not from the run, so that unusable numbers leave
+    them unresolved.
 
     Parameters
     ----------
@@ -71,27 +71,27 @@ class RunEvidence:
 
     @property
     def fidelity(self) -> Fidelity:
-        """The account that the run gives of itself."""
+        """What the run states about its accuracy."""
         return self.run.fidelity
 
     @property
     def sampled(self) -> bool:
-        """Whether the run is made of samples from elsewhere: nothing is known between them."""
+        """Whether the run consists of samples, with nothing known between them."""
         return self.fidelity.sampled
 
     @property
-    def goes_on(self) -> bool:
-        """Whether the run is a part of one that goes on, judged as far as it goes."""
+    def is_running(self) -> bool:
+        """Whether the run is a part of one that is still running."""
         return self.run.status == "running"
 
     @property
     def ended_early(self) -> bool:
-        """Whether the run ended before its scenario did: what it has not refuted might have failed later."""
-        return not self.run.finished and not self.goes_on
+        """Whether the run ended before its scenario: what it has not refuted might have failed later."""
+        return not self.run.finished and not self.is_running
 
     @property
     def switches_known(self) -> bool:
-        """Whether every switch of a link is recorded; else only the frames say who was linked."""
+        """Whether every switch of a link is recorded; else links are known at the frames only."""
         return not self.law.graph.moves or self.fidelity.switches_located
 
     def displacement(self, difference: Array) -> Array:
@@ -109,7 +109,7 @@ class RunEvidence:
 
     @property
     def fixed_step(self) -> bool:
-        """Whether the engine took fixed steps: its ledger closes to the order of its scheme, not to a tolerance."""
+        """Whether the engine took fixed steps, so that its ledger closes to the order of its integrator."""
         return self.fidelity.ledger.kind == "share"
 
     @cached_property
@@ -132,19 +132,19 @@ class RunEvidence:
 
     @cached_property
     def q(self) -> Reals:
-        """Positions at the frames, shape (F, N, m); raises as `t` does, and where they cannot be computed with."""
+        """Positions at the frames, shape (F, N, m); raises as `t` does, and where they are unusable."""
         return self._usable("positions", self.run.q)
 
     @cached_property
     def p(self) -> Reals:
-        """Velocities at the frames, shape (F, N, m); raises as `q` does, and where agents of order 1 keep none."""
+        """Velocities at the frames, shape (F, N, m); raises as `q` does, and for agents of order 1, which have none."""
         if self.run.scenario.agents.order == 1:
             raise NotResolvable("frames of agents of order 1 hold no velocities")
         return self._usable("velocities", self.run.p)
 
     @property
     def checked(self) -> Run:
-        """The run, when its frames can be computed with; raises as `q` does where they cannot."""
+        """The run, when its frames are usable; raises as `q` does where they are not."""
         self.q  # noqa: B018
         self._usable("velocities", self.run.p)
         return self.run
@@ -165,11 +165,11 @@ class RunEvidence:
         NotMeasurable
             When the run has none.
         NotResolvable
-            When it holds values that cannot be computed with.
+            When it holds unusable values.
         """
         trace = self.run.trace
         if not len(trace):
-            raise NotMeasurable("the run has no ledger to vouch for its motion")
+            raise NotMeasurable("the run has no ledger to check its motion")
         for name in trace.dtype.names or ():
             if not (np.abs(trace[name]) <= LARGEST).all():
                 raise NotResolvable(f"the ledger holds values of {name} that are not finite or too large")
@@ -184,6 +184,6 @@ class RunEvidence:
         return values
 
     def need_few(self) -> None:
-        """Refuse groups whose pairs are too many to be looked at."""
+        """Refuse groups with too many pairs to evaluate."""
         if self.run.n > MOST_DENSE:
             raise NotMeasurable(f"{self.run.n} agents have too many pairs")

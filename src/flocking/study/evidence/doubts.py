@@ -1,4 +1,4 @@
-"""What the error of the integration leaves open of links: switches in doubt, and what they could change."""
+"""Switches of links that lie within the integration error, and what they could change."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from flocking.study.evidence.basis import NotResolvable
 from flocking.study.evidence.links import LinkEvidence
 
 Span = tuple[float, float, int, int, int]
-"""While it is not known whether a pair is linked: begin, end, the pair, and the number of its switch or -1."""
+"""Interval of time in which a link is in doubt: begin, end, the pair, and the number of its switch or -1."""
 
 
 class DoubtEvidence(LinkEvidence):
-    """Links and their switches, with what is certain of them."""
+    """Links and their switches, with which of them are certain."""
 
     @property
     def accuracy(self) -> Accuracy:
-        """What is known of the errors of the run.
+        """The errors of the run.
 
         Raises
         ------
         NotResolvable
-            When nothing is.
+            When they are unknown.
         """
         if self.run.accuracy is None:
-            raise NotResolvable("the errors of the run are not known; they are where this version computed it")
+            raise NotResolvable("the errors of the run are unknown; runs computed by this version record them")
         return self.run.accuracy
 
     @property
     def known_until(self) -> float:
-        """Since when nothing is known any more; infinite where the whole run is known."""
+        """Time after which nothing is known; infinite where all of the run is known."""
         return np.inf if self.run.accuracy is None else self.run.accuracy.known_until
 
     @cached_property
@@ -44,13 +44,12 @@ class DoubtEvidence(LinkEvidence):
         Raises
         ------
         NotResolvable
-            As `link_switches` does, or when the errors of the run are not known.
+            As `link_switches` does, or when the errors of the run are unknown.
         """
         rows = self.run.switches[:0]
         if not self.law.graph.moves:
             return rows
-        # Runs that locate no switches say so first.
-        self.link_switches  # noqa: B018
+        self.link_switches  # noqa: B018  raises first where no switches are located
         doubts = self.accuracy.doubts
         return np.asarray(doubts[(doubts["graph"] == 0) & ((doubts["what"] == "appear") | (doubts["what"] == "break"))])
 
@@ -67,7 +66,7 @@ class DoubtEvidence(LinkEvidence):
     def numbers(self, kind: str) -> tuple[int, float]:
         """Fewest and most links that appeared or broke; raises as `link_doubts` does.
 
-        A pair that nearly switched is as it was: had it switched, it would have switched back.
+        A pair that nearly switched is unchanged: had it switched, it would have switched back.
 
         Parameters
         ----------
@@ -96,7 +95,7 @@ class DoubtEvidence(LinkEvidence):
         Parameters
         ----------
         what
-            ``"appear"`` or ``"break"``, where doubts of that kind alone matter; near misses are of both.
+            ``"appear"`` or ``"break"``, where only doubts of that kind matter; near misses count for both.
         """
         rows = [row for row in self.link_doubts if not what or row["what"] == what or row["kind"] == "near miss"]
         found = [_described(row) for row in rows[:2]]
@@ -106,7 +105,7 @@ class DoubtEvidence(LinkEvidence):
 
     @property
     def loss_note(self) -> str:
-        """Since when nothing is known, and why, in words; empty where the whole run is known."""
+        """Time after which nothing is known, and why, in words; empty where all of the run is known."""
         if self.known_until == np.inf:
             return ""
         doubts = self.accuracy.doubts
@@ -125,7 +124,7 @@ class DoubtEvidence(LinkEvidence):
 
     @cached_property
     def possible_histories(self) -> tuple[list[tuple[float, Links]], list[tuple[float, Links]]]:
-        """`link_history` with every pair in doubt not linked, and linked, as long as it is in doubt."""
+        """`link_history` with the pairs in doubt not linked, and linked, while they are in doubt."""
         doubts = self.link_doubts
         if not len(doubts):
             return self.link_history, self.link_history
@@ -147,10 +146,9 @@ class DoubtEvidence(LinkEvidence):
 
     @cached_property
     def connection(self) -> tuple[float, bool]:
-        """First time at which the graph is certainly not connected, and whether it may be so at some other time.
+        """First time at which the graph is certainly disconnected, and whether it may be at some other time.
 
-        Pairs whose switch is in doubt, and pairs within the error of the time of their switch, count both as linked
-        and as not.
+        Pairs whose switch is in doubt, or within the error of its time, are tried as linked and as not linked.
         """
         links = np.array(self.frame_links[0])
         if not is_connected(links):
@@ -164,7 +162,7 @@ class DoubtEvidence(LinkEvidence):
             for _, _, i, j, _ in cluster:
                 self._set(low, i, j, value=False)
                 self._set(high, i, j, value=True)
-            # The switches of one pair come one after the other, however close their times.
+            # The order of the switches of one pair is certain, however close their times.
             alone = len({span[2:4] for span in cluster}) == 1 and all(
                 k >= 0 and self.link_certain[k] for *_, k in cluster
             )
@@ -182,7 +180,7 @@ class DoubtEvidence(LinkEvidence):
         return certain, doubtful
 
     def _spans(self) -> list[Span]:
-        """Times while it is not known whether some pair is linked."""
+        """Intervals of time in which a link is in doubt, sorted."""
         spans: list[Span] = []
         in_doubt = {_key(row): row for row in self.link_doubts if row["kind"] == "switch"}
         for k, row in enumerate(self.link_switches):
@@ -197,7 +195,7 @@ class DoubtEvidence(LinkEvidence):
         return sorted(spans)
 
     def _settled(self, cluster: list[Span]) -> bool:
-        """Whether what was in doubt came to its end before the run did."""
+        """Whether the doubts ended before the run."""
         last = self.run.scenario.t_end if self.run.finished else float(self.t[-1])
         return max(span[1] for span in cluster) < last
 
@@ -212,7 +210,7 @@ def _key(row: np.void) -> tuple[float, int, int]:
 
 
 def _clusters(spans: list[Span]) -> list[list[Span]]:
-    """Spans that overlap, together; ``spans`` are sorted by their begin."""
+    """Groups of overlapping ``spans``, which are sorted by their begin."""
     found: list[list[Span]] = []
     last = -np.inf
     for span in spans:

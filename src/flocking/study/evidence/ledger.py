@@ -15,16 +15,22 @@ LEDGER_FACTOR = 100.0
 """The ledger must close to this many tolerances times the total energy moved."""
 
 EXPLAINED = 4.0
-"""The ledger of a run that knows its integration error may stay open by this many times what that error explains."""
+"""Where the integration error is known, the residual may be this many times as large as the error explains."""
 
 MOST_EXPLAINED = 1e-3
-"""Share of the energy moved beyond which an open ledger shows nothing, though the integration error explains it."""
+"""Share of the energy moved beyond which a residual is inconclusive although the integration error explains it."""
 
 DOUBT = 3.0
-"""How much larger than estimated the error of a ledger of samples may be."""
+"""Factor by which the error of a ledger of samples may exceed its estimate."""
 
 SLACK = 1e-6
 """Share of a radius within which a pair may be linked or not."""
+
+ROUNDING, INTERPOLATION_ROUNDING = 1e-12, 1e-9
+"""Rounding of a computed ledger and of one integrated over samples, as shares of the largest energy."""
+
+SMALLEST = 1e-14
+"""Smallest bound of a residual, for runs without energy."""
 
 
 class LedgerEvidence(LinkEvidence):
@@ -32,41 +38,41 @@ class LedgerEvidence(LinkEvidence):
 
     @property
     def residuals(self) -> Array:
-        """What the ledger leaves unexplained at each of its rows; raises as `trace` does."""
+        """Residual at each row of the ledger; raises as `trace` does."""
         return self.run.residual if len(self.trace) else np.zeros(0)
 
     @cached_property
     def step_residual(self) -> float:
-        """Largest part of a single step's energy that the ledger does not explain, with rounding."""
-        size = float(np.abs(self.trace["energy"]).max(initial=0.0))
-        return float(np.abs(np.diff(self.residuals)).max(initial=0.0)) + 1e-12 * size
+        """Largest change of the residual in a step, plus rounding."""
+        return float(np.abs(np.diff(self.residuals)).max(initial=0.0)) + ROUNDING * self._largest_energy
+
+    @property
+    def _largest_energy(self) -> float:
+        return float(np.abs(self.trace["energy"]).max(initial=0.0))
 
     @cached_property
     def ledger_bound(self) -> float:
-        """How large the ledger's residual may be: 100 tolerances times the energy moved, plus rounding.
+        """Bound of the residual: 100 tolerances times the energy moved, plus rounding.
 
-        Where the run knows what its integration error leaves unexplained, as much as that, up to a small share of the
-        energy moved.
-
-        Between samples of a motion from elsewhere the powers are interpolated, and their error takes its place. A
-        fixed step is held to what its engine holds it to, a share of the energy moved.
+        It rises to what the integration error explains, where that is known, up to a small share of the energy moved.
+        For samples it is the error of the interpolated powers; for a fixed step the share of the energy moved that its
+        engine states.
         """
         rule = self.fidelity.ledger
         if rule.kind == "unknown":
-            raise NotResolvable("the run does not tell what its ledger is held to")
-        held_to = stated(rule.size, "what its ledger is held to")
+            raise NotResolvable("the run does not state the bound of its ledger")
+        size = stated(rule.size, "the bound of its ledger")
         if rule.kind == "share":
-            return held_to * self.energy_moved + 1e-14
+            return size * self.energy_moved + SMALLEST
         if rule.kind == "estimate":
-            size = float(np.abs(self.trace["energy"]).max(initial=0.0))
-            return 3 * held_to + stated(rule.switch_error, "what switches add to its ledger") + 1e-9 * size
-        size = float(np.abs(self.trace["energy"]).max(initial=0.0))
+            switch_error = stated(rule.switch_error, "what switches add to its ledger")
+            return DOUBT * size + switch_error + INTERPOLATION_ROUNDING * self._largest_energy
         explained = min(self.explained_residual, MOST_EXPLAINED * self.energy_moved)
-        return max(LEDGER_FACTOR * held_to * self.run.turnover, explained) + 1e-12 * size + 1e-14
+        return max(LEDGER_FACTOR * size * self.run.turnover, explained) + ROUNDING * self._largest_energy + SMALLEST
 
     @property
     def explained_residual(self) -> float:
-        """How large a residual the integration error explains; 0 where it is not known to explain any."""
+        """Residual that the integration error explains; 0 where that is unknown."""
         accuracy = self.run.accuracy
         if accuracy is None or "ledger" not in accuracy.largest:
             return 0.0
@@ -80,11 +86,10 @@ class LedgerEvidence(LinkEvidence):
 
     @cached_property
     def ledger_doubt(self) -> str:
-        """Why a ledger can neither close nor stay open; empty when it can.
+        """Why the ledger is inconclusive; empty when it is not.
 
-        The integration error of a computed motion may explain what is missing, and be too large to show anything.
-        Too few samples leave open how much was dissipated between them. A link of which samples do not tell whether it
-        is there leaves open what it stores; a ledger that closes shows that it was guessed right.
+        The integration error may explain the residual but be too large for a verdict; samples may be too far apart; a
+        residual may come from a link that samples leave uncertain.
         """
         if not self.sampled:
             if self.ledger_bound < self.residual <= self.explained_residual:
@@ -95,10 +100,10 @@ class LedgerEvidence(LinkEvidence):
                 f"samples too far apart for a ledger: {self.ledger_bound:.1e} may be missing of the "
                 f"{self.energy_moved:.1e} moved"
             )
-        if self.residual > self.ledger_bound and self.unsure_links.any():
-            return f"{self._ledger_sizes}, but samples do not tell of each link whether it is there"
+        if self.residual > self.ledger_bound and self.uncertain_links.any():
+            return f"{self._ledger_sizes}, but samples leave some links uncertain"
         if self.ledger_bound < self.residual <= DOUBT * self.ledger_bound:
-            return f"{self._ledger_sizes}, and that is only an estimate of what samples this far apart may miss"
+            return f"{self._ledger_sizes}, and the bound is only an estimate for samples this far apart"
         return ""
 
     @cached_property
@@ -110,8 +115,8 @@ class LedgerEvidence(LinkEvidence):
     def foreign_link(self) -> str:
         """What contradicts the declared graph at the last frame: a link too long, or one that is missing.
 
-        The ledger of an engine adds over the links that were at work, whoever made them. Earlier frames may belong
-        to a law that was replaced on the way.
+        The ledger of an engine sums over the links it used, right or wrong. Earlier frames may belong to a law that was
+        replaced during the run.
         """
         graph, state = self.law.graph, self.state(-1) if len(self.run.t) else None
         if state is None or state.links is None or graph.sees_headings or not self.switches_known:
@@ -130,19 +135,20 @@ class LedgerEvidence(LinkEvidence):
 
     @property
     def foreign_force(self) -> str:
-        """What contradicts the declared law among the forces and powers of an engine that were held against it.
+        """What contradicts the declared law among the forces and powers of an engine that were compared with it.
 
-        A fixed step's ledger closes to the error of the step, which hides a gain that is off by a per cent; forces
-        themselves agree to rounding.
+        The ledger of a fixed step closes to the error of the step, which hides a gain that is wrong by one per cent;
+        forces agree to rounding.
         """
         law = self.fidelity.law
         if law is None:
             return ""
-        gap, allowed = (stated(value, "how far forces are from its law") for value in (law.gap, law.allowed))
+        gap, allowed = (stated(value, "the difference of its forces from its law") for value in (law.gap, law.allowed))
         if gap <= allowed:
             return ""
         return (
-            f"a force or power is off the declared law's by {100 * gap:.3g} %, rounding explains {100 * allowed:.2g} %"
+            f"a force or power differs from the declared law's by {100 * gap:.3g} %; "
+            f"rounding explains {100 * allowed:.2g} %"
         )
 
     @property
@@ -153,7 +159,7 @@ class LedgerEvidence(LinkEvidence):
 
     @property
     def ledger_note(self) -> str:
-        """The residual and its bound in words, or what else keeps the ledger from closing."""
+        """The residual and its bound in words, or why the ledger does not close."""
         return self.foreign_link or self.foreign_force or self.ledger_doubt or self._ledger_sizes
 
     @property
@@ -161,6 +167,6 @@ class LedgerEvidence(LinkEvidence):
         rule, law = self.fidelity.ledger, self.fidelity.law
         share = f" ({100 * rule.size:g} % of the energy moved, for a fixed step)" if rule.kind == "share" else ""
         if law is not None and law.checks:
-            gap = stated(law.gap, "how far forces are from its law")
-            share += f"; forces are those of the law to {gap:.0e} of their parts, looked at {law.checks} times"
+            gap = stated(law.gap, "the difference of its forces from its law")
+            share += f"; forces are those of the law to {gap:.0e} of their parts in {law.checks} comparisons"
         return f"ledger residual {self.residual:.2e}, allowed {self.ledger_bound:.2e}{share}"

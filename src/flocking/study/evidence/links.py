@@ -1,4 +1,4 @@
-"""Who was linked, when links switched, and whether the graph was connected."""
+"""Links of a run, their switches, and connectivity."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from flocking.model.graphs.connectivity import Links, components, is_connected
 from flocking.study.evidence.basis import NotMeasurable, NotResolvable, RunEvidence
 
 FASTER = 1.25
-"""How much faster than at two samples a pair's distance is taken to change between them at most."""
+"""Between two samples a distance is taken to change at most this many times as fast as at them."""
 
 FINE = 1e-9
-"""Largest share of a run's duration by which neighbouring times may differ for equal times to be one instant."""
+"""Equal times are one instant where neighbouring floats differ by at most this share of the duration."""
 
 
 class LinkEvidence(RunEvidence):
     """Links and their switches.
 
-    Only an engine that locates switches tells which links there were between frames. Everything here that needs to
-    know raises `NotResolvable` for other runs; what the frames show by themselves has a name that says so.
+    Only an engine that locates switches records the links between frames. What needs these raises `NotResolvable` for
+    other runs; what frames show alone is named ``seen_...``.
     """
 
     @cached_property
@@ -34,30 +34,30 @@ class LinkEvidence(RunEvidence):
         return np.asarray(links, dtype=bool)
 
     @cached_property
-    def unsure_links(self) -> NDArray[np.bool_]:
-        """Pairs that may or may not be linked at the frames, shape (F, N, N).
+    def uncertain_links(self) -> NDArray[np.bool_]:
+        """Pairs whose links are uncertain at the frames, shape (F, N, N).
 
-        The links of samples are those that the graph's rule makes of the sampled positions alone. Where links appear
-        and break at different distances, a pair that may have crossed one of them between two samples leaves the rest
-        unsure until it is inside or outside of both.
+        The links of samples follow from the graph's rule and the sampled positions. Where links appear and break at
+        different distances, a pair that may have crossed one of them between two samples is uncertain until it is
+        inside or outside both.
         """
         links, graph = self.frame_links, self.law.graph
-        unsure = np.zeros_like(links)
+        uncertain = np.zeros_like(links)
         enters, leaves = (np.asarray(r)[..., None] for r in (graph.appear_radius, graph.break_radius))
         if not self.sampled or not graph.moves or (enters >= leaves).all():
-            return unsure
+            return uncertain
         before, rate_before = self._distances(0)
         if self.t[0] != self.run.scenario.start.t:
-            unsure[0] = (before >= enters) & (before < leaves)
+            uncertain[0] = (before >= enters) & (before < leaves)
         for k in range(1, len(self.t)):
             now, rate = self._distances(k)
             travel = FASTER * (self.t[k] - self.t[k - 1]) * np.maximum(rate_before, rate)
             nearest, farthest = (before + now - travel) / 2, (before + now + travel) / 2
-            crossed = np.where(links[k - 1], farthest >= leaves, nearest < enters) | unsure[k - 1]
-            unsure[k] = crossed & (now >= enters) & (now < leaves)
-            np.fill_diagonal(unsure[k], False)
+            crossed = np.where(links[k - 1], farthest >= leaves, nearest < enters) | uncertain[k - 1]
+            uncertain[k] = crossed & (now >= enters) & (now < leaves)
+            np.fill_diagonal(uncertain[k], False)
             before, rate_before = now, rate
-        return unsure
+        return uncertain
 
     def _distances(self, frame: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Distances of all pairs at a frame and the sizes of their rates of change, shape (N, N) each."""
@@ -73,7 +73,7 @@ class LinkEvidence(RunEvidence):
         Raises
         ------
         NotResolvable
-            When samples do not tell.
+            When samples leave a link uncertain.
         """
         return self.link_history[-1][1] if self.switches_known else self.links_at(-1)
 
@@ -83,20 +83,20 @@ class LinkEvidence(RunEvidence):
         Raises
         ------
         NotResolvable
-            When samples do not tell.
+            When samples leave a link uncertain.
         """
         links = self.frame_links
-        if self.unsure_links[frame].any():
-            i, j = (int(k) for k in np.argwhere(self.unsure_links[frame])[0])
-            raise NotResolvable(f"samples do not tell whether agents {i} and {j} are linked at t = {self.t[frame]:.4g}")
+        if self.uncertain_links[frame].any():
+            i, j = (int(k) for k in np.argwhere(self.uncertain_links[frame])[0])
+            raise NotResolvable(f"samples leave open whether agents {i} and {j} are linked at t = {self.t[frame]:.4g}")
         return np.asarray(links[frame])
 
     @cached_property
     def link_history(self) -> list[tuple[float, Links]]:
-        """Link matrix of the law's graph from each time it changed on, the first at the start.
+        """Times of changes of the law's graph and the link matrix after each, the start first.
 
-        Switches of one instant are one change, unless times are so late that numbers cannot tell instants apart: then
-        each is a change of its own, in the order of the record.
+        Simultaneous switches are one change, unless times are so late that floats cannot separate instants: then each
+        is a change of its own, in the order of the record.
         """
         links = np.array(self.frame_links[0])
         history = [(float(self.t[0]), links.copy())]
@@ -117,13 +117,13 @@ class LinkEvidence(RunEvidence):
 
     @cached_property
     def link_looks(self) -> list[tuple[float, Links]]:
-        """What is known of the links over time: `link_history`, or the frames where switches are not recorded.
+        """Known links over time: `link_history`, or those at the frames where switches are not recorded.
 
-        Pairs that may be linked count as linked here: a graph that is not connected with them is not connected.
+        Uncertain pairs count as linked: a graph that is disconnected with them is disconnected.
         """
         if self.switches_known:
             return self.link_history
-        return list(zip(self.t.tolist(), self.frame_links | self.unsure_links, strict=True))
+        return list(zip(self.t.tolist(), self.frame_links | self.uncertain_links, strict=True))
 
     @cached_property
     def all_switches(self) -> Records:
@@ -132,13 +132,13 @@ class LinkEvidence(RunEvidence):
         Raises
         ------
         NotResolvable
-            When the run records none, or records switches that cannot be.
+            When the run records none, or invalid ones.
         """
         if self.sampled:
-            raise NotResolvable("out of reach: samples do not show the switches")
+            raise NotResolvable("samples do not show the switches")
         if not self.fidelity.switches_located:
             engine = self.fidelity.engine
-            raise NotResolvable(f"out of reach: the engine {engine} records no switches; engine='exact' locates them")
+            raise NotResolvable(f"the engine {engine} records no switches; engine='exact' locates them")
         s = self.run.switches
         if not np.isfinite(s["time"]).all() or (np.diff(s["time"]) < 0).any():
             raise NotResolvable("the times of the switches do not ascend")
@@ -158,19 +158,19 @@ class LinkEvidence(RunEvidence):
 
     @cached_property
     def seen_disconnected(self) -> float:
-        """First time at which the graph is seen not to be connected; infinite when it never is."""
+        """First recorded time at which the graph is disconnected; infinite when there is none."""
         if (seen := self._observed_flocks) is not None:
             return next((float(row["time"]) for row in seen if row["flocks"] > 1), np.inf)
         return next((t for t, links in self.link_looks if not is_connected(links)), np.inf)
 
     @cached_property
     def first_disconnected(self) -> float:
-        """First time at which the graph is not connected; infinite when it always is.
+        """First time at which the graph is disconnected; infinite when it never is.
 
         Raises
         ------
         NotResolvable
-            When it is connected whenever it was looked at, and that was not always.
+            When it is connected at all frames and switches are not recorded.
         """
         if self.seen_disconnected == np.inf and not self.switches_known:
             where = "" if self.sampled else "; engine='exact' locates every switch"
@@ -186,7 +186,7 @@ class LinkEvidence(RunEvidence):
 
     @property
     def _observed_flocks(self) -> AnyArray | None:
-        """What was observed, where there are no link matrices to look at instead."""
+        """The recorded observables, where there are no link matrices."""
         seen, run = self.run.observables, self.run
         bare = not len(run.t) or run.links.shape[1:] != (run.n, run.n)
         return seen if bare and seen is not None and len(seen) else None
@@ -200,7 +200,7 @@ class LinkEvidence(RunEvidence):
 
     @property
     def looks(self) -> int:
-        """How many times the links were looked at."""
+        """Number of times at which the links are known."""
         return len(self.link_looks if self._observed_flocks is None else self._observed_flocks)
 
     @property
@@ -215,19 +215,19 @@ class LinkEvidence(RunEvidence):
 
     @property
     def seen_created(self) -> int:
-        """Number of links that are seen to have appeared: no more than did."""
+        """Number of links known to have appeared, a lower bound."""
         return self.links_created if self.switches_known else self._seen(True)
 
     @property
     def seen_lost(self) -> int:
-        """Number of links that are seen to have broken: no more than did."""
+        """Number of links known to have broken, a lower bound."""
         return self.links_lost if self.switches_known else self._seen(False)
 
     def _seen(self, appear: bool) -> int:
-        """How often a pair is surely not so at one frame and surely so at the next; 0 where frames hold no links."""
+        """Number of certain changes of links between neighbouring frames; 0 where frames hold no links."""
         if self.run.links.shape != (len(self.run.t), self.run.n, self.run.n):
             return 0
-        sure, then = ~self.unsure_links, self.frame_links if appear else ~self.frame_links
+        sure, then = ~self.uncertain_links, self.frame_links if appear else ~self.frame_links
         pairs = ~then[:-1] & then[1:] & sure[:-1] & sure[1:]
         return int(pairs.sum()) // (1 if self.law.graph.directed else 2)
 

@@ -14,7 +14,7 @@ from flocking.study.potentials.equilibrium import Equilibrium
 
 
 class MotionEvidence(RunEvidence):
-    """How the agents move."""
+    """Velocities, distances and forces."""
 
     @cached_property
     def mean_velocity(self) -> Array:
@@ -28,7 +28,7 @@ class MotionEvidence(RunEvidence):
 
     @cached_property
     def velocity_spread(self) -> Array:
-        """Largest |p_i - mean| at each frame, shape (F,); what was observed where the run keeps no frames."""
+        """Largest |p_i - mean| at each frame, shape (F,); the recorded observable where the run has no frames."""
         if self._observed_spread:
             return np.asarray(self.run.observables["spread"])  # type: ignore[index]
         offsets = self.p - self.mean_velocity[:, None, :]
@@ -46,7 +46,7 @@ class MotionEvidence(RunEvidence):
 
     @property
     def largest_spread(self) -> float:
-        """Largest |p_i - mean| of the run: between the frames too, where that is known."""
+        """Largest |p_i - mean| of the run, between the frames too where that is known."""
         found = self.largest("spread")
         return max(float(self.velocity_spread.max()), -np.inf if found is None else found.value)
 
@@ -63,12 +63,10 @@ class MotionEvidence(RunEvidence):
     @cached_property
     def diameter(self) -> Array:
         """Largest distance of two agents at each frame, shape (F,), of positions as they are, not of their images."""
+        from scipy.spatial.distance import pdist
+
         self.need_few()
-        found = []
-        for q in self.q:
-            offsets = q[None] - q[:, None]
-            found.append(float(np.sqrt((offsets**2).sum(axis=2).max())))
-        return np.array(found)
+        return np.array([pdist(q).max(initial=0.0) for q in self.q])
 
     @cached_property
     def distance_rate(self) -> float:

@@ -15,18 +15,19 @@ from flocking.model.graphs.distance_graphs import Fixed
 from flocking.model.law import Law
 from flocking.model.potentials.potential import Potential
 from flocking.model.terms.pair_terms import Gradient
+from flocking.study.evidence import Evidence
 from flocking.study.nets.matrices import laplacian
 
 
 def agreement_law(links: Links) -> Law:
-    """The protocol on one net, as a law for first-order agents on a line: (13) is the gradient of sum r^2/2.
+    """The protocol on one net, as a law for first-order agents on a line: the gradient of sum r^2/2.
 
     Use it with ``Agents(order=1)`` and the values theta_i as positions, shape (N, 1).
 
     Parameters
     ----------
     links
-        Link matrix, shape (N, N): entry (i, j) where i listens to j.
+        Link matrix, shape (N, N): entry (i, j) where i senses j.
     """
     matrix = np.asarray(links, dtype=bool)
     directed = bool((matrix != matrix.T).any())
@@ -35,7 +36,7 @@ def agreement_law(links: Links) -> Law:
 
 
 def agree(theta: ArrayLike, nets: Sequence[ArrayLike], times: ArrayLike) -> Array:
-    """Exact solution d theta/dt = -L theta on nets that follow one another.
+    """Exact solution of d theta/dt = -L theta on a sequence of nets.
 
     Parameters
     ----------
@@ -68,27 +69,12 @@ def agree(theta: ArrayLike, nets: Sequence[ArrayLike], times: ArrayLike) -> Arra
 
 
 def nets_of(run: Run) -> tuple[list[Links], Array]:
-    """The nets a run went through under its law's graph, with the times at which each began and the end.
+    """The sequence of nets of a run under its law's graph, with the times at which each began and the end.
 
-    Rebuilt from the first frame and the recorded switches. Times run from the first stored frame to the last.
+    Raises
+    ------
+    NotResolvable
+        When the run does not record its switches.
     """
-    links = np.array(run.links[0])
-    directed = run.scenario.law.graph.directed
-    nets, times = [links.copy()], [float(run.t[0])]
-    for switch in run.switches:
-        if (
-            switch["graph"] != 0
-            or switch["kind"] not in ("appear", "break")
-            or not times[0] < switch["time"] <= run.t[-1]
-        ):
-            continue
-        i, j = int(switch["i"]), int(switch["j"])
-        links[i, j] = switch["kind"] == "appear"
-        if not directed:
-            links[j, i] = links[i, j]
-        if switch["time"] > times[-1]:
-            nets.append(links.copy())
-            times.append(float(switch["time"]))
-        else:
-            nets[-1] = links.copy()
-    return nets, np.array([*times, float(run.t[-1])])
+    history = Evidence(run).link_history
+    return [links for _, links in history], np.array([*(t for t, _ in history), float(run.t[-1])])

@@ -1,4 +1,4 @@
-"""Matrices and numbers of a net: adjacency, degrees, Laplacian, connectivity (Olfati-Saber, section 2).
+"""Matrices of a net: adjacency, degrees, Laplacian; connectivity and balance (Olfati-Saber, section 2).
 
 Entry (i, j) of a matrix belongs to the link by which agent i senses agent j.
 """
@@ -70,7 +70,7 @@ def out_degree(weights: ArrayLike) -> Array:
 
 
 def in_degree(weights: ArrayLike) -> Array:
-    """Column sums: by what agent i is sensed, shape (N,) (Olfati-Saber (9), where the sum is over all j)."""
+    """Column sums: by what agent i is sensed, shape (N,) (Olfati-Saber (9))."""
     return np.asarray(_matrix(weights).sum(axis=0))
 
 
@@ -118,7 +118,7 @@ def flock_members(links: Links) -> list[NDArray[np.intp]]:
 
 
 def is_quasi_flock(links: Links, share: float = 0.9) -> bool:
-    """Whether a net is no flock but its density is at least ``share`` (Olfati-Saber, after (7): 0 < 1 - delta << 1)."""
+    """Whether a net is not connected but its density is at least ``share`` (Olfati-Saber, after (7))."""
     return share <= density(np.asarray(links, dtype=bool)) < 1.0
 
 
@@ -139,7 +139,7 @@ def algebraic_connectivity(weights: ArrayLike) -> float:
 
 
 def agreement_limit(weights: ArrayLike, theta: ArrayLike) -> Array:
-    """Where the agreement protocol (12)-(13) takes ``theta`` on a strongly connected net: xi^T theta.
+    """Limit of the agreement protocol from ``theta`` on a strongly connected net: xi^T theta.
 
     On a balanced net that is the mean.
 

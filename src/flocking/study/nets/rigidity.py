@@ -22,7 +22,7 @@ def _links(links: Links) -> Links:
 def rigidity_matrix(q: Array, links: Links) -> Array:
     """Rows q_i - q_j at agent i and q_j - q_i at agent j, one per link, shape (E, N m).
 
-    Its kernel are the velocities that change no link's length.
+    Its kernel is the space of velocities that change no link's length.
     """
     points = array("rigidity_matrix", "q", q, ndim=2)
     n, m = points.shape
@@ -35,10 +35,10 @@ def rigidity_matrix(q: Array, links: Links) -> Array:
 
 
 def rigid_motions(n: int, dimension: int) -> int:
-    """Dimension of the velocities that move n points in general position as one body."""
+    """Dimension of the rigid motions of n points in general position."""
     if n >= dimension:
         return dimension * (dimension + 1) // 2
-    # n points span n - 1 dimensions; turning about them moves nothing.
+    # n points span n - 1 dimensions; rotations about their span move nothing.
     spare = dimension - max(n - 1, 0)
     return dimension * (dimension + 1) // 2 - spare * (spare - 1) // 2
 
@@ -53,7 +53,7 @@ def rank(q: Array, links: Links, tolerance: float = 1e-8) -> int:
 
 
 def degrees_of_freedom(q: Array, links: Links, tolerance: float = 1e-8) -> int:
-    """Independent infinitesimal motions that keep all lengths and are no motion of the whole body.
+    """Dimension of the infinitesimal motions that keep all lengths, less that of the rigid motions.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def as_networkx(links: Links) -> networkx.Graph[object]:
 
 
 def is_planar_graph(links: Links) -> bool:
-    """Whether the net can be drawn in the plane without crossings, wherever its agents are."""
+    """Whether the net has a drawing in the plane without crossings."""
     import networkx
 
     planar, _ = networkx.check_planarity(as_networkx(links))
@@ -126,7 +126,7 @@ def faces(q: Array, links: Links) -> list[list[int]]:
         offsets = points[around] - points[i]
         around = around[np.argsort(np.arctan2(offsets[:, 1], offsets[:, 0]))]
         for k, j in enumerate(around):
-            # Coming to i from j, leave by the next link clockwise: the face stays on the left.
+            # After the link from j to i comes the next one clockwise: the face stays on the left.
             turn[int(j), i] = int(around[k - 1])
     found = []
     left = set(turn)

@@ -1,1 +1,1 @@
-"""Analysis of potentials: the definitions of the papers, shapes, equilibria and nonsmooth points."""
+"""Analysis of potentials: definitions, shapes, equilibria and nonsmooth points."""

@@ -47,16 +47,16 @@ class Equilibrium:
     law
         The control law.
     state
-        The state; its links decide who are neighbours.
+        The state; its links define the neighbours.
     """
 
     def __init__(self, law: Law, state: State) -> None:
         gradients = [t for t in law.pair_terms if isinstance(t, Gradient) and t.over is None]
         self.potentials = [link_potential(law.graph, t.potential) for t in gradients]
-        self._look(law, state)
+        self._set_pairs(law, state)
 
     def at(self, law: Law, state: State) -> Equilibrium:
-        """That of another state, without its formulas being made anew.
+        """That of another state, with the same formulas.
 
         Parameters
         ----------
@@ -67,10 +67,10 @@ class Equilibrium:
         """
         other = Equilibrium.__new__(Equilibrium)
         other.potentials = self.potentials
-        other._look(law, state)
+        other._set_pairs(law, state)
         return other
 
-    def _look(self, law: Law, state: State) -> None:
+    def _set_pairs(self, law: Law, state: State) -> None:
         self.state = state
         links = state.links if state.links is not None else law.graph.initial(state.q)
         self.i, self.j = np.nonzero(links)
@@ -101,8 +101,8 @@ class Equilibrium:
     def hessian(self) -> Array:
         """Second derivative of the total potential, one psi per link, shape (N m, N m).
 
-        Where agents coincide, psi'(r) / r tends to psi''(0) if psi'(0) = 0. Otherwise there is no second derivative:
-        psi'(0) stands for it, whose sign tells whether the potential falls.
+        Where agents coincide, psi'(r) / r tends to psi''(0) if psi'(0) = 0. Otherwise there is no second derivative;
+        psi'(0) takes its place, whose sign shows whether the potential falls.
         """
         n, m = self.state.q.shape
         curvature, slope = self._sum("curvature"), self._sum("slope")

@@ -19,7 +19,10 @@ NEAR = 1e-9
 """Two slopes closer than this fraction of their size count as one; so do two distances."""
 
 MOST_PAIRS = 12
-"""Most pairs that may sit on their switching distance at once: the Filippov set has 2 to that many corners."""
+"""Most pairs at their switching distance at once, a bound on time: the Filippov set has 2^12 = 4096 corners then."""
+
+STEPS = 2.0 ** -np.arange(20, 32)
+"""Relative steps at which one-sided slopes are taken: the last leaves half of the digits."""
 
 
 def one_sided_slopes(potential: Potential, r: float) -> tuple[float, float]:
@@ -32,9 +35,9 @@ def one_sided_slopes(potential: Potential, r: float) -> tuple[float, float]:
     r
         A positive distance at which it is finite.
     """
-    steps = r * 2.0 ** -np.arange(20, 32)
+    steps = r * STEPS
     left, right = potential.slope(r - steps), potential.slope(r + steps)
-    # Richardson's extrapolation: the nearest point is still one step away.
+    # Richardson's extrapolation to a step of zero.
     return float(2 * left[-1] - left[-2]), float(2 * right[-1] - right[-2])
 
 
@@ -57,7 +60,7 @@ def directional_derivative(potential: Potential, r: float, w: float) -> float:
 def generalized_derivative(potential: Potential, r: float, w: float) -> float:
     """Clarke's generalized derivative at ``r`` along ``w``: the largest zeta w, zeta in the generalized gradient.
 
-    Tanner II, Definition V.2 states it as a limit superior of difference quotients.
+    It is the limit superior of difference quotients (Tanner II, Definition V.2).
     """
     return max(w * zeta for zeta in generalized_gradient(potential, r))
 
@@ -65,14 +68,14 @@ def generalized_derivative(potential: Potential, r: float, w: float) -> float:
 def is_regular(potential: Potential, r: float) -> bool:
     """Whether the two derivatives agree in every direction (Tanner II, Definition V.5).
 
-    They do where the slope rises through a kink, and do not where it falls.
+    They agree where the slope rises at a kink, and do not where it falls.
     """
     left, right = one_sided_slopes(potential, r)
     return right >= left - NEAR * max(1.0, abs(left), abs(right))
 
 
 def pairs_at_switch(law: Law, state: State) -> list[tuple[int, int]]:
-    """Pairs i < j that sit exactly on the distance at which their link appears or breaks."""
+    """Pairs i < j at the distance at which their link appears or breaks."""
     radius = float(np.max(np.asarray(law.graph.break_radius)))
     distance = pair_distances(state.q)
     i, j = np.nonzero(np.triu(np.abs(distance - radius) <= NEAR * radius))
@@ -82,13 +85,13 @@ def pairs_at_switch(law: Law, state: State) -> list[tuple[int, int]]:
 def filippov_corners(law: Law, state: State) -> Array:
     """Corners of Filippov's set K[u] at a state (Tanner II, Definition V.1), shape (K, N, m).
 
-    Every pair on its switching distance is linked on one side of it and not on the other: the limits of the
-    control from all sides are the controls under each choice of links.
+    The limits of the control from all sides of the switching surface are the controls under each choice of the links
+    of the pairs on it.
 
     Raises
     ------
     InvalidInput
-        When more than 12 pairs sit on their switching distance.
+        When more than 12 pairs are at their switching distance.
     """
     return np.array([evaluate(law, choice).u for choice in _sides(law, state)])
 
@@ -124,7 +127,7 @@ class Rates:
 
     @property
     def empty(self) -> bool:
-        """Whether there is no such rate: so it can be where the energy is not regular."""
+        """Whether there is no such rate, as may be where the energy is not regular."""
         return self.low > self.high
 
 
@@ -133,7 +136,7 @@ def energy_rates(law: Law, potential: Potential, state: State) -> Rates:
 
     The intersection over all xi of the generalized gradient of the interval xi^T K[f]. It is one number off the
     switching surface, and may be empty on it, since the energy is not regular there. The potential is the one of
-    all pairs, constant beyond the radius; the control is that of the law on every side of the switching surface.
+    all pairs, constant beyond the radius; the control is that of the law on all sides of the switching surface.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The shape of a potential: its limits, its breaks, its minima. Found from the formula, checked with many digits."""
+"""Limits, breaks and minima of a potential: found from the formula, checked with many digits."""
 
 from __future__ import annotations
 
@@ -19,9 +19,17 @@ if TYPE_CHECKING:
 
 NEAREST, FARTHEST = 1e-9, 1e9
 """Range of distances that is searched for breaks and minima."""
+SAMPLES = 97
+"""Distances from 1e-6 to 1e6, eight a decade, at which the formula is asked for a real value."""
+SHRINKING = 0.75
+"""Differences each at most this share of the one before it belong to a finite limit, by extrapolation."""
+CONVERGED = 1e-6
+"""A last difference below this share of the value gives a finite limit: the differences that follow are smaller."""
+ZERO = 1e-60
+"""Smaller limits are zero: at the nearest point, 10^-256, the fourth root of the distance is 10^-64."""
 GROWING = 0.9
-"""Differences of values at 10^-1, 10^-2, 10^-4, ... from a point of which none is below this share of the one before
-belong to no finite limit: those of a logarithm double, of a negative power grow, of a positive power vanish."""
+"""Differences of values at 10^-1, 10^-2, 10^-4, ... from a point show that there is no finite limit if none is below
+this share of the one before: those of a logarithm double, of a negative power grow, of a positive power vanish."""
 
 GRID = 36_001
 """Points of the search, 2000 for each of 18 decades: a feature wider than 0.12 % of its distance is met."""
@@ -85,7 +93,7 @@ class Break:
 
 @dataclass(frozen=True)
 class Minimum:
-    """A local minimum of some ``value``, or a flat stretch from ``at`` to ``until`` that nothing near undercuts."""
+    """A local minimum with its ``value``, or an interval of minima from ``at`` to ``until``."""
 
     at: float
     value: float
@@ -93,13 +101,13 @@ class Minimum:
 
     @property
     def flat(self) -> bool:
-        """Whether it is a stretch."""
+        """Whether it is an interval."""
         return self.until > self.at
 
 
 @dataclass(frozen=True)
 class Shape:
-    """What a potential looks like on all distances r > 0.
+    """Shape of a potential on all distances r > 0.
 
     Parameters
     ----------
@@ -142,7 +150,7 @@ def same(a: float, b: float) -> bool:
 
 
 def shape_of(potential: Potential, radius: float | None = None) -> Shape:
-    """Find the shape of ``potential``; ``radius`` is looked at as a break in any case.
+    """Find the shape of ``potential``; ``radius`` counts as a break in any case.
 
     Breaks and minima are searched on [1e-9, 1e9], at most `MOST_BREAKS` and `MOST_MINIMA` of them.
     """
@@ -164,18 +172,18 @@ def shape_of(potential: Potential, radius: float | None = None) -> Shape:
     far = [context.mpf(10) ** (2**k) for k in range(14)]
     zero = limit([functions[0](1 / x) for x in far])
     infinity = limit([functions[0](x) for x in far])
-    stretches = list(_pieces(points))
-    minima = _minima(potential, functions, stretches, breaks)
+    pieces = list(_pieces(points))
+    minima = _minima(potential, functions, pieces, breaks)
     lows = [(m.at, m.value) for m in minima]
     lows += [(0.0, zero.value), (np.inf, infinity.value)]
     lows += [(b.at, side[0].value) for b in breaks for side in (b.left, b.right)]
-    samples = np.geomspace(1e-6, 1e6, 97)
+    samples = np.geomspace(1e-6, 1e6, SAMPLES)
     undefined = tuple(float(x) for x in samples if context.isnan(functions[0](float(x))))
     return Shape(zero, infinity, tuple(breaks), tuple(minima), tuple(lows), undefined, functions[1])
 
 
 def limit(values: list[Number]) -> Limit:
-    """Limit of values at 10^-1, 10^-2, 10^-4, ... from a point: told by how their differences grow or shrink."""
+    """Limit of values at 10^-1, 10^-2, 10^-4, ... from a point: by how their differences grow or shrink."""
     context = wide_context()
     tail = values[-5:]
     if any(context.isnan(v) for v in tail):
@@ -190,14 +198,14 @@ def limit(values: list[Number]) -> Limit:
         return Limit("infinite", np.inf)
     if all(x < 0 for x in d) and growing:
         return Limit("infinite", -np.inf)
-    if abs(tail[-1]) <= 1e-60:
+    if abs(tail[-1]) <= ZERO:
         return Limit("finite", 0.0)
-    if abs(d[-1]) <= 1e-6 * abs(tail[-1]):
+    if abs(d[-1]) <= CONVERGED * abs(tail[-1]):
         return Limit("finite", float(tail[-1]))
-    if all(abs(b) <= 0.75 * abs(a) for a, b in pairwise(d)):
+    if all(abs(b) <= SHRINKING * abs(a) for a, b in pairwise(d)):
         ratio = d[-1] / d[-2]
         end = tail[-1] + d[-1] * ratio / (1 - ratio)
-        return Limit("finite", float(end) if abs(end) > 1e-60 else 0.0)
+        return Limit("finite", float(end) if abs(end) > ZERO else 0.0)
     return Limit("none")
 
 
@@ -256,14 +264,14 @@ def _pieces(points: list[Number]) -> Iterator[tuple[Number, Number]]:
 def _minima(
     potential: Potential,
     functions: tuple[Callable[[Number], Number], ...],
-    stretches: list[tuple[Number, Number]],
+    pieces: list[tuple[Number, Number]],
     breaks: list[Break],
 ) -> list[Minimum]:
-    """Minima inside the pieces, at their borders, and flat stretches."""
+    """Minima inside the pieces, at their borders, and flat intervals."""
     value, slope, _ = functions
     found: list[Minimum] = []
     flat: list[tuple[float, float]] = []
-    for low, high in stretches:
+    for low, high in pieces:
         probes = [low + (high - low) * x for x in (0.1, 0.37, 0.73)]
         if all(slope(x) == 0 for x in probes):
             flat.append((float(low), float(high)))
@@ -284,7 +292,7 @@ def _minima(
 
 
 def _above(side: tuple[Limit, Limit, Limit], level: float, direction: int) -> bool:
-    """Whether the potential is not below ``level`` just outside a flat stretch."""
+    """Whether the potential is not below ``level`` just outside a flat interval."""
     value, slope, curvature = side
     if value.kind != "finite" or not same(value.value, level):
         return value.value > level
@@ -313,7 +321,7 @@ def _inside(
     found = []
     for k in np.flatnonzero((signs[:-1] < 0) & (signs[1:] > 0)):
         left, right = float(grid[k]), float(grid[k + 1])
-        # Many digits tell a valley from the rounding noise of a plateau.
+        # Many digits distinguish a minimum from the rounding noise of a constant piece.
         if not slope(left) < 0 < slope(right):
             continue
         at = float(brentq(lambda x: float(potential.slope(x)), left, right, xtol=1e-300, rtol=1e-15))

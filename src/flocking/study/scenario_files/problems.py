@@ -1,4 +1,4 @@
-"""Faults of a file, each with its place, its rule, what was given and the usual way out."""
+"""Faults of a file, each with its place, the rule, the value given and the usual fix."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ from dataclasses import dataclass
 from flocking.errors import InvalidInput, said
 
 LONGEST_SHOWN = 60
-"""Characters of a wrong value that a message repeats."""
+"""Characters of a wrong value that a message repeats: half a line."""
+
+LONGEST_LIST = 8
+"""Entries up to which a list is shown and not counted: more do not fit in half a line."""
 
 Path = tuple[str | int, ...]
 """Keys and positions that lead to a place in a file."""
@@ -27,7 +30,7 @@ class Problem:
     given
         What was given, as text; empty where nothing was.
     fix
-        The usual way out.
+        The usual fix.
     """
 
     place: str
@@ -49,16 +52,16 @@ def place_of(path: Iterable[str | int]) -> str:
 
 
 def shown(value: object) -> str:
-    """A value as text of at most 60 characters."""
+    """A value as text of at most `LONGEST_SHOWN` characters."""
     if isinstance(value, dict):
         return "a table"
-    if isinstance(value, list) and len(value) > 8:
+    if isinstance(value, list) and len(value) > LONGEST_LIST:
         return f"a list of {len(value)} entries"
     text = said(value)
     return text if len(text) <= LONGEST_SHOWN else text[: LONGEST_SHOWN - 3] + "..."
 
 
 def problem_of(error: InvalidInput, place: str) -> Problem:
-    """The fault that a part tells, at a place of the file."""
+    """The fault that the error of a part states, at a place of the file."""
     given = error.value if isinstance(error.value, str) else shown(error.value)
     return Problem(place, error.rule, given, error.fix)

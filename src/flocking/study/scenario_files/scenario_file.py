@@ -1,4 +1,4 @@
-"""Scenarios as TOML files: read with every fault named at once, written so that a run repeats bit for bit."""
+"""Scenarios as TOML files: all faults are reported at once, and a run repeats bit for bit."""
 
 from __future__ import annotations
 
@@ -15,10 +15,13 @@ from flocking.study.scenario_files.text_files import read_text_file
 MOST_AGENTS = 1_000_000
 """Agents of a scenario in a file unless the caller allows more: a bound on memory for a file of unknown origin."""
 LARGEST_FILE = 32 * 2**20
-"""Bytes of the largest file that is read or written: the places and velocities of 200,000 agents in a plane, digit by
-digit, take about 28 million."""
+"""Bytes of the largest file that is read or written: positions and velocities of 200,000 agents in a plane take about
+28 million as text."""
 DEEPEST_NESTING = 20
-"""Nested brackets of a file: far below the depth at which its parser gives up."""
+"""Nested brackets of a file: far below the recursion limit of the parser."""
+
+MOST_SHOWN = 200
+"""Faults that a message lists; the error holds them all."""
 
 
 class ScenarioFileError(InvalidInput):
@@ -32,11 +35,14 @@ class ScenarioFileError(InvalidInput):
         Every fault, as one line of text each.
     """
 
+    content = "scenario"
+
     def __init__(self, source: str, problems: list[str]) -> None:
-        head = f"{source}: {len(problems)} fault{'s' * (len(problems) > 1)} in the scenario"
-        super().__init__("scenario", source, "must be a scenario file", problems)
+        head = f"{source}: {len(problems)} fault{'s' * (len(problems) > 1)} in the {self.content}"
+        super().__init__(self.content, source, f"must be a {self.content} file", problems)
         self.problems = tuple(problems)
-        self.args = ("\n".join([head, *(f"  {line}" for line in problems)]),)
+        more = [f"  ... and {len(problems) - MOST_SHOWN} more"] if len(problems) > MOST_SHOWN else []
+        self.args = ("\n".join([head, *(f"  {line}" for line in problems[:MOST_SHOWN]), *more]),)
 
     def __str__(self) -> str:
         return str(self.args[0])
@@ -87,7 +93,7 @@ def parse_scenario(
     text
         The text.
     source
-        What error messages call it.
+        Its name in error messages.
     seed
         Takes the place of the seed of every draw, of the start and of a random graph.
     most_agents
@@ -130,8 +136,8 @@ def _scenario(parts: Mapping[str, object]) -> Scenario:
 
     kinds = registered_names()
     law = kinds[Law.__name__].make({name: parts[name] for name in kinds[Law.__name__].fields})
-    whole = kinds[Scenario.__name__]
-    found = whole.make({"law": law, **{name: value for name, value in parts.items() if name in whole.fields}})
+    kind = kinds[Scenario.__name__]
+    found = kind.make({"law": law, **{name: value for name, value in parts.items() if name in kind.fields}})
     assert isinstance(found, Scenario)
     return found
 
@@ -190,7 +196,7 @@ def scenario_to_text(scenario: Scenario) -> str:
     Raises
     ------
     InvalidInput
-        When it has a part that files have no word for, or is too large for a file.
+        When it has a part without a name in files, or is too large for a file.
     """
     import tomli_w
 
@@ -231,7 +237,7 @@ def write_scenario(scenario: Scenario, path: str | Path) -> Path:
     scenario
         The scenario.
     path
-        The file; replaced when it is there.
+        The file; replaced when it exists.
 
     Returns
     -------

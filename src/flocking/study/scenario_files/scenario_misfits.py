@@ -1,4 +1,4 @@
-"""Faults between the parts of a scenario file that are each without fault: numbers of agents, dimensions, times."""
+"""Inconsistencies between valid parts of a scenario file: numbers of agents, dimensions, times."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ T = TypeVar("T")
 
 
 def misfits(parts: Mapping[str, object], data: Mapping[str, object]) -> Iterator[Problem]:
-    """Every fault between parts.
+    """Every inconsistency between parts.
 
     Parameters
     ----------
     parts
-        Fields of the scenario without fault of their own.
+        The valid fields of the scenario.
     data
-        The file: what it says of a start that has faults itself.
+        The file, for the time of a start that has faults.
     """
     start = parts.get("start")
     if isinstance(start, State):
@@ -54,7 +54,7 @@ def _group_misfits(parts: Mapping[str, object], start: State) -> Iterator[Proble
 
 
 def _owners(parts: Mapping[str, object]) -> Iterator[tuple[str, Graph | Agents | Term]]:
-    """Parts that are made for a number of agents, each with its place."""
+    """Parts that depend on the number of agents, each with its place."""
     terms = parts.get("terms")
     found = [("graph", parts.get("graph")), ("agents", parts.get("agents"))]
     for k, term in enumerate(terms if isinstance(terms, Sequence) else ()):

@@ -1,4 +1,4 @@
-"""Tables of a scenario file made into parts, as their descriptions say; every fault is told with its place."""
+"""Makes parts from the tables of a scenario file, by their descriptions; reports every fault with its place."""
 
 from __future__ import annotations
 
@@ -33,19 +33,19 @@ FORMAT = values.Value(lambda given: _format(given), {"const": 1})
 
 
 class Faulty:
-    """Stands where a part would stand that has faults."""
+    """Takes the place of a part that has faults."""
 
 
 FAULTY = Faulty()
 
 
 def sections() -> dict[str, Group]:
-    """Sections of parts with names, and their groups."""
+    """Sections of named parts, and their groups."""
     return {f"{g.name}s": g for g in GROUPS.values() if g.names == g.name}
 
 
 def scenario_fields() -> dict[str, Field]:
-    """Fields of a scenario file, besides the sections of parts with names."""
+    """Fields of a scenario file, besides the sections of named parts."""
     first = Field("format", "format", FORMAT, required=False)
     return {"format": first, **flat_fields(registered_names()[Scenario.__name__])}
 
@@ -60,7 +60,7 @@ def flat_fields(kind: Description) -> dict[str, Field]:
 
 
 def inline_kind(field: Field) -> Description | None:
-    """The part whose fields stand in the table of its owner, where a field holds such a one."""
+    """The part whose fields are in the table of its owner, where a field holds such a part."""
     holds = field.holds
     if not (isinstance(holds, Nested) and holds.inline):
         return None
@@ -85,7 +85,7 @@ def drawn_tables(data: Mapping[str, object]) -> Iterator[dict[str, object]]:
 
 def _format(value: object) -> int:
     if isinstance(value, bool) or value != 1:
-        raise RefusedError("must be 1, the only format there is")
+        raise RefusedError("must be 1, the only format")
     return 1
 
 
@@ -110,12 +110,12 @@ class Reader:
         fields = scenario_fields()
         for name in data:
             if name not in fields and name not in sections():
-                self._say((name,), "is not known here", fix=nearest(name, [*fields, *sections()]))
+                self._report((name,), "is not known here", fix=nearest(name, [*fields, *sections()]))
         found: dict[str, object] = {}
         for name, field in fields.items():
             if name not in data:
                 if field.required:
-                    self._say((name,), "must be given")
+                    self._report((name,), "must be given")
                 continue
             value = self.value(field.holds, data[name], (name,))
             if not isinstance(value, Faulty):
@@ -128,12 +128,12 @@ class Reader:
         for section, group in sections().items():
             tables = data.get(section, {})
             if not isinstance(tables, dict):
-                self._say((section,), "must be a table of parts with names", tables)
+                self._report((section,), "must be a table of named parts", tables)
                 continue
             for name, table in tables.items():
                 self._named[group.name][name] = self._part(group, table, (section, name))
 
-    def _say(self, path: Path, rule: str, given: object = None, fix: str = "") -> Faulty:
+    def _report(self, path: Path, rule: str, given: object = None, fix: str = "") -> Faulty:
         self.problems.append(Problem(place_of(path), rule, "" if given is None else shown(given), fix))
         return FAULTY
 
@@ -141,7 +141,7 @@ class Reader:
         for step in refused.at:
             value = _inside(value, step)
         given = None if isinstance(value, dict) else value
-        return self._say((*path, *refused.at), refused.rule, given, refused.fix)
+        return self._report((*path, *refused.at), refused.rule, given, refused.fix)
 
     def value(self, holds: Value | Nested, data: object, path: Path) -> object:
         """What a field holds, or `Faulty`."""
@@ -154,11 +154,11 @@ class Reader:
         if not holds.many:
             return self._part(group, data, path)
         if holds.most is not None and not (isinstance(data, list) and 1 <= len(data) <= holds.most):
-            return self._say(path, f"must be a list of 1 to {holds.most} tables", data)
+            return self._report(path, f"must be a list of 1 to {holds.most} tables", data)
         if not isinstance(data, list):
-            return self._say(path, "must be a list of tables", data)
+            return self._report(path, "must be a list of tables", data)
         parts = [self._part(group, table, (*path, k)) for k, table in enumerate(data)]
-        # Of the terms of a law those without fault are held against the agents, too.
+        # The valid terms of a law are still checked against the agents.
         return parts if holds.most is not None or not _any_faulty(parts) else FAULTY
 
     def _part(self, group: Group, data: object, path: Path) -> object:
@@ -168,13 +168,13 @@ class Reader:
         if isinstance(data, str) and group.names is not None:
             return self._by_name(group.names, data, path)
         if group.short is None:
-            return self._say(path, "must be a table", data)
+            return self._report(path, "must be a table", data)
         try:
             return group.short.make(group.short.value.check(data))
         except RefusedError as refused:
             return self._refused(refused, data, path)
         except InvalidInput as error:
-            return self._say(path, error.rule, error.value, error.fix)
+            return self._report(path, error.rule, error.value, error.fix)
 
     def _kind(self, group: Group, data: Mapping[str, object], path: Path) -> Description | None:
         if group.key is None:
@@ -182,39 +182,39 @@ class Reader:
         word = data.get(group.key, group.default)
         place = (*path, group.key)
         if word is None:
-            self._say(place, "must be given")
+            self._report(place, "must be given")
         elif not isinstance(word, str):
-            self._say(place, "must be text in quotes", word)
+            self._report(place, "must be text in quotes", word)
         else:
             kind = group.kind_named(word)
             if kind is not None:
                 return kind
-            self._say(place, "is not known", word, nearest(word, [k.word or "" for k in group.kinds]))
+            self._report(place, "is not known", word, nearest(word, [k.word or "" for k in group.kinds]))
         return None
 
     def _by_name(self, group: str, name: str, path: Path) -> object:
         known = self._named[group]
         if name not in known:
             fix = nearest(name, known) if known else f"There is no section [{group}s.{name}]."
-            return self._say(path, f"must be the name of a section of [{group}s]", name, fix)
+            return self._report(path, f"must be the name of a section of [{group}s]", name, fix)
         return known[name]
 
     def table(self, kind: Description, key: str | None, data: Mapping[str, object], path: Path) -> object:
         """The part of a table whose ``key`` names it, or `Faulty`.
 
-        Faults of single fields are told together with numbers out of range of the others.
+        Faults of single fields are reported together with values of the others that are out of range.
         """
         fields = flat_fields(kind)
         for name in data:
             if name not in fields and name != key:
-                self._say((*path, name), "is not known here", fix=nearest(name, fields) if fields else "")
+                self._report((*path, name), "is not known here", fix=nearest(name, fields) if fields else "")
         faults = len(self.problems)
         given: dict[str, object] = {}
         unknown = any(name not in fields and name != key for name in data)
         for name, field in fields.items():
             if name not in data:
                 if field.required:
-                    self._say((*path, name), "must be given")
+                    self._report((*path, name), "must be given")
                     given[name] = FAULTY
             else:
                 given[name] = self.value(field.holds, data[name], (*path, name))
@@ -225,7 +225,7 @@ class Reader:
             return FAULTY if unknown else built
         for name in wrong:
             if fields[name].required and fields[name].holds is not values.NUMBER:
-                return FAULTY  # without it nothing can be built, not even to look for more
+                return FAULTY  # without it the part cannot be built to find further faults
             given[name] = StandIn(1.0)
         if kind.own_fields:
             rest = {name: value for name, value in given.items() if name not in wrong or fields[name].required}
@@ -239,13 +239,13 @@ class Reader:
         n = holds.agents(data)
         if n > self._most_agents:
             fix = f"Pass most_agents={n} (--most-agents {n}) if you mean it."
-            self._say(path, f"must be at most {self._most_agents} agents", data if isinstance(data, int) else n, fix)
+            self._report(path, f"must be at most {self._most_agents} agents", data if isinstance(data, int) else n, fix)
         elif holds.pairwise:
             self._count_pairwise(n, path)
 
     def _count_pairwise(self, n: int, path: Path) -> bool:
         if n > MOST_PAIRWISE:
-            self._say(path, f"must be at most {MOST_PAIRWISE} agents here: every pair is looked at", n)
+            self._report(path, f"must be at most {MOST_PAIRWISE} agents here: every pair is evaluated", n)
         return n <= MOST_PAIRWISE
 
     def _built(self, kind: Description, given: dict[str, object], data: Mapping[str, object], path: Path) -> object:
@@ -260,16 +260,16 @@ class Reader:
         except RefusedError as refused:
             return self._refused(refused, data, path)
         except InvalidInput as error:
-            # What follows from a number that stands in for a wrong one is no fault of the file.
+            # Errors that follow from a substitute for a wrong number are not faults of the file.
             faults = faults or [error]
         except Exception as error:
             if interrupted(error):
                 raise KeyboardInterrupt from None
-            # A file is never trusted: whatever a part makes of odd values is told in one line.
-            return self._say(path, f"cannot be used ({type(error).__name__}: {error})")
+            # Files are untrusted: any error of a part becomes a fault of the file.
+            return self._report(path, f"cannot be used ({type(error).__name__}: {error})")
         if not faults:
             return part
-        return self._tell(kind, faults, path)
+        return self._report_all(kind, faults, path)
 
     def _out_of_range(self, kind: Description, given: dict[str, object], path: Path) -> None:
         faults: list[InvalidInput] = []
@@ -279,15 +279,15 @@ class Reader:
         except Exception as error:
             if interrupted(error):
                 raise KeyboardInterrupt from None
-        self._tell(kind, faults, path)
+        self._report_all(kind, faults, path)
 
-    def _tell(self, kind: Description, faults: Sequence[InvalidInput], path: Path) -> Faulty:
+    def _report_all(self, kind: Description, faults: Sequence[InvalidInput], path: Path) -> Faulty:
         fields = flat_fields(kind)
         for error in faults:
             known = error.parameter in fields
             rule = error.rule if known else f"{error.parameter} {error.rule}"
             given = None if isinstance(error.value, dict) else error.value
-            self._say((*path, error.parameter) if known else path, rule, given, error.fix)
+            self._report((*path, error.parameter) if known else path, rule, given, error.fix)
         return FAULTY
 
     def _made(self, kind: Description, given: Mapping[str, object]) -> object:

@@ -31,11 +31,11 @@ def table_schema(title: str, fields: Mapping[str, Field], definitions: Schema, n
     Parameters
     ----------
     title
-        What an editor calls it.
+        Its title in editors.
     fields
         Its fields by name.
     definitions
-        Takes the schemas of the parts that they hold.
+        The schemas of the parts that they hold are added to it.
     named
         Properties besides these.
     """
@@ -58,7 +58,7 @@ def _field(field: Field, definitions: Schema) -> Schema:
 
 
 def _group(group: Group, definitions: Schema) -> Schema:
-    """What may stand where a part of the group does."""
+    """What is allowed in place of a part of the group."""
     choices: list[Schema] = [_kind(group, kind, definitions) for kind in group.kinds]
     if group.names is not None:
         choices.append({"type": "string", "title": f"name of a section of [{group.names}s]"})
@@ -68,7 +68,7 @@ def _group(group: Group, definitions: Schema) -> Schema:
 
 
 def _kind(group: Group, kind: Description, definitions: Schema) -> Schema:
-    # Groups of one base, such as leaders and the places that they may be, share their definitions.
+    # Groups of one base class share their definitions.
     owner = next(g for g in GROUPS.values() if g.base is group.base)
     name = f"{owner.name}_{kind.word}" if owner.name != kind.word else owner.name
     if name not in definitions:

@@ -1,4 +1,4 @@
-"""Parts written as the tables of a scenario file."""
+"""Writes parts as tables of a scenario file."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from flocking.study.scenario_files.scenario_reader import inline_kind, sections
 
 
 class PartWriter:
-    """Writes parts as tables; a graph or leader that stands in several places is written once, with a name."""
+    """Writes parts as tables; a graph or leader used in several places is written once, as a named section."""
 
     def __init__(self) -> None:
         self.sections: dict[str, dict[str, object]] = {name: {} for name in sections()}
@@ -18,7 +18,7 @@ class PartWriter:
         self._names: dict[int, str] = {}
 
     def count(self, group_name: str, part: object) -> None:
-        """Note that ``part`` of the group ``group_name`` stands in one more place."""
+        """Count one more use of ``part`` of the group ``group_name``."""
         kind = GROUPS[group_name].kind_of(part)
         if kind is None:
             return
@@ -27,7 +27,7 @@ class PartWriter:
             self.count_all(kind, part)
 
     def count_all(self, kind: Description, part: object) -> None:
-        """Note where the parts inside ``part`` stand."""
+        """Count the uses of the parts inside ``part``."""
         for name, value in kind.values_of(part).items():
             field = kind.fields[name]
             inner = inline_kind(field)
@@ -43,7 +43,7 @@ class PartWriter:
         Raises
         ------
         InvalidInput
-            When files have no word for the part.
+            When the part has no name in files.
         """
         shared = GROUPS[group_name].names
         if shared is None or self._places.get(id(part), 0) < 2:
@@ -62,14 +62,14 @@ class PartWriter:
         if kind is None:
             known = ", ".join(sorted({k.builds.__name__ for k in group.kinds}))
             raise InvalidInput(
-                "write_scenario", group.name, f"must be a part that files have a word for ({known})", part,
-                "Give its class one with @fk.register_part, or keep the scenario in Python.",
+                "write_scenario", group.name, f"must be a part with a name in files ({known})", part,
+                "Register its class with @fk.register_part, or build the scenario in Python.",
             )  # fmt: skip
         unnamed = group.key is None or kind.word == group.default == "given"
         return ({} if unnamed else {str(group.key): kind.word}) | self.fields(kind, part)
 
     def fields(self, kind: Description, part: object) -> dict[str, object]:
-        """What the table of a part holds besides its word."""
+        """The table of a part without its name."""
         table: dict[str, object] = {}
         for name, value in kind.values_of(part).items():
             field = kind.fields[name]

@@ -1,4 +1,4 @@
-"""Text files that people write: read whole, up to a size, and only where they are files."""
+"""Reads text files of a limited size; refuses what is not a regular file."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from flocking.errors import InvalidInput
 
 
 def read_text_file(owner: str, path: str | Path, largest: int, fix: str = "") -> str:
-    """Text of a file, without the byte-order mark that some editors put first.
+    """Text of a file, without a byte-order mark.
 
     Parameters
     ----------
     owner
-        Who reads it, for messages.
+        Name of the reader in messages.
     path
         The file.
     largest
         Largest size in bytes.
     fix
-        What to do about a larger one.
+        Advice in the message on a larger one.
 
     Raises
     ------
     InvalidInput
-        When it is no file, cannot be read or is too large.
+        When it is not a file, cannot be read or is too large.
     UnicodeDecodeError
         When it is not UTF-8 text.
     """

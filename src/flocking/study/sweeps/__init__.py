@@ -1,1 +1,1 @@
-"""Sweeps: many runs of one family of scenarios, kept as they finish, measured and set against each other."""
+"""Sweeps: many runs of a parametrised scenario, stored as they finish, measured and compared."""

@@ -1,17 +1,17 @@
-"""JSON schema of sweep files, for editors: sections, families with their options, measures and scenarios in place."""
+"""JSON schema of sweep files, for editors: sections, options of scenarios, measures."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from flocking.study.sweeps.scenario_families import Family
+from flocking.study.sweeps.parametrised_scenarios import ParametrisedScenario
 
 
-def sweep_schema(families: Mapping[str, Family]) -> dict[str, object]:
+def sweep_schema(families: Mapping[str, ParametrisedScenario]) -> dict[str, object]:
     """JSON schema of sweep files, for editors that complete and check TOML.
 
-    What it takes, `flocking.study.sweeps.sweep_file.parse_sweep` takes but for what sections ask of each other
-    beyond the options of a family: how many runs there are, and which paths a scenario in the file has.
+    A file that it accepts is accepted by `flocking.study.sweeps.sweep_file.parse_sweep` unless it asks for too many
+    runs, or names a path that the scenario in the file does not have.
 
     Parameters
     ----------
@@ -42,8 +42,8 @@ def sweep_schema(families: Mapping[str, Family]) -> dict[str, object]:
     }  # fmt: skip
 
 
-def _options_of(name: str, family: Family) -> dict[str, object]:
-    """What a file that names a family may fix, vary and draw."""
+def _options_of(name: str, family: ParametrisedScenario) -> dict[str, object]:
+    """What a file that names a family may fix, vary and draw at random."""
     options = {option: dict(value.schema) for option, value in family.options.items()}
     spaced = {"$ref": "#/$defs/Spaced"}
     axes = {

@@ -1,4 +1,4 @@
-"""What is measured of every run of a sweep, by name."""
+"""Measures of the runs of a sweep, by name."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def _or_nan(value: float) -> float:
 
 
 def _connected(e: Evidence) -> Measured:
-    """Frames can show that the graph fell apart; that it never did takes the switches between them."""
+    """Whether the graph stayed connected; nan where that needs the switches between frames and these are unknown."""
     if math.isfinite(e.seen_disconnected):
         return False
     return True if e.switches_known else math.nan
@@ -78,8 +78,9 @@ MEASURES: dict[str, tuple[str, Measuring]] = {
     "order": ("length of the mean unit velocity at the end", lambda e: observables.order(e.state(-1))),
     "speed": ("largest speed at the end", lambda e: float(e.speeds[-1])),
     "diameter": ("largest distance of two agents at the end", lambda e: float(e.diameter[-1])),
-    "closest": ("closest pair of the whole run", _closest),
-    "closest_linked": ("closest linked pair of the whole run", lambda e: _or_nan(e.run.closest_linked.distance)),
+    "closest": ("smallest distance of two agents in the run", _closest),
+    "closest_linked": ("smallest distance of two linked agents in the run",
+                       lambda e: _or_nan(e.run.closest_linked.distance)),
     "convergence_time": ("time from which the velocities agree", convergence_time),
     "converged": ("whether the velocities agree at the end", lambda e: not math.isnan(convergence_time(e))),
     "following_time": ("time from which the velocities are the leader's", following_time),
@@ -144,7 +145,7 @@ def find_measures(
     for given, entry in entries:
         if isinstance(entry, str):
             if entry not in known:
-                raise InvalidInput("sweep", "measures", "must be known by name", entry, nearest(entry, known))
+                raise InvalidInput("sweep", "measures", "must be names of measures", entry, nearest(entry, known))
             name, function = str(given or entry), known[entry][1]
         elif callable(entry):
             name = str(given or getattr(entry, "__name__", ""))
@@ -156,7 +157,7 @@ def find_measures(
         else:
             raise InvalidInput("sweep", "measures", "must be names, or functions of a run", entry)
         if name in found or name in RESERVED:
-            raise InvalidInput("sweep", "measures", "must have names that are free and not taken twice", name)
+            raise InvalidInput("sweep", "measures", "must have different names, none of them reserved", name)
         found[name] = function
     return found
 
@@ -177,7 +178,7 @@ def plain_measure(name: str, value: object) -> Measured | int:
 
 
 def code_of(function: Callable[..., object]) -> str:
-    """Name of a function with a digest of its code, the same in every process, so that a changed one is noticed."""
+    """Name of a function with a digest of its code, the same in every process, so that changes are detected."""
     import hashlib
 
     inner = function.function if isinstance(function, OfRun) else function
@@ -192,7 +193,7 @@ def code_of(function: Callable[..., object]) -> str:
 def _code_text(code: CodeType, function: Callable[..., object] | None = None) -> str:
     constants = []
     for c in code.co_consts:
-        # The order of a set of texts differs from process to process.
+        # The order of a set of strings differs between processes.
         content = sorted(map(repr, c)) if isinstance(c, frozenset) else c
         constants.append(_code_text(c) if inspect.iscode(c) else repr(content))
     captured = []
@@ -200,6 +201,6 @@ def _code_text(code: CodeType, function: Callable[..., object] | None = None) ->
         captured = [repr(value) for value in (function.__defaults__ or ())]
         for cell in function.__closure__ or ():
             content = cell.cell_contents
-            # The default text of an object is its address, which no second process has.
+            # The default repr of an object contains its address, which differs between processes.
             captured.append(type(content).__qualname__ if " at 0x" in repr(content) else repr(content))
     return repr((code.co_code.hex(), code.co_names, code.co_varnames, constants, captured))

@@ -1,4 +1,4 @@
-"""The plan of a sweep: which runs there are, with which parameters and which seed, whatever order they come in."""
+"""The plan of a sweep: its runs with their parameters and seeds, independent of the order of execution."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MOST_NAMES = 100
 """Parameters a sweep may vary."""
 
 RESERVED = ("seed", "replicate", "sample", "status", "message", "seconds", "tries", "run", "runs", "failed")
-"""Names the table of results uses itself."""
+"""Column names of the table of results."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Task:
     index
         Its number in the plan.
     parameters
-        Arguments of the family of scenarios, without the seed.
+        Arguments of ``make``, without the seed.
     seed
         Seed of the run.
     """
@@ -45,7 +45,7 @@ class Task:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Runs of a sweep: every combination of the grid, with every drawn point, with every seed.
+    """Runs of a sweep: every combination of the grid with every drawn point and every seed.
 
     Parameters
     ----------
@@ -57,9 +57,9 @@ class Plan:
         The seeds that every point runs with; or how many runs every point gets, each with a seed of its own,
         made from ``root`` and the run's place in the plan alone.
     root
-        Where the seeds of the runs come from when ``seeds`` is a number.
+        Root of the seeds of the runs when ``seeds`` is a number.
     most_runs
-        Runs there may be.
+        Largest number of runs.
 
     Raises
     ------
@@ -148,7 +148,7 @@ class Plan:
         """The run with the number ``index``."""
         point, replicate = divmod(index, self.runs_per_point)
         if isinstance(self.seeds, int):
-            # A child of the root by its place alone: neither order nor the number of workers can change it.
+            # Derived from the root and the place alone, whatever the order and the number of workers.
             child = np.random.SeedSequence(self.root, spawn_key=(point, replicate))
             seed = int(child.generate_state(1, np.uint64)[0] >> np.uint64(1))
         else:
@@ -158,7 +158,7 @@ class Plan:
     def as_data(self) -> dict[str, object]:
         """Plain data that fixes every run."""
         return {
-            # The order of the names decides which run a number means, and mappings compare without it.
+            # The order of the names defines the numbers of the runs, and mappings compare without it.
             "dimensions": list(self.lengths),
             "grid": {name: [recorded(value) for value in values] for name, values in self.grid.items()},
             "sample": self.sample.as_data() if self.sample else None,
@@ -210,7 +210,7 @@ def make_plan(
 
 
 def _bounded(values: Iterable[object], most: int, place: str) -> list[object]:
-    """The values, but no more than a sweep may have runs: an endless iterator ends here."""
+    """The values, at most as many as a sweep may have runs, so that infinite iterators end."""
     found = []
     for value in values:
         found.append(value.item() if isinstance(value, np.generic) else value)
@@ -220,7 +220,7 @@ def _bounded(values: Iterable[object], most: int, place: str) -> list[object]:
 
 
 def recorded(value: object) -> object:
-    """A value as the record of a sweep holds it: itself where JSON can tell it, its text where not."""
+    """A value as the record of a sweep holds it: itself where JSON can represent it, else its repr."""
     if isinstance(value, Sequence) and not isinstance(value, str):
         return [recorded(entry) for entry in value]
     try:
@@ -231,5 +231,5 @@ def recorded(value: object) -> object:
 
 
 def label(value: object) -> str:
-    """A value in one line, for coordinates and messages."""
+    """A value as one line of text, for coordinates and messages."""
     return value if isinstance(value, str) else json.dumps(recorded(value))

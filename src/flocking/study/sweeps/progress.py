@@ -1,4 +1,4 @@
-"""How far a sweep is: runs done, failures and the time left, on the terminal's error stream."""
+"""Progress of a sweep on a terminal's error stream: runs done, failures and the time left."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
     from rich.progress import TaskID
-
-    pass
 
 
 class Progress:

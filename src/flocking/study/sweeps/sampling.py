@@ -1,4 +1,4 @@
-"""Which parameters a sweep tries: values drawn from ranges at random, in a Latin square or along a Sobol sequence."""
+"""Parameters of a sweep drawn from ranges: at random, by a Latin hypercube or a Sobol sequence."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ class Sample:
     Parameters
     ----------
     method
-        ``"random"``: independent and uniform. ``"latin"``: every one of ``count`` equal slices of each range is met
-        once. ``"sobol"``: a scrambled Sobol sequence, which fills the ranges most evenly.
+        ``"random"``: independent and uniform. ``"latin"``: a Latin hypercube, one point in each of ``count`` equal
+        intervals of each range. ``"sobol"``: a scrambled Sobol sequence, which fills the ranges most evenly.
     count
         How many points.
     ranges
-        Lowest and highest value of each parameter by name. Two whole numbers give whole numbers, both ends among them.
+        Lowest and highest value of each parameter by name. Two integers give integers, the ends included.
     log
         Names of parameters whose logarithm is drawn evenly.
     seed
@@ -98,7 +98,7 @@ class Sample:
         if self.method == "latin":
             return np.asarray(qmc.LatinHypercube(size, rng=rng).random(self.count))
         with warnings.catch_warnings():
-            # Counts other than powers of two balance less well, and are still a Sobol sequence.
+            # SciPy warns that counts other than powers of two balance less well.
             warnings.simplefilter("ignore", UserWarning)
             return np.asarray(qmc.Sobol(size, rng=rng).random(self.count))
 

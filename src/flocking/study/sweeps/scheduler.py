@@ -1,4 +1,4 @@
-"""Schedules the runs of a sweep: batches go out as workers become free, and those of a dead worker go out again."""
+"""Schedules the runs of a sweep: sends batches to free workers, and those of a dead worker again."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from flocking.study.sweeps.work import Row, Work, noted_tasks, packed, run_batch
 from flocking.study.sweeps.worker_pool import WorkerPool
 
 TRIES = 3
-"""A run that was being made each time its worker died is given up after this many."""
+"""A run is given up after its worker died this many times."""
 
 BATCH_SECONDS = 1.0
-"""Results are kept about this often by every worker; no more than that is lost to a crash."""
+"""Target duration of a batch: a crash loses no more results of a worker than this."""
 
 LARGEST_BATCH = 64
-"""Runs that a worker is given at once; what is lost when it dies."""
+"""Largest number of runs of a batch, which is lost when its worker dies."""
 AHEAD = 2
-"""Batches that wait for each worker, so that none is idle; no more, so that memory stays bounded."""
+"""Batches submitted per worker: one runs and one waits, so that no worker is idle and memory stays bounded."""
 
-Keep = Callable[[Sequence[Row]], None]
+Store = Callable[[Sequence[Row]], None]
 
 
 class Scheduler:
@@ -36,20 +36,20 @@ class Scheduler:
         What is done for every run.
     pool
         Who does it.
-    keep
-        Called with rows as they arrive; they are safe when it returns.
+    store
+        Called with rows as they arrive.
     """
 
-    def __init__(self, work: Work, pool: WorkerPool, keep: Keep) -> None:
+    def __init__(self, work: Work, pool: WorkerPool, store: Store) -> None:
         self._pool = pool
-        self._job = partial(run_batch, packed(work), pool.memory) if pool.elsewhere else partial(run_here, work)
-        self._keep = keep
+        self._job = partial(run_batch, packed(work), pool.memory) if pool.remote else partial(run_here, work)
+        self._store = store
         self._waiting: deque[Task] = deque()
         self._suspects: deque[Task] = deque()
         self._running: dict[Future[list[Row]], list[Task]] = {}
         self._deaths: Counter[int] = Counter()
         self._alone: set[int] = set()
-        self._barren = 0
+        self._failed_starts = 0
         self._seconds, self._done = 0.0, 0
         self._scratch: str | None = None
 
@@ -70,7 +70,7 @@ class Scheduler:
 
     def _send(self) -> None:
         if self._suspects and not self._waiting:
-            # One alone, so that if a worker dies there is no doubt of what.
+            # One at a time, so that the death of a worker shows which run caused it.
             if not self._running:
                 task = self._suspects.popleft()
                 self._alone.add(task.index)
@@ -104,33 +104,33 @@ class Scheduler:
         if not lost:
             return
         if self._pool.breaks_together:
-            # Let every batch of the broken pool come back before anything new goes out.
+            # All batches of the broken pool end before anything is submitted.
             for future in list(self._running):
                 wait([future])
                 lost += self._take(future)
-        self._blame(lost)
+        self._resend(lost)
 
     def _take(self, future: Future[list[Row]]) -> list[Task]:
-        """Keep the rows of a batch; its runs when they are lost."""
+        """Record the rows of a batch; returns its runs when they are lost."""
         tasks = self._running.pop(future)
         error = future.exception()
         if error is None:
-            self._store(future.result())
+            self._record(future.result())
             return []
         if not self._pool.lost(error):
             raise error
         return tasks
 
-    def _store(self, rows: Sequence[Row]) -> None:
+    def _record(self, rows: Sequence[Row]) -> None:
         for row in rows:
             row["tries"] += self._deaths[row["index"]]
             self._seconds += row["seconds"]
         self._done += len(rows)
-        self._barren = 0
-        self._keep(rows)
+        self._failed_starts = 0
+        self._store(rows)
 
-    def _blame(self, lost: list[Task]) -> None:
-        """Send lost runs out again: those under way as suspects, one at a time; given up when a worker died of them."""
+    def _resend(self, lost: list[Task]) -> None:
+        """Submit lost runs again, those under way one at a time; gives up runs whose workers died too often."""
         at_work = noted_tasks(self._scratch) if self._scratch is not None else {task.index for task in lost}
         given_up = []
         again = []
@@ -145,11 +145,11 @@ class Scheduler:
                 self._suspects.append(task)
         self._waiting.extendleft(reversed(again))
         if not at_work:
-            self._barren += 1
-            if self._barren >= TRIES:
+            self._failed_starts += 1
+            if self._failed_starts >= TRIES:
                 raise SweepError(
-                    f"Workers died {TRIES} times before they began a run. What was finished is kept. "
-                    "Try workers=1 to see why; a make that cannot be unpacked there is a common cause."
+                    f"Workers died {TRIES} times before they began a run. Finished runs are stored. "
+                    "Try workers=1 to see the error; a common cause is a make that cannot be unpickled there."
                 )
         if given_up:
             self._give_up(given_up)
@@ -160,4 +160,4 @@ class Scheduler:
             text = f"its worker died each of {tries} times it was tried: killed, most often because memory ran out"
             row: Row = {"index": task.index, "status": "failed", "values": {}, "verdicts": {}, "message": text,
                         "tries": tries, "seconds": 0.0}  # fmt: skip
-            self._keep([row])
+            self._store([row])

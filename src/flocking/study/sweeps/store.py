@@ -1,4 +1,4 @@
-"""A sweep on disk: its record, written first, and chunks of rows, each appended whole or not at all."""
+"""A sweep on disk: its record, written first, and chunks of rows, each appended atomically."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ FORMAT = 1
 
 RECORD = "sweep.json"
 ROWS = "rows"
+MOST_DIFFERENCES, LONGEST_SHOWN = 20, 100
+"""Differences that a message lists, and characters of each value: a message fits on a screen."""
 LARGEST_FILE = 64 * 2**20
 """Bytes of a file of results that is read, a bound on memory: 64 MiB."""
 _CHUNK = re.compile(r"\d{8}\.json")
@@ -27,19 +29,19 @@ _FIELDS = {"index", "status", "values", "verdicts", "message", "tries", "seconds
 
 @contextmanager
 def open_store(folder: Path, record: Mapping[str, object]) -> Iterator[Store]:
-    """The store of a sweep with such a ``record``, made new or gone on with, for one writer.
+    """Open the store of a sweep with this ``record``, new or existing, for one writer.
 
     Raises
     ------
     StorageError
-        When the folder cannot be used, holds another sweep or something else, or is being written.
+        When the folder cannot be used, holds other files or another sweep, or is being written.
     """
     with atomic_files.storage_errors(folder, "make the folder of the sweep", full=atomic_files.NOTHING_WRITTEN):
         folder.mkdir(parents=True, exist_ok=True)
         foreign = [p.name for p in folder.iterdir() if p.name not in (RECORD, ROWS, ".lock")]
     fresh = not (folder / RECORD).exists()
     if fresh and [name for name in foreign if not name.endswith(atomic_files.PARTIAL)]:
-        raise StorageError(f"{folder}: holds something else already ({foreign[0]}). Choose an empty or new folder.")
+        raise StorageError(f"{folder}: holds other files already ({foreign[0]}). Choose an empty or new folder.")
     if (folder / ROWS).is_symlink():
         raise StorageError(f"{folder}: its {ROWS} is a link to elsewhere; nothing is written through it.")
     with (
@@ -79,7 +81,7 @@ class Store:
         Raises
         ------
         StorageError
-            When they cannot be written; what was committed before stays.
+            When they cannot be written; earlier rows stay.
         """
         with atomic_files.storage_errors(self._folder, "write results of the sweep", full=atomic_files.SWEEP_STAYS):
             atomic_files.put(self._rows / f"{self._next:08d}.json", _sealed({"rows": list(rows)}))
@@ -100,7 +102,7 @@ def read_record(folder: Path) -> dict[str, Any]:
         raise StorageError(f"{folder}: no sweep here. A sweep is a folder with a {RECORD}.")
     record = _opened(path, check_format=True)
     if record.get("format") != FORMAT or not isinstance(record.get("plan"), dict):
-        raise StorageError(f"{path}: no record of a sweep: the file was damaged or comes from elsewhere.")
+        raise StorageError(f"{path}: not the record of a sweep, or damaged.")
     return record
 
 
@@ -180,23 +182,23 @@ def _opened(path: Path, *, check_format: bool = False) -> dict[str, object]:
 
 def _damaged(path: Path) -> StorageError:
     if path.name == RECORD:
-        return StorageError(f"{path}: the record of the sweep is damaged or comes from elsewhere.")
+        return StorageError(f"{path}: the record of the sweep is damaged or not one.")
     return StorageError(
-        f"{path}: these results are damaged. All other chunks are untouched; delete this file and run the sweep again "
-        "to make its runs anew."
+        f"{path}: these results are damaged. Other chunks are not affected; delete this file and run the sweep again "
+        "to repeat its runs."
     )
 
 
-def _compare(folder: Path, stored: Mapping[str, object], asked: Mapping[str, object]) -> None:
+def _compare(folder: Path, stored: Mapping[str, object], requested: Mapping[str, object]) -> None:
     """Refuse to mix two sweeps, naming everything in which they differ."""
     different = []
-    for name in sorted({*stored, *asked} - {"provenance", "title"}):
-        different += _differences(name, stored.get(name), asked.get(name))
+    for name in sorted({*stored, *requested} - {"provenance", "title"}):
+        different += _differences(name, stored.get(name), requested.get(name))
     if different:
-        lines = "\n".join(f"  {line}" for line in different[:20])
+        lines = "\n".join(f"  {line}" for line in different[:MOST_DIFFERENCES])
         raise StorageError(
             f"{folder}: holds another sweep, which differs in:\n{lines}\n"
-            "Choose another folder, or ask for the same again."
+            "Choose another folder, or repeat the same call."
         )
 
 
@@ -211,4 +213,4 @@ def _differences(place: str, stored: object, asked: object) -> list[str]:
 
 def _shown(value: object) -> str:
     text = "nothing" if value is None else json.dumps(value)
-    return text if len(text) <= 100 else text[:97] + "..."
+    return text if len(text) <= LONGEST_SHOWN else text[: LONGEST_SHOWN - 3] + "..."

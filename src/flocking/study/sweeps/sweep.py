@@ -1,4 +1,4 @@
-"""The one entry: run a family of scenarios over parameters and seeds, and go on where an earlier attempt ended."""
+"""Run a parametrised scenario over parameters and seeds, and continue interrupted sweeps."""
 
 from __future__ import annotations
 
@@ -45,15 +45,15 @@ def sweep(
     record: Mapping[str, object] | None = None,
     more_measures: Mapping[str, tuple[str, Measuring]] | None = None,
 ) -> SweepTable:
-    """Run a family of scenarios over parameters and seeds, and measure every run.
+    """Run a parametrised scenario over parameters and seeds, and measure every run.
 
-    A run that fails becomes a row with its message. With ``out``, results are committed as they arrive; the same call
-    again makes only the runs that are missing, after Ctrl-C, a crash or a killed worker.
+    A run that fails becomes a row with its message. With ``out``, results are committed as they arrive; after
+    Ctrl-C, a crash or a killed worker the same call makes only the missing runs.
 
     Parameters
     ----------
     make
-        Called as ``make(**parameters, seed=...)``; gives the scenario. A lambda will do.
+        Called as ``make(**parameters, seed=...)``; returns the scenario. It may be a lambda.
     grid
         Values of each parameter by name; every combination is run.
     sample
@@ -64,23 +64,23 @@ def sweep(
     measures
         Names from `flocking.study.sweeps.measures.MEASURES`, functions of a run, or a mapping of names to either.
     audit
-        True to hold the general claims against every run; or the claims; or a function of a run, such as ``fk.audit``.
+        True to judge the general claims for every run; or the claims; or a function of a run, such as ``fk.audit``.
     out
-        New folder to keep results in, or that of an earlier attempt at the same sweep.
+        New folder for the results, or that of an earlier attempt at the same sweep.
     workers
-        Local processes; as many as cores when absent. One works in this process.
+        Local processes; as many as cores when absent. 1 runs in this process.
     cluster
         Address of a Dask scheduler whose workers are used instead.
     seed
-        Where the seeds of the runs come from when ``seeds`` is a number.
+        Root of the seeds of the runs when ``seeds`` is a number.
     engine, options
         Engine and its options, see `flocking.engine.driver.simulate.simulate`.
     most_runs
-        Runs the sweep may have.
+        Largest number of runs.
     progress
         Show a bar with the time left on a terminal.
     record
-        Plain data that says what ``make`` is, kept and compared instead of its code.
+        Plain data that identifies ``make``, stored and compared instead of its code.
     more_measures
         Further measures that ``measures`` may name.
 
@@ -96,7 +96,7 @@ def sweep(
     StorageError
         When ``out`` holds another sweep, is damaged, or cannot be written.
     SweepError
-        When workers die before they begin anything.
+        When workers die before they begin a run.
     """
     if not callable(make):
         raise InvalidInput("sweep", "make", "must be a function that gives a Scenario", make)
@@ -134,23 +134,23 @@ def _run(
 
     rows: dict[int, Row] = {}
     status = "finished"
-    with ExitStack() as open_things:
-        store = open_things.enter_context(open_store(folder, about)) if folder is not None else None
+    with ExitStack() as stack:
+        store = stack.enter_context(open_store(folder, about)) if folder is not None else None
         if folder is not None:
             rows.update(read_rows(folder, plan.size))
         missing = [k for k in range(plan.size) if k not in rows]
         if missing:
-            bar = open_things.enter_context(Progress(show, plan.size, len(rows)))
+            bar = stack.enter_context(Progress(show, plan.size, len(rows)))
 
-            def keep(new: Sequence[Row]) -> None:
+            def commit(new: Sequence[Row]) -> None:
                 if store is not None:
                     store.append(new)
                 rows.update((row["index"], row) for row in new)
                 bar.advance(len(new), sum(row["status"] == "failed" for row in new))
 
             try:
-                with pool(workers, cluster) as everyone:
-                    Scheduler(work, everyone, keep).run(plan.task(k) for k in missing)
+                with pool(workers, cluster) as workers_pool:
+                    Scheduler(work, workers_pool, commit).run(plan.task(k) for k in missing)
             except KeyboardInterrupt:
                 answered()
                 status = "interrupted"
@@ -165,7 +165,7 @@ def read_sweep(folder: str | Path, *, most_runs: int = MOST_RUNS) -> SweepTable:
     folder
         The folder.
     most_runs
-        Runs the sweep may have; a table takes memory for all of them, whoever wrote the folder.
+        Largest number of runs, a bound on memory.
 
     Raises
     ------
@@ -188,7 +188,7 @@ def read_sweep(folder: str | Path, *, most_runs: int = MOST_RUNS) -> SweepTable:
         if data["dimensions"] != list(plan.lengths):
             raise ValueError("its dimensions are not those of its grid")
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise StorageError(f"{folder}: the record of the sweep says what no sweep can be ({error}).") from None
+        raise StorageError(f"{folder}: the record of the sweep is invalid ({error}).") from None
     rows = read_rows(folder, plan.size)
     status = "finished" if len(rows) == plan.size else "interrupted"
     return SweepTable(plan, rows, measures, record, status)
@@ -200,7 +200,7 @@ def auditing(audit: Auditing) -> Callable[[Run], object] | None:
     Raises
     ------
     InvalidInput
-        When it is nothing that can audit.
+        When ``audit`` is none of these.
     """
     from flocking.study.claims.audit import audit as audit_claims
 
@@ -229,7 +229,7 @@ def _known(more: Mapping[str, object] | None) -> set[str]:
 
 
 def _check_call(make: Callable[..., object], plan: Plan) -> None:
-    """Refuse at once parameters that ``make`` does not take, not run by run."""
+    """Refuse parameters that ``make`` does not take before any run."""
     try:
         signature = inspect.signature(make)
     except (TypeError, ValueError):

@@ -1,4 +1,4 @@
-"""Sweeps as TOML files: read with every fault named at once; nothing in a file is executed, nothing else is read."""
+"""Sweeps as TOML files: all faults are reported at once; nothing in a file is executed, and no other file is read."""
 
 from __future__ import annotations
 
@@ -17,9 +17,15 @@ from flocking.model.parts.values import RefusedError, nearest
 from flocking.study.scenario_files.scenario_file import MOST_AGENTS, ScenarioFileError
 from flocking.study.scenario_files.text_files import read_text_file
 from flocking.study.sweeps.measures import MEASURES, Measuring
+from flocking.study.sweeps.parametrised_scenarios import (
+    FileScenario,
+    FixedOptions,
+    ParametrisedScenario,
+    path_steps,
+    with_value,
+)
 from flocking.study.sweeps.plan import MOST_RUNS, Plan, make_plan
 from flocking.study.sweeps.sampling import Sample
-from flocking.study.sweeps.scenario_families import Family, FamilyScenario, FileScenario, path_steps, with_value
 
 if TYPE_CHECKING:
     from flocking.study.sweeps.sweep_schema import Sections
@@ -27,12 +33,12 @@ if TYPE_CHECKING:
 LARGEST_FILE = 2**20
 """Bytes of a sweep file, a bound on memory: 1 MiB."""
 MOST_TRIED = 200
-"""Points of a sweep that are built before it starts, to find mistakes early; a bound on time."""
+"""Scenarios that are built before a sweep starts, to find faults early; a bound on time."""
 TRYING_SECONDS = 5.0
-"""Values of a scenario written in the file that are tried before any run; others are met when their run is made."""
+"""Time for building scenarios before a sweep starts; faults of the others appear when their run is made."""
 
-MOST_SHOWN = 200
-"""Faults that a message lists; the error holds them all."""
+MOST_POINTS = 100 * MOST_RUNS
+"""Drawn points that a file may ask for, a bound on memory; the number of runs is checked against its own limit."""
 
 
 class SweepFileError(ScenarioFileError):
@@ -46,13 +52,7 @@ class SweepFileError(ScenarioFileError):
         Every fault, as one line of text each.
     """
 
-    def __init__(self, source: str, problems: list[str]) -> None:
-        super().__init__(source, problems)
-        head = f"{source}: {len(problems)} fault{'s' * (len(problems) > 1)} in the sweep"
-        lines = [f"  {line}" for line in problems[:MOST_SHOWN]]
-        if len(problems) > MOST_SHOWN:
-            lines.append(f"  ... and {len(problems) - MOST_SHOWN} more")
-        self.args = ("\n".join([head, *lines]),)
+    content = "sweep"
 
 
 @dataclass(frozen=True)
@@ -64,19 +64,19 @@ class SweepFile:
     name
         Its name.
     make
-        Gives the scenarios.
+        Makes the scenarios.
     plan
-        Which runs there are.
+        The runs.
     measures
-        Names of what is measured.
+        Names of the measures.
     more_measures
-        Measures of the family.
+        Further measures of the family.
     audit
-        Whether claims are held against the runs.
+        Whether claims about the runs are judged.
     engine
         Name of the engine.
     record
-        What the file says of the scenarios, for the record of the sweep.
+        The scenarios as in the file, for the record of the sweep.
     """
 
     name: str
@@ -91,7 +91,7 @@ class SweepFile:
 
 def read_sweep_file(
     path: str | Path,
-    families: Mapping[str, Family],
+    families: Mapping[str, ParametrisedScenario],
     *,
     most_runs: int = MOST_RUNS,
     most_agents: int = MOST_AGENTS,
@@ -128,7 +128,7 @@ def read_sweep_file(
 
 def parse_sweep(
     text: str,
-    families: Mapping[str, Family],
+    families: Mapping[str, ParametrisedScenario],
     *,
     source: str = "sweep",
     name: str = "sweep",
@@ -144,9 +144,9 @@ def parse_sweep(
     families
         Families of scenarios it may name.
     source
-        What error messages call it.
+        Its name in error messages.
     name
-        Name of the sweep where the text gives none.
+        Name of the sweep when the text has none.
     most_runs
         Runs it may ask for.
     most_agents
@@ -172,7 +172,7 @@ def parse_sweep(
     try:
         plan = make_plan(grid, sample, found.get("seeds", 1), found.get("seed", 0), most_runs)
     except InvalidInput as error:
-        reader.say(_place(error.parameter), error.rule, error.value, error.fix)
+        reader.report(_place(error.parameter), error.rule, error.value, error.fix)
     make = reader.make(grid, sample)
     measures = reader.measures()
     if lines or plan is None or make is None:
@@ -194,28 +194,32 @@ class _Reader:
     Parameters
     ----------
     found
-        Sections without fault of their own.
+        The valid sections.
     families
         Families that may be named.
     most_agents
         Agents a scenario in the file may ask for.
     lines
-        Faults, to which more are added.
+        Faults; more are appended.
     """
 
-    def __init__(self, found: Sections, families: Mapping[str, Family], most_agents: int, lines: list[str]) -> None:
+    def __init__(
+        self, found: Sections, families: Mapping[str, ParametrisedScenario], most_agents: int, lines: list[str]
+    ) -> None:
         self._found, self._lines, self._most_agents = found, lines, most_agents
         self._reported: set[str] = set()
         self._scenario = found.get("scenario")
-        self._family: Family | None = None
+        self._family: ParametrisedScenario | None = None
         if isinstance(self._scenario, str):
             self._family = families.get(self._scenario)
             if self._family is None:
-                self.say("scenario", "must be a family of scenarios", self._scenario, nearest(self._scenario, families))
+                self.report(
+                    "scenario", "must be a family of scenarios", self._scenario, nearest(self._scenario, families)
+                )
         self.more = self._family.measures if self._family else {}
 
-    def say(self, place: str, rule: str, value: object = None, fix: str = "") -> None:
-        """Note a fault."""
+    def report(self, place: str, rule: str, value: object = None, fix: str = "") -> None:
+        """Add a fault."""
         from flocking.study.scenario_files.problems import Problem, shown
 
         self._lines.append(str(Problem(place, rule, "" if value is None else shown(value), fix)))
@@ -229,9 +233,9 @@ class _Reader:
             if isinstance(axis, list):
                 axes[name] = [self._checked(f"grid.{name}[{k}]", name, value) for k, value in enumerate(axis)]
             elif axis.high <= axis.low or (axis.log and axis.low <= 0):
-                self.say(f"grid.{name}", "must have low below high, and above 0 where log is true")
+                self.report(f"grid.{name}", "must have low below high, and above 0 where log is true")
             else:
-                # What lies between two values that are taken is taken, too.
+                # Options accept intervals: checking both ends checks all values.
                 for end in ("low", "high"):
                     self._checked(f"grid.{name}.{end}", name, getattr(axis, end))
                 space = np.geomspace if axis.log else np.linspace
@@ -248,36 +252,36 @@ class _Reader:
                 self._checked(f"sample.ranges.{name}.{end}", name, getattr(ends, end))
         ranges = {name: (ends.low, ends.high) for name, ends in section.ranges.items()}
         log = tuple(name for name, ends in section.ranges.items() if ends.log)
-        if section.count > MOST_RUNS * 100:
-            self.say("sample.count", f"must be at most {MOST_RUNS * 100}", section.count)
+        if section.count > MOST_POINTS:
+            self.report("sample.count", f"must be at most {MOST_POINTS}", section.count)
             return None
         try:
             return Sample(section.method, section.count, ranges, log, section.seed)
         except InvalidInput as error:
-            self.say(f"sample.{_place(error.parameter)}", error.rule, error.value, error.fix)
+            self.report(f"sample.{_place(error.parameter)}", error.rule, error.value, error.fix)
             return None
 
     def _is_option(self, place: str, name: str) -> bool:
-        """Whether the family has such an option; where it has not, that is a fault."""
+        """Whether the family has this option; reports a fault where it has not."""
         if self._family is None or name in self._family.options:
             return True
         known = self._family.options
-        self.say(place, "is no option of this family", None, nearest(name, known) if known else "")
+        self.report(place, "is no option of this family", None, nearest(name, known) if known else "")
         return False
 
     def _checked(self, place: str, name: str, value: object) -> object:
-        """A value that a family's option takes, or any value at all for a scenario in the file."""
+        """A value checked by the option of the family; for a scenario in the file only finite."""
         if self._family is not None:
             try:
                 return self._family.options[name].check(value)
             except RefusedError as refused:
-                self.say(place, refused.rule, value, refused.fix)
+                self.report(place, refused.rule, value, refused.fix)
         elif isinstance(value, float) and not math.isfinite(value):
-            self.say(place, "must be finite", value)
+            self.report(place, "must be finite", value)
         return value
 
     def make(self, grid: Mapping[str, list[object]], sample: Sample | None) -> Callable[..., Scenario] | None:
-        """What gives the scenarios."""
+        """The function that makes the scenarios."""
         options = self._found.get("options", {})
         if self._family is not None:
             chosen_options = {
@@ -287,20 +291,20 @@ class _Reader:
             }
             for name in chosen_options:
                 if name in grid or (sample is not None and name in sample.ranges):
-                    self.say(f"options.{name}", "must not be fixed and vary at once")
-            return FamilyScenario(self._family, chosen_options)
+                    self.report(f"options.{name}", "must not be fixed and vary at once")
+            return FixedOptions(self._family, chosen_options)
         if isinstance(self._scenario, dict):
             if options:
-                self.say("options", "is for families of scenarios; write the values into [scenario]")
+                self.report("options", "is for families of scenarios; write the values into [scenario]")
             made = FileScenario(self._scenario, self._most_agents)
             if not made.drawn and self._found.get("seeds", 1) not in (1, [0]):
-                self.say("seeds", "must be left out: nothing in [scenario] is drawn at random")
+                self.report("seeds", "must be left out: nothing in [scenario] is drawn at random")
             self._try(made, grid, sample)
             return made
         return None
 
     def _try(self, make: FileScenario, grid: Mapping[str, list[object]], sample: Sample | None) -> None:
-        """Build the scenario of the file with every value of every axis once, all else at its first."""
+        """Build the scenario of the file with every value of every axis once, the others at their first."""
         if self._lines:
             self._attempt(make, {}, "")
             return
@@ -320,28 +324,28 @@ class _Reader:
                 try:
                     with_value(dict(make.tables), path_steps(name), value)
                 except RefusedError as refused:
-                    self.say(f"grid.{name}", refused.rule)
+                    self.report(f"grid.{name}", refused.rule)
                     return
             make(seed=0, **values)
         except ScenarioFileError as error:
-            # What is wrong whatever varies is told once.
+            # Faults that do not depend on the varied value are reported once.
             fresh = [line for line in error.problems if line not in self._reported]
             self._reported.update(fresh)
             self._lines.extend(f"{place + ': ' if place else ''}scenario.{line}" for line in fresh)
         except InvalidInput as error:
-            self.say(place or "scenario", f"{error.parameter} {error.rule}", None, error.fix)
+            self.report(place or "scenario", f"{error.parameter} {error.rule}", None, error.fix)
 
     def measures(self) -> tuple[str, ...]:
-        """Names of what is measured."""
+        """Names of the measures."""
         requested = self._found.get("measures", ["flocks", "velocity_spread"])
         known = {**MEASURES, **self.more}
         for k, name in enumerate(requested):
             if name not in known:
                 fix = nearest(name, known)
-                self.say(f"measures[{k}]", "is not known", name, "" if fix in self._reported else fix)
+                self.report(f"measures[{k}]", "is not known", name, "" if fix in self._reported else fix)
                 self._reported.add(fix)
             elif name in requested[:k]:
-                self.say(f"measures[{k}]", "must not be named twice", name)
+                self.report(f"measures[{k}]", "must not be named twice", name)
         return tuple(requested)
 
 

@@ -1,4 +1,4 @@
-"""The sections of a sweep file: how each is read, with every fault at once, and described to editors."""
+"""The sections of a sweep file: reading with all faults at once, and their JSON schema."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flocking.model.parts.description import Description
 from flocking.model.parts.registration import described
 from flocking.model.parts.values import RefusedError, Value, nearest
 from flocking.study.scenario_files.problems import Problem, place_of, shown
-from flocking.study.scenario_files.scenario_reader import Faulty, Reader
+from flocking.study.scenario_files.scenario_reader import FORMAT, Faulty, Reader
 from flocking.study.scenario_files.scenario_schema import Schema, table_schema
 
 MOST_VALUES = 10_000
@@ -32,11 +32,9 @@ def _number(value: object) -> int | float:
 
 
 def _file_name(value: object) -> str:
-    if not isinstance(value, str):
-        raise RefusedError("must be text in quotes")
-    if re.fullmatch(_NAME, value) is None:
+    if re.fullmatch(_NAME, _text(value)) is None:
         raise RefusedError("must be letters, digits, - and _, at most 80 of them")
-    return value
+    return _text(value)
 
 
 def _table(value: object) -> dict[str, object]:
@@ -57,12 +55,6 @@ def _ranges(value: object) -> dict[str, object]:
     return _table(value)
 
 
-def _format(value: object) -> int:
-    if isinstance(value, bool) or value != 1:
-        raise RefusedError("must be 1")
-    return 1
-
-
 def _text(value: object) -> str:
     if not isinstance(value, str):
         raise RefusedError("must be text in quotes")
@@ -70,7 +62,7 @@ def _text(value: object) -> str:
 
 
 _EITHER = Value(_number, {"type": "number"})
-"""A number that stays whole where it is."""
+"""A number; integers stay integers."""
 
 
 @dataclass(frozen=True)
@@ -142,7 +134,7 @@ class Sampling:
 
 
 class Sections(TypedDict, total=False):
-    """The sections of a sweep file that are without fault, by their names there."""
+    """The valid sections of a sweep file, by name."""
 
     format: int
     name: str
@@ -160,7 +152,7 @@ class Sections(TypedDict, total=False):
 SPACED, DRAWN, SAMPLING = described(Spaced), described(Drawn), described(Sampling)
 
 _ALTERNATIVES: dict[str, dict[type, Value | Description]] = {
-    "format": {int: Value(_format, {"const": 1})},
+    "format": {int: FORMAT},
     "name": {str: Value(_file_name, {"type": "string", "pattern": _NAME})},
     "scenario": {str: Value(_text, {"type": "string"}), dict: Value(_table, {"type": "object"})},
     "options": {dict: Value(_options, {"type": "object", "maxProperties": MOST_NAMES})},
@@ -170,11 +162,11 @@ _ALTERNATIVES: dict[str, dict[type, Value | Description]] = {
     "measures": {list: values.list_of(Value(_text, {"type": "string"}), "names of measures", 1, MOST_NAMES)},
     "audit": {bool: values.TRUTH},
 }
-"""What each section but the engine may be, by the type TOML gives it."""
+"""Values of each section but the engine, by their TOML type."""
 
 
 def _alternatives() -> dict[str, dict[type, Value | Description]]:
-    """What each section may be; the engine is one of those that there are now."""
+    """Values of each section; the engine is one of those registered now."""
     return {**_ALTERNATIVES, "engine": {str: values.choice(AUTO, *engine_names())}}
 
 
@@ -188,7 +180,7 @@ _WORDS: dict[type, str] = {
 
 
 def section_schemas() -> tuple[Schema, Schema]:
-    """Schema of every section, and of the tables that they refer to."""
+    """Schemas of the sections, and of the tables that they refer to."""
     definitions: Schema = {}
     for kind in (SPACED, DRAWN, SAMPLING):
         definitions[kind.name] = table_schema(kind.name, kind.fields, definitions)
@@ -205,7 +197,7 @@ def _either(choices: Mapping[type, Value | Description]) -> Schema:
 
 
 def read_sections(data: Mapping[str, object]) -> tuple[Sections, list[Problem]]:
-    """Sections of a sweep file, those without fault, and all faults."""
+    """The valid sections of a sweep file, and all faults."""
     reader = Reader(most_agents=0)
     problems = reader.problems
     found: dict[str, object] = {}
@@ -226,7 +218,7 @@ def read_sections(data: Mapping[str, object]) -> tuple[Sections, list[Problem]]:
         for name, entries in grid.items():
             _read(_AXIS, entries, ("grid", name), axes, name, reader)
         found["grid"] = axes
-    # Every section in it has been read as what it must be.
+    # Every section has been checked for its type.
     return cast(Sections, found), problems
 
 

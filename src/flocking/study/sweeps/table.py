@@ -1,4 +1,4 @@
-"""Results of a sweep: one row per run, as an xarray Dataset, as Parquet or CSV, and summed up with intervals."""
+"""Results of a sweep: one row per run, as an xarray Dataset, Parquet or CSV, and a summary with intervals."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ CLAIM = "claim_"
 
 @dataclass(frozen=True, eq=False)
 class SweepTable:
-    """What the runs of a sweep gave.
+    """Results of the runs of a sweep.
 
     Parameters
     ----------
     plan
-        Which runs there are.
+        The planned runs.
     rows
         Outcomes by the number of the run; fewer than planned when the sweep was interrupted.
     measures
-        Names of what was measured.
+        Names of the measures.
     record
-        Record of the sweep: what it was made with.
+        Record of the sweep.
     status
         ``"finished"`` or ``"interrupted"``.
     """
@@ -106,7 +106,7 @@ class SweepTable:
         Raises
         ------
         InvalidInput
-            When nothing of that name was measured.
+            When there is no such measure.
         """
         if measure not in self.measures:
             raise InvalidInput("SweepTable", "measure", f"must be one of {', '.join(self.measures)}", measure)
@@ -158,10 +158,10 @@ class SweepTable:
     def summary(self, level: float = 0.95) -> xarray.Dataset:
         """Mean of each measure at each point, with its interval: ``NAME``, ``NAME_low`` and ``NAME_high``.
 
-        Clopper and Pearson's exact interval for truth values, whose mean is a share; for all others that of
-        `mean_interval`, which there is only from some number of values on (8 at 95 %). ``NAME_interval`` names the
-        method, or says why there is no interval; its ends are then nan. Values that are nan are left out;
-        ``NAME_count`` says how many were not. ``runs`` and ``failed`` count the runs.
+        The interval is Clopper and Pearson's for truth values, whose mean is a share, else that of `mean_interval`,
+        which needs a number of values (8 at 95 %). ``NAME_interval`` is the method, or why there is no interval; its
+        ends are then nan. Values that are nan are left out; ``NAME_count`` counts the others. ``runs`` and ``failed``
+        count the runs.
 
         Parameters
         ----------
@@ -237,7 +237,7 @@ class SweepTable:
 
 
 def _alike(column: Sequence[object]) -> Sequence[object]:
-    """A column whose entries have one type: whole numbers beside fractions become fractions."""
+    """A column whose entries have one type: numbers of several types become floats."""
     kinds = {type(entry) for entry in column if entry is not None}
     if len(kinds) < 2 or str in kinds:
         return column

@@ -1,4 +1,4 @@
-"""What a worker does: run scenarios of a batch one after the other and measure them; a failure becomes a row."""
+"""The work of a worker: it runs and measures the scenarios of a batch; a failure becomes a row."""
 
 from __future__ import annotations
 
@@ -22,9 +22,7 @@ from flocking.study.sweeps.plan import Task
 
 
 class Row(TypedDict):
-    """Outcome of one run: its number in the plan, status, measured values, verdicts, seconds, and a message where it
-    failed.
-    """
+    """Outcome of one run: its number in the plan, status, measured values, verdicts, seconds, and the error message."""
 
     index: int
     status: Literal["ok", "failed"]
@@ -46,15 +44,15 @@ class Work:
     Parameters
     ----------
     make
-        Gives the scenario from the parameters and the seed.
+        Makes the scenario from the parameters and the seed.
     measures
-        What is measured.
+        The measures.
     audit
-        Gives the report on a run; None for no audit.
+        Makes the report on a run; None for no audit.
     options
         Further arguments of `simulate`.
     engines
-        Engines that the process which sends the work knows by registration.
+        Engines registered in the process that sends the work.
     """
 
     make: Callable[..., Scenario]
@@ -65,7 +63,7 @@ class Work:
 
 
 def run_task(work: Work, task: Task) -> Row:
-    """Run one scenario and measure it, as ``work`` says."""
+    """Run the scenario of a ``task`` and measure it, as ``work`` defines."""
     begin = time.perf_counter()
     row: Row = {"index": task.index, "status": "ok", "values": {}, "verdicts": {}, "message": "", "tries": 1,
                 "seconds": 0.0}  # fmt: skip
@@ -118,7 +116,7 @@ def _simulated(work: Work, task: Task) -> Run:
 
 
 def packed(work: Work) -> bytes:
-    """The work as bytes that any process with this library can unpack; functions written on the spot among it."""
+    """The work as bytes that any process with this library can unpickle, lambdas included."""
     import cloudpickle
 
     try:
@@ -148,13 +146,13 @@ def run_batch(content: bytes, memory: int | None, tasks: Sequence[Task], scratch
     content
         The work, packed.
     memory
-        Bytes the worker may hold; a run that asks for more fails. None for no bound.
+        Bytes the worker may allocate; a run that needs more fails. None for no bound.
     tasks
         The runs.
     scratch
-        Folder in which the worker notes what it is at, so that its death can be laid to that run; None for none.
+        Folder in which the worker writes the number of its run, to identify it if the worker dies; None for none.
     """
-    _leave_interrupts_to_the_parent()
+    _ignore_interrupts()
     if memory is not None:
         _bound_memory(memory)
     work = _unpacked(content)
@@ -171,7 +169,7 @@ def run_here(work: Work, tasks: Sequence[Task], _: str | None) -> list[Row]:
 
 
 def _bound_memory(most: int) -> None:
-    """Let a run that asks for too much fail with its message, before the machine has to kill something."""
+    """Limit the memory of this process, so that a run that needs more fails with a message."""
     with suppress(ImportError, ValueError, OSError):
         import resource
 
@@ -180,8 +178,8 @@ def _bound_memory(most: int) -> None:
         resource.setrlimit(resource.RLIMIT_DATA, (most, hard))
 
 
-def _leave_interrupts_to_the_parent() -> None:
-    """A terminal sends Ctrl-C to the workers too; the parent stops them once it has kept what they finished."""
+def _ignore_interrupts() -> None:
+    """Ignore Ctrl-C, which a terminal sends to workers too: the parent stops them after storing their results."""
     import signal
     import threading
 
@@ -202,7 +200,7 @@ def _noted(scratch: str | None, index: int) -> Iterator[None]:
 
 @contextmanager
 def _first_alone(scratch: str | None) -> Iterator[None]:
-    """Let one worker make the first run, which may compile kernels that all others then load."""
+    """Let one worker make the first run, which may compile kernels for the others to load."""
     warm = Path(scratch) / "warm" if scratch is not None else None
     if warm is None or warm.exists():
         yield
@@ -219,7 +217,7 @@ def _first_alone(scratch: str | None) -> Iterator[None]:
 
 
 def noted_tasks(scratch: str) -> set[int]:
-    """Numbers of the runs that workers were at, read from ``scratch``; forgets them."""
+    """Numbers of the runs that were under way, read from ``scratch`` and deleted there."""
     found = set()
     for note in Path(scratch).glob("*.at"):
         text = note.read_text()

@@ -20,34 +20,34 @@ if TYPE_CHECKING:
     from distributed import Scheduler
 
 IDLE_SECONDS = 30
-"""Processes without work leave after this long, whatever became of the one that started them."""
+"""Processes without work end after this long, even if their parent died."""
 
 CONNECT_SECONDS = 20
-"""Seconds that a cluster is waited for; then it is taken to be absent."""
+"""Seconds to wait for a cluster before it counts as absent."""
 
 LEAST_MEMORY = 2**30
-"""Bytes that a worker gets however many share the machine: the library itself takes a quarter of it."""
+"""Bytes that every worker may use, however many there are: the library itself takes a quarter of it."""
 
 GROUP_LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
-"""Where Linux says how much memory a container may use."""
+"""Files of Linux that hold the memory limit of a container."""
 
 
 Result = TypeVar("Result")
 
 
 class WorkerPool:
-    """Workers behind the interface of `concurrent.futures`; what is submitted to them is theirs to schedule."""
+    """Workers behind the interface of `concurrent.futures`."""
 
     breaks_together = False
-    """Whether the death of one worker loses what all others were at."""
+    """Whether the death of one worker loses the tasks of all others."""
     deaths_reported = 1
-    """How many workers have died on a task before it comes back as lost."""
+    """Number of workers that have died on a task before it is reported as lost."""
     takes_notes = False
-    """Whether workers see the files of this process."""
-    elsewhere = True
-    """Whether the work must be packed to reach them."""
+    """Whether workers can write files that this process reads."""
+    remote = True
+    """Whether the work must be pickled to reach them."""
     memory: int | None = None
-    """Bytes that each worker may hold; None where others see to it."""
+    """Bytes that each worker may use; None where that is not limited here."""
 
     def __enter__(self) -> WorkerPool:
         return self
@@ -61,16 +61,16 @@ class WorkerPool:
         return 1
 
     def submit(self, function: Callable[..., Result], *arguments: object) -> Future[Result]:
-        """Have a function called by a worker."""
+        """Call a function in a worker."""
         raise InvalidInput("sweep", "workers", "must be workers of some kind", self)
 
     def results(self, function: Callable[..., Result], calls: Iterable[tuple[object, ...]]) -> Iterator[Result]:
-        """Have a function called several times; what it returns comes in the order of the calls.
+        """Call a function several times; the results come in the order of the calls.
 
         Parameters
         ----------
         function
-            What is called.
+            The function.
         calls
             The arguments of each call.
 
@@ -83,17 +83,17 @@ class WorkerPool:
             yield future.result()
 
     def lost(self, error: BaseException) -> bool:
-        """Whether an error says that the worker died, and not that the function failed."""
+        """Whether an error means that the worker died, and not that the function failed."""
         return False
 
     def leave(self) -> None:
-        """Give the workers back; what they were at is stopped."""
+        """Release the workers and stop their tasks."""
 
 
 class Alone(WorkerPool):
-    """The calling process itself."""
+    """The calling process."""
 
-    elsewhere = False
+    remote = False
 
     def submit(self, function: Callable[..., Result], *arguments: object) -> Future[Result]:
         """Call the function now."""
@@ -105,13 +105,13 @@ class Alone(WorkerPool):
         return future
 
     def results(self, function: Callable[..., Result], calls: Iterable[tuple[object, ...]]) -> Iterator[Result]:
-        """Call a ``function`` once for every tuple of ``calls``, each when its result is asked for."""
+        """Call a ``function`` once for every tuple of ``calls``, each when its result is needed."""
         for arguments in calls:
             yield function(*arguments)
 
 
 class LocalProcesses(WorkerPool):
-    """Processes of this machine, kept warm from batch to batch by joblib's loky.
+    """Processes of this machine, reused between batches by joblib's loky.
 
     Parameters
     ----------
@@ -133,10 +133,10 @@ class LocalProcesses(WorkerPool):
         return self._workers
 
     def submit(self, function: Callable[..., Result], *arguments: object) -> Future[Result]:
-        """Have a function called by a process; processes that died are replaced first."""
+        """Call a function in a process; processes that died are replaced first."""
         from joblib.externals.loky import get_reusable_executor
 
-        # Threads of all workers together are no more than cores.
+        # All workers together have at most as many threads as there are cores.
         share = str(max(1, (os.cpu_count() or 1) // self._workers))
         threads = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), share)
         with without_interrupts():
@@ -157,14 +157,14 @@ class LocalProcesses(WorkerPool):
         if self._executor is None:
             return
         with suppress(Empty, AttributeError):
-            # The thread that hands out work stumbles over what was not yet handed out when the workers are killed.
+            # The thread that distributes tasks fails on those not yet distributed when the workers are killed.
             while True:
                 self._executor._work_ids.get_nowait()
         self._executor.shutdown(wait=True, kill_workers=True)
 
 
 class Cluster(WorkerPool):
-    """The workers of a Dask cluster; Dask chooses who runs what and starts again what dies with its worker.
+    """The workers of a Dask cluster; Dask distributes tasks and restarts those of dead workers.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ class Cluster(WorkerPool):
                 "sweep", "cluster", "must have workers", address, "Start some with 'dask worker ADDRESS'."
             ) from None
         self._executor: Executor = self._client.get_executor(pure=False)
-        # Dask itself lets a task kill so many workers before it tells of it.
+        # Dask reports a task as lost only after it killed this many workers.
         self.deaths_reported = 1 + int(self._client.run_on_scheduler(_allowed_failures))
 
     @property
@@ -210,7 +210,7 @@ class Cluster(WorkerPool):
         return max(1, int(sum(self._client.nthreads().values())))
 
     def submit(self, function: Callable[..., Result], *arguments: object) -> Future[Result]:
-        """Have a function called by a worker of the cluster."""
+        """Call a function in a worker of the cluster."""
         return self._executor.submit(function, *arguments)
 
     def lost(self, error: BaseException) -> bool:
@@ -220,16 +220,16 @@ class Cluster(WorkerPool):
         return isinstance(error, KilledWorker)
 
     def leave(self) -> None:
-        """Take back what is not done, and close the connection."""
+        """Cancel pending tasks, and close the connection."""
         self._executor.shutdown(wait=False)
         self._client.close()
 
 
 @contextmanager
 def without_interrupts() -> Iterator[None]:
-    """Let processes that begin meanwhile never hear of Ctrl-C; one that comes to this process waits for the end of it.
+    """Start processes with Ctrl-C blocked, and delay it in this process until the end of the block.
 
-    A terminal sends it to workers, too, which would say so at length while they start; the parent stops them.
+    A terminal sends it to workers too, which would print tracebacks while they start; the parent stops them.
 
     Raises
     ------
@@ -241,10 +241,10 @@ def without_interrupts() -> Iterator[None]:
         return
     from joblib.externals.loky.backend.resource_tracker import ensure_running
 
-    # Once it runs: it unblocks signals when it begins.
+    # Started first, since it unblocks signals when it begins.
     ensure_running()
     with uninterrupted():
-        # What is blocked stays so in a new program, as what is ignored does, and comes to this process afterwards.
+        # New programs inherit blocked signals; this process receives them afterwards.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
         try:
             yield
@@ -253,7 +253,7 @@ def without_interrupts() -> Iterator[None]:
 
 
 def memory_share(workers: int) -> int | None:
-    """Bytes for each of so many ``workers``: an equal part of what this process may use; None where that is unknown."""
+    """Bytes for each of ``workers``: an equal part of what this process may use; None where that is unknown."""
     try:
         memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (ValueError, OSError, AttributeError):
@@ -269,7 +269,7 @@ def _allowed_failures(dask_scheduler: Scheduler) -> int:
 
 
 def pool(workers: int | None, cluster: str | None) -> WorkerPool:
-    """The pool of workers that a user asks for: so many ``workers`` here, or those of a ``cluster``.
+    """A pool of local ``workers``, or of the workers of a ``cluster``.
 
     Raises
     ------

@@ -1,1 +1,1 @@
-"""What claims measure, and why they cannot be asked of some runs, by subject."""
+"""Conclusions of claims, and the reasons why they do not apply to some runs."""

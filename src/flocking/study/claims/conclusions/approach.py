@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from flocking.engine.runs.run import Closest
 from flocking.study.claims.claim import Measure, above
 from flocking.study.claims.subjects import Subject, Witness, about
 from flocking.study.evidence import Evidence
@@ -26,12 +27,7 @@ def linked_apart(e: Evidence) -> Measure:
     if together:
         return _at_one_point(*together[0])
     c = e.closest_linked
-    if not np.isfinite(c.distance):
-        return Measure(np.inf, 0.0, "no linked pair")
-    error = e.error_of(c)
-    return above(
-        c.distance, 0.0, f"closest {c.distance:.4g} at t = {c.time:.3g} (agents {c.pair[0]}, {c.pair[1]})", error
-    )
+    return _apart(e, c) if np.isfinite(c.distance) else Measure(np.inf, 0.0, "no linked pair")
 
 
 @about(Subject.CLOSEST, _closest, lasting=True)
@@ -39,15 +35,16 @@ def all_apart(e: Evidence) -> Measure:
     """Closest approach ever of any two agents."""
     if e.coincidences:
         return _at_one_point(*e.coincidences[0])
-    c = e.closest
-    error = e.error_of(c)
-    if c.pair[0] < 0:
-        return above(c.distance, 0.0, f"no pair closer than {c.distance:.4g}", error)
-    return above(
-        c.distance, 0.0, f"closest {c.distance:.4g} at t = {c.time:.3g} (agents {c.pair[0]}, {c.pair[1]})", error
-    )
+    return _apart(e, e.closest)
+
+
+def _apart(e: Evidence, c: Closest) -> Measure:
+    note = f"no pair closer than {c.distance:.4g}"
+    if c.pair[0] >= 0:
+        note = f"closest {c.distance:.4g} at t = {c.time:.3g} (agents {c.pair[0]}, {c.pair[1]})"
+    return above(c.distance, 0.0, note, e.error_of(c))
 
 
 def _at_one_point(time: float, pair: tuple[int, int]) -> Measure:
-    """Two agents that are given at one point are not apart, whatever the error of the motion."""
+    """Two agents given at one point are not apart, whatever the error of the motion."""
     return Measure(0.0, 0.0, f"agents {pair[0]} and {pair[1]} are at one point at t = {time:.3g}")

@@ -13,7 +13,13 @@ from flocking.study.claims.subjects import Subject, Witness, about
 from flocking.study.evidence import Evidence, NotResolvable
 
 SUPPLY_ROUNDING = 1e-12
-"""Supplied energy that rounding explains, relative to all that was moved."""
+"""Supplied energy that rounding explains, as a share of the energy moved."""
+
+DRIFT_TOLERANCES = 100
+"""The mean velocity may change by this many tolerances: as many as a ledger may be open by, see `LEDGER_FACTOR`."""
+
+ROUNDING = 1e-9
+"""Relative error of energies and speeds that is rounding: sums over some thousand agents and ten thousand rows."""
 
 
 def _worst_residual(e: Evidence) -> Witness:
@@ -44,28 +50,30 @@ def ledger_residual(e: Evidence) -> Measure:
 def momentum_drift(e: Evidence) -> Measure:
     """Largest change of the mean velocity against rounding and tolerance."""
     drift = float(np.abs(e.mean_velocity - e.mean_velocity[0]).max(initial=0.0))
-    allowed = 100 * e.run.scenario.tolerance * max(1.0, float(e.speeds.max()))
-    # What no force changes is told by any moment.
+    allowed = DRIFT_TOLERANCES * e.run.scenario.tolerance * max(1.0, float(e.speeds.max()))
+    # A conserved quantity is decided at any time.
     return replace(below(drift, allowed, f"mean velocity moved by {drift:.1e}"), everywhere=False)
 
 
 @about(Subject.LEDGER, _largest_rise, lasting=True)
 def energy_rise(e: Evidence) -> Measure:
-    """Largest rise of the energy between switches, beyond what the ledger leaves open."""
+    """Largest rise of the energy between switches against the bound of the ledger."""
     rise = float((np.diff(e.trace["energy"]) - np.diff(e.trace["jumped"])).max(initial=0.0))
-    # A fixed step may miss some energy in every step; what it dissipates must still be no less than nothing.
+    # A fixed step may miss some energy in every step.
     allowed = e.step_residual if e.fixed_step else e.ledger_bound
     note = f"largest rise {rise:.1e} between switches"
     if supplied_energy(e) > 0.0 and rise < allowed:
-        # Dissipation is never negative: what the law supplies, and that alone, makes the energy rise.
+        # Dissipation is never negative: only supplied energy makes the energy rise.
         gained = float((np.diff(e.trace["supplied"]) - np.diff(e.trace["dissipated"])).max(initial=0.0))
         if gained > SUPPLY_ROUNDING * e.energy_moved:
-            return Measure(allowed - rise, np.inf, f"{note}; the law supplies {gained:.1e}, less than the ledger tells")
+            return Measure(
+                allowed - rise, np.inf, f"{note}; the law supplies {gained:.1e}, less than the ledger resolves"
+            )
     return below(rise, allowed, note)
 
 
 def supplied_energy(e: Evidence) -> float:
-    """Energy that the law supplied over the run, in amount; 0 where rounding, or a fixed step's error, explains it."""
+    """Total absolute energy supplied over the run; 0 where rounding, or the error of a fixed step, explains it."""
     supplied = float(np.abs(np.diff(e.trace["supplied"])).sum())
     least = e.ledger_bound if e.fixed_step else SUPPLY_ROUNDING * e.energy_moved
     return supplied if supplied > least else 0.0
@@ -75,7 +83,7 @@ def supplied_energy(e: Evidence) -> float:
 def energy_continuous(e: Evidence) -> Measure:
     """Total absolute jump of the energy at switches."""
     jumps = float(np.abs(np.diff(e.trace["jumped"])).sum())
-    allowed = 1e-9 * max(1.0, float(np.abs(e.trace["energy"]).max()))
+    allowed = ROUNDING * max(1.0, float(np.abs(e.trace["energy"]).max()))
     over = f" over {len(e.link_switches)} switches" if e.switches_known else ""
     return below(jumps, allowed, f"jumps add up to {jumps:.1e}{over}")
 
@@ -92,9 +100,7 @@ def speeds_bounded(factor: float) -> Callable[[Evidence], Measure]:
 
 
 def at_most(e: Evidence, name: str, seen: float, bound: float) -> Measure:
-    """Largest value of a quantity over the whole run against a bound.
-
-    Where the run knows its frames alone, they can refute the bound but not show it.
+    """Largest value of a quantity over the run against a bound; frames alone can refute it but not show it.
 
     Parameters
     ----------
@@ -108,31 +114,29 @@ def at_most(e: Evidence, name: str, seen: float, bound: float) -> Measure:
         note = f"largest {name} at {len(e.t)} frames {seen:.3g}, bound {bound:.3g}"
         known = not seen < bound or e.sampled
         return below(seen, bound, note if known else f"{note}; nothing is known between", 0.0 if known else np.inf)
-    value, error = max(seen, found.value), max(found.error, 1e-9 * bound)
+    value, error = max(seen, found.value), max(found.error, ROUNDING * bound)
     return below(value, bound, f"largest {name} {value:.3g} at t = {found.time:.3g}, bound {bound:.3g}", error)
 
 
 def needs_momentum(e: Evidence) -> str:
-    """Momentum is a claim about laws whose forces come in opposite pairs."""
+    """Why momentum is not conserved: a force from outside, or forces that are not equal and opposite."""
     if e.law.body_terms:
         return "a body term acts from outside"
     if "momentum" not in e.law.symmetries:
         return "pair forces are not equal and opposite"
     agents = e.run.scenario.agents
     if agents.order == 2 and not is_point_mass(agents):
-        return "agents are no point masses"
-    return (
-        "" if np.ndim(e.run.scenario.agents.damping) == 0 and not e.run.scenario.agents.damping else "agents are damped"
-    )
+        return "agents are not point masses"
+    return "agents are damped" if np.ndim(agents.damping) or agents.damping else ""
 
 
 def needs_passive(e: Evidence) -> str:
-    """The energy can only be claimed to fall when nothing supplies any."""
+    """Why the energy may rise: it is supplied."""
     return "the law supplies energy" if supplied_energy(e) else ""
 
 
 def needs_ledger(e: Evidence) -> str:
-    """Some runs keep no ledger, and samples of agents of order 1 hold no velocities to make one from."""
+    """Why there is no ledger: none was recorded, or samples hold no velocities to compute one."""
     if len(e.run.trace) < 2:
         return "the run has no ledger"
     sampled = e.sampled and e.run.scenario.agents.order == 1

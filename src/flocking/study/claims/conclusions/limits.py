@@ -1,4 +1,4 @@
-"""Claims about what a motion tends to; `flocking.study.claims.settling` says when a run is long enough for them."""
+"""Claims about limits of a motion; `flocking.study.claims.settling` states when a run is long enough for them."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from flocking.study.claims.subjects import Subject, Witness, about
 from flocking.study.evidence import Evidence
 
 SETTLED = 1e-2
-"""A quantity counts as gone to zero when it fell to this fraction of its largest value in the run."""
+"""A quantity counts as zero in the limit when it fell to this fraction of its largest value in the run."""
 
 STATIONARY = 1e-3
 """Forces count as balanced when they cancel to this fraction of the sum of their sizes."""
 
 
-def _odd_velocity(e: Evidence) -> Witness:
+def _farthest_velocity(e: Evidence) -> Witness:
     offsets = np.linalg.norm(e.run.p[-1] - e.mean_velocity[-1], axis=1)
     return Witness(float(e.run.t[-1]), (int(offsets.argmax()),))
 
@@ -35,7 +35,7 @@ def _unbalanced(e: Evidence) -> Witness:
     return Witness(float(e.run.t[-1]), (int(np.linalg.norm(e.equilibrium.forces, axis=1).argmax()),))
 
 
-@about(Subject.SPREAD, _odd_velocity, while_connected=True)
+@about(Subject.SPREAD, _farthest_velocity, while_connected=True)
 def velocities_agree(e: Evidence) -> Measure:
     """Velocity spread at the end against the largest of the run."""
     most = e.largest_spread
@@ -59,8 +59,8 @@ def distances_settle(e: Evidence) -> Measure:
 def switching_stops(e: Evidence) -> Measure:
     """Whether the last tenth of the run is free of switches.
 
-    A motion in which velocities agree, or in which no pair that goes on straight ahead comes to a radius, has settled
-    then. Switching goes on for good where it is no rarer in the last tenth than before and the velocity spread stays.
+    The motion has then settled if velocities agree, or if no pair would reach a radius at its present velocities.
+    Switching counts as permanent where it is no rarer in the last tenth than before and the velocity spread stays.
     """
     start, end = float(e.t[0]), float(e.t[-1])
     first, last = e.quiet_since if e.law.graph.moves else (e.last_switch, e.last_switch)
@@ -82,7 +82,7 @@ def switching_stops(e: Evidence) -> Measure:
 
 
 def _meets_a_radius(e: Evidence) -> bool:
-    """Whether a pair would switch if all agents went on straight ahead from the end."""
+    """Whether a pair would switch if all agents kept their velocities from the end on."""
     e.need_few()
     q, p, links = e.q[-1], e.p[-1], e.end_links
     d, v = e.displacement(q[None] - q[:, None]), p[None] - p[:, None]
@@ -97,7 +97,7 @@ def _meets_a_radius(e: Evidence) -> bool:
 
 
 def _force_scale(e: Evidence) -> float:
-    """Stiffness times link length: what forces are compared with."""
+    """Stiffness times link length, the unit of forces."""
     lengths = e.equilibrium.r
     return float(np.abs(e.stiffness).max()) * float(lengths.mean()) if len(lengths) else 0.0
 
@@ -128,7 +128,7 @@ def forces_vanish(e: Evidence) -> Measure:
 def potential_is_minimal(e: Evidence) -> Measure:
     """Smallest stiffness of the total potential at the end: negative where it is no local minimum.
 
-    As far as the forces are from balance, the stiffness is uncertain.
+    The imbalance of the forces is its error.
     """
     stiffness = e.stiffness
     largest = float(np.abs(stiffness).max(initial=0.0))
@@ -156,7 +156,7 @@ def agents_at_their_minimum(e: Evidence) -> Measure:
 
 
 def needs_potential(e: Evidence) -> str:
-    """Equilibria are asked of laws whose pair forces derive from a potential over the law's graph."""
+    """Why there is no potential over the law's graph whose equilibria could be judged."""
     graph = e.law.graph
     gradients = [t for t in e.law.pair_terms if isinstance(t, Gradient)]
     if any(t.over is not None and t.over != graph for t in gradients):
@@ -169,10 +169,10 @@ def needs_potential(e: Evidence) -> str:
 
 
 def needs_free(e: Evidence) -> str:
-    """Forces of the potential balance alone only where no body term acts."""
+    """Why the forces of the potential need not balance: there is none, or a body term acts."""
     return needs_potential(e) or ("a body term acts from outside" if e.law.body_terms else "")
 
 
 def needs_total_potential(e: Evidence) -> str:
-    """One-way links store no energy that both agents would lower."""
+    """Why there is no total potential: see `needs_free`, or links are one-way."""
     return needs_free(e) or ("links are one-way" if e.law.graph.directed else "")

@@ -10,7 +10,7 @@ from flocking.study.claims.subjects import Subject, Witness, about
 from flocking.study.evidence import Evidence, NotResolvable
 
 
-def _apart(links: Links, time: float) -> Witness:
+def _outside_largest(links: Links, time: float) -> Witness:
     """The agents outside the largest flock."""
     flock = components(links)
     largest = int(np.bincount(flock).argmax())
@@ -19,12 +19,12 @@ def _apart(links: Links, time: float) -> Witness:
 
 def _first_split(e: Evidence) -> Witness:
     links = next((links for t, links in e.link_looks if t == e.seen_disconnected), e.link_looks[-1][1])
-    return _apart(links, float(e.seen_disconnected))
+    return _outside_largest(links, float(e.seen_disconnected))
 
 
 def _split_at_start(e: Evidence) -> Witness:
     time, links = e.link_looks[0]
-    return _apart(links, time)
+    return _outside_largest(links, time)
 
 
 def _first_break(e: Evidence) -> Witness:
@@ -39,12 +39,9 @@ def _slowest_crossing(e: Evidence) -> Witness:
 
 @about(Subject.CONNECTIVITY, _first_split, lasting=True)
 def stays_connected(e: Evidence) -> Measure:
-    """Whether the graph is connected at all times; every switch is looked at.
-
-    Where switches are not recorded, frames can refute it but not show it.
-    """
+    """Whether the graph is connected after every switch; frames alone can refute it but not show it."""
     if e.seen_disconnected == np.inf:
-        e.first_disconnected  # noqa: B018  says what is not known
+        e.first_disconnected  # noqa: B018  raises where it is not known
     if e.switches_known and e.law.graph.moves:
         certain, doubtful = e.connection
         if certain == np.inf and doubtful:
@@ -62,7 +59,7 @@ def stays_connected(e: Evidence) -> Measure:
 
 @about(Subject.LINKS, _first_break, lasting=True)
 def no_link_lost(e: Evidence) -> Measure:
-    """Number of links that broke. Where switches are not recorded, frames can refute it but not show it."""
+    """Number of links that broke; frames alone can refute that there are none but not show it."""
     if e.seen_lost and not e.switches_known:
         return Measure(0.5 - e.seen_lost, 0.0, f"at least {e.seen_lost} lost")
     certain, most = e.numbers("break")
@@ -97,5 +94,5 @@ def starts_connected(e: Evidence) -> Measure:
 
 
 def needs_switching(e: Evidence) -> str:
-    """A fixed graph has no switches."""
+    """Why there are no switches: the graph is fixed."""
     return "" if e.law.graph.moves else "the graph is fixed"

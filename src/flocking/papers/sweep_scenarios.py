@@ -8,7 +8,7 @@ from typing import TypedDict, Unpack
 from flocking.model.law import Scenario
 from flocking.model.parts.values import TRUTH, choice
 from flocking.study.evidence import Evidence
-from flocking.study.sweeps.scenario_families import Family, integer_between, number_between
+from flocking.study.sweeps.parametrised_scenarios import ParametrisedScenario, integer_between, number_between
 
 OBSTACLE_AREA = 3200.0
 """Area of the start region of Olfati-Saber's task 1: the shape varies, the density does not."""
@@ -120,7 +120,7 @@ ZHOU_MEASURES = {
 
 
 @cache
-def families() -> dict[str, Family]:
+def sweep_scenarios() -> dict[str, ParametrisedScenario]:
     """Families by name: those of the papers' scenarios that have something to vary."""
     from flocking.papers.shi_2009.system import AGENTS, SETTINGS
 
@@ -135,13 +135,15 @@ def families() -> dict[str, Family]:
         "tracking_gain": number_between(0.0, 1000.0), "gamma_agents": TRUTH, "agents": integer_between(1, MOST_AGENTS),
     }  # fmt: skip
     found = {
-        "tanner-2003-fixed": Family(_tanner_fixed, {"speed": speed, "complete": TRUTH}),
-        "tanner-2003-dynamic": Family(_tanner_dynamic, {"speed": speed, "start_radius": number_between(0.1, 5.0)}),
-        "zhou-2015": Family(partial(_zhou, leader=False), zhou, ZHOU_MEASURES),
-        "zhou-2015-leader": Family(partial(_zhou, leader=True), zhou),
-        "olfati-saber-2003": Family(_obstacles, obstacles),
+        "tanner-2003-fixed": ParametrisedScenario(_tanner_fixed, {"speed": speed, "complete": TRUTH}),
+        "tanner-2003-dynamic": ParametrisedScenario(
+            _tanner_dynamic, {"speed": speed, "start_radius": number_between(0.1, 5.0)}
+        ),
+        "zhou-2015": ParametrisedScenario(partial(_zhou, leader=False), zhou, ZHOU_MEASURES),
+        "zhou-2015-leader": ParametrisedScenario(partial(_zhou, leader=True), zhou),
+        "olfati-saber-2003": ParametrisedScenario(_obstacles, obstacles),
     }
     for name in SETTINGS:
         options = {"informed": integer_between(0, AGENTS), "compact": TRUTH}
-        found[name] = Family(partial(_shi, name=name), options)
+        found[name] = ParametrisedScenario(partial(_shi, name=name), options)
     return found

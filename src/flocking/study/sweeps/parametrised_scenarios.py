@@ -1,4 +1,4 @@
-"""Families of scenarios that a sweep file may name: what varies in them, and how it is checked."""
+"""Scenarios with options that a sweep file may vary, and scenarios in a sweep file with values at paths."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from flocking.study.sweeps.measures import Measuring
 
 
 @dataclass(frozen=True)
-class Family:
+class ParametrisedScenario:
     """Scenarios that differ in a few named options and the seed.
 
     Parameters
     ----------
     make
-        Gives the scenario from the options and ``seed``.
+        Makes the scenario from the options and ``seed``.
     options
-        What may be given, by name.
+        The options by name.
     measures
-        Measures of its own that a sweep file may name beside the general ones.
+        Further measures that a sweep file may name.
     """
 
     make: Callable[..., Scenario]
@@ -44,7 +44,7 @@ def number_between(low: float, high: float) -> Value:
 
 
 def integer_between(low: int, high: int) -> Value:
-    """A whole number within bounds."""
+    """An integer within bounds."""
 
     def check(value: object) -> int:
         if isinstance(value, bool) or not isinstance(value, int):
@@ -57,29 +57,29 @@ def integer_between(low: int, high: int) -> Value:
 
 
 @dataclass(frozen=True)
-class FamilyScenario:
-    """A family with some of its options fixed.
+class FixedOptions:
+    """A parametrised scenario with some of its options fixed.
 
     Parameters
     ----------
-    family
-        The family.
+    scenario
+        The parametrised scenario.
     fixed
         The fixed options.
     """
 
-    family: Family
+    scenario: ParametrisedScenario
     fixed: Mapping[str, object]
 
     def __call__(self, *, seed: int, **options: object) -> Scenario:
-        """The scenario with the options that vary."""
-        return self.family.make(seed=seed, **{**self.fixed, **options})
+        """The scenario with the remaining options."""
+        return self.scenario.make(seed=seed, **{**self.fixed, **options})
 
 
 _PATH = re.compile(r"[A-Za-z_][\w-]*(?:\.[A-Za-z_][\w-]*|\[\d{1,6}\])*", re.ASCII)
 _STEP = re.compile(r"([A-Za-z_][\w-]*)|(\d+)", re.ASCII)
-MOST_STEPS = 20
-"""Steps of a sequence, a bound on the work that a file of unknown origin may ask for."""
+MOST_STEPS, LONGEST_PATH = 20, 200
+"""Steps and characters of a path, bounds on the work that a file of unknown origin may ask for."""
 
 
 def path_steps(path: str) -> tuple[str | int, ...]:
@@ -88,16 +88,16 @@ def path_steps(path: str) -> tuple[str | int, ...]:
     Raises
     ------
     RefusedError
-        When the text is no path.
+        When the text is not a path.
     """
-    steps = _STEP.findall(path) if len(path) <= 200 and _PATH.fullmatch(path) else []
+    steps = _STEP.findall(path) if len(path) <= LONGEST_PATH and _PATH.fullmatch(path) else []
     if not 1 <= len(steps) <= MOST_STEPS:
         raise RefusedError("must be the path of a value, such as terms[1].gain")
     return tuple(name or int(number) for name, number in steps)
 
 
 def with_value(data: object, steps: tuple[str | int, ...], value: object) -> object:
-    """A copy of nested tables and lists in which the value that ``steps`` lead to is another.
+    """A copy of nested tables and lists with another ``value`` at the place given by ``steps``.
 
     Raises
     ------
@@ -132,7 +132,7 @@ class FileScenario:
 
     @property
     def drawn(self) -> bool:
-        """Whether anything in it is drawn at random, so that seeds make a difference."""
+        """Whether anything in it is drawn at random, so that it depends on the seed."""
         start, graph = self.tables.get("start"), self.tables.get("graph")
         named = self.tables.get("graphs")
         graphs = [graph, *(named.values() if isinstance(named, dict) else ())]
