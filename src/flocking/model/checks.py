@@ -162,6 +162,20 @@ def scalar_or_each(
     return result
 
 
+def check_each(owner: str, parameter: str, value: object, n: int) -> None:
+    """Check that a ``value`` with one entry per agent has ``n`` entries; a single number or None fits any number.
+
+    Raises
+    ------
+    InvalidInput
+        When it has another number of entries.
+    """
+    entries = np.asarray(0.0 if value is None else value)
+    if entries.ndim and len(entries) != n:
+        rule = f"must have one value for each of the {n} agents"
+        raise InvalidInput(owner, parameter, rule, f"{len(entries)} values")
+
+
 def axes_of(value: Any) -> int:
     """Number of axes of an array, or -1 for nested sequences that are none."""
     try:

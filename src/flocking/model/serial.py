@@ -45,7 +45,7 @@ def to_data(part: object) -> object:
 
 
 def from_data(data: object) -> Any:
-    """The part that `to_data` described. Every part validates itself anew as it is built.
+    """The part that `to_data` described. Every part is validated as it is built.
 
     Raises
     ------
@@ -70,7 +70,7 @@ class _Writer:
     def __init__(self, part: object) -> None:
         self._seen: dict[int, int] = {}
         self._described: dict[int, dict[str, object]] = {}
-        self._keep: list[object] = []
+        self._alive: list[object] = []
         self.data = self._write(part)
 
     def _write(self, value: object) -> object:
@@ -106,7 +106,7 @@ class _Writer:
         if module.partition(".")[0] != __name__.partition(".")[0]:
             data["from"] = module
         self._described[id(part)] = data
-        self._keep.append(part)
+        self._alive.append(part)
         for name, value in kind.values_of(part).items():
             if not kind.fields[name].is_written(value):
                 continue

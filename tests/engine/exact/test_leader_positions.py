@@ -114,7 +114,7 @@ def test_the_tiled_engine_refuses_it_by_name() -> None:
 def test_a_position_that_quadrature_cannot_find_is_refused() -> None:
     wild = fk.Path(["1/(t - 1)**2 + sin(t**t)", "0"])
     assert not wild.closed_form
-    with pytest.raises(InvalidInput, match=r"tame enough.*known to .* for t in \[0, 1\]"):
+    with pytest.raises(InvalidInput, match=r"smooth enough.*known to .* for t in \[0, 1\]"):
         wild.at(2.0)
 
 

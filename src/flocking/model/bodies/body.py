@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array, array, axes_of, scalar_or_each
+from flocking.model.checks import Array, array, axes_of, check_each, scalar_or_each
 from flocking.model.parts.description import Group, add_group
 
 if TYPE_CHECKING:
@@ -209,11 +209,7 @@ class Body(ABC):
         """
         own = {"masses": self.masses, "damping": self.damping, "headings": self.headings, **self.parameters}
         for name, value in own.items():
-            if value is not None and np.ndim(value) and len(np.asarray(value)) != n:
-                raise InvalidInput(
-                    type(self).__name__, name, f"must have one value for each of the {n} agents",
-                    f"{len(np.asarray(value))} values",
-                )  # fmt: skip
+            check_each(type(self).__name__, name, value, n)
 
 
 add_group(Group("agents", Body, key="kind", default="agents"))

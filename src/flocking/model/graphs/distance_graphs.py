@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     import sympy
 
 
+MOST_DRAWS = 100_000
+"""Draws of a random graph tried before it is declared out of reach."""
+
+
 class Graph(ABC):
     """Base of all graphs: a link rule with memory, stated as two distances per sensing agent.
 
@@ -94,9 +98,9 @@ class Graph(ABC):
         distance = pair_distances(q, space)
         leaves = np.asarray(self.break_radius)[..., None]
         enters = np.asarray(self.appear_radius)[..., None]
-        lasting = links & (distance < leaves)
+        unbroken = links & (distance < leaves)
         new = ~links & (distance < enters)
-        result = lasting | new
+        result = unbroken | new
         np.fill_diagonal(result, False)
         return np.asarray(result)
 
@@ -237,13 +241,17 @@ class Fixed(Graph):
         chance = number("Fixed.random_connected", "probability", probability, above=0.0)
         rng = np.random.default_rng(seed)
         upper = np.triu_indices(n, 1)
-        for _ in range(100_000):
+        for _ in range(MOST_DRAWS):
             matrix = np.zeros((n, n), dtype=bool)
             matrix[upper] = rng.random(len(upper[0])) < chance
             if is_connected(matrix):
                 return cls(n, tuple((int(i), int(j)) for i, j in np.argwhere(matrix)))
         raise InvalidInput(
-            "Fixed.random_connected", "probability", "gave no connected graph in 100000 draws", probability, "Raise it."
+            "Fixed.random_connected",
+            "probability",
+            f"gave no connected graph in {MOST_DRAWS} draws",
+            probability,
+            "Raise it.",
         )
 
     @property
@@ -341,7 +349,7 @@ class Hysteresis(Graph):
     radius
         Sensing radius; a link breaks there, and the start links every pair closer than it.
     gap
-        How far below ``radius`` a pair must come to be linked anew.
+        How far below ``radius`` a pair must come to be linked again.
 
     Raises
     ------

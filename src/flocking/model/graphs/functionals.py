@@ -1,4 +1,4 @@
-"""Functionals of a graph: what the links of the whole group give each agent (Shi, Remark 3)."""
+"""Functionals of a graph: one number per agent from the links of all agents (Shi, Remark 3)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def left_eigenvector(weights: Array) -> Array:
     Parameters
     ----------
     weights
-        Weights w_ij >= 0 that agent i gives agent j, shape (N, N); the diagonal is not looked at.
+        Weights w_ij >= 0 that agent i gives agent j, shape (N, N); the diagonal is ignored.
 
     Returns
     -------

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array, array, number
+from flocking.model.checks import Array, array, check_each, number
 from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import Graph, pair_distances
 from flocking.model.parts.registration import register_part
@@ -156,7 +156,4 @@ class PerAgentRadii(Graph):
         InvalidInput
             When there are more or fewer.
         """
-        if n != len(self.radii):
-            raise InvalidInput(
-                "PerAgentRadii", "radii", f"must have one value for each of the {n} agents", f"{len(self.radii)} values"
-            )
+        check_each("PerAgentRadii", "radii", self.radii, n)

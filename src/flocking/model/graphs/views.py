@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array, number, one_of, scalar_or_each
+from flocking.model.checks import Array, check_each, number, one_of, scalar_or_each
 from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import Graph, pair_distances
 from flocking.model.graphs.weights import PairWeights
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     import sympy
 
 MEASURES = ("real", "wrapped", "rotation")
+ORTHOGONAL = 1e-9
+"""Deviation from orthogonality that a rotation matrix may have, above the rounding of products of rotations."""
 
 
 class HeadingGraph(Graph):
@@ -91,7 +93,7 @@ def heading_gaps(headings: Array, measure: str) -> Array:
         raise InvalidInput("Cone", "measure", "must be 'rotation' for rotation matrices", measure)
     size = headings.shape[1]
     product = np.einsum("nij,nik->njk", headings, headings)
-    if not np.allclose(product, np.eye(size), atol=1e-9) or not np.allclose(np.linalg.det(headings), 1.0):
+    if not np.allclose(product, np.eye(size), atol=ORTHOGONAL) or not np.allclose(np.linalg.det(headings), 1.0):
         raise InvalidInput("Agents", "headings", "must be rotation matrices", f"shape {headings.shape}")
     return np.asarray(0.5 * (size - np.einsum("jab,iab->ij", headings, headings)))
 
@@ -168,11 +170,7 @@ class Cone(HeadingGraph):
             When they are given for another number.
         """
         for name in ("radius", "opening"):
-            value = getattr(self, name)
-            if np.ndim(value) and len(value) != n:
-                raise InvalidInput(
-                    "Cone", name, f"must have one value for each of the {n} agents", f"{len(value)} values"
-                )
+            check_each("Cone", name, getattr(self, name), n)
 
 
 @register_part()
@@ -386,8 +384,4 @@ class FieldOfView(HeadingGraph):
             When they are given for another number.
         """
         for name in ("radius", "half_angle"):
-            value: Array = getattr(self, name)
-            if np.ndim(value) and len(value) != n:
-                raise InvalidInput(
-                    "FieldOfView", name, f"must have one value for each of the {n} agents", f"{len(value)} values"
-                )
+            check_each("FieldOfView", name, getattr(self, name), n)

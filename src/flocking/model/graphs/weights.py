@@ -139,15 +139,19 @@ class HashedWeights(PairWeights):
         return np.asarray(values)
 
 
+GOLDEN, MIXERS = np.uint64(0x9E3779B97F4A7C15), (np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB))
+"""Constants of splitmix64 (Steele, Lea and Flood 2014): 2^64 over the golden ratio, and two factors."""
+
+
 def pair_uniform(seed: int, i: np.ndarray, j: np.ndarray) -> Array:
     """Numbers in [0, 1) that depend on the seed and the unordered pair alone (splitmix64)."""
     low = np.minimum(i, j).astype(np.uint64)
     high = np.maximum(i, j).astype(np.uint64)
     with np.errstate(over="ignore"):
-        z = (high << np.uint64(32)) + low + np.uint64(seed % 2**64) * np.uint64(0x9E3779B97F4A7C15)
+        z = (high << np.uint64(32)) + low + np.uint64(seed % 2**64) * GOLDEN
         for _ in range(2):
-            z = z + np.uint64(0x9E3779B97F4A7C15)
-            z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-            z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+            z = z + GOLDEN
+            z = (z ^ (z >> np.uint64(30))) * MIXERS[0]
+            z = (z ^ (z >> np.uint64(27))) * MIXERS[1]
             z = z ^ (z >> np.uint64(31))
     return np.asarray((z >> np.uint64(11)).astype(np.float64) / 2.0**53)

@@ -22,6 +22,11 @@ HIGHEST_POWER = 8
 MOST_PIECES = 256
 """Pieces of an interval that is integrated numerically: about one for each unit of time, up to this bound on time."""
 
+LARGEST_DOUBT = 1e-9
+"""Largest estimated error of the position on a piece, relative where the piece is longer than 1."""
+ABSOLUTE, RELATIVE, SUBINTERVALS = 1e-13, 1e-12, 200
+"""Tolerances of the quadrature, near rounding, and most subintervals of a piece, a bound on time."""
+
 Complex = tuple["sympy.Expr", "sympy.Expr"]
 """Real and imaginary part."""
 
@@ -57,21 +62,21 @@ def displacement(velocity: sympy.Expr, t: sympy.Symbol, begin: sympy.Expr) -> sy
 
 
 def _distributed(product: sympy.Expr, t: sympy.Symbol) -> sympy.Expr:
-    """A product of sums as a sum of products; functions, linear factors and what is constant stay whole."""
+    """A product of sums as a sum of products; functions, linear factors and constants are not expanded."""
     import sympy
 
-    factors_kept: dict[sympy.Expr, sympy.Dummy] = {}
+    unexpanded: dict[sympy.Expr, sympy.Dummy] = {}
 
     def masked(e: sympy.Expr) -> sympy.Expr:
         if e.is_Atom:
             return e
         slope = _slope(e, t) if e.is_Add else None
         if not e.has(t) or isinstance(e, sympy.Function) or (slope is not None and slope.is_nonzero):
-            return factors_kept.setdefault(e, sympy.Dummy(real=True))
+            return unexpanded.setdefault(e, sympy.Dummy(real=True))
         return e.func(*(masked(a) for a in e.args))
 
     expanded = sympy.expand(masked(product))
-    back = {dummy: e for e, dummy in factors_kept.items()}
+    back = {dummy: e for e, dummy in unexpanded.items()}
     return sympy.Add(*(a.xreplace(back) for a in sympy.Add.make_args(expanded)))
 
 
@@ -193,7 +198,7 @@ def _of_exponential(growth: sympy.Expr, rate: sympy.Expr, t: sympy.Symbol, begin
 
 
 def _of_polynomial(lines: list[tuple[sympy.Expr, int]], t: sympy.Symbol, begin: sympy.Expr) -> sympy.Expr | None:
-    """Integral of a product of powers of linear factors, as a polynomial of one of them: that one stays whole."""
+    """Integral of a product of powers of linear factors, as a polynomial of one of them, which is not expanded."""
     import sympy
 
     if not lines:
@@ -237,10 +242,12 @@ def travelled(velocity: Callable[[float], Array], start: float, end: float) -> A
             return float(velocity(s)[axis])
 
         for a, b in pairwise(edges):
-            piece, doubt, *_ = quad(along, float(a), float(b), epsabs=1e-13, epsrel=1e-12, limit=200, full_output=1)
-            if doubt > 1e-9 * max(1.0, abs(piece)):
+            piece, doubt, *_ = quad(
+                along, float(a), float(b), epsabs=ABSOLUTE, epsrel=RELATIVE, limit=SUBINTERVALS, full_output=1
+            )
+            if doubt > LARGEST_DOUBT * max(1.0, abs(piece)):
                 raise InvalidInput(
-                    "Path", "velocity", "must be tame enough for the position to be found to 9 digits",
+                    "Path", "velocity", "must be smooth enough for the position to be found to 9 digits",
                     f"coordinate {axis} is known to {doubt:.1g} for t in [{a:g}, {b:g}]",
                     "Give a velocity that stays finite, or one with a closed antiderivative.",
                 )  # fmt: skip

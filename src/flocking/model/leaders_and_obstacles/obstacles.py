@@ -26,6 +26,10 @@ TINY = 1e-300
 """Added under square roots: the distance to a centre has a slope, 0, at the centre itself."""
 
 
+UNIT = 1e-14
+"""Lengths this near to 1 are not scaled: scaling a unit vector again would change its last bits."""
+
+
 @dataclass(frozen=True)
 class Piece:
     """A part of the plane or of space, and the signed distance there.
@@ -43,7 +47,7 @@ class Piece:
 
 
 class Obstacle(ABC):
-    """A convex body. It may move with a leader: the leader's position shifts the whole body."""
+    """A convex body. It may move with a leader, whose position is added to that of the body."""
 
     keeps_identity = True
 
@@ -320,7 +324,7 @@ class Wall(Obstacle):
         length = float(np.linalg.norm(normal))
         if len(normal) != self.point.dimension or not length > 0:
             raise InvalidInput("Wall", "normal", f"must be a {self.point.dimension}-vector that is not 0", self.normal)
-        if abs(length - 1.0) > 1e-14:  # scaling a unit vector again would change its last bits
+        if abs(length - 1.0) > UNIT:
             normal = array("Wall", "normal", normal / length, ndim=1)
         object.__setattr__(self, "normal", normal)
         object.__setattr__(self, "extent", number("Wall", "extent", self.extent, above=0.0))

@@ -36,7 +36,7 @@ Part = TypeVar("Part", bound=Callable[..., object])
 
 _PLAIN: dict[object, tuple[Value, tuple[type, ...], str]] = {
     bool: (values.TRUTH, (bool,), "bool"),
-    int: (values.WHOLE, (int,), "int"),
+    int: (values.INTEGER, (int,), "int"),
     float: (values.NUMBER, (int, float), "float"),
     str: (values.NAME, (str,), "str"),
 }
@@ -248,7 +248,7 @@ def _is_array(kind: object) -> bool:
 
 
 def _check_free(found: Description) -> None:
-    """Check that name and word of a part are not another's; a module may be read anew and register its own again."""
+    """Check that name and word of a part are free; a reloaded module may register its own parts again."""
     other = registered_names().get(found.name)
     if found.own_fields and other is not None and _home(other) != _home(found):
         raise InvalidInput("register_part", "name", "must not be that of another part", found.name, "Rename the class.")

@@ -71,7 +71,7 @@ def value_at(part: object, path: Sequence[Step]) -> object:
 
 
 def with_children(part: T, changes: Mapping[Step, object]) -> T:
-    """``part`` with some of its children replaced; it validates itself anew.
+    """``part`` with some of its children replaced and validated.
 
     A new formula keeps the parameters it still uses; a name it uses for the first time gets the value 1.
     """

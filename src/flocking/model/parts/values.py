@@ -347,7 +347,7 @@ _PAIRS = {"type": "array", "items": {"type": "array", "items": {"type": "integer
 
 NUMBER = Value(_number, {"type": "number"}, "number")
 TIME = hidden(NUMBER)
-WHOLE = Value(_integer(-LARGEST_INTEGER, LARGEST_INTEGER), {"type": "integer"}, "count")
+INTEGER = Value(_integer(-LARGEST_INTEGER, LARGEST_INTEGER), {"type": "integer"}, "count")
 AGENTS = Value(_integer(1, LARGEST_INTEGER), {"type": "integer", "minimum": 1}, agents=_count_of)
 """How many agents there are."""
 FEW_AGENTS = replace(AGENTS, pairwise=True)

@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     import sympy
 
 
+GRID, REFINED = 2001, 1e-12
+"""Points at which the steepest slope is looked for, and the accuracy to which the best one is then refined."""
+
+
 @dataclass(frozen=True)
 class Bump:
     """A bump function rho(z; k0), one formula in ``z`` and ``k0``; its slope is derived.
@@ -77,12 +81,15 @@ class Bump:
         from scipy.optimize import minimize_scalar
 
         onset = number("Bump", "k0", k0, least=0.0, below=1.0)
-        grid = np.linspace(onset, 1.0, 2001)
+        grid = np.linspace(onset, 1.0, GRID)
         slopes = np.abs(self.slope(grid, onset))
         best = int(np.argmax(slopes))
         low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
         found = minimize_scalar(
-            lambda z: -abs(float(self.slope(z, onset))), bounds=(low, high), method="bounded", options={"xatol": 1e-12}
+            lambda z: -abs(float(self.slope(z, onset))),
+            bounds=(low, high),
+            method="bounded",
+            options={"xatol": REFINED},
         )
         return max(float(slopes[best]), -float(found.fun))
 

@@ -24,6 +24,11 @@ if TYPE_CHECKING:
     import sympy
 
 
+SEARCHED = 1e-6, 1e6, 12001
+"""Range of distances in which roots are searched, and number of points: 1000 a decade."""
+ROOT = 1e-15
+"""Relative accuracy of a root, some units of rounding."""
+
 MOST_BORDERS = 64
 """Borders kept of a condition such as sin(r) < 0, which has one after the other."""
 
@@ -193,7 +198,7 @@ def _pattern(text: str) -> Formula:
 
 
 def _derived(potential: object) -> object:
-    """Derives the slope, so that a formula that cannot be differentiated is told where it was typed."""
+    """Derives the slope, so that a formula that cannot be differentiated is refused where it was typed."""
     return potential.at_contact if isinstance(potential, Potential) else None
 
 
@@ -239,11 +244,11 @@ def zeros_of(module: ModuleType, values: list[np.float64]) -> tuple[float, ...]:
 def _sign_changes(gap: Callable[..., Array], values: list[np.float64]) -> list[float]:
     from scipy.optimize import brentq
 
-    grid = np.geomspace(1e-6, 1e6, 12001)
+    grid = np.geomspace(*SEARCHED)
     signs = np.sign(gap(grid, *values) + np.zeros_like(grid))
     found = [float(r) for r in grid[signs == 0]]
     for k in np.flatnonzero(signs[:-1] * signs[1:] < 0):
-        found.append(float(brentq(lambda r: float(gap(np.float64(r), *values)), grid[k], grid[k + 1], rtol=1e-15)))
+        found.append(float(brentq(lambda r: float(gap(np.float64(r), *values)), grid[k], grid[k + 1], rtol=ROOT)))
         if len(found) >= MOST_BORDERS:
             break
     return sorted(found)[:MOST_BORDERS]

@@ -31,6 +31,12 @@ if TYPE_CHECKING:
 SUSPICIOUS, WRONG = 1e-9, 1e-10
 """Of the largest part of the sum: above the first it is evaluated with 40 digits, above the second it is refused."""
 
+DIGITS, CHECKED_STATES = 40, 40
+"""Digits of the second evaluation, and about how many doubtful states it is made in, a bound on time."""
+
+EQUAL_FACTORS = 1e-6
+"""Relative spread up to which factors in several states count as one: they come from values of 40 digits as floats."""
+
 FEWEST_STATES = 20
 """Finite states that a check of a balance needs at least: a wrong formula is exposed by nearly every one."""
 
@@ -190,7 +196,7 @@ def _fault(
     scale = np.abs(found).max(axis=0)
     doubtful = np.flatnonzero(np.abs(found.sum(axis=0)) > SUSPICIOUS * scale)
     if len(doubtful) and not is_zero(sum(parts, sympy.Integer(0))):
-        exact, rest = _with_digits(parts, symbols, drawn[:, doubtful[:: 1 + len(doubtful) // 40]])
+        exact, rest = _with_digits(parts, symbols, drawn[:, doubtful[:: 1 + len(doubtful) // CHECKED_STATES]])
         off = np.abs(rest) > WRONG * np.abs(exact).max(axis=0)
         if off.any():
             return _described(exact[:, off], rest[off])
@@ -210,7 +216,7 @@ def _with_digits(parts: Sequence[sympy.Expr], symbols: Sequence[sympy.Symbol], s
 
     compiled = sympy.lambdify(symbols, list(parts), "mpmath")
     columns, rest = [], []
-    with mpmath.workdps(40):
+    with mpmath.workdps(DIGITS):
         for state in states.T:
             values = [mpmath.re(v) for v in compiled(*(mpmath.mpf(float(v)) for v in state))]
             columns.append([float(v) for v in values])
@@ -228,7 +234,7 @@ def _described(parts: Array, rest: Array) -> Fault:
         usable = np.abs(right) > WRONG * np.abs(parts).max(axis=0)
         if usable.all() and (np.abs(given) > 0).any():
             factors = given / right
-            if np.ptp(factors) <= 1e-6 * np.abs(factors).max():
+            if np.ptp(factors) <= EQUAL_FACTORS * np.abs(factors).max():
                 what = "the rate of what follows" if name == "storage" else "what follows"
                 return (
                     name, "must be that of the stated forces", f"{factors[0]:.6g} times {what} from them",

@@ -44,7 +44,7 @@ class BodyTerm(Term):
         """Power dissipated and power supplied in the frame that moves with ``x.frame_p``.
 
         Their difference, with the rate of `storage`, is the power of the force. By default nothing is known
-        to be dissipated and the whole power of the stated force counts as supplied.
+        to be dissipated, and all power of the stated force counts as supplied.
         """
         import sympy
 

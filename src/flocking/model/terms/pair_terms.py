@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array, one_of, scalar_or_each, truth
+from flocking.model.checks import Array, check_each, one_of, scalar_or_each, truth
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.weights import HashedWeights, MatrixWeights, PairWeights
 from flocking.model.parts import values
@@ -66,13 +66,8 @@ class Term(ABC):
                 value.check_count(n)
             elif isinstance(value, Schedule):
                 value.check_count(type(self).__name__, name, n)
-            elif np.ndim(value) and len(np.asarray(value)) != n:
-                raise InvalidInput(
-                    type(self).__name__,
-                    name,
-                    f"must have one value for each of the {n} agents",
-                    f"{np.size(value)} values",
-                )
+            else:
+                check_each(type(self).__name__, name, value, n)
 
     def check_dimension(self, dimension: int) -> None:
         """Check that the term fits ``dimension`` space dimensions; most fit any."""
@@ -171,7 +166,7 @@ class Gradient(PairTerm):
         The energy of a weighted force. ``"integral"``: the integral of a psi', zero at the radius, of which the
         force is the gradient, found to 12 digits where the weight falls. ``"potential"``: a psi, the energy of (35);
         what moves the weight counts as supplied. So it does anyway over graphs whose weight is none of `Smooth`, and
-        for potentials with a kink or a narrow feature where the weight falls; `fall` tells.
+        for potentials with a kink or a narrow feature where the weight falls; see `fall`.
 
     Raises
     ------

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array, array, listed, scalar_or_each
+from flocking.model.checks import Array, array, check_each, listed, scalar_or_each
 from flocking.model.parts import values as fields
 from flocking.model.parts.description import Group, Short, add_group
 from flocking.model.parts.registration import register_part
@@ -92,11 +92,7 @@ class Schedule:
         InvalidInput
             When they are given for another number.
         """
-        if self.per_agent and len(np.asarray(self.values[0])) != n:
-            raise InvalidInput(
-                owner, parameter, f"must have one value for each of the {n} agents",
-                f"{np.size(self.values[0])} values",
-            )  # fmt: skip
+        check_each(owner, parameter, self.values[0], n)
 
 
 add_group(
