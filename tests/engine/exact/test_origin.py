@@ -128,14 +128,14 @@ PULLED = fk.Law(BREATHING.graph, [*BREATHING.terms, fk.Track(fk.Sink([1e14, 0.0]
 
 @pytest.mark.parametrize("size", [1e10, 1e14])
 def test_a_law_that_knows_places_refuses_what_numbers_cannot_hold(size: float) -> None:
-    with pytest.raises(OutOfPrecision, match="told apart only by") as caught:
+    with pytest.raises(OutOfPrecision, match="resolved only to") as caught:
         breathing(place=size, law=PULLED)
     assert caught.value.agents
     assert caught.value.time == 0.0
 
 
 def test_a_law_that_knows_times_refuses_what_numbers_cannot_hold() -> None:
-    with pytest.raises(OutOfPrecision, match="Times are told apart only by") as caught:
+    with pytest.raises(OutOfPrecision, match="Times are resolved only to") as caught:
         breathing(time=1e14, law=TRACKED)
     assert caught.value.time == 1e14
 

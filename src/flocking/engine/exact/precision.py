@@ -82,7 +82,7 @@ class Precision:
             late = EPSILON * abs(time) * max(1.0, float(np.abs(p).max(initial=0.0)))
             if late > COARSEST * self._tolerance * max(1.0, _spread(q)):
                 raise OutOfPrecision(
-                    f"Times are told apart only by {EPSILON * abs(time):.2g}, too coarse for a tolerance "
+                    f"Times are resolved only to {EPSILON * abs(time):.2g}, too coarse for a tolerance "
                     f"of {self._tolerance:g}. Let the scenario, its leaders and its obstacles begin near t = 0.",
                     time=time,
                 )  # fmt: skip
@@ -92,7 +92,7 @@ class Precision:
         agent = int(np.argmax(size))
         if EPSILON * size[agent] > COARSEST * self._tolerance * max(1.0, _spread(q)):
             raise OutOfPrecision(
-                f"Positions near {size[agent]:.3g} are told apart only by {EPSILON * size[agent]:.2g}, too coarse "
+                f"Positions near {size[agent]:.3g} are resolved only to {EPSILON * size[agent]:.2g}, too coarse "
                 f"for a tolerance of {self._tolerance:g}. Start near the origin, or raise Scenario.tolerance.",
                 time=self._origin.time_at(own), agents=(agent,),
             )  # fmt: skip
@@ -101,7 +101,7 @@ class Precision:
         if len(i) and DISTANCE * float(outer.max()) > self.finest:
             k = int(np.argmax(outer))
             raise OutOfPrecision(
-                f"Positions are told apart only by {outer[k]:.2g}, too coarse for links that differ by "
+                f"Positions are resolved only to {outer[k]:.2g}, too coarse for links that differ by "
                 f"{self.finest:.2g} of distance. Start near the origin, or make the links coarser.",
                 time=self._origin.time_at(own), agents=(int(i[k]), int(j[k])),
             )  # fmt: skip

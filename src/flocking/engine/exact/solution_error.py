@@ -224,7 +224,7 @@ class SolutionError:
         if self.known_until < np.inf:
             return np.inf, np.inf
         if not segment.t1 > segment.t0:
-            # A state that was put in place crosses at once: no motion led there whose error could be told.
+            # A given state crosses at once: without motion before it there is no estimate of its error.
             self._companion.lose(segment.t1)
             return np.inf, np.inf
         if watch.kind in ("obstacle", "rim"):
@@ -249,7 +249,7 @@ class SolutionError:
         delay = float(np.clip(-signed / speed, -late, late)) if speed else late
         if self._jump is None or abs(delay) > abs(self._jump[0]):
             self._jump = (delay, segment.with_slope(segment.t1)[1])
-        # The user's time is told apart only so far.
+        # The user's time is resolved no finer.
         unit = float(np.spacing(abs(segment.t1 + self._dynamics.base)))
         return late + unit, drift + abs(acceleration) * late
 

@@ -39,7 +39,7 @@ class Piece:
     distance
         Signed distance of q, an expression in q, t and parameters.
     condition
-        Where it holds; None for wherever no earlier piece does.
+        Where it holds; None for all places where no earlier piece does.
     """
 
     distance: sympy.Expr

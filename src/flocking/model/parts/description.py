@@ -120,7 +120,7 @@ class Description:
     tried
         Called with a new part, so that its formulas are derived where they were typed.
     taken
-        Fields of a part that a function makes, where they can be told from it.
+        Gives the arguments of a function from the part that it made, where they can be found.
     """
 
     name: str

@@ -21,7 +21,13 @@ if TYPE_CHECKING:
     from flocking.model.terms.pair_terms import PairTerm
 
 COUNT = 2000
-"""Random states a term is looked at in."""
+"""Random states in which a term is checked."""
+
+
+LEAST_DISTANCE = 1e-12
+"""Added to random distances, so that none is zero, where formulas may have no value."""
+MOST_VALUES = 64
+"""Values of one parameter that are drawn from, as agents may have very many."""
 
 
 def _symbol(name: str) -> sympy.Symbol:
@@ -107,7 +113,7 @@ def _distances(lengths: Sequence[float], rng: np.random.Generator) -> Array:
     within = places * rng.random(COUNT)
     wide = places * 10.0 ** rng.uniform(-3, 3, COUNT)
     chosen = np.choose(rng.integers(3, size=COUNT), [near, within, wide])
-    return np.asarray(np.abs(chosen) + 1e-12)
+    return np.asarray(np.abs(chosen) + LEAST_DISTANCE)
 
 
 class PairStates(States):
@@ -206,5 +212,5 @@ def _values(value: object) -> tuple[float, ...]:
     if isinstance(value, PairWeights):
         return (0.25, 0.5, 1.0, 2.0)
     if isinstance(value, Schedule):
-        return tuple(float(x) for x in np.unique(np.array(value)))[:64]
-    return tuple(float(x) for x in np.unique(np.asarray(value, dtype=np.float64)))[:64]
+        return tuple(float(x) for x in np.unique(np.array(value)))[:MOST_VALUES]
+    return tuple(float(x) for x in np.unique(np.asarray(value, dtype=np.float64)))[:MOST_VALUES]
