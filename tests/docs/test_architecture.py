@@ -20,6 +20,7 @@ HOMES = {
     "change what beta- and gamma-agents do": "class Avoid(",
     "add a body, such as one with an actuator": "class PointMass(",
     "add a space": "class Open",
+    "change which images the exact engine watches": "def reachable(",
     "change the displacements that kernels compute": "def displacement_lines(",
     "change how rates of bodies are printed": "def motion_source(",
     "change what agents of order 1 see of a law": "def flow_formulas(",

@@ -22,6 +22,7 @@ from flocking.model.parts.description import Group, Nested, Unwritten, add_group
 from flocking.model.parts.registration import register_part
 from flocking.model.scenario_numbers import checked_end, checked_frames, checked_tolerance
 from flocking.model.space import OPEN, Space
+from flocking.model.space_checks import check_space
 from flocking.model.state import Agents, State
 from flocking.model.terms.balances import check_body_term, check_pair_term
 from flocking.model.terms.body_terms import BodyTerm
@@ -221,8 +222,9 @@ class Scenario:
     Raises
     ------
     InvalidInput
-        When parts disagree in number of agents or dimensions, times are out of order, or two agents coincide
-        under a potential that is singular there.
+        When parts disagree in number of agents or dimensions, times are out of order, two agents coincide
+        under a potential that is singular there, or the law cannot act in the space, see
+        `flocking.model.space_checks.check_space`.
     """
 
     law: Annotated[Law, Nested("law", inline=True)]
@@ -260,6 +262,7 @@ class Scenario:
         self.agents.check_count(self.start.n)
         object.__setattr__(self, "start", self._with_all_columns())
         self.law.check_count(self.start.n, self.start.dimension)
+        check_space(self.space, self.law.graphs, self.law.body_terms, self.start.dimension)
         self._check_coincidence()
         check_reach(self.law.pair_terms, self.law.graph)
 
@@ -284,7 +287,7 @@ class Scenario:
     def _check_coincidence(self) -> None:
         if not self.law.singular_at_zero():
             return
-        groups = coincident_groups(self.start.q)
+        groups = coincident_groups(self.space.wrapped(self.start.q))
         for term in self.law.pair_terms:
             if groups and isinstance(term, Gradient) and not np.isfinite(term.potential.at_contact):
                 graph = term.over or self.law.graph
@@ -320,6 +323,7 @@ class Scenario:
             When the law does not fit the agents, or its potentials have no values where its neighbours are.
         """
         law.check_count(self.start.n, self.start.dimension)
+        check_space(self.space, law.graphs, law.body_terms, self.start.dimension)
         check_reach(law.pair_terms, law.graph)
         found = copy(self)
         object.__setattr__(found, "law", law)

@@ -32,6 +32,7 @@ from flocking.model.potentials.bumps import Bump as Bump
 from flocking.model.potentials.potential import Potential as Potential
 from flocking.model.potentials.structural_potential import structural_potential as structural_potential
 from flocking.model.space import Open as Open
+from flocking.model.space import Periodic as Periodic
 from flocking.model.space import Space as Space
 from flocking.model.state import Agents as Agents
 from flocking.model.state import State as State

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
-from flocking.model.checks import Array
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array, number
+from flocking.model.parts import values
 from flocking.model.parts.description import Group, add_group
 from flocking.model.parts.registration import register_part
 
@@ -19,10 +23,8 @@ class Space(ABC):
     from one agent to another. Everything that needs q_j - q_i asks `displacement`, or `lengths` where it prints code.
     """
 
-    @property
-    @abstractmethod
-    def lengths(self) -> tuple[float, ...]:
-        """Length after which each axis repeats, infinite where it does not; empty where none does, in any dimension."""
+    lengths: tuple[float, ...] = ()
+    """Length after which each axis repeats, infinite where it does not; empty where none does, in any dimension."""
 
     @abstractmethod
     def displacement(self, difference: Array) -> Array:
@@ -32,6 +34,15 @@ class Space(ABC):
     def is_open(self) -> bool:
         """Whether no axis repeats: then differences are displacements."""
         return not np.isfinite(self.lengths).any()
+
+    def wrapped(self, q: Array) -> Array:
+        """Images of positions, shape (..., m), in the box [0, L) of each axis that repeats; as they are on others."""
+        found = np.array(q, dtype=np.float64)
+        for k, length in enumerate(self.lengths):
+            if np.isfinite(length):
+                # The remainder of a small negative number is the length itself.
+                found[..., k] = np.where((r := found[..., k] % length) < length, r, 0.0)
+        return found
 
     @property
     def structure(self) -> tuple[object, ...]:
@@ -47,14 +58,57 @@ add_group(Group("space", Space))
 class Open(Space):
     """Space without end: the displacement is the difference q_j - q_i."""
 
-    @property
-    def lengths(self) -> tuple[float, ...]:
-        """None."""
-        return ()
-
     def displacement(self, difference: Array) -> Array:
         """The ``difference`` itself."""
         return difference
+
+
+@register_part("periodic")
+@dataclass(frozen=True)
+class Periodic(Space):
+    """Space that repeats after a length on some axes: the displacement leads to the nearest image.
+
+    On an axis of length L the displacement is d - L s(|d|/L + 1/2), where s rounds down and takes the sign of d. A
+    difference of exactly L/2 thus becomes -L/2 and one of -L/2 becomes L/2: displacements of i from j and of j from i
+    are opposite to the last bit. Positions are unwrapped: an agent that leaves the box is not put back.
+
+    Parameters
+    ----------
+    lengths
+        Length after which each axis repeats, one for each axis; None, or infinity, for an axis without end.
+
+    Raises
+    ------
+    InvalidInput
+        When a length is not positive, or no axis repeats.
+    """
+
+    lengths: Annotated[tuple[float, ...], values.LENGTHS] = field()
+
+    def __post_init__(self) -> None:
+        given = self.lengths
+        if isinstance(given, str) or not isinstance(given, Sequence | np.ndarray) or not len(given):
+            raise InvalidInput("Periodic", "lengths", "must be one length for each axis", given, "Write [10.0, 10.0].")
+        found = tuple(
+            np.inf if x is None or x == np.inf else number("Periodic", "lengths", x, above=0.0) for x in given
+        )
+        object.__setattr__(self, "lengths", found)
+        if self.is_open:
+            raise InvalidInput("Periodic", "lengths", "must be finite on at least one axis", given, "Use Open().")
+
+    def displacement(self, difference: Array) -> Array:
+        """The vector to the nearest image, from the ``difference`` of two positions, shape (..., m)."""
+        found = np.array(difference, dtype=np.float64)
+        for k, length in enumerate(self.lengths):
+            if np.isfinite(length):
+                d = found[..., k]
+                found[..., k] = d - length * np.copysign(np.floor(np.abs(d) / length + 0.5), d)
+        return found
+
+    @property
+    def structure(self) -> tuple[object, ...]:
+        """Which axes repeat."""
+        return ("periodic", tuple(bool(np.isfinite(length)) for length in self.lengths))
 
 
 OPEN = Open()

@@ -30,11 +30,13 @@ def audit(run: Run, claims: Sequence[Claim] | None = None) -> Report:
 
 
 def _of_point_masses(claim: Claim) -> Claim:
-    """A claim of a paper, whose theorems assume that agents move as point masses do."""
+    """A claim of a paper, whose theorems assume that agents move as point masses do, in open space."""
 
     @wraps(claim.hypothesis)
     def hypothesis(e: Evidence) -> Measure:
         agents = e.run.scenario.agents
+        if not (space := e.run.scenario.space).is_open:
+            return Measure(-1.0, 0.0, f"space is {type(space).__name__}, not open", everywhere=False)
         if is_point_mass(agents):
             return claim.hypothesis(e)
         return Measure(-1.0, 0.0, f"agents are {type(agents).__name__}, not point masses", everywhere=False)

@@ -218,7 +218,9 @@ def _film(
 
 def _limits(run: Run, follow: bool) -> Array:
     """Lowest and highest corner of the picture at every frame, shape (2, F, m)."""
-    q = run.q if run.q.shape[2] > 1 else np.concatenate([run.q, np.zeros_like(run.q)], axis=2)
+    space = run.scenario.space
+    where = run.q if space.is_open else space.wrapped(np.asarray(run.q, dtype=np.float64))
+    q = where if run.q.shape[2] > 1 else np.concatenate([where, np.zeros_like(where)], axis=2)
     centre = (q.min(axis=1) + q.max(axis=1)) / 2
     half = np.ptp(q, axis=1).max(axis=0) / 2
     if not follow:

@@ -13,6 +13,7 @@ from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.checks import number
 from flocking.model.leaders_and_obstacles.leaders import Leader
+from flocking.model.space import OPEN, Space
 from flocking.model.state import State
 from flocking.model.terms.avoidance import ObstacleTerm
 from flocking.show.frames import frame_at, leader_at
@@ -107,7 +108,8 @@ def net(
     axes
         Where to draw; a new figure when absent. Agents in space need axes with ``projection="3d"``.
     links, arrows, trails
-        Draw links, velocities, and the paths travelled up to that frame.
+        Draw links, velocities, and the paths travelled up to that frame. In a run in periodic space agents are drawn
+        in the box, links in two halves, and no paths.
     obstacles
         Objects with a method ``outline(count)`` that gives points of shape (count, 2); drawn in the plane only. Those
         of the run's law where they are at that time when absent; these do not widen the picture.
@@ -143,11 +145,13 @@ def net(
     if space != (axes.name == "3d"):
         need = 'agents in space need projection="3d"' if space else 'agents in the plane need axes without "3d"'
         raise InvalidInput("net", "axes", "must fit the dimension of the agents", axes.name, f"{need}.")
-    q, p = _lift(state.q), _lift(state.p)
+    lives = what.scenario.space if isinstance(what, Run) else OPEN
+    q, p = _lift(state.q if lives.is_open else lives.wrapped(state.q)), _lift(state.p)
     followed = _leaders(what, state, leader)
     top_speed = max([top_speed, *(float(np.linalg.norm(v)) for _, v in followed)])
 
-    paths = _lift(past) if trails and len(past) > 1 else None
+    # A path that leaves the box would be drawn across all of it.
+    paths = _lift(past) if trails and len(past) > 1 and lives.is_open else None
     given = obstacles if obstacles is not None else ()
     outlines = [] if space else [np.asarray(o.outline(181), dtype=np.float64) for o in given]
     own = own_outlines(what, state) if obstacles is None else []
@@ -168,7 +172,7 @@ def net(
     if paths is not None:
         _draw_trails(axes, paths, notes)
     if links and state.links is not None:
-        _draw_links(axes, q, state.links, budget, notes)
+        _draw_links(axes, q, state.links, lives, budget, notes)
     moving = arrows and seconds > 0
     if moving:
         points.append(_draw_arrows(axes, q, p, seconds, notes))
@@ -268,7 +272,7 @@ def _evenly(count: int, most: int) -> NDArray[np.intp]:
     return np.asarray(np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.intp)))
 
 
-def _draw_links(axes: Axes, q: Reals, links: Links, budget: int, notes: list[str]) -> None:
+def _draw_links(axes: Axes, q: Reals, links: Links, space: Space, budget: int, notes: list[str]) -> None:
     pairs = pairs_of(links)
     if len(pairs) == 0:
         return
@@ -276,7 +280,18 @@ def _draw_links(axes: Axes, q: Reals, links: Links, budget: int, notes: list[str
     if len(shown) < len(pairs):
         notes.append(f"{len(shown):,} of {len(pairs):,} links drawn")
     width = float(np.clip(0.7 * (60.0 / max(len(shown), 60)) ** 0.35, 0.15, 0.7))
-    _line_collection(axes, q[shown], colors=theme().faint, linewidths=width, zorder=1, gid="links")
+    _line_collection(axes, _link_lines(q, shown, space), colors=theme().faint, linewidths=width, zorder=1, gid="links")
+
+
+def _link_lines(q: Reals, pairs: NDArray[np.intp], space: Space) -> Reals:
+    """Ends of the lines of links, shape (K, 2, m); in space that repeats each agent draws its half of the link."""
+    if space.is_open:
+        return q[pairs]
+    i, j = pairs.T
+    half = np.zeros((len(pairs), q.shape[1]))
+    axes = len(space.lengths)
+    half[:, :axes] = 0.5 * space.displacement(np.asarray(q[j, :axes] - q[i, :axes], dtype=np.float64))
+    return np.concatenate([np.stack([q[i], q[i] + half], axis=1), np.stack([q[j], q[j] - half], axis=1)])
 
 
 def _draw_trails(axes: Axes, paths: Reals, notes: list[str]) -> None:

@@ -46,6 +46,7 @@ SCENARIOS = {
     "smooth": scenario(Smooth(5.0, 0.8, bump="quintic"), (fk.Consensus(1.0, weighted=True),)),
     "radii": scenario(PerAgentRadii(np.array([1.0, 2.0, 3.0, 4.0, 1 / 7]))),
     "own bump": scenario(Smooth(5.0, 0.8, bump=fk.Bump("line", "where(z < k0, 1, (1 - z)/(1 - k0))"))),
+    "periodic": scenario(space=fk.Periodic([99.0, None])),
     "cone": scenario(fk.Cone(3.0, np.arange(1.0, 6.0), "wrapped"), agents=fk.Agents(headings=np.arange(5) * 0.1)),
     "smooth cone": scenario(fk.SmoothCone(3.0, 0.5, 1 / 3), agents=fk.Agents(headings=np.arange(5) * 0.1)),
     "view": scenario(fk.FieldOfView(3.0, 1.0), agents=fk.Agents(headings=np.arange(5) * 0.1)),

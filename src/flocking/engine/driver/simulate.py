@@ -70,6 +70,7 @@ def open_session(engine: Engine, scenario: Scenario, options: object, plant: Law
     InvalidInput, UnsupportedLaw, EngineMissing
         As the engine does, and when what it opens is no session.
     """
+    engine.check_space(scenario)
     session = engine.open(scenario, options, plant=plant)
     if not isinstance(session, Session):
         kind = "flocking.engine.protocol.session.Session"

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flocking.engine.exact.crossings.guards import deepest_dip
+from flocking.engine.exact.crossings.images import linked_paths
 from flocking.engine.exact.dynamics import LEDGER, Dynamics
 from flocking.engine.exact.integrator.segment import Segment
 from flocking.model.checks import Array
@@ -58,7 +59,7 @@ def jumps_barrier(dynamics: Dynamics, segment: Segment, ledger: LedgerState) -> 
     if not dynamics.singular:
         return False
     motion = segment.motion(dynamics.n, dynamics.m, dynamics.order)
-    x = deepest_dip(motion.positions, motion.far, *dynamics.linked_pairs())
+    x = deepest_dip(*linked_paths(dynamics.scenario.space, motion, *dynamics.linked_pairs()))
     if x > 1.0:
         return False
     inside = segment.cut(x)

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from flocking.arrays import Indices, Numbers
+from flocking.engine.exact.crossings.images import linked_paths
 from flocking.engine.exact.crossings.switching import LinkState
 from flocking.engine.exact.integrator.segment import Segment
 from flocking.engine.exact.narrow_features import allowed_by_obstacles, allowed_share, zones_of
@@ -152,7 +153,8 @@ class Dynamics:
         motion = segment.motion(self.n, self.m, self.order)
         B = motion.positions
         if len(self.zones):
-            share = float(allowed_share(B, motion.far, *self.pairs[:3], self.zones, self.zone_graphs))
+            paths = linked_paths(self.scenario.space, motion, *self.pairs[:2])
+            share = float(allowed_share(*paths, self.pairs.offsets, self.zones, self.zone_graphs))
         if any(map(len, self._obstacle_zones)):
             found = self._obstacle_zones
             share = min(share, allowed_by_obstacles(segment, B, links.contacts, links.active(), found, self.base))

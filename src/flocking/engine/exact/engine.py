@@ -12,6 +12,7 @@ from flocking.engine.protocol.stages import longer
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.law import Law, Scenario
+from flocking.model.space import Open, Periodic
 
 MOST_AGENTS = 20_000
 """Largest group of this engine, which stores a matrix of all pairs."""
@@ -26,6 +27,7 @@ class ExactEngine(Engine):
     name = "exact"
     summary = "locates every switch of a link; up to 20,000 agents"
     options = ExactOptions
+    spaces = (Open, Periodic)
 
     def check(self, scenario: Scenario, plant: Law | None = None) -> None:
         """Refuse groups whose matrix of pairs would not fit into memory."""

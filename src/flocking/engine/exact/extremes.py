@@ -11,12 +11,14 @@ import numpy as np
 from flocking.engine.exact.companion import StateError
 from flocking.engine.exact.crossings.band_guards import diameter, find_fastest
 from flocking.engine.exact.crossings.guards import FINEST, NEVER, find_closest
+from flocking.engine.exact.crossings.images import image_closest
 from flocking.engine.exact.integrator.segment import Motion, Segment
 from flocking.engine.exact.origin import Origin
 from flocking.engine.runs.run import Closest, Largest
 from flocking.formula.native.functions import native, native_apart
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
+from flocking.model.space import Space
 
 NAMES = ("diameter", "speed", "spread", "relative speed", "ledger")
 """Quantities whose largest values are recorded, in the order of their rows; the closest pairs follow."""
@@ -97,7 +99,7 @@ class Extremes:
         for number, x in enumerate(known):
             self.rows[CLOSEST + number] = x.distance, x.time, x.error, *x.pair, 1.0
 
-    def follow(self, segment: Segment, linked: Links, error: StateError, origin: Origin) -> None:
+    def follow(self, segment: Segment, linked: Links, error: StateError, origin: Origin, space: Space) -> None:
         """Record a step.
 
         Parameters
@@ -110,11 +112,17 @@ class Extremes:
             Errors on it.
         origin
             Origin of its time and coordinates.
+        space
+            Space of the agents. The diameter is that of unwrapped positions.
         """
         motion = segment.motion(self.n, self.m, self._order)
         _, off = origin.rounded(segment.t1, 0.0, error.velocity)
         times, errors = StepTimes(segment.t0, segment.t1, origin.time), StepErrors(error.lost, error.pairs, off)
+        closest = self.rows[CLOSEST:].copy()
         follow_extremes(motion, linked, self.references(origin), times, errors, self.rows)
+        if not space.is_open and self.n > 1:
+            self.rows[CLOSEST:] = closest
+            _image_approach(space, motion, linked, times, errors.pairs, self.rows)
 
     def references(self, origin: Origin) -> References:
         """Velocities for comparison; ``origin`` is that of the coordinates."""
@@ -251,37 +259,55 @@ def _take(rows: Array, row: int, times: StepTimes, value: float, x: float, i: fl
 def _approach(motion: Motion, linked: Links, times: StepTimes, error: float, rows: Array) -> None:
     """Record the closest pairs on a step."""
     B, far = motion.positions, motion.far
+    known, most, found = np.empty(2), np.empty(2), np.empty((2, 4))
+    _bounds(error, rows, known, most)
+    find_closest(B, far, linked, most[0], most[1], found)
+    for row in range(2):
+        i, j = int(found[row, 2]), int(found[row, 3])
+        _take_approach(B, i, j, found[row], known[row], times, error, rows[CLOSEST + row])
+
+
+def _image_approach(space: Space, motion: Motion, linked: Links, times: StepTimes, error: float, rows: Array) -> None:
+    """Take in how close pairs come on a step where space repeats."""
+    known, most = np.empty(2), np.empty(2)
+    _bounds(error, rows, known, most)
+    found, closest = image_closest(space, motion.positions, motion.far, linked, most[0], most[1])
+    for row in range(2):
+        _take_approach(closest[row], 0, 1, found[row], known[row], times, error, rows[CLOSEST + row])
+
+
+def _bounds(error: float, rows: Array, known: Array, most: Array) -> None:
+    """Fill the errors of the closest approaches so far, and below which distances a step has something to say."""
     margin = 0.0 if error == np.inf else error
-    known = np.empty(2)
-    most = np.empty(2)
     for row in range(2):
         distance, off = rows[CLOSEST + row, VALUE], rows[CLOSEST + row, ERROR]
         known[row] = off if off == off else 0.0
         most[row] = min(max(distance, distance - known[row] + margin), FARTHEST)
-    found = np.empty((2, 4))
-    find_closest(B, far, linked, most[0], most[1], found)
-    for row in range(2):
-        at = CLOSEST + row
-        square, x = found[row, 0], found[row, 1]
-        if x >= NEVER:
-            if error == np.inf and rows[at, FIRST] >= 0.0:
-                rows[at, ERROR] = error
-            continue
-        distance = np.sqrt(square)
-        # The smallest distance inside a step was sought, and squared, in floating point.
-        rough = FINEST * square
-        if 0.0 < x < 1.0:
-            widest = 0.0
-            i, j = int(found[row, 2]), int(found[row, 3])
-            for a in range(B.shape[0]):
-                size = 0.0
-                for k in range(B.shape[2]):
-                    size += (B[a, j, k] - B[a, i, k]) ** 2
-                widest = max(widest, size)
-            rough += SQUARED * widest
-        coarse = distance - np.sqrt(max(square - rough, 0.0))
-        floor = min(rows[at, VALUE] - known[row], distance - error - coarse)
-        if distance < rows[at, VALUE]:
-            rows[at, VALUE], rows[at, TIME] = distance, _time_at(times, x)
-            rows[at, FIRST], rows[at, SECOND] = found[row, 2], found[row, 3]
-        rows[at, ERROR] = rows[at, VALUE] - floor
+
+
+def _take_approach(
+    B: Array, i: int, j: int, found: Array, known: float, times: StepTimes, error: float, row: Array
+) -> None:
+    """Take in the closest approach of a step, that of the paths ``i`` and ``j``."""
+    square, x = found[0], found[1]
+    if x >= NEVER:
+        if error == np.inf and row[FIRST] >= 0.0:
+            row[ERROR] = error
+        return
+    distance = np.sqrt(square)
+    # The smallest distance inside a step was sought, and squared, in floating point.
+    rough = FINEST * square
+    if 0.0 < x < 1.0:
+        widest = 0.0
+        for a in range(B.shape[0]):
+            size = 0.0
+            for k in range(B.shape[2]):
+                size += (B[a, j, k] - B[a, i, k]) ** 2
+            widest = max(widest, size)
+        rough += SQUARED * widest
+    coarse = distance - np.sqrt(max(square - rough, 0.0))
+    floor = min(row[VALUE] - known, distance - error - coarse)
+    if distance < row[VALUE]:
+        row[VALUE], row[TIME] = distance, _time_at(times, x)
+        row[FIRST], row[SECOND] = found[2], found[3]
+    row[ERROR] = row[VALUE] - floor

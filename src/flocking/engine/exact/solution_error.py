@@ -14,6 +14,7 @@ from flocking.engine.exact.companion import (
     companion_gap,
     unexplained_energy,
 )
+from flocking.engine.exact.crossings.images import nearest_shift
 from flocking.engine.exact.crossings.switching import Crossing, LinkState, slack_of
 from flocking.engine.exact.dynamics import LEDGER, Dynamics
 from flocking.engine.exact.extremes import Extremes
@@ -24,6 +25,7 @@ from flocking.engine.exact.uncertain_switches import DoubtMemory, Doubts, Settle
 from flocking.engine.runs.run import DoubtRow
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array
+from flocking.model.space import Space
 
 DIFFERENCED = 0.01
 """Part of a step over which the second derivative of a distance is a difference of first ones: short against the step,
@@ -127,7 +129,7 @@ class SolutionError:
     def leave(self, segment: Segment, links: LinkState, origin: Origin) -> None:
         """Record the step ``segment`` followed last, relative to ``origin``, before the crossings at its end."""
         error = self.over(segment)
-        self._recorder.extremes.follow(segment, links.links[0], error, origin)
+        self._recorder.extremes.follow(segment, links.links[0], error, origin, links.space)
         self._recorder.extremes.add_to_ledger(segment, self._unexplained(segment), origin.time)
         self._settle(self._doubts.follow(segment, links, error), segment, links)
 
@@ -188,7 +190,7 @@ class SolutionError:
         if not np.isfinite(change).all():
             self._companion.lose(t)
             return
-        _, _, acceleration = _radial(segment, i, j, *self._sizes)
+        _, _, acceleration = _radial(segment, i, j, *self._sizes, links.space)
         if acceleration:
             longest = min(longest, 3 * float(np.sqrt(2 * bound / abs(acceleration))))
         self._companion.push(change * longest)
@@ -234,7 +236,9 @@ class SolutionError:
             bound = error.pair(i, j)
             drift = error.pair_velocity(i, j, self._velocities(segment))
             self._settle(self._doubts.cross(crossing, k, segment.t1, links, bound), segment, links)
-            signed, drift_of_direction, acceleration = _radial(segment, i, j, *self._sizes, self.difference.nodes[-1])
+            signed, drift_of_direction, acceleration = _radial(
+                segment, i, j, *self._sizes, links.space, self.difference.nodes[-1]
+            )
             drift += drift_of_direction * bound
             # The crossing counts from where the pair is that far beyond the distance.
             beyond = slack_of(watch, error.q_floor / ROUNDING)
@@ -289,7 +293,7 @@ class SolutionError:
         rows = list(self._recorder.doubts)
         if part.t1 > part.t0:
             error = self.over(segment)
-            extremes.follow(part, links.links[0], error, origin)
+            extremes.follow(part, links.links[0], error, origin, links.space)
             rows += self._in_user_time([settled.row for settled in doubts.follow(part, links, error)])
         return rows + self._in_user_time(doubts.open_rows(t, links)), extremes
 
@@ -309,13 +313,16 @@ class SolutionError:
 
 
 def _radial(
-    segment: Segment, i: int, j: int, n: int, m: int, difference: Array | None = None
+    segment: Segment, i: int, j: int, n: int, m: int, space: Space, difference: Array | None = None
 ) -> tuple[float, float, float]:
     """Of two agents at the end of a segment: difference of their distance, their tangential speed over the distance,
     and the second derivative of the distance.
     """
     span, C = segment.t1 - segment.t0, segment.coefficients
-    pair = Segment(segment.t0, segment.t1, C[:, j * m : (j + 1) * m] - C[:, i * m : (i + 1) * m])
+    apart = C[:, j * m : (j + 1) * m] - C[:, i * m : (i + 1) * m]
+    if not space.is_open:
+        apart = apart + nearest_shift(space, apart[-1])
+    pair = Segment(segment.t0, segment.t1, apart)
     rates = []
     for t in (segment.t1 - DIFFERENCED * span, segment.t1):
         d, w = pair.with_slope(t)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from flocking.engine.exact.companion import StateError
 from flocking.engine.exact.crossings.band_guards import closest_after, first_beyond, within_error
+from flocking.engine.exact.crossings.images import image_doubts, pair_paths
 from flocking.engine.exact.crossings.switching import Crossing, LinkState, slack_of
 from flocking.engine.exact.crossings.view_guards import view_crossings
 from flocking.engine.exact.crossings.watch_tables import near_miss_floor
@@ -127,9 +128,10 @@ class Doubts:
                 for x, (i, j) in zip(when, which, strict=True):
                     found[number, int(i), int(j)] = (float(x), 0.0, -slack, True)
                 continue
-            rows = within_error(
+            given = (
                 B, far, links.near[number], active, watch.enter, watch.leave, directed, nodes, most + floor, floor
-            )
+            )  # fmt: skip
+            rows = within_error(*given) if links.space.is_open else image_doubts(links.space, *given)
             for i, j, x, margin, bound, end in rows.tolist():
                 found[number, int(i), int(j)] = (x, margin, bound, bool(end))
         for key, after in ended.items():
@@ -138,7 +140,7 @@ class Doubts:
             watch, inside = links.watches[number], bool(links.near[number][i, j])
             if key in found:
                 level = float(watch.leave[i] if inside else watch.enter[i])
-                margin, x = closest_after(B, i, j, level, inside, after)
+                margin, x = closest_after(*pair_paths(links.space, B, i, j), level, inside, after)
                 if margin < LEFT * found[key][2]:
                     found[key] = (x, margin, *found[key][2:])
                 else:
@@ -155,8 +157,9 @@ class Doubts:
             number, i, j = key
             bound = error.pair(i, j) + slack_of(links.watches[number], error.q_floor / ROUNDING)
             sign = 1.0 if fresh.outward else -1.0
-            x = first_beyond(B, i, j, fresh.level + sign * bound, fresh.outward)
-            back = first_beyond(B, i, j, fresh.level - sign * bound, not fresh.outward)
+            pair = pair_paths(links.space, B, i, j)
+            x = first_beyond(*pair, fresh.level + sign * bound, fresh.outward)
+            back = first_beyond(*pair, fresh.level - sign * bound, not fresh.outward)
             fresh.error = max(fresh.error, bound)
             if x <= 1.0 and x <= back:
                 del self.fresh[key]

@@ -37,6 +37,8 @@ def check_supported(scenario: Scenario) -> None:
         raise _refusal("first-order agents (Agents(order=1))", "Use engine='exact'.")
     if agents.order == 2 and not is_point_mass(agents):
         raise _refusal(f"{type(agents).__name__} agents, only point masses", "Use engine='exact'.")
+    if not scenario.space.is_open:
+        raise _refusal(f"{type(scenario.space).__name__} space, only open space", "Use engine='exact'.")
     if dimension not in (2, 3):
         raise _refusal(f"{dimension} dimensions, only 2 or 3", "Use engine='exact'.")
     for graph in law.graphs:

@@ -11,8 +11,9 @@ from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.stages import longer
 from flocking.engine.protocol.team import ONE_PROCESS, Team
 from flocking.engine.runs.run import Run
-from flocking.errors import FlockingError
+from flocking.errors import FlockingError, UnsupportedLaw
 from flocking.model.law import Law, Scenario
+from flocking.model.space import Open, Space
 
 
 class Engine(ABC):
@@ -38,6 +39,21 @@ class Engine(ABC):
 
     large_group_options: Mapping[str, object] = {}
     """Values suited to groups of millions."""
+
+    spaces: tuple[type[Space], ...] = (Open,)
+    """Kinds of space that it knows."""
+
+    def check_space(self, scenario: Scenario) -> None:
+        """Refuse by name a space that this engine does not know.
+
+        Raises
+        ------
+        UnsupportedLaw
+            When it does not.
+        """
+        if not isinstance(scenario.space, self.spaces):
+            name = type(scenario.space).__name__
+            raise UnsupportedLaw(f"The engine {self.name!r} cannot run {name} space. Use engine='exact'.")
 
     @abstractmethod
     def check(self, scenario: Scenario, plant: Law | None = None) -> None:
@@ -107,6 +123,7 @@ class Engine(ABC):
     def why_not(self, scenario: Scenario, plant: Law | None = None) -> str:
         """Why it cannot run a scenario; empty if it can. ``plant`` is as for `check`."""
         try:
+            self.check_space(scenario)
             self.check(scenario, plant)
         except FlockingError as error:
             return str(error)

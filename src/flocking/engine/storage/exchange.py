@@ -136,13 +136,31 @@ def _write_xyz(run: Run, path: Path) -> None:
     m = min(run.q.shape[2], 3)
     _check_space(run)
     further = "".join(f":{name}:R:{values.shape[2]}" for name, values in run.columns.items())
+    box = _xyz_box(run)
     for k, (t, q, p) in enumerate(zip(run.t, run.q, run.p, strict=True)):
-        lines += [str(run.n), f'Properties=species:S:1:pos:R:3:velo:R:3{further} Time={float(t)!r} pbc="F F F"']
+        lines += [str(run.n), f"Properties=species:S:1:pos:R:3:velo:R:3{further} Time={float(t)!r} {box}"]
         rows = np.zeros((run.n, 6))
         rows[:, :m], rows[:, 3 : 3 + m] = q, p
         rows = np.hstack([rows, *(values[k] for values in run.columns.values())])
         lines += ["A " + " ".join(repr(x) for x in row) for row in rows.tolist()]
     put(path, ("\n".join(lines) + "\n").encode())
+
+
+def _xyz_box(run: Run) -> str:
+    """Which axes repeat, and where one does the box: axes without end get a length that holds the run."""
+    space = run.scenario.space
+    if space.is_open:
+        return 'pbc="F F F"'
+    sides = np.diag((*_box(run), 0.0, 0.0)[:3]).ravel().tolist()
+    repeats = [np.isfinite(x) for x in space.lengths] + [False] * 3
+    return f'Lattice="{" ".join(map(repr, sides))}" pbc="{" ".join("T" if x else "F" for x in repeats[:3])}"'
+
+
+def _box(run: Run) -> list[float]:
+    """Lengths of a box about the origin, one for each axis: those of space, else one that holds all positions."""
+    length = float(2 * MARGIN * max(np.abs(run.q).max(initial=0.0), 1.0))
+    lengths = run.scenario.space.lengths or (np.inf,) * run.q.shape[2]
+    return [x if np.isfinite(x) else length for x in lengths]
 
 
 def _write_gsd(run: Run, path: Path) -> None:
@@ -152,7 +170,9 @@ def _write_gsd(run: Run, path: Path) -> None:
         raise _missing("gsd", "GSD") from None
     _check_space(run)
     m = run.q.shape[2]
-    length = float(2 * MARGIN * max(np.abs(run.q).max(initial=0.0), 1.0))
+    sides, space = _box(run), run.scenario.space
+    # A plane has no third side; a line lies in a plane that is as wide as it is long.
+    sides = [sides[0], sides[m - 1], 0.0] if m < 3 else sides
     masses = np.broadcast_to(np.asarray(run.scenario.agents.masses, dtype=np.float64), run.n)
     linked = run.links.shape[1:] == (run.n, run.n)
     partial = path.with_name(f"{path.name}.{os.getpid()}.partial")
@@ -162,11 +182,12 @@ def _write_gsd(run: Run, path: Path) -> None:
                 frame = gsd.hoomd.Frame()
                 frame.configuration.step = k
                 frame.configuration.dimensions = 3 if m == 3 else 2
-                frame.configuration.box = [length, length, length if m == 3 else 0, 0, 0, 0]
+                frame.configuration.box = [*sides, 0, 0, 0]
                 frame.particles.N = run.n
                 frame.particles.types = ["A"]
                 frame.particles.mass = masses.astype(np.float32)
-                frame.particles.position = _in_space(run.q[k])
+                # Positions in the box; the unwrapped ones are in the log.
+                frame.particles.position = _in_space(space.displacement(run.q[k]))
                 frame.particles.velocity = _in_space(run.p[k])
                 if linked:
                     i, j = np.nonzero(np.triu(run.links[k] | run.links[k].T))

@@ -118,6 +118,10 @@ def _number(value: object) -> float:
     return result
 
 
+def _length(value: object) -> float:
+    return np.inf if value == np.inf else _number(value)
+
+
 def _integer(low: int, high: int) -> Callable[[object], int]:
     def check(value: object) -> int:
         if isinstance(value, bool) or not isinstance(value, int):
@@ -355,6 +359,10 @@ FEW_AGENTS = replace(AGENTS, pairwise=True)
 DIMENSION = Value(_integer(1, 100), {"type": "integer", "minimum": 1, "maximum": 100})
 SEED = Value(_integer(0, LARGEST_SEED), {"type": "integer", "minimum": 0}, "count")
 ORDER = Value(_integer(1, 2), {"enum": [1, 2]})
+LENGTHS = Value(
+    lambda value: _each(value, "lengths", _length), {"type": "array", "items": {"type": "number"}, "minItems": 1}
+)
+"""Lengths of the axes of space, ``inf`` for an axis without end."""
 TRUTH = Value(_truth, {"type": "boolean"}, "flag")
 NAME = Value(_name, {"type": "string", "maxLength": LONGEST_NAME})
 NUMBERS = Value(_numbers, _NUMBERS)

@@ -189,7 +189,7 @@ def configuration_unsettled(e: Evidence) -> str:
     if len(i) == 0:
         return ""
     frames = np.concatenate([found.first, *found.tenths[:0:-1], late])
-    lengths = np.array([np.linalg.norm(e.q[k, i] - e.q[k, j], axis=1) for k in frames])
+    lengths = np.array([np.linalg.norm(e.displacement(e.q[k, i] - e.q[k, j]), axis=1) for k in frames])
     changes, longest = np.abs(lengths - lengths[-1]).max(axis=1), float(lengths[-1].max())
     change = float(changes[-len(late) :].max())
     if change <= max(ROUNDING * longest, min(CHANGE * longest, OF_ALL * float(changes.max()))):

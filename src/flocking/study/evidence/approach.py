@@ -89,8 +89,8 @@ class ApproachEvidence(DoubtEvidence, MotionEvidence):
             return []
         if not self.sampled:
             start = self.run.scenario.start
-            return [(start.t, pair) for pair in _coincident(start.q)]
-        return [(float(t), pair) for t, q in zip(self.t, self.q, strict=True) for pair in _coincident(q)]
+            return [(start.t, pair) for pair in _coincident(self.wrapped(start.q))]
+        return [(float(t), pair) for t, q in zip(self.t, self.q, strict=True) for pair in _coincident(self.wrapped(q))]
 
     def linked_together(self, time: float, pair: tuple[int, int]) -> bool:
         """Whether a pair of `coincidences` is linked: agents at one point are within any radius."""

@@ -98,6 +98,11 @@ class RunEvidence:
         """Vectors between agents from a ``difference`` of positions, shape (..., m), in the space of the scenario."""
         return self.run.scenario.space.displacement(difference)
 
+    def wrapped(self, q: Array) -> Array:
+        """Positions ``q``, shape (N, m), put into the box where space repeats, so that images of a point are equal."""
+        space = self.run.scenario.space
+        return q if space.is_open else space.wrapped(q)
+
     def distances(self, q: Array) -> Array:
         """Distances of all pairs at positions ``q``, shape (N, N), infinite on the diagonal."""
         return pair_distances(q, self.run.scenario.space)

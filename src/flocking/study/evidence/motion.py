@@ -86,8 +86,16 @@ class MotionEvidence(RunEvidence):
 
     @cached_property
     def equilibrium(self) -> Equilibrium:
-        """Forces and stiffness of the potentials at the last frame."""
+        """Forces and stiffness of the potentials at the last frame.
+
+        Raises
+        ------
+        NotMeasurable
+            When space repeats.
+        """
         self.need_few()
+        if not self.run.scenario.space.is_open:
+            raise NotMeasurable("forces and stiffness of potentials are measured in open space alone")
         return Equilibrium(self.law, self.state(-1))
 
     def equilibrium_at(self, frame: int) -> Equilibrium:

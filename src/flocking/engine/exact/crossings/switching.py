@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from flocking.arrays import Indices
 from flocking.engine.exact.crossings.guards import crossings
+from flocking.engine.exact.crossings.images import image_crossings
 from flocking.engine.exact.crossings.obstacle_contacts import ObstacleContacts
 from flocking.engine.exact.crossings.view_guards import view_crossings
 from flocking.engine.exact.crossings.watch_tables import NO_BALLS, BallWatches, PairWatches, slack_at
@@ -190,14 +191,14 @@ class LinkState:
             yield number, watch, active, self._views[watch.graph]
 
     def tables(self, barriers: Sequence[bool]) -> tuple[PairWatches, BallWatches] | None:
-        """What is watched; None where there are fields of view, or obstacles other than balls at rest.
+        """What is watched; None in space that repeats, for fields of view, and obstacles other than balls at rest.
 
         Parameters
         ----------
         barriers
             As for `lost_link`.
         """
-        if any(view is not None for view in self._views):
+        if not self.space.is_open or any(view is not None for view in self._views):
             return None
         balls: BallWatches | None = NO_BALLS
         if self.contacts.levels:
@@ -249,7 +250,8 @@ class LinkState:
                 if len(when):
                     found.append((number, when, which))
                 continue
-            when, which = crossings(B, far, self.near[number], active, watch.enter, watch.leave, directed, slack, P)
+            given = B, far, self.near[number], active, watch.enter, watch.leave, directed, slack, P
+            when, which = crossings(*given) if self.space.is_open else image_crossings(self.space, *given)
             if len(when):
                 found.append((number, when, which))
         if self.contacts.levels:

@@ -108,6 +108,8 @@ def check_supported(scenario: Scenario) -> None:
     def refuse(what: str) -> UnsupportedLaw:
         return UnsupportedLaw(f"The tiled engine cannot run {what}. Use engine='exact'.")
 
+    if not scenario.space.is_open:
+        raise refuse(f"{type(scenario.space).__name__} space, only open space")
     if body := refused_body(agents):
         raise refuse(body)
     if dimension not in (2, 3):

@@ -1,0 +1,87 @@
+"""Whether a law can act in space that repeats."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.space import Space
+from flocking.model.terms.avoidance import ObstacleTerm
+from flocking.model.terms.body_terms import BodyTerm
+
+
+def check_space(space: Space, graphs: Iterable[Graph], terms: Iterable[BodyTerm], dimension: int) -> None:
+    """Check that a law's graphs and body terms can act in a space.
+
+    Parameters
+    ----------
+    space
+        Where the agents live.
+    graphs
+        Graphs of the law.
+    terms
+        Its body terms.
+    dimension
+        Number of axes m.
+
+    Raises
+    ------
+    InvalidInput
+        When space repeats and has another number of axes, a link may be as long as half a length or longer, links
+        depend on more than distances, or a term pulls towards a point or away from an obstacle.
+    """
+    if space.is_open:
+        return
+    owner = type(space).__name__
+    if len(space.lengths) != dimension:
+        raise InvalidInput(
+            owner, "lengths", f"must be {dimension}, one for each axis", list(space.lengths), "Give None for open axes."
+        )
+    for graph in graphs:
+        _check_graph(owner, graph, min(space.lengths))
+    for term in terms:
+        name = type(term).__name__
+        if isinstance(term, ObstacleTerm):
+            raise InvalidInput(
+                "Scenario", "space", f"must be open for {name}: obstacles stand at fixed places and have no images",
+                owner, "Leave the obstacles out, or use Open().",
+            )  # fmt: skip
+        if _sees_places(term, dimension):
+            raise InvalidInput(
+                "Scenario", "space", f"must be open for {name} with a force that depends on positions", owner,
+                "A pull towards a point has no meaning across images: set its position gain to 0, or use Open().",
+            )  # fmt: skip
+
+
+def _check_graph(owner: str, graph: Graph, shortest: float) -> None:
+    name, radius = type(graph).__name__, float(np.max(np.asarray(graph.break_radius)))
+    if not graph.moves or not np.isfinite(radius):
+        raise InvalidInput(
+            "Scenario", "space", f"must be open for {name}, whose links have no longest length", owner,
+            "Pairs have one nearest image below half a length alone: use Proximity or Hysteresis.",
+        )  # fmt: skip
+    if graph.sees_headings or type(graph).among is Graph.among:
+        raise InvalidInput(
+            "Scenario", "space", f"must be open for {name}, which does not say who is linked by distances alone", owner,
+            "Use Proximity, Hysteresis, Smooth or PerAgentRadii, or state Graph.among.",
+        )  # fmt: skip
+    if not 2.0 * radius < shortest:
+        raise InvalidInput(
+            owner, "lengths", f"must be more than twice the largest radius of {name}, {radius:g}, on axes that repeat",
+            shortest, "Enlarge the box: a neighbour must have one nearest image.",
+        )  # fmt: skip
+
+
+def _sees_places(term: BodyTerm, dimension: int) -> bool:
+    """Whether the force or the stored energy of a term depends on positions of agents."""
+    import sympy
+
+    from flocking.model.terms.state_symbols import BodyStates
+
+    x = BodyStates(term, dimension, False).symbols
+    places = {s for s in (*x.q, *x.mean_q) if isinstance(s, sympy.Symbol)}
+    stated = [*term.force(x), term.storage(x)]
+    return any(sympy.sympify(e).free_symbols & places for e in stated)
