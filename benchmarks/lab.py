@@ -126,20 +126,20 @@ def idle(page, seconds: float) -> float:
 
 def speeds(seconds: float) -> None:
     """Rates, latency and idle load of groups of three sizes."""
-    for name in ("crowd-1000", "crowd-10000", "crowd-100000"):
+    for name in ("group-1000", "group-10000", "group-100000"):
         page = opened(name)
         found = rates(page, seconds)
         waits = latency(page, 20)
         said = ", ".join(f"{value:.3g} {key}" for key, value in found.items())
         print(f"{name}: {said}; slider to frame {np.median(waits):.0f} ms, worst {waits.max():.0f}", flush=True)
-        if name == "crowd-1000":
+        if name == "group-1000":
             print(f"{name}: {100 * idle(page, seconds):.1f} % of a processor while paused", flush=True)
         page.close()
 
 
 def memory(minutes: float, samples: Path | None) -> None:
     """Memory of 1,000 agents that run while a slider moves, agents go and come, and tabs open and close."""
-    page = opened("crowd-1000")
+    page = opened("group-1000")
     clients = [Client(page.address), Client(page.address, pause=0.5)]
     page.clock.play()
     begin, turn, rows = time.monotonic(), 0, []
@@ -164,7 +164,7 @@ def memory(minutes: float, samples: Path | None) -> None:
     slope = np.polyfit(late[:, 0] / 3600, late[:, 1], 1)[0] if len(late) > 2 else float("nan")
     print(
         f"memory of 1,000 agents: {late[0, 1]:.0f} MiB after {late[0, 0] / 60:.0f} min, {late[-1, 1]:.0f} MiB after "
-        f"{late[-1, 0] / 60:.0f} min; slope {slope:+.1f} MiB an hour; {page.trouble or 'nothing was refused'}"
+        f"{late[-1, 0] / 60:.0f} min; slope {slope:+.1f} MiB an hour; {page.last_error or 'nothing was refused'}"
     )
     for client in clients:
         client.close()

@@ -14,7 +14,7 @@ import pytest
 import flocking as fk
 from flocking.apps.cli import main
 from flocking.apps.early_signals import INTERRUPTED, SENTENCE
-from flocking.apps.process import harmless
+from flocking.apps.process import printable
 from flocking.errors import FormulaError, InvalidInput
 from flocking.study.sweeps.sweep_file import read_sweep_file
 from tests.engine.storage.stored_runs import scenario
@@ -47,7 +47,7 @@ def test_terminal_escapes_are_written_out(tmp_path: Path, capsys: pytest.Capture
     said = capsys.readouterr()
     assert "\x1b" not in said.out + said.err
     assert "\x07" not in said.out + said.err
-    assert harmless("a\x1b[2J\x9b\u202eb\n\té") == "a\\x1b[2J\\x9b\\u202eb\n\té"
+    assert printable("a\x1b[2J\x9b\u202eb\n\té") == "a\\x1b[2J\\x9b\\u202eb\n\té"
 
 
 def test_a_byte_order_mark_is_read_past(tmp_path: Path) -> None:
@@ -194,10 +194,10 @@ raise SystemExit(cli.main(["list"]))
     ("error", "said"),
     [
         ("RuntimeError('Error building a serializer: KeyboardInterrupt')", SENTENCE),
-        ("MemoryError", "flocking: interrupted; what was under way ended with: this needs more memory"),
+        ("MemoryError", "flocking: interrupted; the operation under way ended with: this needs more memory"),
         (
             "OSError(5, 'Input/output error')",
-            "flocking: interrupted; what was under way ended with: Input/output error.",
+            "flocking: interrupted; the operation under way ended with: Input/output error.",
         ),
     ],
 )

@@ -59,7 +59,7 @@ HOMES = {
     "give an array type a name": "PairIndices =",
     "add an option to `flocking run`": "def run(",
     "change the layout of the report": "def write_report(",
-    "fix a lamp's colour in the lab": "class Lamp",
+    "change the colour of a verdict in the lab": "class ShownVerdict",
     "change which requests the lab refuses": "class AccessCheck",
 }
 """For each task, words that stand where it is done."""

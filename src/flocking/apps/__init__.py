@@ -1,1 +1,1 @@
-"""What people start: the command line, the reproduction of the papers, reports."""
+"""Applications: the command line, the reproduction of the papers, the live lab."""

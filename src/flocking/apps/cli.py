@@ -20,7 +20,7 @@ from flocking.apps.commands.sweep_commands import sweep
 from flocking.apps.early_signals import INTERRUPTED, SENTENCE
 from flocking.apps.integer_arguments import check_integers
 from flocking.apps.lab.command import lab
-from flocking.apps.process import give_up_output, harmless, open_streams, quiet_warnings
+from flocking.apps.process import discard_output, open_streams, printable, quiet_warnings
 from flocking.apps.signal_handlers import ended_by_signals
 from flocking.engine import interruption
 from flocking.engine.memory_shortage import LEAST_ADDRESS_SPACE, address_space, starved
@@ -99,7 +99,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 print(SENTENCE, file=sys.stderr)
             return INTERRUPTED
         finally:
-            give_up_output()
+            discard_output()
 
 
 def _run(words: Sequence[str]) -> int:
@@ -107,10 +107,10 @@ def _run(words: Sequence[str]) -> int:
 
     def refused(message: str, fix: str = "") -> int:
         if not interruption.RAISED:
-            return _complain(message, fix)
+            return _print_error(message, fix)
         interruption.answered()
-        # What a library makes of an interrupt says nothing of files or memory.
-        _complain(f"interrupted; what was under way ended with: {message}")
+        # The error of a library that was interrupted is not about files or memory.
+        _print_error(f"interrupted; the operation under way ended with: {message}")
         return INTERRUPTED
 
     app = command_line()
@@ -123,13 +123,13 @@ def _run(words: Sequence[str]) -> int:
         sys.stdout.flush()
         return result if isinstance(result, int) else FINE
     except CycloptsError as error:
-        return _complain(str(error) or type(error).__name__, "Try 'flocking --help'.")
+        return _print_error(str(error) or type(error).__name__, "Try 'flocking --help'.")
     except FlockingError as error:
         if interruption.comes_of_interrupt(error):
             raise
         return BAD_INPUT if getattr(error, "reported_elsewhere", False) else refused(str(error))
     except BrokenPipeError:
-        # Whoever read the output has seen enough.
+        # The reader of the output closed it.
         return FINE
     except Exception as error:
         if interruption.comes_of_interrupt(error):
@@ -142,10 +142,10 @@ def _run(words: Sequence[str]) -> int:
 
 
 def _memory() -> tuple[str, str]:
-    """What is said where memory is short, and the way out."""
+    """Message and fix where memory is short."""
     space = address_space()
     if space is None:
-        return "this needs more memory than there is.", "Use fewer agents or frames."
+        return "this needs more memory than is available.", "Use fewer agents or frames."
     least = f"flocking itself takes {LEAST_ADDRESS_SPACE >> 20}"
     return (
         f"this needs more memory than this process may take: ulimit -v allows {space >> 20} MiB, and {least}.",
@@ -159,10 +159,10 @@ def _version() -> str:
     return __version__
 
 
-def _complain(message: str, fix: str = "") -> int:
+def _print_error(message: str, fix: str = "") -> int:
     text = message.strip() if message.rstrip().endswith((".", "?", "!")) or "\n" in message else f"{message.strip()}."
     with suppress(OSError):
-        print(harmless(f"flocking: {text} {fix}".rstrip()), file=sys.stderr)
+        print(printable(f"flocking: {text} {fix}".rstrip()), file=sys.stderr)
     return BAD_INPUT
 
 
@@ -208,8 +208,8 @@ def reproduce(
     papers
         Keys of papers; all when absent.
     seeds
-        Number of seeds per scenario. A verdict needs five that meet the claim's hypothesis: from five on, further ones
-        are drawn until there are.
+        Number of seeds per scenario. A verdict needs five that meet the claim's hypothesis: with five or more, further
+        ones are drawn until there are.
     first_seed
         The first seed; the others follow one by one.
     out
@@ -260,11 +260,11 @@ def reproduce(
             )
             print()
         total = sum(len(judgements) for judgements in found.judgements.values())
-        odd = sum(not j.as_expected for judgements in found.judgements.values() for j in judgements)
+        unexpected = sum(not j.as_expected for judgements in found.judgements.values() for j in judgements)
         where = f", {len(found.figures)} figure files in {out}" if out else ""
-        print(f"{total - odd} of {total} claims came out as expected in {found.seconds:.0f} s{where}.")
+        print(f"{total - unexpected} of {total} claims have the expected verdict in {found.seconds:.0f} s{where}.")
         if found.untested:
-            print(f"{found.untested} are untested: fewer than five seeds met their hypothesis. Try at least five.")
+            print(f"{found.untested} are untested: fewer than five seeds met their hypothesis. Use at least five.")
         if found.waiting:
             print(
                 f"{found.waiting} are not yet decided: for some seed the motion has not settled by the end of the run."
@@ -275,7 +275,7 @@ def reproduce(
 
 
 def audit(folder: Path, *, as_json: Json = False) -> int:
-    """Hold the claims of its paper, or the general ones, against a saved run.
+    """Judge the claims of its paper, or the general ones, for a saved run.
 
     Parameters
     ----------
@@ -294,7 +294,8 @@ def audit(folder: Path, *, as_json: Json = False) -> int:
     else:
         rows = [(r.claim.key, str(r.verdict), short(r.margin), short(r.error), r.note) for r in report.results]
         print_table(("claim", "verdict", "margin", "error", "measured"), rows, title=report.run.scenario.name)
-        print("All decided claims came out as expected." if report.as_expected else "Some claims came out otherwise.")
+        outcome = "All decided claims have" if report.as_expected else "Some claims do not have"
+        print(f"{outcome} the expected verdict.")
     return FINE if report.as_expected else DIFFERENT
 
 
@@ -306,7 +307,7 @@ def check(
     definition: str | None = None,
     as_json: Json = False,
 ) -> int:
-    """Find the properties of a potential psi(r) and hold them against the papers' definitions.
+    """Find the properties of a potential psi(r), and the papers' definitions that it meets.
 
     Parameters
     ----------
@@ -391,7 +392,7 @@ def schema(*, sweep: bool = False) -> int:
     Parameters
     ----------
     sweep
-        That of sweep files instead.
+        Print the schema of sweep files instead.
     """
     from flocking.papers.sweep_scenarios import sweep_scenarios
     from flocking.study.scenario_files.scenario_file import scenario_schema

@@ -1,4 +1,4 @@
-"""A signal before anything was begun: the process ends, and says so in one sentence."""
+"""Signals during start-up: the process prints one sentence and ends."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from contextlib import suppress
 from types import FrameType
 
 INTERRUPTED = 130
-"""Exit code of what a signal ended."""
+"""Exit code after a signal."""
 
-SENTENCE = "flocking: interrupted; nothing was left half written."
+SENTENCE = "flocking: interrupted; no file was left incomplete."
 
 
 def end_now(number: int, frame: FrameType | None) -> None:
-    """Handler of a signal that comes before there is anything to clean up.
+    """Handler of signals before there is anything to clean up.
 
     Parameters
     ----------
     number
         The signal.
     frame
-        What ran.
+        The interrupted frame.
     """
     with suppress(OSError):
         os.write(2, f"{SENTENCE}\n".encode())
@@ -29,7 +29,7 @@ def end_now(number: int, frame: FrameType | None) -> None:
 
 
 def ignore_from_now_on() -> None:
-    """Let signals go by while Python takes itself down: there is nothing to keep, and no handler would be called."""
+    """Ignore signals while Python shuts down, when handlers are no longer called."""
     for number in (signal.SIGINT, signal.SIGTERM):
         if callable(signal.getsignal(number)):
             signal.signal(number, signal.SIG_IGN)

@@ -1,4 +1,4 @@
-"""Whole numbers on the command line: 1.5 is not taken for 2."""
+"""Integers on the command line: 1.5 is refused and not rounded."""
 
 from __future__ import annotations
 

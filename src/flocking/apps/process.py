@@ -1,4 +1,4 @@
-"""What a command does about the process it runs in: its streams and what it says on them."""
+"""Standard streams and warnings of the process of a command."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ if TYPE_CHECKING:
     from typing_extensions import Buffer
 
 
-def harmless(text: str) -> str:
-    """A text as a terminal may be shown it: characters that would command it are written out.
+def printable(text: str) -> str:
+    """A text that is safe to print on a terminal: control characters are escaped.
 
     Parameters
     ----------
     text
-        The text, which may come from a file of somebody else.
+        The text, which may come from an untrusted file.
     """
     return "".join(x if x.isprintable() or x in "\n\t" else x.encode("unicode_escape").decode() for x in text)
 
 
 def open_streams() -> None:
-    """Have all three standard streams, where some were closed: no file that is opened later must take their place."""
+    """Open the standard streams that are closed, so that no file opened later gets their numbers."""
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         try:
             os.fstat(number)
@@ -38,7 +38,7 @@ def open_streams() -> None:
             setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_RDWR), "r" if number == 0 else "w", encoding="utf-8"))
     for name, raw in (("stdout", _ErrorsNamed), ("stderr", _ErrorsIgnored)):
         stream = getattr(sys, name)
-        # Whoever replaced a stream wants it as it is.
+        # Streams that were replaced stay as they are.
         if stream is getattr(sys, f"__{name}__") and stream is not None:
             made = io.BufferedWriter(raw(stream.fileno(), "w", closefd=False))
             lines = name == "stderr" or stream.isatty()
@@ -49,7 +49,7 @@ def open_streams() -> None:
 
 
 class _ErrorsIgnored(io.FileIO):
-    """A stream that takes everything: a run need not end because nobody can be told how far it is."""
+    """A stream that ignores errors: a run must not end because its progress cannot be printed."""
 
     def write(self, data: Buffer) -> int:
         try:
@@ -59,7 +59,7 @@ class _ErrorsIgnored(io.FileIO):
 
 
 class _ErrorsNamed(io.FileIO):
-    """The output: an error of the system says that it is about it."""
+    """Standard output, which is named in errors of the system."""
 
     def write(self, data: Buffer) -> int:
         try:
@@ -69,8 +69,8 @@ class _ErrorsNamed(io.FileIO):
             raise
 
 
-def give_up_output() -> None:
-    """Send what is still to be written to nowhere, where nobody reads it: Python must not try again at exit."""
+def discard_output() -> None:
+    """Discard buffered output that cannot be written, so that Python does not try again at exit."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
@@ -84,8 +84,8 @@ def give_up_output() -> None:
 def quiet_warnings() -> None:
     """Keep warnings of other libraries off the terminal, unless Python was asked for them with ``-W``.
 
-    What a user has hardly meant is said in a line of its own. It is for good: what is destroyed while the process ends
-    may warn, too. Warnings that are logged, and that nobody asked to see, are no different.
+    Suspect input is reported in a line of its own. The setting stays, since destructors may warn at exit too. Logged
+    warnings are suppressed as well.
     """
     if sys.warnoptions:
         return

@@ -17,7 +17,7 @@ def paper_scenarios() -> dict[str, tuple[str, Callable[[int], Scenario]]]:
 
 
 def find_scenario(name: str, seed: int | None, most_agents: int | None) -> Scenario:
-    """The scenario a user means: a name from a paper or of a showcase, or a TOML file.
+    """The scenario named by a user: of a paper or a showcase, or in a TOML file.
 
     Parameters
     ----------

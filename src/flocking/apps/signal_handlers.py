@@ -1,4 +1,4 @@
-"""What a command does about signals: SIGTERM does what Ctrl-C does, and a second one of them ends it at once."""
+"""Signals of a command: SIGTERM acts as Ctrl-C, and a second signal ends the process at once."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flocking.apps.early_signals import INTERRUPTED, end_now
 from flocking.engine import interruption
 
 AGAIN = 0.01
-"""Seconds until a signal that no code could answer is sent again."""
+"""Seconds until a signal that could not be handled is sent again."""
 
 
 class SignalHandlers:
@@ -24,8 +24,8 @@ class SignalHandlers:
     Parameters
     ----------
     for_good
-        Whether the process ends with the command. Then a signal before it has ``begun`` ends the process, and one once
-        it is ``done`` need do nothing; both are for the caller to set, within whatever catches an interrupt.
+        Whether the process ends with the command. Then a signal before it has ``begun`` ends the process, and one
+        after it is ``done`` does nothing; the caller sets both, within the block that catches interrupts.
     """
 
     def __init__(self, *, for_good: bool) -> None:
@@ -41,7 +41,7 @@ class SignalHandlers:
         self._hook = sys.unraisablehook
 
     def install(self) -> None:
-        """Take the place of Python's own handlers. Where Ctrl-C is ignored, as in a background job, it stays so."""
+        """Replace Python's handlers. Where Ctrl-C is ignored, as in a background job, it stays ignored."""
         ignored = signal.getsignal(signal.SIGINT) is signal.SIG_IGN
         if signal.getsignal(signal.SIGINT) in (signal.default_int_handler, end_now):
             self._before[signal.SIGINT] = signal.signal(signal.SIGINT, self._answer)
@@ -51,7 +51,7 @@ class SignalHandlers:
             sys.unraisablehook = self._unraisable
 
     def remove(self) -> None:
-        """Put back what was there; where the process ends, signals end it quietly from now on."""
+        """Restore the handlers; where the process ends with the command, signals end it silently from now on."""
         self._removed = True
         if not (self._for_good and interruption.RAISED):
             sys.unraisablehook, interruption.RAISED = self._hook, False
@@ -61,14 +61,14 @@ class SignalHandlers:
     def _answer(self, number: int, frame: FrameType | None) -> None:
         again, self._sent_again = self._sent_again, False
         if os.getpid() != self._owner or self._under_way or interruption.noted() or (self._waits and not again):
-            # A process that was forked from this one ends as it is told to, and this one by a second signal.
+            # A forked process ends by its first signal, this one by the second.
             signal.signal(number, signal.SIG_DFL)
             signal.raise_signal(number)
         if self._for_good and not self.begun:
             end_now(number, frame)
         self._waits = _importing(frame)
         if self._waits:
-            # Libraries drop an interrupt while they are imported, or stay half made.
+            # Imports swallow interrupts, or leave a library incomplete.
             self._send_soon(number)
             return
         if number == signal.SIGTERM and interruption.note():
@@ -81,16 +81,16 @@ class SignalHandlers:
             raise interruption.TrackedKeyboardInterrupt(self._raise_again)
 
     def _unraisable(self, lost: sys.UnraisableHookArgs) -> None:
-        # What is raised while Python calls a destructor, or is called by compiled code, goes no further.
+        # Exceptions in destructors and in callbacks of compiled code do not propagate.
         if not issubclass(lost.exc_type, KeyboardInterrupt):
-            # What was interrupted while it was made complains when it is destroyed.
+            # Objects whose construction was interrupted may fail when they are destroyed.
             if not interruption.RAISED:
                 self._hook(lost)
         elif not issubclass(lost.exc_type, interruption.TrackedKeyboardInterrupt):
             self._raise_again()
 
     def _raise_again(self) -> None:
-        """Answer anew, soon, a signal whose interrupt was dropped."""
+        """Send a signal again whose interrupt was dropped."""
         if self._removed or os.getpid() != self._owner or threading.current_thread() is not threading.main_thread():
             return
         self._under_way = False
@@ -104,7 +104,7 @@ class SignalHandlers:
             if self._removed:
                 return
             self._sent_again = True
-            # Only a signal to the main thread ends what it waits for.
+            # Only a signal to the main thread interrupts its waiting.
             signal.pthread_kill(threading.main_thread().ident or 0, number)
 
         threading.Thread(target=send, daemon=True).start()
@@ -112,12 +112,12 @@ class SignalHandlers:
 
 @contextmanager
 def ended_by_signals(*, for_good: bool = False) -> Iterator[SignalHandlers]:
-    """Within it SIGTERM does what Ctrl-C does, and a second one of them ends the process at once.
+    """Within it SIGTERM acts as Ctrl-C, and a second signal ends the process at once.
 
     Parameters
     ----------
     for_good
-        Whether nothing but the end of the process comes after it, see `SignalHandlers`.
+        Whether the process ends with the command, see `SignalHandlers`.
     """
     handlers = SignalHandlers(for_good=for_good)
     if threading.current_thread() is not threading.main_thread():
@@ -132,8 +132,8 @@ def ended_by_signals(*, for_good: bool = False) -> Iterator[SignalHandlers]:
         interruption.SECOND_ENDS = ends
         handlers.remove()
         if for_good:
-            # Python remembers that an interrupt went through text that was executed, as it makes classes of records,
-            # and ends by SIGINT though it was caught; text that goes well makes it forget.
+            # After an interrupt inside exec, as in the construction of dataclasses, Python exits by SIGINT although it
+            # was caught; a successful exec resets this.
             exec("")
 
 

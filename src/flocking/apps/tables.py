@@ -6,7 +6,7 @@ import math
 import sys
 from collections.abc import Iterable, Sequence
 
-from flocking.apps.process import harmless
+from flocking.apps.process import printable
 
 
 def print_table(head: Sequence[str], rows: Iterable[Sequence[str]], *, title: str = "") -> None:
@@ -32,9 +32,9 @@ def print_table(head: Sequence[str], rows: Iterable[Sequence[str]], *, title: st
     for k, name in enumerate(head):
         table.add_column(name, overflow="fold", no_wrap=k == 0 and last > 0)
     for row in rows:
-        table.add_row(*(Text(harmless(cell)) for cell in row))
+        table.add_row(*(Text(printable(cell)) for cell in row))
     if title:
-        console.print(Text(harmless(title)))
+        console.print(Text(printable(title)))
     with console.capture() as captured:
         console.print(table)
     # Rich fills lines with blanks, which pipes and files would keep.
@@ -52,7 +52,7 @@ def print_facts(facts: Iterable[tuple[str, str]]) -> None:
     pairs = [(name, value) for name, value in facts if value]
     width = max((len(name) for name, _ in pairs), default=0)
     for name, value in pairs:
-        print(harmless(f"{name.ljust(width)}  {value}"))
+        print(printable(f"{name.ljust(width)}  {value}"))
 
 
 def short(value: float | None) -> str:

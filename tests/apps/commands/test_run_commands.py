@@ -135,7 +135,7 @@ def test_ctrl_c_keeps_all_and_says_how_to_go_on(tmp_path: Path, capsys: pytest.C
     finally:
         process.kill()
     assert process.returncode == 130, err
-    assert f"{out} holds it; 'flocking resume {out}' goes on." in err
+    assert f"{out} holds it; 'flocking resume {out}' continues it." in err
     found, stored = json.loads(text), fk.read_run(out)
     assert stored.provenance["steps"] == found["provenance"]["steps"] > 0
     code, shown, _ = call(capsys, "info", out)
@@ -175,7 +175,7 @@ def test_progress_shows_speed_and_time_left(tmp_path: Path) -> None:
         process.kill()
         os.close(master)
     assert PROGRESS.search(plain(shown)), shown[-2000:]
-    assert "no --out, nothing is kept." in plain(shown)
+    assert "without --out nothing is stored." in plain(shown)
     assert process.wait() == 130
 
 

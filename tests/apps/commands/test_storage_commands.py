@@ -25,7 +25,7 @@ def test_info(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     shown = capsys.readouterr().out
     assert "ten agents" in shown
     assert "finished" in shown
-    assert "can go on" not in shown
+    assert "can be resumed" not in shown
     assert main(["info", str(folder), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert (found["frames"], found["stored"]["frames"], found["stored"]["commits"]) == (21, 21, 1)

@@ -65,7 +65,7 @@ def test_an_interrupt_after_the_last_run_is_one(file, capsys, monkeypatch):
     assert main(["sweep", str(file), "--workers", "1", "--json"]) == 130
     shown = capsys.readouterr()
     assert json.loads(shown.out)["status"] == "interrupted"
-    assert "interrupted; 4 of 4 runs are kept" in shown.err
+    assert "interrupted; 4 of 4 runs are stored" in shown.err
     assert main(["sweep", str(file), "--workers", "1"]) == 0
 
 
@@ -116,8 +116,8 @@ def test_ctrl_c_says_what_is_kept_and_the_same_command_goes_on(file, tmp_path, c
     os.killpg(running.pid, signal.SIGINT)
     _, errors = running.communicate(timeout=600)
     assert running.returncode == 130, errors
-    assert "of 24 runs are kept in" in errors
-    assert "the same command goes on" in errors
+    assert "of 24 runs are stored in" in errors
+    assert "the same command continues" in errors
     assert "Traceback" not in errors
     kept = {path.name: path.read_bytes() for path in rows.iterdir()}
     assert len(kept) >= 2

@@ -29,7 +29,7 @@ def test_pause_reset_and_the_way_back_are_obeyed_while_steps_shrink(page, tab):
         took[name] = time.monotonic() - begin
 
     tab.press("Play")
-    tab.reads(re.compile(r"Hardly goes on: steps have shrunk to [\d.e-]+, agents 7 and 9"))
+    tab.reads(re.compile(r"Stalled: steps have shrunk to [\d.e-]+, agents 7 and 9"))
     tab.shot("shrunk")
     assert page.clock.playing
     order("Pause", lambda: not page.clock.running)
@@ -43,7 +43,7 @@ def test_pause_reset_and_the_way_back_are_obeyed_while_steps_shrink(page, tab):
     assert page.experiment.time - stuck < 1e-3
     order("Go back to the last good moment", lambda: page.experiment.session.steady)
     assert not page.clock.running
-    tab.tab.get_by_text("Hardly goes on").wait_for(state="hidden")
+    tab.tab.get_by_text("Stalled").wait_for(state="hidden")
     tab.shot("gone_back")
     tab.press("Play")
     wait(lambda: page.clock.frame.shrunk, "it collapses again")

@@ -16,10 +16,10 @@ GAIN = ("law", "terms", 1, "gain")
 
 
 def test_what_is_kept_repeats_the_run(page, tab):
-    tab.go("Keep")
+    tab.go("Files")
     tab.press("Save scenario")
-    wait(lambda: page.saving_panel.saved, "the scenario is saved")
-    kept = fk.read_scenario(page.saving_panel.saved[0])
+    wait(lambda: page.file_panel.saved, "the scenario is saved")
+    kept = fk.read_scenario(page.file_panel.saved[0])
     assert np.array_equal(kept.start.q, page.experiment.original.start.q)
     page.clock.step(0.5)
     wait(lambda: page.experiment.time == 0.5, "a step is made")
@@ -29,25 +29,25 @@ def test_what_is_kept_repeats_the_run(page, tab):
     page.clock.step(0.5)
     wait(lambda: page.experiment.time == 1.0, "another step is made")
     tab.press("Save scenario")
-    wait(lambda: len(page.saving_panel.saved) == 3, "the log is saved")
-    again = replay(EventLog.read(page.saving_panel.saved[1]))
+    wait(lambda: len(page.file_panel.saved) == 3, "the log is saved")
+    again = replay(EventLog.read(page.file_panel.saved[1]))
     assert np.array_equal(again.state.q, page.experiment.state.q)
     tab.press("Save picture")
-    wait(lambda: len(page.saving_panel.saved) == 4, "the picture is saved")
-    assert page.saving_panel.saved[3].read_bytes()[:4] == b"\x89PNG"
+    wait(lambda: len(page.file_panel.saved) == 4, "the picture is saved")
+    assert page.file_panel.saved[3].read_bytes()[:4] == b"\x89PNG"
     tab.press("Record a film")
     page.clock.play()
     wait(lambda: page.experiment.time > 2.0, "something moves")
     page.clock.pause()
     tab.press("Stop and save the film")
-    wait(lambda: len(page.saving_panel.saved) == 5, "the film is saved")
-    film = page.saving_panel.saved[4]
+    wait(lambda: len(page.file_panel.saved) == 5, "the film is saved")
+    film = page.file_panel.saved[4]
     assert film.read_bytes()[4:8] == b"ftyp" if film.suffix == ".mp4" else film.read_bytes()[:4] == b"GIF8"
     assert film.stat().st_size > 10_000
     tab.shot("kept")
     tab.go("Run")
-    log = page.saving_panel.saved[1].name
-    for path in page.saving_panel.saved[:3]:
+    log = page.file_panel.saved[1].name
+    for path in page.file_panel.saved[:3]:
         wait(lambda path=path: path.name in page.transport.scenario.options, "what was saved can be opened")
     tab.choose("scenario", log)
     wait(lambda: page.experiment.time == 1.0, "the log is replayed")
@@ -57,10 +57,10 @@ def test_what_is_kept_repeats_the_run(page, tab):
 def test_a_stored_run_is_opened_and_scrubbed(page, tab, tmp_path):
     run = fk.simulate(page.experiment.original.with_(t_end=2.0, frames=11), progress=False)
     fk.write_run(run, tmp_path / "stored")
-    tab.go("Keep")
+    tab.go("Files")
     tab.tab.reload()
-    tab.go("Keep")
-    wait(lambda: page.saving_panel.folder.value == "stored", "it is offered")
+    tab.go("Files")
+    wait(lambda: page.file_panel.folder.value == "stored", "it is offered")
     tab.press("Open")
     tab.reads("Stored run ten: t = 0,")
     thumb = tab.tab.get_by_role("slider").first

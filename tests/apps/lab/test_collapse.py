@@ -83,12 +83,12 @@ def test_moments_that_are_not_good_are_not_kept(stuck):
     clock, experiment = stuck
     clock.pause()
     before = list(experiment._moments)
-    clock.do(experiment.keep)
-    clock.do(experiment.keep)
+    clock.do(experiment.save_moment)
+    clock.do(experiment.save_moment)
     assert experiment._moments == before
     played = Experiment(experiment.original)
     played.advance(0.001)
-    played.keep()
+    played.save_moment()
     good = played.state
     played.advance(0.003)
     played.go_back()
@@ -154,7 +154,7 @@ def test_a_replay_that_is_no_longer_wanted_ends():
     thread.join(LONGEST)
     assert not thread.is_alive()
     assert time.process_time() - begin < SOON
-    assert "given up" in fault[0]
+    assert "cancelled" in fault[0]
 
 
 def test_what_happens_at_the_end_of_a_slice_replays_bit_for_bit():

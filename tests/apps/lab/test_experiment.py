@@ -198,7 +198,7 @@ def test_a_law_that_blows_up_says_so_and_goes_back_to_the_last_good_moment():
     made = Experiment(collapsing())
     made.advance(0.05)
     made.apply({"kind": "kick", "agents": [0], "speed": 0.01, "seed": 0})
-    made.keep()
+    made.save_moment()
     good = made.state
     made.apply({"kind": "kick", "agents": [1], "speed": 0.01, "seed": 1})
     with pytest.raises(SimulationError):
@@ -251,7 +251,7 @@ def test_a_log_is_plain_data(tmp_path):
 def test_large_groups_run_in_tiles_and_replay_there():
     from flocking.apps.lab.panels.choices import LARGER_GROUPS
 
-    made = Experiment(LARGER_GROUPS["crowd-1000"](0))
+    made = Experiment(LARGER_GROUPS["group-1000"](0))
     assert made.engine == "tiles"
     made.advance(0.2)
     made.apply({"kind": "set", "path": GAIN, "value": 0.9})

@@ -14,9 +14,9 @@ from flocking.apps.lab.experiment.history import History
 from flocking.apps.lab.experiment.settings import sections
 from flocking.apps.lab.panels.choices import in_space
 from flocking.apps.lab.panels.interventions import agents_of
-from flocking.apps.lab.panels.measures import claims_of, lamps, ledger, measured
+from flocking.apps.lab.panels.measures import claims_of, ledger, measured, verdicts_on
 from flocking.apps.lab.scene.glyphs import colors, link_segments, turns
-from flocking.apps.lab.scene.solids import imagined, solids
+from flocking.apps.lab.scene.solids import solids, virtual_agents
 from flocking.apps.scenario_names import paper_scenarios
 from flocking.engine.runs.run import Closest
 from flocking.errors import FormulaError
@@ -127,7 +127,7 @@ def test_of_a_wild_slider_only_the_last_value_counts(clock):
 
 def test_a_fault_in_an_action_does_not_stop_the_clock(clock):
     message = []
-    clock.complaint = message.append
+    clock.on_error = message.append
     clock.do(lambda: 1 / 0)
     assert "ZeroDivisionError" in message[0]
     clock.play()
@@ -139,7 +139,7 @@ def test_the_clock_stops_at_a_failure_and_says_so():
     law = fk.Law(fk.Fixed.complete(2), [fk.Gradient(psi)])
     clock = Clock([Experiment(fk.Scenario(law, fk.State([[0.0, 0.0], [1.0, 0.0]]), t_end=10.0))])
     message = []
-    clock.complaint = message.append
+    clock.on_error = message.append
     clock.begin()
     try:
         clock.play()
@@ -163,7 +163,7 @@ def words(history, experiment):
     run = history.run(
         (Closest(1.0, 0.0, (0, 1), 0.0), Closest()), experiment.session.accuracy, experiment.session.fidelity
     )
-    return {lamp.claim.key: lamp for lamp in lamps(run, claims_of(run.scenario.name))}
+    return {lamp.claim.key: lamp for lamp in verdicts_on(run, claims_of(run.scenario.name))}
 
 
 def test_lamps_agree_with_the_audit_of_the_same_run():
@@ -171,7 +171,7 @@ def test_lamps_agree_with_the_audit_of_the_same_run():
     experiment = Experiment(scenario)
     history = watched(experiment, np.linspace(0.01, 20.0, 150))
     run = history.run(experiment.session.closest_pairs, experiment.session.accuracy, experiment.session.fidelity)
-    lit = {x.claim.key: x.word for x in lamps(run, claims_of(scenario.name))}
+    lit = {x.claim.key: x.word for x in verdicts_on(run, claims_of(scenario.name))}
     report = fk.audit(fk.simulate(scenario.with_(frames=np.linspace(0.0, 20.0, 150).tolist()), progress=False))
     message = {r.claim.key: str(r.verdict) for r in report.results}
     for key in ("energy", "energy-falls", "connected", "links-kept", "linked-apart", "momentum", "all-apart"):
@@ -289,7 +289,7 @@ def test_obstacles_and_leaders_can_be_drawn_and_moved():
     for s in found:
         assert isinstance(value_at(scenario, s.path), fk.Leader)
     assert np.linalg.norm(found[0].vertices[1:, :2], axis=1) == pytest.approx(1.0)
-    points = imagined(scenario, scenario.start)
+    points = virtual_agents(scenario, scenario.start)
     assert points[0] == pytest.approx([2.0, 0.0, 0.0])
     assert points[1] == pytest.approx([4.0, 0.0, 0.0])
 

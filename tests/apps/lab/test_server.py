@@ -135,49 +135,49 @@ def test_no_file_outside_the_folder_is_opened(page, tmp_path):
     page.offer()
     assert not {"out.toml", "nothing.toml", "door"} & {
         *page.transport.scenario.options,
-        *page.saving_panel.folder.options,
+        *page.file_panel.folder.options,
     }
     before = page.experiment
     page._orders.take = lambda: True  # how often is asked elsewhere
     for name in WAYS_OUT:
         if name in ("below/chunk",):
             continue
-        for way in (page.load, page.saving_panel.open_run):
-            page.trouble = ""
+        for way in (page.load, page.file_panel.open_run):
+            page.last_error = ""
             try:
                 way(name.format(out=outside))
             except fk.InvalidInput as error:
-                page.trouble = str(error)
-            assert "must be that of something in the folder" in page.trouble, (name, page.trouble)
+                page.last_error = str(error)
+            assert "must be that of something in the folder" in page.last_error, (name, page.last_error)
             count("lab: names that lead out of its folder")
     for name in (f"{outside}/run", "door/run", "../" + outside.name + "/run"):
         with pytest.raises(fk.InvalidInput):
-            page.saving_panel.open_run(name)
+            page.file_panel.open_run(name)
     assert page.experiment is before
-    assert page.saving_panel.stored is None
+    assert page.file_panel.stored is None
     fk.write_run(run, tmp_path / "run")
-    page.saving_panel.open_run("run")
-    assert np.array_equal(page.saving_panel.stored.q, run.q)
+    page.file_panel.open_run("run")
+    assert np.array_equal(page.file_panel.stored.q, run.q)
     fk.write_scenario(page.experiment.original, tmp_path / "here.toml")
     page.load("here.toml")
     assert page.experiment is not before
 
 
 def test_saving_does_not_follow_a_link_out_of_the_folder(page, tmp_path, monkeypatch):
-    from flocking.apps.lab.panels import saving_panel
+    from flocking.apps.lab.panels import file_panel
 
-    monkeypatch.setattr(saving_panel.time, "strftime", lambda *_: "now")
+    monkeypatch.setattr(file_panel.time, "strftime", lambda *_: "now")
     target = tmp_path.parent / f"{tmp_path.name}-taken"
     (tmp_path / "ten-now.toml").symlink_to(target)
-    page.saving_panel.save_scenario()
-    assert page.saving_panel.saved[-1].name == "ten-now-2.toml"
+    page.file_panel.save_scenario()
+    assert page.file_panel.saved[-1].name == "ten-now-2.toml"
     assert not target.exists()
 
 
 def test_orders_that_come_too_often_are_refused(page):
     for _ in range(40):
         page.load("absent.toml")
-    assert "must come at most" in page.trouble
+    assert "must come at most" in page.last_error
 
 
 def test_a_server_that_asks_nobody_is_not_trusted(monkeypatch):
@@ -226,5 +226,5 @@ def test_a_lab_ends_by_a_signal_while_an_answer_of_its_server_is_closed(tmp_path
     """Python itself closes what nobody holds, and drops what is raised there."""
     program = STRUCK.format(number=number.name, folder=str(tmp_path))
     found = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
-    assert (found.returncode, found.stderr) == (130, "flocking: interrupted; nothing was left half written.\n")
+    assert (found.returncode, found.stderr) == (130, "flocking: interrupted; no file was left incomplete.\n")
     assert "The lab is open" not in found.stdout

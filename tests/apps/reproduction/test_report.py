@@ -183,11 +183,11 @@ def test_what_is_not_as_expected_is_framed_and_what_fails_is_listed_first(folder
     changed = replace(found, judgements={**found.judgements, name: [wrong, *judged[1:]]}, figures=[])
     path = write_report(changed, {"tanner-2003-fixed": paper("tanner-2003-fixed")}, tmp_path)
     text, _ = read(path)
-    assert f'odd" id="{name}-claim-{wrong.claim.key}"' in text
-    assert "1 claim came out other than" in text
+    assert f'unexpected" id="{name}-claim-{wrong.claim.key}"' in text
+    assert "1 claim differs from" in text
     right, _ = read(out / "report.html")
-    assert 'odd" id=' not in right
-    assert "Every claim came out as its proof or its counter-example demands" in right
+    assert 'unexpected" id=' not in right
+    assert "Every claim has the verdict that follows from its proof or counter-example" in right
     top = right.split("<h2")[0]
     failing = [j.claim.statement for j in judged if j.verdict == Verdict.FAILS]
     assert failing

@@ -118,7 +118,7 @@ def test_the_lab_changes_it_goes_back_and_replays() -> None:
     experiment = Experiment(scenario(1.0), NAME)
     assert experiment.session.run().t.size == 0
     experiment.advance(0.1)
-    experiment.keep()
+    experiment.save_moment()
     kept = experiment.state.q
     experiment.apply({"kind": "set", "path": ["law", "terms", 1, "gain"], "value": 3.0})
     experiment.advance(0.2)

@@ -11,7 +11,7 @@ from types import ModuleType
 import pytest
 
 import flocking as fk
-from flocking.apps.lab.panels.measures import lamps
+from flocking.apps.lab.panels.measures import verdicts_on
 from flocking.apps.reproduction.claim_pictures import picture_of
 from flocking.study.claims.claim import Claim
 from flocking.study.claims.subjects import Subject, about_of
@@ -51,7 +51,7 @@ def test_a_claim_from_outside_is_audited_witnessed_lit_and_pictured(own: ModuleT
     # Nothing mends what lasts; what is pending may still come true before the end.
     early = replace(run, scenario=run.scenario.with_(t_end=20.0))
     pending = replace(own.SLOW, lasting=False)
-    lit = {lamp.claim.lasting: lamp for lamp in lamps(early, [own.SLOW, pending])}
+    lit = {shown.claim.lasting: shown for shown in verdicts_on(early, [own.SLOW, pending])}
     assert lit[None].word == "fails"
     assert lit[False].word == "not yet"
     assert lit[None].witness == found

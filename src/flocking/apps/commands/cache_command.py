@@ -9,12 +9,12 @@ from cyclopts import Parameter
 
 
 def cache(*, clear: bool = False, as_json: Annotated[bool, Parameter(name="--json")] = False) -> int:
-    """Show where compiled formulas are kept and how large that folder is, or clear it.
+    """Show the folder of compiled formulas and its size, or clear it.
 
     Parameters
     ----------
     clear
-        Remove them all; they are made anew when they are needed.
+        Remove all files; they are made again when needed.
     as_json
         Print JSON.
     """
@@ -29,5 +29,5 @@ def cache(*, clear: bool = False, as_json: Annotated[bool, Parameter(name="--jso
     print(f"folder    {found.folder}")
     what = f"{found.files} files, {found.size / 1e6:.3g} MB, of {found.formulas} laws and formulas"
     print(f"{'cleared' if clear else 'holds':9} {what}")
-    print(f"limit     {code_cache.MOST_BYTES / 1e6:.3g} MB; what was used longest ago is removed first")
+    print(f"limit     {code_cache.MOST_BYTES / 1e6:.3g} MB; the least recently used is removed first")
     return 0

@@ -1,4 +1,4 @@
-"""Commands that draw: pictures and films of a saved run, or of a scenario run for the purpose."""
+"""Commands that draw pictures and films of a saved run, or of a scenario after running it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ DRAWN = 0
 """Exit code of success."""
 
 OTHER_FORMATS = ("jpg", "jpeg", "gif", "tif", "tiff", "bmp", "webp", "eps", "ps", "mp4", "html")
-"""Endings that ask for a kind of picture that is not drawn; any other ending belongs to the name."""
+"""Endings of unsupported formats, which are refused; any other ending is part of the name."""
 
 
 def plot(
@@ -62,13 +62,13 @@ def plot(
         if name not in KINDS:
             raise InvalidInput("plot", "kind", f"must be one of {', '.join(KINDS)}", name)
     if time is not None and kinds != ["net"]:
-        raise InvalidInput("plot", "time", "can be given for --kind net alone", time)
+        raise InvalidInput("plot", "time", "can be given for --kind net only", time)
     format_name = out.suffix[1:].lower() if out is not None else ""
     known = format_name in FORMATS
     if format_name in OTHER_FORMATS:
         raise InvalidInput("plot", "out", "must end in .svg, .png or .pdf, or have no such ending", str(out))
     if out is not None:
-        check_writable("save", out)  # a wrong place should not cost a run first
+        check_writable("save", out)
     run, place = _run_of("plot", source, seed, most_agents)
     base = place if out is None else out.with_suffix("") if known else out
     check_writable("save", base)
@@ -99,8 +99,8 @@ def animate(
     source
         Folder of a run, a name that 'flocking list' shows, or a TOML file.
     out
-        The file, ending in .mp4 (needs ffmpeg) or .gif; the better one at hand without an ending. Beside the run's
-        folder when absent, or in the current folder for a scenario.
+        The file, ending in .mp4 (needs ffmpeg) or .gif; without an ending mp4 where ffmpeg is installed. Beside
+        the run's folder when absent, or in the current folder for a scenario.
     seconds
         Length of the film; every frame once when absent.
     fps
@@ -108,7 +108,7 @@ def animate(
     follow
         Move the picture with the group.
     trails
-        Draw where the agents came from.
+        Draw the paths of the agents.
     theme
         light or dark.
     seed
@@ -120,7 +120,7 @@ def animate(
     from flocking.show.style import check_writable
 
     if out is not None:
-        check_writable("animate", film_path(out))  # a wrong ending or place should not cost a run first
+        check_writable("animate", film_path(out))
     run, place = _run_of("animate", source, seed, most_agents)
     print(
         animate(run, place if out is None else out, seconds=seconds, fps=fps, follow=follow, theme=theme, trails=trails)
@@ -129,7 +129,7 @@ def animate(
 
 
 def _run_of(owner: str, source: str | None, seed: int | None, most_agents: int | None) -> tuple[Run, Path]:
-    """The run a user means, and where its pictures go, without kind and ending."""
+    """The run named by a user, and the path of its pictures without kind and ending."""
     from flocking.apps.scenario_names import find_scenario
     from flocking.engine.driver.simulate import simulate
     from flocking.engine.storage.stored_runs import read_run
@@ -140,7 +140,7 @@ def _run_of(owner: str, source: str | None, seed: int | None, most_agents: int |
     folder = Path(source)
     if folder.is_dir():
         if seed is not None:
-            raise InvalidInput(owner, "seed", "can be given for a scenario alone", seed, "This run has been computed.")
+            raise InvalidInput(owner, "seed", "can be given for a scenario only", seed, "This run has been computed.")
         resolved = folder.resolve()
         return read_run(folder), resolved.with_name(resolved.name)
     scenario = find_scenario(source, seed, most_agents)
@@ -149,7 +149,7 @@ def _run_of(owner: str, source: str | None, seed: int | None, most_agents: int |
     except SimulationError as error:
         if error.run is None:
             raise
-        print(f"flocking: {error}; drawn up to there.", file=sys.stderr)
+        print(f"flocking: {error}; drawn up to that time.", file=sys.stderr)
         run = error.run
     words = Path(source).stem if folder.suffix == ".toml" else source
     return run, Path(re.sub(r"[^\w.-]+", "-", words).strip("-.") or "run")

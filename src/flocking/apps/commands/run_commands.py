@@ -1,4 +1,4 @@
-"""Commands that run scenarios: from their start, or from where a saved run stopped."""
+"""Commands that run scenarios, and continue saved runs."""
 
 from __future__ import annotations
 
@@ -44,22 +44,22 @@ def run(
     scenario
         A name that 'flocking list' shows, or a TOML file.
     out
-        New folder for the run; it is saved while it goes on.
+        New folder for the run, which is saved while it runs.
     seed
         Seed of the random draws.
     engine
-        Which engine computes it: exact, tiles (large groups), lammps (also under mpiexec), one that another package
-        brings, or auto: exact up to 2,000 agents, tiles beyond.
+        The engine: exact, tiles (large groups), lammps (also under mpiexec), one of another package, or
+        auto: exact up to 2,000 agents, tiles beyond.
     step
         Time step of the engines with a fixed one; they choose one when absent.
     scheme
-        How tiles takes its steps: verlet, damped (for strong damping) or rk4; agents of order 1: rk4 or euler.
+        Integrator of tiles: verlet, damped (for strong damping) or rk4; agents of order 1: rk4 or euler.
     precision
-        Numbers of tiles: float64 or float32.
+        Precision of tiles: float64 or float32.
     threads
         Threads of tiles; all processors when absent. Results do not depend on it.
     observe
-        Record order, flocks, density and closest pair at the frames; tiles does unless told not to.
+        Record order, flocks, density and closest pair at the frames; tiles does by default.
     keep_frames
         Keep positions and velocities at the frames; without them a run of any length is small.
     memory
@@ -91,7 +91,7 @@ def run(
 
 
 def _named_options(texts: Sequence[str]) -> dict[str, object]:
-    """Options given as name=value; a value that is a TOML value is that, any other is text."""
+    """Options given as name=value; a value is read as TOML where it can be, else as text."""
     import tomllib
 
     from flocking.errors import InvalidInput
@@ -109,7 +109,7 @@ def _named_options(texts: Sequence[str]) -> dict[str, object]:
 
 
 def resume(folder: Path, *, threads: int | None = None, as_json: Json = False) -> int:
-    """Go on with a saved run that was interrupted or killed.
+    """Continue a saved run that was interrupted or killed.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def _print_run(make: Callable[[], Run], out: Path | None, as_json: bool) -> int:
         with partial_results():
             result = make()
         if result.provenance.get("rank", 0):
-            return FINE  # the first rank of the job speaks for all
+            return FINE  # only the first rank of the job prints
     except SimulationError as error:
         if error.run is None:
             raise
@@ -157,10 +157,10 @@ def _print_run(make: Callable[[], Run], out: Path | None, as_json: bool) -> int:
 
 
 def _where_stored(result: Run, out: Path | None) -> str:
-    """What Ctrl-C left of a run."""
+    """What is stored of an interrupted run."""
     if out is None:
-        return "no --out, nothing is kept."
+        return "without --out nothing is stored."
     from flocking.engine.storage.record import read_provenance
 
     complete = read_provenance(out).get("steps") == result.provenance.get("steps")
-    return f"{out} holds it{'' if complete else ' up to its last commit'}; 'flocking resume {out}' goes on."
+    return f"{out} holds it{'' if complete else ' up to its last commit'}; 'flocking resume {out}' continues it."

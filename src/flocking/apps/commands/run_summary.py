@@ -1,4 +1,4 @@
-"""What a run comes to, in a dozen numbers."""
+"""Summary of a run."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def facts(found: dict[str, Any]) -> list[tuple[str, str]]:
     Parameters
     ----------
     found
-        What `summary` gives.
+        The result of `summary`.
     """
     switches = ", ".join(f"{count} {kind}" for kind, count in found["switches"].items())
     closest, energy = found.get("closest"), found.get("energy")
@@ -108,7 +108,7 @@ def facts(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("velocity spread", f"{found['velocity_spread']:.3e}" if "velocity_spread" in found else ""),
         ("order", f"{found['order']:.6f}" if "order" in found else ""),
         (
-            "closest pair ever",
+            "closest pair",
             f"{closest['distance']:.6g}, agents {pair}, t = {closest['time']:.4g}" if closest else "",
         ),
         ("energy", f"{energy['start']:.6g} at the start, {energy['end']:.6g} at the end" if energy else ""),

@@ -1,4 +1,4 @@
-"""The showcase command: a large run of the gallery made for real, audited, and drawn."""
+"""The showcase command: runs, audits and draws a large scenario of the gallery."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def showcase(
     threads: int | None = None,
     as_json: Annotated[bool, Parameter(name="--json")] = False,
 ) -> int:
-    """Make a large run of the gallery: run it, audit it, draw it. The same command again goes on with it.
+    """Make a large run of the gallery: run it, audit it, draw it. The same command continues it.
 
     The exit code is 1 when the ledger of the audit does not hold.
 
@@ -37,13 +37,13 @@ def showcase(
     name
         One of obstacle-field, flock-from-noise, cluster-obstacles; 'flocking run' knows the same scenarios.
     out
-        Folder for the run, its audit, what is kept of it and its picture; out/showcases/NAME when absent.
+        Folder for the run, its audit, its summary and its picture; out/showcases/NAME when absent.
     engine
-        Which engine computes it: tiles, or lammps (also under mpiexec).
+        The engine: tiles, or lammps (also under mpiexec).
     agents
-        A smaller group, as dense and as far ahead of what is in its way.
+        Size of a smaller group of the same density, at the same distance from obstacles.
     until
-        An earlier end.
+        An earlier end time.
     threads
         Threads of the tiled engine; all processors when absent.
     as_json
@@ -62,9 +62,9 @@ def showcase(
     with partial_results():
         run = chosen.run(folder / "run", scenario, engine=engine, progress=not as_json, threads=threads)
     if run.provenance.get("rank", 0):
-        return FINE  # the first rank of the job speaks for all
+        return FINE  # only the first rank of the job prints
     if run.status.startswith("interrupted"):
-        print(f"flocking: {run.status}; the same command goes on.", file=sys.stderr)
+        print(f"flocking: {run.status}; the same command continues it.", file=sys.stderr)
         return INTERRUPTED
     report = audit(run)
     summary = chosen.summary_of(run, report)

@@ -1,4 +1,4 @@
-"""Commands for runs on disk: what is in them, for other programs, and where two of them part."""
+"""Commands for runs on disk: contents, export, and the first difference of two."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ def info(folder: Path, *, as_json: Json = False) -> int:
         _print_json({**(found or {}), "stored": stored})
         return EQUAL
     rows = facts(found) if found else [("status", stored["status"]), ("frames", str(stored["frames"]))]
-    going_on = "yes, with 'flocking resume'" if stored["can_go_on"] else "no"
+    resumable = "yes, with 'flocking resume'" if stored["can_go_on"] else "no"
     rows += [
         ("commits", str(stored["commits"])),
         ("size on disk", f"{stored['bytes'] / 1e6:.3g} MB"),
-        ("can go on", "" if stored["status"] == "finished" else going_on),
+        ("can be resumed", "" if stored["status"] == "finished" else resumable),
         ("scenario", "not stored: it has a part from outside the library" if found is None else ""),
     ]
     print_facts(rows)

@@ -1,4 +1,4 @@
-"""The sweep command: a file or a shipped study, run or gone on with, its results written and drawn."""
+"""The sweep command: runs or continues a sweep file or a shipped study, writes and draws its results."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def sweep(
     level: float = 0.95,
     as_json: Annotated[bool, Parameter(name="--json")] = False,
 ) -> int:
-    """Run a sweep: many runs over parameters and seeds. The same command again makes only what is missing.
+    """Run a sweep: many runs over parameters and seeds. The same command makes only missing runs.
 
     Parameters
     ----------
@@ -71,18 +71,18 @@ def sweep(
         written = write_results(table, folder, sweep, level)
     except KeyboardInterrupt:
         answered()
-        print(f"flocking: interrupted; what {folder} holds is whole, and the same command goes on.", file=sys.stderr)
+        print(f"flocking: interrupted; {folder} is consistent, the same command continues.", file=sys.stderr)
         return INTERRUPTED
     _print(table, file, folder, written, level, time.monotonic() - begin, as_json)
     if table.status == "interrupted":
-        kept = f"{len(table)} of {table.plan.size} runs are kept in {folder}; the same command goes on."
-        print(f"flocking: interrupted; {kept}", file=sys.stderr)
+        stored = f"{len(table)} of {table.plan.size} runs are stored in {folder}; the same command continues."
+        print(f"flocking: interrupted; {stored}", file=sys.stderr)
         return INTERRUPTED
     return FAILED_RUNS if table.failures else FINE
 
 
 def find_sweep(name: str, most_runs: int | None, most_agents: int | None) -> SweepFile:
-    """The sweep a user means: a shipped study by its name, or a TOML file.
+    """The sweep named by a user: a shipped study by its name, or a TOML file.
 
     Parameters
     ----------
@@ -115,12 +115,12 @@ def find_sweep(name: str, most_runs: int | None, most_agents: int | None) -> Swe
 
 
 def write_results(table: SweepTable, folder: Path, name: str, level: float) -> list[Path]:
-    """Write tables of the runs there are, and the picture of a shipped study once it is complete.
+    """Write tables of the finished runs, and the picture of a shipped study once it is complete.
 
     Parameters
     ----------
     table
-        What the sweep found.
+        Results of the sweep.
     level
         Level of confidence of the intervals, between 0 and 1.
     """
@@ -156,7 +156,7 @@ def _print(
         print(json.dumps(about, indent=2, allow_nan=False, ensure_ascii=False, default=str))
         return
     head = [*table.plan.grid, *(["sample"] if table.plan.sample else []), *table.measures]
-    # More intervals than these fold on a terminal; all are in the summary beside.
+    # Intervals of more measures do not fit on a line; all are in summary.csv.
     few = len(table.measures) <= 2
     cells = []
     for row in rows[:LONGEST_SUMMARY]:

@@ -1,1 +1,1 @@
-"""The live lab: a page in which a scenario runs, can be changed as it does, and is put on record."""
+"""The live lab: a page in which a running scenario can be changed, with a log of all changes."""

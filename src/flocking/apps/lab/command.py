@@ -23,7 +23,7 @@ def lab(
     port
         Port on the loopback address; the first free one from 8080 on by default.
     folder
-        Where the page opens files and saves them, and nowhere else; the working folder by default.
+        The only folder in which the page opens and saves files; the working folder by default.
     browser
         Open a browser.
     """

@@ -1,4 +1,4 @@
-"""The page: the experiments, their scene and all that steers them, on one viser server."""
+"""The page: the experiments, their scene and the panels that control them, on one viser server."""
 
 from __future__ import annotations
 
@@ -17,25 +17,27 @@ from flocking.apps.lab.panels.choices import first_choice, in_space, is_built_in
 from flocking.apps.lab.panels.comparison import Comparison
 from flocking.apps.lab.panels.controls import Controls
 from flocking.apps.lab.panels.display import Display
+from flocking.apps.lab.panels.file_panel import FilePanel
 from flocking.apps.lab.panels.interventions import Interventions
 from flocking.apps.lab.panels.measurement_panel import MeasurementPanel
 from flocking.apps.lab.panels.playback import Transport
-from flocking.apps.lab.panels.saving_panel import SavingPanel
 from flocking.apps.lab.scene.scene import Scene
 from flocking.errors import FlockingError, InvalidInput
 from flocking.model.law import Scenario
 
 SECONDS_A_RUN = 40.0
-"""A scenario is played so fast that it takes about this long."""
+"""Wall seconds of a scenario at the initial speed."""
 
 ORDERS_A_SECOND = 1.0
-"""Changes of the run that are accepted from a page in a second in the long run: each may start a computation."""
+"""Rate limit of requests to open or save a file or to begin a run, each of which may start a computation."""
+LONGEST_NOTE = 400
+"""Characters of a notification, which covers part of the scene."""
 MOST_ORDERS = 20
-"""So many times at once, and then so often, a file is opened or saved, or a run is begun."""
+"""Such requests that are accepted at once."""
 
 
 class Page:
-    """A lab that runs.
+    """A running lab.
 
     Parameters
     ----------
@@ -44,7 +46,7 @@ class Page:
     scenario
         What to start with, as in `flocking.apps.lab.server.lab`; an event log is replayed.
     folder
-        Where the page saves to, and finds the user's files, and nowhere else; the working folder when absent.
+        The only folder in which the page opens and saves files; the working folder when absent.
     """
 
     def __init__(
@@ -59,9 +61,9 @@ class Page:
         self._given_file: Path | None = None
         name, experiment = self._first(scenario)
         self.clock = Clock([experiment])
-        self.clock.complaint = self.complain
-        self.trouble = ""
-        """The last thing that was refused."""
+        self.clock.on_error = self.show_error
+        self.last_error = ""
+        """Message of the last refused request."""
         self.scene = Scene(server, self.clock, self._dragged)
         gui = server.gui
         self._name = name
@@ -77,12 +79,12 @@ class Page:
             self.interventions = Interventions(gui, self.clock, self.send)
             self.scene.picked = self._picked
         with tabs.add_tab("Claims"):
-            self.measurement_panel.add_lamps()
+            self.measurement_panel.add_verdicts()
         with tabs.add_tab("View"):
             self.display = Display(gui, self.scene)
             self.comparison = Comparison(gui, self)
-        with tabs.add_tab("Keep"):
-            self.saving_panel = SavingPanel(gui, self)
+        with tabs.add_tab("Files"):
+            self.file_panel = FilePanel(gui, self)
         self._given = scenario if isinstance(scenario, Scenario) else None
         self._given_name = name
         self._settle()
@@ -116,15 +118,15 @@ class Page:
         if isinstance(scenario, Scenario):
             return scenario.name or "yours", Experiment(scenario)
         name = first_choice() if scenario is None else scenario
-        # Named by who starts the lab, not by a page: it may be anywhere.
+        # Named by the user who starts the lab, not by a page: any folder is allowed.
         file = Path(name).absolute()
         self._given_file = None if is_built_in(name) else file
         if name.endswith(".json"):
             return name, replay(EventLog.read(file))
         return name, Experiment(scenario_of(name, file))
 
-    def may(self) -> None:
-        """Count an order that opens or saves a file, or begins a run.
+    def count_request(self) -> None:
+        """Count a request that opens or saves a file, or begins a run.
 
         Raises
         ------
@@ -136,41 +138,35 @@ class Page:
                 "lab", "order", f"must come at most {MOST_ORDERS} times at once, and then once a second", "one more"
             )
 
-    def complain(self, message: str) -> None:
-        """Say what was refused.
-
-        Parameters
-        ----------
-        message
-            What to say.
-        """
-        self.trouble = message
+    def show_error(self, message: str) -> None:
+        """Show the ``message`` of a refused request."""
+        self.last_error = message
         for client in self.server.get_clients().values():
-            client.add_notification("Not possible", message[:400], color="red", auto_close_seconds=10.0)
+            client.add_notification("Not possible", message[:LONGEST_NOTE], color="red", auto_close_seconds=10.0)
 
     def send(self, event: Event, key: object = None, show_message: Callable[[str], None] | None = None) -> None:
-        """Do an event to every experiment between two steps, and say in place what is wrong with it.
+        """Apply an event to every experiment between two steps, and show its error in place.
 
         Parameters
         ----------
         key
             Of events waiting under one key only the last is done.
         show_message
-            Told what is wrong, or an empty text; a notification when absent.
+            Called with the error, or an empty text; a notification is shown when absent.
         """
 
         def act() -> None:
             try:
-                for each in self.comparison.meant(event):
+                for each in self.comparison.targets(event):
                     each.apply(event)
             except FlockingError as error:
-                self.trouble = str(error)
-                (show_message or self.complain)(str(error))
+                self.last_error = str(error)
+                (show_message or self.show_error)(str(error))
                 return
             if show_message is not None:
                 show_message("")
             if event["kind"] == "kill":
-                self.scene.look.highlight = ()  # those who stay have other numbers
+                self.scene.look.highlight = ()  # the remaining agents have other numbers
             if (
                 event["kind"] not in ("set", "scale", "move", "kick")
                 or str(event.get("path", [""])[-1])[:7] == "formula"
@@ -183,7 +179,7 @@ class Page:
         self.send({"kind": "move", "path": list(path), "to": point}, ("move", path))
 
     def _picked(self, agent: int) -> None:
-        """An agent was clicked: it is chosen for what is done next, and seen to be."""
+        """Choose a clicked agent for the next intervention, and highlight it."""
         self.scene.look.highlight = tuple(self.interventions.pick(agent))
         self.scene.repaint()
 
@@ -193,15 +189,15 @@ class Page:
             self._loads += 1
             number = self._loads
         try:
-            self.may()
+            self.count_request()
             self._install(self._opened(name, seed, lambda: number == self._loads and not self.clock.closed))
             self._name = self.transport.scenario.value = name
         except (FlockingError, OSError) as error:
             self.transport.scenario.value = self._name
-            self.complain(str(error))
+            self.show_error(str(error))
 
-    def _opened(self, name: str, seed: int | None, goes_on: Callable[[], bool]) -> Experiment:
-        """What a name given by the page stands for: nothing outside the folder but what the lab was started with."""
+    def _opened(self, name: str, seed: int | None, proceed: Callable[[], bool]) -> Experiment:
+        """The experiment of a name given by the page: in the folder, or what the lab was started with."""
         if self._given is not None and name == self._given_name:
             return Experiment(self._given)
         if name == self._given_name and self._given_file is not None:
@@ -209,21 +205,21 @@ class Page:
         else:
             file = Path(name) if is_built_in(name) else self.folder.inside(name)
         if name.endswith(".json"):
-            return replay(EventLog.read(file), goes_on)
+            return replay(EventLog.read(file), proceed)
         return Experiment(scenario_of(name, file, seed))
 
     def offer(self) -> None:
-        """Offer the files that are in the folder now."""
+        """List the files that are in the folder now."""
         self.transport.offer(library(self.folder))
-        self.saving_panel.offer()
+        self.file_panel.offer()
 
     def lift(self) -> None:
-        """Start the present scenario anew in three dimensions."""
+        """Restart the present scenario in three dimensions."""
         try:
-            self.may()
+            self.count_request()
             self._install(Experiment(in_space(self.experiment.original)))
         except FlockingError as error:
-            self.complain(str(error))
+            self.show_error(str(error))
 
     def _install(self, experiment: Experiment) -> None:
         with self._busy:
@@ -236,7 +232,7 @@ class Page:
         self.comparison.end()
 
     def _settle(self) -> None:
-        """Make controls and view fit the scenario that was opened."""
+        """Fit controls and view to the opened scenario."""
         scenario = self.experiment.scenario
         self.controls.build(scenario)
         self.measurement_panel.reset()
@@ -250,25 +246,25 @@ class Page:
         self.scene.repaint()
 
     @staticmethod
-    def anew(experiment: Experiment) -> Experiment:
-        """The experiment from its start with the present settings; with its own where agents came or went."""
+    def restarted(experiment: Experiment) -> Experiment:
+        """The experiment from its start with the present settings; its own where the group changed."""
         now, first = experiment.scenario, experiment.original
         if now.start.n == first.start.n:
             first = first.with_(law=now.law, agents=now.agents, energy=now.energy)
         return Experiment(first, experiment.engine)
 
     def restart(self) -> None:
-        """Start anew with the present settings."""
+        """Restart with the present settings."""
 
         def act() -> None:
-            self.may()
-            self.clock.experiments = [self.anew(each) for each in self.clock.experiments]
+            self.count_request()
+            self.clock.experiments = [self.restarted(each) for each in self.clock.experiments]
             self.measurement_panel.reset()
 
         self.clock.post(act, "restart")
 
     def go_back(self) -> None:
-        """Return to the last good moment, and stand there."""
+        """Return to the saved moment, and pause."""
 
         def act() -> None:
             self.clock.pause()

@@ -1,4 +1,4 @@
-"""The lab's server: a page on the loopback address alone, for those who have its address with the token."""
+"""The lab's server: a page on the loopback address, with a token in its address."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ HOST = "127.0.0.1"
 PORT = 8080
 """First port that is tried: the usual one of local web servers."""
 TRIES = 50
-"""How many ports are tried, for as many labs on one machine."""
+"""Number of ports that are tried: as many labs can run on one machine."""
 
 LOOK = 0.5
-"""Seconds between two looks whether there was a signal."""
+"""Seconds between two checks for a signal."""
 
 
 def lab(
@@ -35,7 +35,7 @@ def lab(
     browser: bool = True,
     wait: bool | None = None,
 ) -> Page:
-    """Open the live lab: a page in which a scenario runs, and everything about it can be changed as it does.
+    """Open the live lab: a page in which a running scenario can be changed.
 
     The page is served on the loopback address alone and needs no network. Its address has a random token in it;
     requests without the token, of another page or for another host are refused.
@@ -48,16 +48,16 @@ def lab(
     port
         Port of the page; the first free one from 8080 on when absent.
     folder
-        Where the page opens files and saves them, and nowhere else; the working folder when absent.
+        The only folder in which the page opens and saves files; the working folder when absent.
     browser
         Open the page in a browser.
     wait
-        Print the address and stay until interrupted. When absent: no, so that a notebook goes on.
+        Print the address and wait until interrupted; false when absent.
 
     Returns
     -------
     Page
-        The page; its ``address`` is where it is, its ``close()`` ends it.
+        The page, with its ``address``; ``close()`` ends it.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def lab(
     from flocking.apps.lab.page import Page
 
     if folder is not None and not Path(folder).is_dir():
-        raise InvalidInput("lab", "folder", "must be a folder that is there", str(folder))
+        raise InvalidInput("lab", "folder", "must be an existing folder", str(folder))
     page = Page(opened(port), scenario, folder)
     if wait:
         print(f"The lab is open at {page.address}", flush=True)
@@ -77,7 +77,7 @@ def lab(
         webbrowser.open(page.address)
     if wait:
         try:
-            # A signal just before a wait begins does not end it, and a library may hold the interrupt that it raised.
+            # A signal just before a wait does not end it, and a library may swallow the interrupt.
             while not interruption.RAISED:
                 threading.Event().wait(LOOK)
         except KeyboardInterrupt:
@@ -105,7 +105,7 @@ def opened(port: int | None) -> Guarded:
         raise InvalidInput(
             "lab", "port", "must be free", port or f"{PORT} to {PORT + TRIES - 1}", "Give another --port."
         )
-    # A connection that ends before it began is nobody's fault, and no reason for a traceback.
+    # Connections that end early are no reason for a traceback.
     logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
     access = AccessCheck()
     with guarding(access):
@@ -119,7 +119,7 @@ def opened(port: int | None) -> Guarded:
         )  # fmt: skip
     server.gui.configure_theme(show_share_button=False, show_logo=False, control_width="large")
     server.gui.main_panel.dock_right()
-    # The share button is one way to the outside tunnel; a page of the lab has none at all.
+    # No other way to the public tunnel either.
     server.request_share_url = _no_tunnel
     return Guarded(server, access)
 

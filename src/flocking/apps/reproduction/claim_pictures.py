@@ -1,4 +1,4 @@
-"""Which picture shows what a claim speaks of, and how it is drawn from the run of seed 0."""
+"""The picture that shows the subject of a claim, drawn from a run."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 CAPTIONS: dict[str, str] = {
-    Subject.LEDGER: "The energy ledger, and below it what it leaves unexplained.",
-    Subject.SPREAD: "How far velocities are from their mean.",
+    Subject.LEDGER: "The energy ledger, and below it the residual.",
+    Subject.SPREAD: "Deviation of the velocities from their mean.",
     Subject.LEADER: "Velocity of the centre of mass minus the leader's.",
     Subject.VELOCITIES: "Velocities along x.",
     Subject.CONNECTIVITY: "Algebraic connectivity and number of flocks.",
-    Subject.LINKS: "Links, and when they were made and lost.",
-    Subject.CLOSEST: "Distance of the closest pair, with its certified minima.",
-    Subject.NET: "The net at the end, with the paths that led there.",
+    Subject.LINKS: "Links, and the times at which they appeared and broke.",
+    Subject.CLOSEST: "Distance of the closest pair, with its minima between frames.",
+    Subject.NET: "The net at the end, with the paths of the agents.",
 }
-"""What each picture shows, by the subject of claims."""
+"""Caption of each picture, by the subject of claims."""
 
 
 def picture_of(claim: Claim, numbers: Iterable[str] = ()) -> str:
-    """Name of the picture a claim stands beside: ``figure-N`` where its source names one of them, else a key above.
+    """Name of the picture beside a claim: ``figure-N`` where its source names one, else a key of `CAPTIONS`.
 
     Parameters
     ----------

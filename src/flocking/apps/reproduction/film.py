@@ -1,4 +1,4 @@
-"""The film of a paper that lies beside the report."""
+"""The film of a paper beside the report."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ RATE = 10
 
 
 def write_film(run: Run, folder: Path) -> Path:
-    """Write a small film of a run, as long whatever the run's own time: MP4 where ffmpeg is installed, else GIF.
+    """Write a film of fixed length of a run: MP4 where ffmpeg is installed, else GIF.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The report of a reproduction: one HTML file that needs nothing else and no network."""
+"""The report of a reproduction: one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def write_report(found: Reproduction, papers: dict[str, Paper], out: Path) -> Pa
     Parameters
     ----------
     found
-        What the reproduction found.
+        Results of the reproduction.
     papers
         The papers, by key.
     out
@@ -132,23 +132,23 @@ def _summary(found: Reproduction, papers: dict[str, Paper]) -> str:
     head = head_row("paper", *COUNTED)
     return (
         "<h1>Flocking control: the papers, reproduced</h1>\n"
-        f'<p class="dim">What each theorem claims, whether it holds in its own simulations, by what margin, and where '
-        f'the papers err.</p>\n<div class="numbers">{boxes}</div>\n<p>{escape(_outcome(judged))}</p>\n'
+        f'<p class="dim">What each theorem claims, whether it holds in the simulations, by what margin, and which '
+        f'printed statements are wrong.</p>\n<div class="numbers">{boxes}</div>\n<p>{escape(_outcome(judged))}</p>\n'
         f"{table(head, rows)}{_failing(found)}"
     )
 
 
 def _outcome(judged: list[Judgement]) -> str:
-    odd = sum(not j.as_expected for j in judged)
-    if not odd:
-        return "Every claim came out as its proof or its counter-example demands; observations have rates."
+    unexpected = sum(not j.as_expected for j in judged)
+    if not unexpected:
+        return "Every claim has the verdict that follows from its proof or counter-example; observations have rates."
     untested = sum(j.verdict == Verdict.UNTESTED for j in judged)
     few = f" {untested} are untested: a verdict needs five seeds that meet the hypothesis." if untested else ""
     waiting = sum(j.verdict == Verdict.NOT_YET for j in judged)
     if waiting:
         few += f" {waiting} are not yet decided: for some seed the motion has not settled by the end of the run."
-    claims = "1 claim" if odd == 1 else f"{odd} claims"
-    return f"{claims} came out other than its proof or counter-example demands, framed below.{few}"
+    claims = "1 claim differs" if unexpected == 1 else f"{unexpected} claims differ"
+    return f"{claims} from the verdict that follows from its proof or counter-example, framed below.{few}"
 
 
 def _paper_row(key: str, article: Paper, found: Reproduction) -> str:
@@ -165,15 +165,15 @@ def _paper_row(key: str, article: Paper, found: Reproduction) -> str:
 
 
 FAILING = {
-    Origin.PAPER: "Stated by a paper, and not so in its own simulations",
-    Origin.ASSUMPTION: "Assumed by a paper, and not always so",
+    Origin.PAPER: "Stated by a paper, and false in its simulations",
+    Origin.ASSUMPTION: "Assumed by a paper, and not always true",
     Origin.OWN: "Our own questions, answered no",
 }
-"""Headings over the claims that fail, by who makes them: only the first speak against a paper."""
+"""Headings over the claims that fail, by their origin: only the first contradict a paper."""
 
 
 def _failing(found: Reproduction) -> str:
-    """What fails, once for each statement, with links to where it does, by who states it."""
+    """The claims that fail by origin, each statement once, with links to its scenarios."""
     return "".join(_failing_of(found, origin, heading) for origin, heading in FAILING.items())
 
 
@@ -229,7 +229,7 @@ def _formulas(found: Reproduction, article: Paper) -> str:
 
 
 def _figures(captions: dict[str, str], drawn: dict[str, Path], film: Path | None) -> str:
-    """The paper's figures that stand beside no claim, and the film."""
+    """The paper's figures that are beside no claim, and the film."""
     cards = [
         card(embedded(drawn[number], "image/svg+xml"), f"Fig. {number}. {caption}")
         for number, caption in captions.items()
@@ -253,8 +253,8 @@ def _provenance(found: Reproduction) -> str:
     rows = "".join(_scenario_row(name, run) for name, run in found.runs.items())
     head = head_row("scenario", "agents", "until", "tolerance", "steps", "switches", "parameters")
     return (
-        f'<h2 id="provenance">Where the numbers come from</h2>\n<dl>{shown}</dl>\n'
-        f"<p>Seeds are {found.first_seed}, {found.first_seed + 1} and so on; the row shows the one that is drawn. "
+        f'<h2 id="provenance">Provenance</h2>\n<dl>{shown}</dl>\n'
+        f"<p>Seeds are {found.first_seed}, {found.first_seed + 1} and so on; the table shows the run that is drawn. "
         "The same call gives the same numbers.</p>\n"
         f'<div class="scroll"><table><thead>{head}</thead><tbody>{rows}</tbody></table></div>\n'
     )

@@ -1,4 +1,4 @@
-"""The part of the report that holds claims: each beside the picture that shows what it speaks of."""
+"""Claims in the report, each beside the picture of its subject."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def claims_beside_pictures(
     name
         Name of the scenario.
     judgements
-        What was found for each of its claims.
+        Judgements of its claims.
     pictures
         Folder of the pictures that were drawn for the claims.
     figures
@@ -47,12 +47,12 @@ def claims_beside_pictures(
 
 
 def cited(judgements: Iterable[Judgement], numbers: Iterable[str]) -> set[str]:
-    """Numbers of the figures that stand beside the claims which name them.
+    """Numbers of the figures that claims name.
 
     Parameters
     ----------
     judgements
-        What was found for the claims of a scenario.
+        Judgements of the claims of a scenario.
     numbers
         Numbers of the figures that are drawn from its run.
     """
@@ -61,12 +61,12 @@ def cited(judgements: Iterable[Judgement], numbers: Iterable[str]) -> set[str]:
 
 
 def place_of(name: str, judgement: Judgement) -> str:
-    """Name by which a link finds a claim of a scenario.
+    """Anchor of a claim of a scenario.
 
     Parameters
     ----------
     judgement
-        What was found for the claim.
+        Judgement of the claim.
     """
     return f"{name}-claim-{judgement.claim.key}"
 
@@ -89,14 +89,14 @@ def _claim(name: str, j: Judgement) -> str:
     origin = "" if j.claim.origin is Origin.PAPER else f"{j.claim.origin}; "
     basis = j.claim.ground or str(j.claim.basis)
     decisive = "counter-example:" if j.counterexample is not None else "worst margin"
-    odd = "" if j.as_expected else " odd"
+    unexpected = "" if j.as_expected else " unexpected"
     expected = "" if j.as_expected else f' <span class="dim">expected: {escape(j.claim.expectation)}</span>'
     reason = f'<p class="dim">{escape(j.claim.reason)}</p>' if j.claim.reason else ""
     measured = f"; {escape(j.worst.note)}" if j.worst.note else ""
     waiting = f", not yet {j.waiting}" if j.waiting else ""
     waiting += f", not resolved {j.unresolved}" if j.unresolved else ""
     return (
-        f'<article class="claim {kind}{odd}" id="{escape(place_of(name, j))}">'
+        f'<article class="claim {kind}{unexpected}" id="{escape(place_of(name, j))}">'
         f'<p><span class="verdict {kind}">{escape(verdict)}</span>{expected} {escape(j.claim.statement)} '
         f'<span class="dim">{escape(origin)}{escape(j.claim.source)}</span></p>{reason}'
         f'<p class="dim small">Rests on: {escape(basis)}</p>'
@@ -106,7 +106,7 @@ def _claim(name: str, j: Judgement) -> str:
 
 
 def embedded(path: Path, kind: str) -> str:
-    """A file as an address that holds it.
+    """A file as a data URL.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ HEADINGS = {
     Fault.READING: "Ambiguities and missing values, and what is chosen here",
     Fault.OWN: "Not printed: questions of our own",
 }
-"""Headings of the tables of errata; only the first speaks against the mathematics of a paper."""
+"""Headings of the tables of errata; only the first contradict the mathematics of a paper."""
 
 
 def errata_tables(rows: Sequence[RowData]) -> str:
@@ -62,7 +62,7 @@ def _number(value: float | str) -> str:
 
 
 def equation_table(article: Paper) -> str:
-    """Every row of a paper's equation table, folded away.
+    """The equation table of a paper, collapsed.
 
     Parameters
     ----------

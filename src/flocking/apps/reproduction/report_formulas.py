@@ -1,4 +1,4 @@
-"""Formulas of the report as drawn paths: they look the same in every browser, in dark and on paper, with no font."""
+"""Formulas of the report as SVG paths, which need no font."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Drawn:
 
 
 def formulas(potential: Potential) -> str:
-    """A potential and its slope as two SVG pictures; each carries its LaTeX for readers that speak.
+    """A potential and its slope as two SVG pictures; each with its LaTeX for screen readers.
 
     Parameters
     ----------
@@ -62,15 +62,15 @@ def _picture(name: str, expression: object) -> str:
     for (value, when), (height, depth) in zip(rows, heights, strict=True):
         parts += [_placed(value, left, top + height), _placed(when, left + values + 2 * GAP, top + height)]
         top += height + depth + GAP
-    # The name stands at the only row, or in the middle of several.
+    # The name is at the only row, or in the middle of several.
     baseline = heights[0][0] if len(rows) == 1 else total / 2 + head.height / 3
     parts.append(_placed(head, 0.0, baseline))
     if len(rows) > 1:
         parts.append(f'<path d="{_brace(total)}" transform="translate({head.width:.1f} 0)"/>')
     width = left + values + max(2 * GAP + when.width if when.width else 0.0 for _, when in rows)
     size = f'width="{width + 4:.0f}" height="{total + 4:.0f}" viewBox="-2 -2 {width + 4:.1f} {total + 4:.1f}"'
-    spoken = escape(f"{name} = {sympy.latex(folded)}")
-    return f'<svg role="img" aria-label="{spoken}" fill="currentColor" {size}>{"".join(parts)}</svg>\n'
+    label = escape(f"{name} = {sympy.latex(folded)}")
+    return f'<svg role="img" aria-label="{label}" fill="currentColor" {size}>{"".join(parts)}</svg>\n'
 
 
 def _condition(when: object, rows: int) -> Drawn:
@@ -104,7 +104,7 @@ def _drawn(latex: str) -> Drawn:
 
 
 def _roomy(latex: str) -> str:
-    """The formula with full-size fractions where none is nested, and room before names of functions."""
+    """The formula with full-size outer fractions, and space before names of functions."""
     spaced = re.sub(r"(?<=[\w}]) (?=\\(?:log|exp|sin|cos|tan|sinh|cosh|tanh)\b)", r" \\, ", latex)
     depth, found = 0, []
     for piece in re.split(r"(\\frac|[{}])", spaced):

@@ -1,9 +1,10 @@
-"""Style sheet of the report: readable in light and dark, on a phone and on paper, with nothing fetched."""
+"""Style sheet of the report: for light and dark screens, phones and paper; nothing is fetched."""
 
 STYLE = """
-:root { color-scheme: light dark; --ink: #1c1e21; --paper: #ffffff; --soft: #f3f4f6; --line: #d9dce1; --dim: #5c6470;
+:root { color-scheme: light dark; --ink: #1c1e21; --paper: #ffffff; --panel: #f3f4f6; --line: #d9dce1;
+  --dim: #5c6470;
   --good: #00664a; --bad: #a63a00; --open: #005a94; }
-@media (prefers-color-scheme: dark) { :root { --ink: #e6e8eb; --paper: #15181c; --soft: #1e2227; --line: #343a42;
+@media (prefers-color-scheme: dark) { :root { --ink: #e6e8eb; --paper: #15181c; --panel: #1e2227; --line: #343a42;
   --dim: #a2abb6; --good: #4fd1a5; --bad: #ff9d66; --open: #6cc0ff; } }
 * { box-sizing: border-box; }
 body { margin: 0; background: var(--paper); color: var(--ink); font: 16px/1.5 system-ui, sans-serif; }
@@ -14,7 +15,8 @@ h3 { font-size: 1.05rem; margin: 1.8rem 0 .5rem; }
 p { margin: .3rem 0 .8rem; max-width: 46rem; }
 .dim { color: var(--dim); }
 .numbers { display: grid; grid-template-columns: repeat(auto-fit, minmax(9rem, 1fr)); gap: .8rem; margin: 1.2rem 0; }
-.numbers div { background: var(--soft); border-radius: .5rem; padding: .7rem .9rem; }
+.numbers div {
+  background: var(--panel); border-radius: .5rem; padding: .7rem .9rem; }
 .numbers b { display: block; font-size: 1.6rem; line-height: 1.2; font-variant-numeric: tabular-nums; }
 a { color: var(--open); }
 .scroll { overflow-x: auto; }
@@ -31,7 +33,8 @@ td.count { white-space: nowrap; font-variant-numeric: tabular-nums; }
 .claim p { margin: 0; max-width: none; } .claim .small { font-size: .85rem; color: var(--dim); }
 .claim.holds { color: inherit; border-color: var(--good); } .claim.fails { color: inherit; border-color: var(--bad); }
 .claim.other { color: inherit; border-color: var(--open); }
-.claim.odd { border: 2px solid var(--bad); border-left-width: .25rem; border-radius: .2rem; padding: .3rem .8rem; }
+.claim.unexpected { border: 2px solid var(--bad); border-left-width: .25rem; border-radius: .2rem;
+  padding: .3rem .8rem; }
 ul { padding-left: 1.2rem; } li { margin: .15rem 0; }
 .figures { display: grid; grid-template-columns: repeat(auto-fill, minmax(18rem, 1fr)); gap: 1rem; }
 figure { margin: 0; border: 1px solid var(--line); border-radius: .5rem; overflow: hidden; }

@@ -30,13 +30,13 @@ if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
 MOST_SEEDS = 10_000
-"""Largest number of seeds: more is a slip of the hand."""
+"""Largest number of seeds: more is taken for a typing error."""
 
 FURTHER = 10
-"""So many times the seeds asked for are drawn at most, until five meet every hypothesis."""
+"""At most this many times the requested seeds are drawn until five meet every hypothesis."""
 
 COUNTEREXAMPLE = -1
-"""Stands for the seed of a counter-example, which brings its own."""
+"""In place of the seed of a counter-example, which has its own."""
 
 Verdicts = list[tuple[str, str, float, float, str]]
 
@@ -54,11 +54,11 @@ class Task:
     seed
         Its seed, or `COUNTEREXAMPLE`.
     claim
-        Key of the claim that a counter-example refutes; empty for a seed, whose run all claims are held against.
+        Key of the claim that a counter-example refutes; empty for a seed, by whose run all claims are judged.
     keep
-        Whether the run is handed back.
+        Whether the run is returned.
     judged
-        Whether claims are held against it; one that is only drawn ends at its scenario's own end.
+        Whether claims are judged; a run that is only drawn ends at the end of its scenario.
     """
 
     name: str
@@ -70,9 +70,9 @@ class Task:
 
 
 def examine(task: Task) -> tuple[Verdicts, Run | None]:
-    """Run a scenario, longer than it asks where claims need it, and audit it.
+    """Run a scenario, extended where claims need it, and audit it.
 
-    The run to the scenario's own end comes back, and only when asked for.
+    The run to the end of the scenario is returned where the task says so.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def reproduce(
     """Run the scenarios of some papers, judge their claims, and draw their figures.
 
     Where fewer than five seeds meet the hypothesis of a claim, further seeds are drawn; runs whose limits cannot be
-    judged yet go on, up to ten times as long. Claims that a counter-example refutes are held against it, too.
+    judged yet are extended, up to ten times as long. Claims with a counter-example are also judged by it.
 
     Parameters
     ----------
@@ -145,17 +145,17 @@ def reproduce(
     found = _Found({}, {})
     first = range(first_seed, first_seed + seeds)
     tasks = _seed_tasks(papers, first) + _counterexample_tasks(papers)
-    with pool(count, None) as everyone, _bar(progress, len(tasks) + drawings) as step:
-        found.examine(everyone, tasks, step)
+    with pool(count, None) as workers_pool, _bar(progress, len(tasks) + drawings) as step:
+        found.examine(workers_pool, tasks, step)
         while further := _further_seed_tasks(papers, found, first):
             step.more(len(further))
-            found.examine(everyone, further, step)
+            found.examine(workers_pool, further, step)
         again = _runs_to_draw(papers, found)
         step.more(len(again))
-        found.examine(everyone, again, step)
-        errata = dict(zip(papers, everyone.results(_errata, ((key,) for key in papers)), strict=True))
+        found.examine(workers_pool, again, step)
+        errata = dict(zip(papers, workers_pool.results(_errata, ((key,) for key in papers)), strict=True))
         if out is not None:
-            for drawn in everyone.results(draw, _drawings(papers, found.runs, out)):
+            for drawn in workers_pool.results(draw, _drawings(papers, found.runs, out)):
                 figures += drawn
                 step()
     judgements = {name: found.judgements(p, name) for p in papers.values() for name in p.scenarios()}
@@ -174,7 +174,7 @@ def _seed_tasks(papers: dict[str, Paper], seeds: range) -> list[Task]:
 
 
 def _runs_to_draw(papers: dict[str, Paper], found: _Found) -> list[Task]:
-    """For scenarios whose first run misses a hypothesis: the first seed that meets all, so that it is drawn."""
+    """For scenarios whose first run misses a hypothesis: the first seed that meets all, to be drawn."""
     planned = []
     for key, article in papers.items():
         for name in article.scenarios():
@@ -212,9 +212,9 @@ class _Found:
     verdicts: dict[str, dict[int | str, Verdicts]]
     runs: dict[str, Run]
 
-    def examine(self, everyone: WorkerPool, tasks: Sequence[Task], step: _Steps) -> None:
-        """Examine some runs and keep what comes of them."""
-        for task, (verdicts, run) in zip(tasks, everyone.results(examine, ((t,) for t in tasks)), strict=True):
+    def examine(self, workers_pool: WorkerPool, tasks: Sequence[Task], step: _Steps) -> None:
+        """Examine some runs and store the results."""
+        for task, (verdicts, run) in zip(tasks, workers_pool.results(examine, ((t,) for t in tasks)), strict=True):
             if task.judged:
                 self.verdicts.setdefault(task.name, {})[task.claim or task.seed] = verdicts
             if run is not None:
@@ -222,7 +222,7 @@ class _Found:
             step()
 
     def judgements(self, article: Paper, name: str) -> list[Judgement]:
-        """What the runs of a scenario come to, claim by claim."""
+        """Judgements over the runs of a scenario, one per claim."""
         found = self.verdicts[name]
         seeds = sorted(k for k in found if isinstance(k, int))
         judged = []
@@ -239,10 +239,7 @@ def _result(claim: Claim, row: tuple[str, str, float, float, str]) -> Result:
 
 
 def _further_seed_tasks(papers: dict[str, Paper], found: _Found, first: range) -> list[Task]:
-    """For each scenario with a claim that too few seeds tell of so far: as many further seeds as are missing.
-
-    A claim is told of by the seeds whose run meets its hypothesis, an observation by those whose run decides it.
-    """
+    """Further seeds for scenarios with a claim whose hypothesis too few runs meet, or an observation too few decide."""
     if len(first) < FEWEST_SEEDS:
         return []
     tasks = []
@@ -256,7 +253,7 @@ def _further_seed_tasks(papers: dict[str, Paper], found: _Found, first: range) -
 
 
 def _missing_seeds(judgement: Judgement) -> int:
-    """How many seeds a claim lacks whose run meets its hypothesis; of an observation, whose run decides it."""
+    """Number of missing seeds whose run meets the hypothesis of a claim, or decides an observation."""
     if judgement.verdict != Verdict.UNTESTED:
         return 0
     enough = judgement.decided if judgement.claim.basis is Basis.OBSERVATION else judgement.met
@@ -264,7 +261,7 @@ def _missing_seeds(judgement: Judgement) -> int:
 
 
 def _make_folders(out: Path, keys: Sequence[str]) -> None:
-    """Make the folders first: a place that cannot be written should not cost the runs."""
+    """Make the folders before the runs, which take long."""
     try:
         for key in keys:
             (out / key / CLAIMS).mkdir(parents=True, exist_ok=True)
@@ -295,7 +292,7 @@ def _json(data: object) -> bytes:
 def _drawings(
     papers: dict[str, Paper], runs: dict[str, Run], out: Path
 ) -> Iterator[tuple[str, str | None, tuple[Run, ...], Path]]:
-    """What is to be drawn: a paper, what of it (see `draw`), the runs, the folder."""
+    """Arguments of `draw` for all pictures."""
     for key, article in papers.items():
         first = next(iter(article.scenarios()))
         planned: list[tuple[str | None, tuple[str, ...]]] = [(None, (first,))]
@@ -307,7 +304,7 @@ def _drawings(
 
 
 def draw(key: str, what: str | None, runs: tuple[Run, ...], folder: Path) -> list[Path]:
-    """Draw something of a paper from a run, or from several; return the files of figures.
+    """Draw a picture of a paper from one or several runs; return the files of figures.
 
     Parameters
     ----------
@@ -348,7 +345,7 @@ class _Steps:
             self._bar.advance(self._task)
 
     def more(self, count: int) -> None:
-        """Expect so many more."""
+        """Increase the total by ``count``."""
         if self._bar is not None and self._task is not None:
             self._bar.update(self._task, total=(self._bar.tasks[0].total or 0.0) + count)
 

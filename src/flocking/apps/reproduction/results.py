@@ -14,7 +14,7 @@ from flocking.study.claims.judgement import Judgement
 
 @dataclass(frozen=True)
 class Reproduction:
-    """What a reproduction found.
+    """Results of a reproduction.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class Reproduction:
 
     @property
     def as_expected(self) -> bool:
-        """Whether every claim came out as its proof or counter-example demands."""
+        """Whether every claim has the verdict that follows from its proof or counter-example."""
         return all(j.as_expected for found in self.judgements.values() for j in found)
 
     @property
@@ -51,7 +51,7 @@ class Reproduction:
 
     @property
     def waiting(self) -> int:
-        """Number of claims that are left open by a run whose motion has not settled."""
+        """Number of claims that are undecided because a motion has not settled."""
         return sum(j.verdict == Verdict.NOT_YET for found in self.judgements.values() for j in found)
 
     def as_list(self) -> list[dict[str, object]]:
@@ -60,12 +60,12 @@ class Reproduction:
 
 
 def rate_of(judgement: Judgement) -> str:
-    """How often an observation was so, with its interval in per cent; a note where a counter-example decides.
+    """Rate of an observation with its interval in per cent; a note where a counter-example decides.
 
     Parameters
     ----------
     judgement
-        What was found for a claim.
+        Judgement of a claim.
     """
     if judgement.counterexample is not None:
         return "counter-example"

@@ -1,1 +1,1 @@
-"""Who may use the lab: checks of requests, and the folder it is confined to."""
+"""Access to the lab: checks of requests, and the folder it is confined to."""

@@ -1,4 +1,4 @@
-"""The folder a page may open files from and save files to, and nothing else."""
+"""The folder to which a page is confined for opening and saving files."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from flocking.errors import InvalidInput
 
 
 class Folder:
-    """A folder that names given by a page do not lead out of.
+    """A folder; names given by a page that lead out of it are refused.
 
     Parameters
     ----------
@@ -26,8 +26,8 @@ class Folder:
         Raises
         ------
         InvalidInput
-            When the name is absolute, has ``..``, or goes through a symbolic link out of the folder. Nothing outside is
-            looked at to find that out, so that the answer is the same whether or not there is something.
+            When the name is absolute, has ``..``, or goes through a symbolic link out of the folder. The answer
+            does not depend on what exists outside.
         """
         if not self._stays(name):
             raise self._refusal(name)
@@ -61,7 +61,7 @@ class Folder:
 
     @staticmethod
     def _stays(name: str) -> bool:
-        """Whether a name is one of something below, whatever there is."""
+        """Whether a name has no part that leads out of the folder."""
         ways = (PurePosixPath(name), PureWindowsPath(name))
         return bool(name) and "\0" not in name and not any(x.anchor or x.drive or ".." in x.parts for x in ways)
 

@@ -1,8 +1,8 @@
-"""The access check put before viser's server, which asks nobody who they are.
+"""The access check in front of viser's server, which has none.
 
 Viser serves pages and websockets through ``websockets.asyncio.server.serve``. While the server of a lab is made, that
-function hands it a check of every request; nothing else of viser is touched. Whether the check is in force is then
-asked of the server itself, so that a version of viser that serves in another way is refused, not trusted.
+function is replaced by one that adds a check of every request; nothing else of viser is changed. Requests to the
+server then test the check, so that a version of viser that serves in another way is refused.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ SAFER = {
     "X-Content-Type-Options": "nosniff",
     "Content-Security-Policy": "frame-ancestors 'none'",
 }
-"""Headers of every answer: the token goes nowhere, and no page shows the lab within itself."""
+"""Headers of every answer: the token is not passed on, and no page can embed the lab."""
 
 _one_at_a_time = threading.Lock()
 
@@ -69,7 +69,7 @@ class Guarded:
 
 @contextmanager
 def guarding(access: AccessCheck) -> Iterator[None]:
-    """While it lasts, the viser server that is made has its requests judged by an access check.
+    """Within it, a viser server that is made checks its requests.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def _served(access: AccessCheck, handler: Callable[[ServerConnection], Awaitable
 
 
 def is_guarded(host: str, port: int, token: str) -> bool:
-    """Whether a server refuses those who are to be refused, and answers those who are not.
+    """Whether a server refuses wrong requests and answers right ones.
 
     Parameters
     ----------
@@ -152,14 +152,14 @@ def is_guarded(host: str, port: int, token: str) -> bool:
         "Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13",
         "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",
     }  # fmt: skip
-    asked = [
+    statuses = [
         _status(host, port, "/", {"Host": own}),
         _status(host, port, f"/{token}/", {"Host": "elsewhere.invalid"}),
         _status(host, port, f"/{token}/", {"Host": own, "Origin": elsewhere}),
         _status(host, port, f"/{token}/", {"Host": own, "Origin": elsewhere, **upgrade}),
         _status(host, port, "/", {"Host": own, "Origin": f"http://{own}", **upgrade}),
     ]
-    return asked == [403] * len(asked) and _status(host, port, f"/{token}/", {"Host": own}) == 200
+    return statuses == [403] * len(statuses) and _status(host, port, f"/{token}/", {"Host": own}) == 200
 
 
 def _status(host: str, port: int, path: str, headers: dict[str, str]) -> int:

@@ -1,4 +1,4 @@
-"""Which requests the lab accepts: those of its own pages, with its token, at its own address. It knows no server."""
+"""The requests that the lab accepts: those of its own pages, with its token, at its own address."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Refusal:
     status
         Status code of HTTP.
     words
-        What the sender is told: the same whatever is on this machine.
+        The answer, which does not depend on what is on this machine.
     """
 
     status: int
@@ -45,18 +45,18 @@ class Refusal:
 
 FOREIGN = Refusal(403, "The lab answers the page that it opened itself, on this machine, and no other.\n")
 NO_TOKEN = Refusal(403, "This address lacks the lab's token: open the address that was printed when the lab started.\n")
-TOO_MANY = Refusal(429, "Too many connections in a short time: wait a little.\n")
+TOO_MANY = Refusal(429, "Too many connections in a short time: try again in a few seconds.\n")
 
 
 class RateLimit:
-    """So many at once, and then so many a second.
+    """A rate limit: a token bucket.
 
     Parameters
     ----------
     each_second
-        How many a second in the long run.
+        Rate per second.
     at_once
-        How many at once after a rest.
+        Size of the bucket.
     now
         Gives the time in seconds.
     """
@@ -71,7 +71,7 @@ class RateLimit:
         self._since = now
 
     def take(self) -> bool:
-        """Take one where there is one."""
+        """Take a token if there is one; whether there was."""
         self._refill()
         if self._left < 1.0:
             return False
@@ -79,17 +79,17 @@ class RateLimit:
         return True
 
     def wait(self) -> float:
-        """Take one in any case; how many seconds to wait for it."""
+        """Take a token in any case; returns the seconds to wait for it."""
         self._refill()
         self._left -= 1.0
         return max(0.0, -self._left / self._each_second)
 
 
 class AccessCheck:
-    """Judges requests by where they come from, where they mean to go and what they know.
+    """Checks requests by their Origin, their Host and the token.
 
-    A browser says of every handshake of a websocket which page asks for it (Origin), and of every request which machine
-    its address names (Host). A page of another site cannot change either, nor can it read the token.
+    A browser sends the page that opens a websocket (Origin), and the machine in the address of every request (Host). A
+    page of another site can change neither, and cannot read the token.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ class AccessCheck:
     def __init__(self, token: str | None = None) -> None:
         self.token = token or secrets.token_urlsafe(TOKEN_BYTES)
         self.ports: set[int] = set()
-        """Ports at which the lab is reached; until there is one nobody is let in."""
+        """Ports of the lab; without one every request is refused."""
         self.tabs = 0
         """Tabs that are connected."""
         self._handshakes = RateLimit(HANDSHAKES_A_SECOND, MOST_HANDSHAKES)
@@ -121,13 +121,13 @@ class AccessCheck:
         hosts, origins = given.get("host", []), given.get("origin", [])
         if len(hosts) != 1 or hosts[0] not in {f"{host}:{port}" for host in HOSTS for port in self.ports}:
             return FOREIGN
-        shakes_hands = any(name == "upgrade" or name.startswith("sec-websocket-") for name in given)
+        is_handshake = any(name == "upgrade" or name.startswith("sec-websocket-") for name in given)
         own = [f"http://{hosts[0]}"]
-        if origins != own and (shakes_hands or origins):
+        if origins != own and (is_handshake or origins):
             return FOREIGN
         token, _, rest = path.removeprefix("/").partition("?")[0].partition("/")
         if not hmac.compare_digest(token.encode(), self.token.encode()):
             return NO_TOKEN
-        if shakes_hands and (self.tabs >= MOST_TABS or not self._handshakes.take()):
+        if is_handshake and (self.tabs >= MOST_TABS or not self._handshakes.take()):
             return TOO_MANY
         return f"/{rest}"

@@ -1,4 +1,4 @@
-"""The clock: one thread that advances experiments in wall time and does to them what is asked, between steps."""
+"""The clock: one thread that advances experiments in wall time and runs actions between steps."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from flocking.model.state import State
 FRAME_SECONDS = 1 / 60
 """Time between two pictures: the rate of most screens."""
 LONGEST_SLICE = 0.05
-"""Wall seconds after which all sessions together stop at the end of a step, so that whoever waits is served soon."""
+"""Wall seconds after which all sessions together stop at the end of a step, so that actions do not wait long."""
 
 KEEP_SECONDS = 2.0
-"""How often a moment is kept to go back to."""
+"""Seconds between moments that are saved to return to."""
 
 Action = Callable[[], None]
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One moment of all experiments, for whoever wants to look at it.
+    """One moment of all experiments.
 
     Parameters
     ----------
@@ -39,11 +39,11 @@ class Frame:
     rows
         Their ledgers and switches, as `Experiment.records` gives them; they go on growing.
     changed_at, versions
-        When something was last done to each, and how often.
+        Time of the last change of each, and the number of changes.
     failure
-        Why the first that could not go on stands still; empty when all are well.
+        Why the first that failed stopped; empty when none failed.
     shrunk
-        That the steps of one have shrunk to nothing, and whose; empty when they have not.
+        Message that the steps of one have shrunk to nothing; empty when they have not.
     """
 
     number: int
@@ -76,8 +76,8 @@ class Clock:
         self._goal: float | None = None
         self.reached = 0.0
         """Simulated time per second that is really reached while playing."""
-        self.complaint: Callable[[str], None] = lambda _: None
-        """Told what was refused."""
+        self.on_error: Callable[[str], None] = lambda _: None
+        """Called with the message of a refused action."""
         self._wake = threading.Condition()
         self._waiting: dict[object, Action] = {}
         self._closed = False
@@ -90,7 +90,7 @@ class Clock:
 
     @property
     def experiments(self) -> list[Experiment]:
-        """The experiments; putting others in their place, or the same anew, forgets where they were to go."""
+        """The experiments; assigning others, or the same again, clears their target time."""
         return self._experiments
 
     @experiments.setter
@@ -117,7 +117,7 @@ class Clock:
         return self._closed
 
     def post(self, action: Action, key: object = None) -> None:
-        """Do something between two steps, soon. Of those posted with the same key only the last is done.
+        """Run an action between two steps, soon. Of those posted with the same key only the last is done.
 
         Parameters
         ----------
@@ -129,7 +129,7 @@ class Clock:
             self._wake.notify_all()
 
     def do(self, action: Action, key: object = None, timeout: float = 60.0) -> None:
-        """Do something between two steps and wait until it is done.
+        """Run an action between two steps and wait until it is done.
 
         Parameters
         ----------
@@ -156,7 +156,7 @@ class Clock:
         self._set_playing(True)
 
     def pause(self) -> None:
-        """Stand still."""
+        """Stop time."""
         self._set_playing(False)
 
     def _set_playing(self, playing: bool) -> None:
@@ -170,7 +170,7 @@ class Clock:
         return self.playing or self._goal is not None
 
     def step(self, duration: float) -> None:
-        """Stop time, and go on by ``duration`` once; `pause` ends that, too."""
+        """Stop time, and advance by ``duration`` once; `pause` ends that, too."""
 
         def aim() -> None:
             self._goal = (self.experiments[0].time if self._goal is None else self._goal) + duration
@@ -227,7 +227,7 @@ class Clock:
                 if now - stored_at > KEEP_SECONDS:
                     stored_at = now
                     for each in self.experiments:
-                        each.keep()
+                        each.save_moment()
             elif goal is not None:
                 if not self._make_step(goal):
                     continue
@@ -240,7 +240,7 @@ class Clock:
                     self._wake.wait(rest)
 
     def _make_step(self, goal: float) -> bool:
-        """Go on towards the end of a step; whether it is made, or something is to be shown of it meanwhile."""
+        """Advance towards the end of a step; whether it is done, or a frame is due meanwhile."""
         self._advance(goal)
         moving = [each for each in self.experiments if not each.failure]
         done = len(moving) < len(self.experiments) or all(each.reached(goal) for each in moving)
@@ -255,7 +255,7 @@ class Clock:
 
     @property
     def _apart(self) -> bool:
-        """Whether one of those that are compared has still to come to where another one is."""
+        """Whether one of the compared experiments is still behind another."""
         target, every = self._target, self.experiments
         return target is not None and len(every) > 1 and not all(
             each.reached(target) or each.failure or each.shrunk for each in every
@@ -263,16 +263,16 @@ class Clock:
 
     @property
     def _behind(self) -> float:
-        """Time of the experiment that is behind: the others wait for it."""
+        """Smallest time of the experiments: the others wait for it."""
         return min((each.time for each in self.experiments if not each.failure), default=self.experiments[0].time)
 
     def _try(self, action: Action) -> None:
         try:
             action()
         except FlockingError as error:
-            self.complaint(str(error))
+            self.on_error(str(error))
         except Exception as error:  # a fault in one action must not stop the clock
-            self.complaint(f"{type(error).__name__}: {error}")
+            self.on_error(f"{type(error).__name__}: {error}")
 
     def _advance(self, to: float) -> None:
         begin, since = time.perf_counter(), self._behind
@@ -285,11 +285,11 @@ class Clock:
                     each.advance(to, LONGEST_SLICE / len(self.experiments))
             except SimulationError as error:
                 self.playing = False
-                self.complaint(str(error))
+                self.on_error(str(error))
         took = max(time.perf_counter() - begin, 1e-6)
         elapsed = self._behind - since
         if elapsed > 0:
             pace = elapsed / took
-            # Careful after a slow slice, patient after quick ones.
+            # Falls at once after a slow slice, and at most doubles after a quick one.
             self._pace = pace if not self._pace else min(pace, 2 * self._pace)
             self.reached = 0.9 * self.reached + 0.1 * min(pace, self.speed)

@@ -1,4 +1,4 @@
-"""What a user can do to a running experiment, as plain data, and the log of it."""
+"""Interventions in a running experiment as plain data, and their log."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flocking.apps.lab.experiment.selection import selected, state_of
 from flocking.arrays import Indices
 from flocking.engine.storage.atomic_files import write_through
 from flocking.errors import InvalidInput
-from flocking.model.checks import integer, number
+from flocking.model.checks import NO_LESS, integer, number
 from flocking.model.graphs.distance_graphs import Fixed
 from flocking.model.law import Law, Scenario
 from flocking.model.leaders_and_obstacles.leaders import Leader
@@ -30,33 +30,33 @@ LARGEST_LOG = 64 * 2**20
 """Bytes of a log that is read, a bound on memory: 64 MiB."""
 
 Event = dict[str, Any]
-"""An intervention: ``kind``, and what that kind needs. Everything in it survives a round trip through JSON."""
+"""An intervention: ``kind`` and its arguments, all of them JSON data."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What an event makes of an experiment.
+    """The effect of an event on an experiment.
 
     Parameters
     ----------
     scenario
-        The scenario from then on; its start matters only where ``anew`` is set.
+        The new scenario; its start matters only where ``new_session`` is set.
     base
-        What factors multiply from then on.
+        The new scenario that factors multiply.
     state
-        A new state, where there is one.
-    anew
+        The new state, where it changes.
+    new_session
         Whether a new session must start from the scenario: it has other agents.
     """
 
     scenario: Scenario
     base: Scenario
     state: State | None = None
-    anew: bool = False
+    new_session: bool = False
 
 
 def outcome(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outcome:
-    """What ``event`` does to a scenario that stands at ``state``.
+    """The effect of ``event`` on a scenario at ``state``.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def outcome(event: Event, scenario: Scenario, base: Scenario, state: State) -> O
     Raises
     ------
     InvalidInput
-        When the event is none, or a part refuses what it asks for.
+        When it is not an event, or a part refuses the change.
     """
     kind = event.get("kind")
     if kind not in _KINDS:
@@ -100,7 +100,7 @@ def _scale(event: Event, scenario: Scenario, base: Scenario, _: State) -> Outcom
 def _move(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outcome:
     leader = value_at(scenario, event["path"])
     if not isinstance(leader, Leader):
-        raise InvalidInput("lab", "path", "must lead to a leader or to what an obstacle moves with", leader)
+        raise InvalidInput("lab", "path", "must lead to a leader or to the path of an obstacle", leader)
     moved = leader.moved_to(event["to"], state.t)
     before = value_at(base, event["path"])
     return Outcome(substituted(scenario, leader, moved), substituted(base, before, moved))
@@ -113,14 +113,14 @@ def _kick(event: Event, scenario: Scenario, base: Scenario, state: State) -> Out
         size=(len(agents), state.dimension)
     )
     p = np.array(state.p)
-    p[agents] += speed * draws / np.maximum(np.linalg.norm(draws, axis=1, keepdims=True), 1e-12)
+    p[agents] += speed * draws / np.maximum(np.linalg.norm(draws, axis=1, keepdims=True), NO_LESS)
     return Outcome(scenario, base, replace(state, p=p))
 
 
 def _kill(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outcome:
     chosen = np.setdiff1d(np.arange(state.n), _agents(event["agents"], state.n))
     left = state_of(state, chosen) if len(chosen) else state
-    return Outcome(selected(scenario, chosen, left), selected(base, chosen, left), anew=True)
+    return Outcome(selected(scenario, chosen, left), selected(base, chosen, left), new_session=True)
 
 
 def _add(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outcome:
@@ -137,7 +137,7 @@ def _add(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outc
         links = np.array(larger.law.graph.start_links(bare.q, larger.agents.headings))
         links[:-1, :-1] = state.links
     grown = replace(bare, links=links)
-    return Outcome(larger.with_(start=grown), selected(base, chosen, grown), anew=True)
+    return Outcome(larger.with_(start=grown), selected(base, chosen, grown), new_session=True)
 
 
 def _cut(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outcome:
@@ -151,7 +151,7 @@ def _cut(event: Event, scenario: Scenario, base: Scenario, state: State) -> Outc
         fewer = Fixed(graph.n, edges, directed=graph.directed)
         return Outcome(substituted(scenario, graph, fewer), substituted(base, base.law.graph, fewer))
     if state.links is None:
-        raise InvalidInput("lab", "pairs", "can be cut only where links are kept", f"{state.n} agents")
+        raise InvalidInput("lab", "pairs", "can be cut only where link matrices are stored", f"{state.n} agents")
     links = np.array(state.links)
     for i, j in pairs:
         links[i, j] = links[j, i] = False
@@ -190,7 +190,7 @@ def _with_obstacle(scenario: Scenario, ball: Ball) -> Scenario:
 
 
 def _remove(event: Event, scenario: Scenario, base: Scenario, _: State) -> Outcome:
-    """One obstacle goes; with the last one its term."""
+    """Remove one obstacle; with the last one its term."""
     path = tuple(event["path"])
     if not isinstance(value_at(scenario, path), Obstacle):
         raise InvalidInput("lab", "path", "must lead to an obstacle", list(path))
@@ -238,14 +238,14 @@ _KINDS: dict[str, Callable[[Event, Scenario, Scenario, State], Outcome]] = {
 
 @dataclass
 class EventLog:
-    """A scenario, and everything that was done to it at which time.
+    """A scenario, and the events that changed it with their times.
 
     Parameters
     ----------
     scenario
-        What was started.
+        The scenario at the start.
     engine
-        Engine that ran it.
+        Its engine.
     entries
         Times and events, in order.
     end
@@ -263,7 +263,7 @@ class EventLog:
         Raises
         ------
         InvalidInput
-            When the scenario has a part that files have no word for, or the file cannot be written.
+            When the scenario has a part without a name in files, or the file cannot be written.
         """
         data = {
             "format": FORMAT, "engine": self.engine, "end": self.end,
@@ -282,7 +282,7 @@ class EventLog:
         Raises
         ------
         InvalidInput
-            When the file is none.
+            When the file is not a log.
         """
         file = Path(path)
         try:

@@ -1,4 +1,4 @@
-"""An experiment: a session, what was done to it, and the way back. It knows no page; a page is one of its users."""
+"""An experiment: a session, the log of its changes, and saved moments to return to."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from flocking.model.law import Scenario
 from flocking.model.state import State
 
 Moment = tuple[Callable[[], Session], Scenario, int, float]
-"""The way back to a session, what factors multiply then, how many events were before, and the time."""
+"""Restores a session; the scenario that factors multiply then, the number of events before, and the time."""
 
 MOST_EVENTS = 100_000
-"""Longest log; an experiment with more interventions can no longer be replayed, and says so."""
+"""Longest log, a bound on memory; an experiment with more interventions cannot be replayed."""
 
 MOST_ROWS = 5_000
-"""Rows of the ledger and switches kept."""
+"""Rows of the ledger and switches that are stored, a bound on memory."""
 
 REPLAY_SECONDS = 0.25
-"""Wall time between two looks at whether a replay is still wanted."""
+"""Wall time between two checks whether a replay was cancelled."""
 
 
 class Experiment:
-    """A scenario under way, changed by events that fall on step boundaries and are all put on record.
+    """A running scenario, changed by events at step boundaries, all of which are logged.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class Experiment:
         self.restart()
 
     def restart(self) -> None:
-        """Go back to the start; what was done is forgotten."""
+        """Return to the start and clear the log."""
         self.base = self.original
         self.session, self.engine = opened(self.original, self._requested_engine)
         self.log = EventLog(self.original, self.engine, end=self.session.time)
@@ -58,7 +58,7 @@ class Experiment:
         self.version = 0
         """Rises with every event that changes the scenario."""
         self.complete = True
-        """Whether the log holds everything that was done."""
+        """Whether the log holds all events."""
         self._moments: list[Moment] = []
         self._begin = self._moment()
 
@@ -79,12 +79,12 @@ class Experiment:
 
     @property
     def untouched(self) -> bool:
-        """Whether nothing was done since the start."""
+        """Whether there was no event since the start."""
         return self.complete and not self.log.entries
 
     @property
     def shrunk(self) -> str:
-        """That steps have shrunk so much that the run hardly goes on, and whose; empty where they have not."""
+        """Message that steps have shrunk so much that the run nearly stops; empty where they have not."""
         return "" if self.session.shrunk is None else str(self.session.shrunk)
 
     def reached(self, to: float) -> bool:
@@ -92,7 +92,7 @@ class Experiment:
         return self.session.reached(to)
 
     def advance(self, to: float, seconds: float = math.inf) -> None:
-        """Go on until ``to``, or for ``seconds``. After a failure nothing moves until `go_back` or `restart`.
+        """Advance to ``to``, or for ``seconds``. After a failure it does nothing until `go_back` or `restart`.
 
         Parameters
         ----------
@@ -104,7 +104,7 @@ class Experiment:
         Raises
         ------
         SimulationError
-            When the run cannot go on; `failure` says why, too.
+            When the run fails; `failure` holds the message.
         """
         if self.failure:
             return
@@ -118,21 +118,23 @@ class Experiment:
         self.log.end = self.time
 
     def apply(self, event: Event) -> None:
-        """Intervene now, and put it on record.
+        """Apply an event now, and log it.
 
         Raises
         ------
         InvalidInput
-            When the event is not possible; the experiment then goes on as before.
+            When the event is not possible; the experiment is then unchanged.
         """
         if self.failure:
-            raise InvalidInput("lab", "event", "needs a run that goes on", event.get("kind"), "Go back or restart.")
+            raise InvalidInput(
+                "lab", "event", "needs a run that has not failed", event.get("kind"), "Go back or restart."
+            )
         present, state, exact_time = self.scenario, self.state, self.session.time_is_exact
         found = outcome(event, present, self.base, state)
-        if found.anew or found.scenario.energy is not present.energy or found.scenario.agents is not present.agents:
+        now = found.scenario
+        if found.new_session or now.energy is not present.energy or now.agents is not present.agents:
             # Agents, masses and the energy's frame are fixed for a session.
-            now = found.scenario
-            if not found.anew:
+            if not found.new_session:
                 now = now.with_(start=state, t_end=max(now.t_end, self.time), frames=1)
             self.session, _ = opened(now, self.engine)
         elif found.scenario.law is not present.law or found.state is not None:
@@ -145,11 +147,8 @@ class Experiment:
         if self.complete:
             self.log.entries.append((self.time, event))
 
-    def keep(self) -> None:
-        """Remember this moment, if it is a good one: `go_back` returns to the last but one kept, or the only one.
-
-        It is none where the run cannot go on, or its steps are shrinking.
-        """
+    def save_moment(self) -> None:
+        """Save this moment for `go_back`, unless the run failed or its steps shrink. The last two are stored."""
         if self.failure or not self.session.steady:
             return
         self._moments = [*self._moments[-1:], self._moment()]
@@ -158,7 +157,7 @@ class Experiment:
         return self.session.moment(), self.base, len(self.log.entries), self.time
 
     def go_back(self) -> None:
-        """Return to the last good moment, or the start; what was done after it is off the record."""
+        """Return to the older saved moment, or the start; later events are removed from the log."""
         back, self.base, events, time = self._moments[0] if self._moments else self._begin
         self._moments = self._moments[:1]
         self.session = back()
@@ -175,14 +174,14 @@ class Experiment:
         return self.session.records.trace, self.session.records.switches
 
     def _forget(self) -> None:
-        """Keep what is recorded bounded, however long this goes on."""
+        """Drop old records."""
         for rows in self.records():
             if len(rows) > 2 * MOST_ROWS:
                 del rows[:-MOST_ROWS]
 
 
 def opened(scenario: Scenario, engine: str) -> tuple[Session, str]:
-    """A session that keeps no frames, and the name of its engine.
+    """A session that stores no frames, and the name of its engine.
 
     Raises
     ------
@@ -196,34 +195,34 @@ def opened(scenario: Scenario, engine: str) -> tuple[Session, str]:
     return found.open_unrecorded(scenario), found.name
 
 
-def replay(log: EventLog, goes_on: Callable[[], bool] = lambda: True) -> Experiment:
-    """Do everything in a log again, each at its time: the same trajectory, bit for bit.
+def replay(log: EventLog, proceed: Callable[[], bool] = lambda: True) -> Experiment:
+    """Repeat the events of a log at their times: the same trajectory, bit for bit.
 
     Parameters
     ----------
     log
-        What was done.
-    goes_on
-        Asked now and then whether to go on.
+        The log.
+    proceed
+        Called every `REPLAY_SECONDS`; returns false to cancel.
 
     Raises
     ------
     InvalidInput
-        When an event does not fit, or the replay is no longer wanted.
+        When an event does not fit, or the replay is cancelled.
     SimulationError
-        When the run cannot go on, as it could not then.
+        When the run fails, as it did then.
     """
     found = Experiment(log.scenario, log.engine)
 
-    def go_on(to: float) -> None:
+    def advance_to(to: float) -> None:
         while not found.reached(to):
-            if not goes_on():
-                raise InvalidInput("lab", "replay", "was given up for something else", f"t = {found.time:.6g}")
+            if not proceed():
+                raise InvalidInput("lab", "replay", "was cancelled", f"t = {found.time:.6g}")
             found.advance(to, REPLAY_SECONDS)
 
     for time, event in log.entries:
-        go_on(time)
+        advance_to(time)
         found.apply(event)
     if math.isfinite(log.end):
-        go_on(log.end)
+        advance_to(log.end)
     return found

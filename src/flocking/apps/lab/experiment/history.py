@@ -1,4 +1,4 @@
-"""What happened since the last intervention, thinned to stay small, as a run that claims can be held against."""
+"""Thinned history since the last intervention, as a run by which claims are judged."""
 
 from __future__ import annotations
 
@@ -16,12 +16,15 @@ from flocking.engine.runs.run import SWITCH_FIELDS, TRACE_FIELDS, Accuracy, Clos
 from flocking.model.state import State
 
 MOST_FRAMES = 400
-"""Frames that can be gone back to, a bound on memory."""
+"""Frames of a history, a bound on memory."""
 MOST_BYTES = 60e6
-"""Size that the frames kept for the claims may have."""
+"""Bytes of the frames of a history, a bound on memory."""
+
+FEWEST_FRAMES = 8
+"""Frames that are stored however large they are: claims about limits need some."""
 
 MOST_ROWS = 4000
-"""Rows of the ledger and switches that are remembered, a bound on memory."""
+"""Rows of the ledger and switches that are stored, a bound on memory."""
 SERIES_POINTS = 400
 """Points of a curve: about one for each pixel of its width on the page."""
 CUMULATIVE = ("work", "dissipated", "supplied", "jumped")
@@ -41,14 +44,14 @@ class History:
         self.clear()
 
     def clear(self) -> None:
-        """Forget everything."""
+        """Remove everything."""
         self._mark: tuple[float, ...] = ()
         self.frames: list[State] = []
         self._trace: list[tuple[float, ...]] = []
         self._switches: list[SwitchRow] = []
 
     def take(self, frame: Frame) -> None:
-        """Look at a frame: nothing is kept twice, and an intervention begins a new history."""
+        """Add a frame unless it is stored already; an intervention begins a new history."""
         state, scenario = frame.states[self.which], frame.scenarios[self.which]
         trace, switches = frame.rows[self.which]
         mark = (frame.changed_at[self.which], frame.versions[self.which], id(trace))
@@ -68,13 +71,13 @@ class History:
 
     def _thin(self, state: State) -> None:
         links = state.n**2 if state.links is not None else 0
-        most = int(min(MOST_FRAMES, max(8, MOST_BYTES // (16 * state.q.size + links + 1))))
+        most = int(min(MOST_FRAMES, max(FEWEST_FRAMES, MOST_BYTES // (16 * state.q.size + links + 1))))
         if len(self.frames) > most:
             self.frames = [*self.frames[:-1:2], self.frames[-1]]
         if len(self._trace) > MOST_ROWS:
             self._trace = [*self._trace[:-1:2], self._trace[-1]]
         if len(self._switches) > MOST_ROWS:
-            # Links cannot be followed across switches that are forgotten: begin later.
+            # Links cannot be followed across dropped switches: the history begins later.
             half = float(self._switches[len(self._switches) // 2][0])
             self.frames = [s for s in self.frames if s.t >= half] or self.frames[-1:]
             self._switches = [row for row in self._switches if row[0] > self.frames[0].t]
@@ -82,22 +85,22 @@ class History:
 
     @property
     def span(self) -> tuple[float, float]:
-        """From when until when."""
+        """First and last time."""
         return (self.frames[0].t, self.frames[-1].t) if self.frames else (0.0, 0.0)
 
     def run(
         self, closest: tuple[Closest, Closest], accuracy: Accuracy | None = None, fidelity: Fidelity = UNSTATED
     ) -> Run | None:
-        """What happened as a run; None before there are three frames.
+        """The history as a run; None before there are three frames.
 
         Parameters
         ----------
         closest
-            Closest linked and unlinked pairs, which frames cannot tell.
+            Closest linked and unlinked pairs, which frames do not show.
         accuracy
-            What is known of the errors of the session, where anything is.
+            Errors of the session, where they are known.
         fidelity
-            The account that the session gives of itself.
+            What the session states about its accuracy.
         """
         frames = self.frames
         if len(frames) < 3:
@@ -109,7 +112,7 @@ class History:
                 trace[name] -= trace[name][0]
         known = accuracy
         if known is not None:
-            # A largest value of the whole session that was reached since then is the largest since then.
+            # A maximum of the session reached since then is the maximum since then.
             doubts = known.doubts[known.doubts["end"] >= frames[0].t]
             largest = {name: x for name, x in known.largest.items() if x.time >= frames[0].t}
             known = replace(known, frames=np.full((len(frames), 2), np.nan), doubts=doubts, largest=largest)
@@ -152,7 +155,7 @@ class Series:
         self.rows: deque[tuple[float, ...]] = deque(maxlen=SERIES_POINTS)
 
     def add(self, t: float, values: tuple[float, ...]) -> None:
-        """Add a row; time that went back begins anew.
+        """Add a row; an earlier time clears the others.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""A scenario for other agents than it was made for: some taken out, some made twice."""
+"""A scenario of selected agents: some removed, some duplicated."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ def selected(scenario: Scenario, chosen: NDArray[np.intp], start: State) -> Scen
     scenario
         The scenario of all agents.
     chosen
-        Numbers of the agents, in the order they get; one may stand there twice.
+        Numbers of the agents in the new order; a number may occur twice.
     start
-        Where the chosen ones are.
+        State of the chosen agents.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The settings of a scenario, read from its parts: what a page shows as sliders, fields and choices."""
+"""The settings of a scenario, read from its parts, that a page shows as sliders, fields and choices."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from flocking.model.parts.values import Value
 from flocking.model.potentials.potential import Potential
 
 WIDE, ROOM = 4.0, 5.0
-"""A slider reaches this many times its value; one that stands at 0 reaches this far."""
+"""A slider ends at this many times its value; at 0 it ends at the second number."""
 
 LARGEST_FACTOR = 4.0
 """Largest factor that a slider offers on an array of values; a convention."""
@@ -40,11 +40,11 @@ class Setting:
         ``"number"``, ``"count"``, ``"flag"``, ``"choice"``, ``"formula"`` or ``"factor"``: a factor multiplies values
         that differ between agents or pairs.
     value
-        What it is; 1 for a factor.
+        Its value; 1 for a factor.
     low, high
         Ends of a slider.
     choices
-        What a choice may be.
+        Possible values of a choice.
     """
 
     path: tuple[Step, ...]
@@ -85,8 +85,7 @@ class Section:
 def sections(scenario: Scenario) -> list[Section]:
     """Settings of all parts of a scenario: the law's graph and terms, leaders, obstacles, agents and accuracy.
 
-    A part of another library shows the settings its fields hold, as long as it is a dataclass. A leader that
-    several terms look at is shown once.
+    A dataclass of another library shows the settings in its fields. A leader of several terms is shown once.
     """
     seen: set[int] = set()
     law = scenario.law
@@ -138,7 +137,7 @@ def _settings(part: object, path: tuple[Step, ...]) -> Iterator[Setting]:
 
 
 def _shown(holds: Value | Nested) -> Value:
-    """How a plain value in a field is shown: that of a group's short form where parts of the group may stand there."""
+    """The control of a plain value: that of a group's short form where the field may hold parts of the group."""
     if isinstance(holds, Value):
         return holds
     short = GROUPS[holds.group].short
@@ -146,7 +145,7 @@ def _shown(holds: Value | Nested) -> Value:
 
 
 def _controls(holds: Value, value: object, here: tuple[Step, ...]) -> Iterator[Setting]:
-    """Controls of a value; one that a part from outside does not describe is told by its type."""
+    """Controls of a value; without a description they follow from its type."""
     unknown = holds is values.ANY
     if isinstance(value, bool):
         if holds.control == "flag" or unknown:

@@ -22,7 +22,7 @@ TURN = ("right", "up", "left", "down")
 
 
 class Banner:
-    """The part of a page that is always seen.
+    """The part of a page above all tabs.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class Banner:
     scene
         The scene whose colours are explained.
     go_back
-        Called to return to the last good moment.
+        Called to return to the saved moment.
     """
 
     def __init__(self, gui: GuiApi, clock: Clock, scene: Scene, go_back: Callable[[], None]) -> None:
@@ -52,7 +52,7 @@ class Banner:
         scene.after = self.show
 
     def refresh(self) -> None:
-        """Show whether time runs."""
+        """Update the button of play and pause."""
         playing = self._clock.running
         label = "Pause" if playing else "Play"
         if self.toggle.label != label:
@@ -61,7 +61,7 @@ class Banner:
             self.toggle.color = None if playing else "green"
 
     def show(self, frame: Frame) -> None:
-        """Say what a painted frame shows; while time runs, now and then."""
+        """Describe a painted frame; while time runs, at most every `REFRESH_SECONDS`."""
         self.refresh()
         now = time.monotonic()
         if self._clock.playing and now - self._shown < REFRESH_SECONDS:
@@ -72,7 +72,7 @@ class Banner:
         words += [f"<br>{_escaped(self._scene.note)}"] if self._scene.note else []
         words += [f"<br><b style='color:#d33'>Stopped: {_escaped(failure)}</b>"] if failure else []
         if shrunk and not failure:
-            words += [f"<br><b style='color:#d33'>Hardly goes on: {_escaped(shrunk)}</b>"]
+            words += [f"<br><b style='color:#d33'>Stalled: {_escaped(shrunk)}</b>"]
         text = f"<div style='{STYLE}'>{''.join(words)}</div>"
         if self.text.content != text:
             self.text.content = text
@@ -86,7 +86,7 @@ def explained(legend: Legend, dark: bool) -> str:
     Parameters
     ----------
     dark
-        Whether the ground is dark.
+        Whether the background is dark.
     """
     if legend.kind == "flock":
         return "one colour for each flock"

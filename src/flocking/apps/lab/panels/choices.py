@@ -1,4 +1,4 @@
-"""What a page offers to open: scenarios of the papers, the user's files, and larger groups."""
+"""Scenarios that a page can open: of the papers, the user's files, and larger groups."""
 
 from __future__ import annotations
 
@@ -23,29 +23,29 @@ from flocking.study.scenario_files.scenario_file import read_scenario
 
 FAVOURITES = ("olfati-saber-2003", "zhou-2015")
 MOST_FILES = 200
-"""Scenario files that a menu offers; a longer one cannot be searched by eye."""
+"""Scenario files that a menu offers; a longer menu is hard to read."""
 
 
 def _larger_group(n: int, dimension: int) -> Callable[[int], Scenario]:
-    """A crowd under a bounded spring and consensus over a graph with hysteresis."""
+    """A large group under a bounded spring and consensus over a graph with hysteresis."""
 
     def make(seed: int) -> Scenario:
         law = Law(Hysteresis(2.0, 0.2), (Gradient(Potential("k*(1.5*r**2 - r**3/3 - 2*r)", k=4.0)), Consensus(0.2)))
         side = 1.0 * n ** (1 / dimension)
         start = starts.box(n, side=side, speed=1.0, seed=seed, dimension=dimension)
-        return Scenario(law, start, t_end=40.0, frames=2, name=f"crowd-{n}", tolerance=1e-6, seed=seed)
+        return Scenario(law, start, t_end=40.0, frames=2, name=f"group-{n}", tolerance=1e-6, seed=seed)
 
     return make
 
 
 LARGER_GROUPS = {
-    "crowd-1000": _larger_group(1000, 2), "crowd-10000": _larger_group(10_000, 2),
-    "crowd-100000": _larger_group(100_000, 2), "crowd-1000-3d": _larger_group(1000, 3),
+    "group-1000": _larger_group(1000, 2), "group-10000": _larger_group(10_000, 2),
+    "group-100000": _larger_group(100_000, 2), "group-1000-3d": _larger_group(1000, 3),
 }  # fmt: skip
 
 
 def in_space(scenario: Scenario, seed: int = 0) -> Scenario:
-    """A scenario of the plane put in space: its start gets a random third axis, as thick as its agents are apart.
+    """A scenario of the plane put in space: its start gets random heights within the spacing of its agents.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def first_choice() -> str:
 
 
 def library(folder: Folder) -> tuple[str, ...]:
-    """Names of all scenarios: the papers', crowds, and the scenario files and event logs of a folder."""
+    """Names of all scenarios: the papers', larger groups, and the scenario files and event logs of a folder."""
     found = sorted(p.name for pattern in ("*.toml", "*.events.json") for p in folder.path.glob(pattern))
     files = [name for name in found if name != "pyproject.toml" and folder.holds(name)]
     return (*paper_scenarios(), *LARGER_GROUPS, *files[:MOST_FILES])
@@ -92,7 +92,7 @@ def scenario_of(name: str, file: Path, seed: int | None = None) -> Scenario:
     name
         Name that the page shows.
     file
-        The file with that name; it is looked at only where the library has no such scenario.
+        The file with that name, read where the library has no such scenario.
     seed
         Seed of its random draws; its own, or 0, when absent.
 

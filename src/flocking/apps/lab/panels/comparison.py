@@ -36,7 +36,7 @@ class Comparison:
         with gui.add_folder("Compare"):
             self.setting = gui.add_dropdown("differ in", (NONE,))
             self.value = gui.add_number("value in the second", 1.0, step=FINEST)
-            self.button = gui.add_button("Compare", hint="Both start anew, the second with this value.")
+            self.button = gui.add_button("Compare", hint="Both restart, the second with this value.")
             self.stop = gui.add_button("Only one", visible=False)
             self.fault = gui.add_markdown("", visible=False)
 
@@ -70,17 +70,17 @@ class Comparison:
                     found[f"{number} {section.title}: {setting.label}"] = setting
         return found
 
-    def meant(self, event: Event) -> list[Experiment]:
-        """The experiments that an event is for: what they differ in is changed in the first alone."""
+    def targets(self, event: Event) -> list[Experiment]:
+        """The experiments that an event changes: the number in which they differ changes in the first only."""
         both: list[Experiment] = self._page.clock.experiments
         return both[:1] if self.path and tuple(event.get("path", ())) == self.path else both
 
     def begin(self, path: tuple[Step, ...], value: float) -> None:
-        """Start both anew, with ``value`` at ``path`` in the second."""
+        """Restart both, with ``value`` at ``path`` in the second."""
 
         def act() -> None:
             try:
-                left = self._page.anew(self._page.experiment)
+                left = self._page.restarted(self._page.experiment)
                 right = Experiment(left.original, left.engine)
                 right.apply({"kind": "set", "path": list(path), "value": value})
             except FlockingError as error:
@@ -96,16 +96,16 @@ class Comparison:
         self._page.clock.post(act)
 
     def drop(self) -> None:
-        """Go on with the first alone."""
+        """Continue with the first only."""
         self.end()
         self._page.clock.experiments = self._page.clock.experiments[:1]
         self._page.clock.post(self._fit)
 
     def _fit(self) -> None:
-        """Both groups into view; the frame that shows them was made before this is done."""
+        """Fit the view to both groups; posted, so that a frame with both exists."""
         self._page.scene.aim(self._page.clock.frame)
 
     def end(self) -> None:
-        """Forget what they differ in."""
+        """End the comparison."""
         self.path = ()
         self.stop.visible = False

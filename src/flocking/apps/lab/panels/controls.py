@@ -1,4 +1,4 @@
-"""Controls generated from the settings of a scenario: sliders, fields, choices, with what is wrong shown in place."""
+"""Controls generated from the settings of a scenario: sliders, fields, choices, with errors shown in place."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from viser import GuiApi, GuiEvent, GuiFolderHandle, GuiInputHandle, GuiMarkdownHandle
 
 Send = Callable[[Event, object, Callable[[str], None]], None]
-"""Hands an event over; of those with the same key only the last counts; told what was wrong, or nothing."""
+"""Sends an event; of those with the same key only the last counts; the function shows an error, or clears it."""
 
 
 class Controls:
@@ -28,9 +28,9 @@ class Controls:
     gui
         GUI of a viser server.
     container
-        Tab or folder they stand in.
+        Tab or folder that holds them.
     send
-        Where events go.
+        Sends an event.
     """
 
     def __init__(self, gui: GuiApi, container: GuiFolderHandle, send: Send) -> None:
@@ -39,10 +39,10 @@ class Controls:
         self.handles: dict[tuple[Step, ...], GuiInputHandle] = {}
         """Handle of every setting by its path."""
         self.errors: dict[str, GuiMarkdownHandle] = {}
-        """Where each section shows what is wrong, by its number and title."""
+        """Error message of each section, by its number and title."""
 
     def build(self, scenario: Scenario) -> None:
-        """Make the controls of a scenario in place of those before."""
+        """Make the controls of a scenario and remove the previous ones."""
         for folder in self._folders:
             folder.remove()
         self._folders, self.handles, self.errors = [], {}, {}
@@ -68,9 +68,9 @@ class Controls:
             fault = self._gui.add_markdown("", visible=False)
             self.errors[f"{number} {section.title}"] = fault
             for setting in section.settings:
-                self.handles[setting.path] = self._control(setting, _teller(fault))
+                self.handles[setting.path] = self._control(setting, _message_writer(fault))
             if section.removal is not None:
-                self._remover(section, _teller(fault))
+                self._remover(section, _message_writer(fault))
 
     def _remover(self, section: Section, show_message: Callable[[str], None]) -> None:
         button = self._gui.add_button(f"Remove {section.title.split(': ')[0].lower()}", color="gray")
@@ -103,7 +103,7 @@ class Controls:
         return gui.add_slider(label, setting.low, setting.high, step, float(setting.value))
 
     def _formula(self, setting: Setting, show_message: Callable[[str], None]) -> GuiInputHandle:
-        """A field whose faults show while typing; the law changes only when the button is pressed."""
+        """A field whose errors show while typing; the law changes when the button is pressed."""
         field = self._gui.add_text(setting.label, setting.value, multiline=len(setting.value) > 40)
         button = self._gui.add_button("Use formula", hint="New names get the value 1 and a slider of their own.")
 
@@ -123,7 +123,7 @@ class Controls:
         return field
 
 
-def _teller(fault: GuiMarkdownHandle) -> Callable[[str], None]:
+def _message_writer(fault: GuiMarkdownHandle) -> Callable[[str], None]:
     def show_message(message: str) -> None:
         fault.content = f"**{_plain(message)}**" if message else ""
         fault.visible = bool(message)

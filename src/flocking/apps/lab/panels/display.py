@@ -1,4 +1,4 @@
-"""How the scene looks: colours, links, trails, light or dark."""
+"""Appearance of the scene: colours, links, trails, light or dark."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ class Display:
         self.links = gui.add_checkbox("links", look.links)
         self.trails = gui.add_checkbox("trails", look.trails)
         self.follow = gui.add_checkbox("follow the group", look.follow)
-        self.imagined = gui.add_checkbox("beta- and gamma-agents", look.imagined)
+        self.virtual_agents = gui.add_checkbox("beta- and gamma-agents", look.virtual_agents)
         self.dark = gui.add_checkbox("dark", look.dark)
         self.aim = gui.add_button("Fit the view", icon="focus-centered")
-        for name in ("color", "links", "trails", "follow", "imagined"):
+        for name in ("color", "links", "trails", "follow", "virtual_agents"):
             self._bind(name)
 
         @self.dark.on_update

@@ -22,7 +22,7 @@ MOST_CHOSEN = 100_000
 
 
 class Interventions:
-    """The part of a page that intervenes.
+    """The part of a page for interventions.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class Interventions:
     clock
         The clock.
     send
-        Where events go.
+        Sends an event.
     """
 
     def __init__(self, gui: GuiApi, clock: Clock, send: Send) -> None:
@@ -47,7 +47,7 @@ class Interventions:
             self.kill = gui.add_button("Kill", hint="Remove agents.")
             self.cut = gui.add_button(
                 "Cut links",
-                hint="All links of those agents, or a random share; where distance alone decides they come back.",
+                hint="All links of those agents, or a random share; where only distance decides they reappear.",
             )
         with gui.add_folder("Add"):
             self.agent = gui.add_button("Add an agent")
@@ -69,13 +69,13 @@ class Interventions:
                 self._show_message(str(error))
                 return
             if name == "kill":
-                self.which.value = ""  # those who stay have other numbers
+                self.which.value = ""  # the remaining agents have other numbers
             self._send(event, None, self._show_message)
 
         return send
 
     def pick(self, agent: int) -> list[int]:
-        """Choose an agent that was clicked, or let it go again; all that are chosen now."""
+        """Choose a clicked agent, or remove it from the choice; returns all chosen."""
         try:
             chosen = agents_of(self.which.value)
         except FlockingError:
@@ -115,7 +115,7 @@ class Interventions:
         return {"kind": "cut", "pairs": [[int(i), int(j)] for i, j in pairs[np.sort(chosen)]]}
 
     def _agent(self) -> dict[str, object]:
-        """A newcomer at the rim of the group, with its mean velocity."""
+        """A new agent at the edge of the group, with its mean velocity."""
         state = self._clock.frame.states[0]
         centre = state.q.mean(axis=0)
         direction = self._draw().normal(size=state.dimension)
@@ -124,7 +124,7 @@ class Interventions:
         return {"kind": "add", "q": (centre + far * direction).tolist(), "p": state.p.mean(axis=0).tolist()}
 
     def _obstacle(self) -> dict[str, object]:
-        """Where the group will be soon, or beside it."""
+        """An obstacle ahead of the group, or beside it when it is at rest."""
         state = self._clock.frame.states[0]
         centre, velocity = state.q.mean(axis=0), state.p.mean(axis=0)
         speed = float(np.linalg.norm(velocity))
@@ -146,7 +146,7 @@ def agents_of(text: str) -> list[int]:
     Raises
     ------
     InvalidInput
-        When the text says no such numbers.
+        When the text has another form.
     """
     found: set[int] = set()
     for word in text.replace(",", " ").split():

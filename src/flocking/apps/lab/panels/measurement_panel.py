@@ -1,4 +1,4 @@
-"""Live numbers, curves and verdict lamps, computed on a thread of their own so that nothing waits for them."""
+"""Live numbers, curves and verdicts, computed on their own thread."""
 
 from __future__ import annotations
 
@@ -11,7 +11,16 @@ import numpy as np
 
 from flocking.apps.lab.experiment.clock import Clock, Frame
 from flocking.apps.lab.experiment.history import History, Series
-from flocking.apps.lab.panels.measures import LEDGER, MOST_CLAIMS, NAMES, Lamp, claims_of, lamps, ledger, measured
+from flocking.apps.lab.panels.measures import (
+    LEDGER,
+    MOST_CLAIMS,
+    NAMES,
+    ShownVerdict,
+    claims_of,
+    ledger,
+    measured,
+    verdicts_on,
+)
 from flocking.apps.lab.scene.scene import Scene
 from flocking.engine.runs.run import Run
 
@@ -20,15 +29,18 @@ if TYPE_CHECKING:
 
 READ_SECONDS = 0.2
 """Least seconds between two measurements: five in a second can still be read."""
-LAMP_SECONDS = 1.0
+JUDGE_SECONDS = 1.0
 """Least seconds between two judgements of the claims, which take longer than measurements."""
 PATIENCE = 5.0
-"""Lamps rest this many times as long as they took."""
+"""The next judgement waits at least this many times the duration of the last."""
+
+MOST_NAMED = 12
+"""Agents that the text of a verdict names; more do not fit in a few lines."""
 
 CURVES = ("energy", "velocity spread", "connectivity")
 INKS = ("#0072b2", "#d55e00", "#009e73")
 SECOND_INK = "#999999"
-"""Of the run on the right, when two are compared."""
+"""Colour of the second run, when two are compared."""
 
 
 class MeasurementPanel:
@@ -48,7 +60,7 @@ class MeasurementPanel:
         self._gui, self._clock, self._scene = gui, clock, scene
         self.series = Series(NAMES)
         self.history = History()
-        self.lamps: list[Lamp] = []
+        self.verdicts: list[ShownVerdict] = []
         self.reads = 0
         self.table = gui.add_html("")
         self._plots = [
@@ -62,9 +74,9 @@ class MeasurementPanel:
         self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._run, name="flocking-lab-measurements", daemon=True)
 
-    def add_lamps(self) -> None:
-        """Make room for the lamps in the container that is open."""
-        self._about = self._gui.add_markdown("Claims are judged on what happened since the last intervention.")
+    def add_verdicts(self) -> None:
+        """Make the elements of the verdicts in the open container."""
+        self._about = self._gui.add_markdown("Claims are judged by the motion since the last intervention.")
         self._message = self._gui.add_markdown("")
         self._clear = self._gui.add_button("Clear highlight", visible=False)
         self._rack = self._gui.add_folder("Claims")
@@ -83,15 +95,15 @@ class MeasurementPanel:
             self._thread.join()
 
     def reset(self) -> None:
-        """Forget what was measured."""
+        """Clear the measurements."""
         with self._lock:
             self.series = Series(NAMES)
             self.history.clear()
-            self.lamps = []
+            self.verdicts = []
         self._highlight((), "")
 
     def _run(self) -> None:
-        number, judged, pause = 0, 0.0, LAMP_SECONDS
+        number, judged, pause = 0, 0.0, JUDGE_SECONDS
         while not self._clock.closed:
             frame = self._clock.next_frame(number)
             if frame is None:
@@ -103,8 +115,8 @@ class MeasurementPanel:
                 if begin - judged > pause and frame.states[0].n <= MOST_CLAIMS:
                     self.judge(frame)
                     judged = time.perf_counter()
-                    pause = max(LAMP_SECONDS, PATIENCE * (judged - begin))
-            except Exception as error:  # whatever a changed law does to a measure, the page goes on
+                    pause = max(JUDGE_SECONDS, PATIENCE * (judged - begin))
+            except Exception as error:  # a measure may fail for a changed law
                 self.table.content = f"<p>The measurements failed: {type(error).__name__}: {error}</p>"
             time.sleep(max(READ_SECONDS, 2 * (time.perf_counter() - begin)))
 
@@ -150,37 +162,37 @@ class MeasurementPanel:
         return f"<table style='font-size:0.85em;width:100%;padding:0 0.8em'>{cells}</table>"
 
     def window(self) -> Run | None:
-        """What happened since the last intervention, as a run."""
+        """The motion since the last intervention, as a run."""
         session = self._clock.experiments[0].session
         closest, accuracy = session.known
         with self._lock:
             return self.history.run(closest, accuracy, session.fidelity)
 
     def judge(self, frame: Frame) -> None:
-        """Light the lamps."""
+        """Judge the claims and show the verdicts."""
         run = self.window()
         if run is None or not run.links.size:
             return
-        self.lamps = lamps(run, claims_of(frame.scenarios[0].name))
+        self.verdicts = verdicts_on(run, claims_of(frame.scenarios[0].name))
         first, last = run.t[0], run.t[-1]
         self._about.content = (
             f"Judged on t = {first:.4g} to {last:.4g}, since the last intervention. Click a broken claim."
         )
-        self._show_lamps()
+        self._show_verdicts()
 
-    def _show_lamps(self) -> None:
-        shown = [lamp for lamp in self.lamps if lamp.word != "not applicable"]
+    def _show_verdicts(self) -> None:
+        shown = [verdict for verdict in self.verdicts if verdict.word != "not applicable"]
         while len(self._buttons) > len(shown):
             self._buttons.pop().remove()
         with self._rack:
             while len(self._buttons) < len(shown):
                 self._buttons.append(self._button(len(self._buttons)))
-        for button, lamp in zip(self._buttons, shown, strict=True):
-            label = f"{lamp.claim.key}: {lamp.word}"
-            if lamp.witness is not None:
-                label += f" (t = {lamp.witness.time:.3g})"
+        for button, verdict in zip(self._buttons, shown, strict=True):
+            label = f"{verdict.claim.key}: {verdict.word}"
+            if verdict.witness is not None:
+                label += f" (t = {verdict.witness.time:.3g})"
             if button.label != label:
-                button.label, button.color = label, lamp.color
+                button.label, button.color = label, verdict.color
 
     def _button(self, number: int) -> GuiButtonHandle:
         button = self._gui.add_button("...", color="gray")
@@ -192,28 +204,26 @@ class MeasurementPanel:
         return button
 
     def show(self, number: int) -> None:
-        """Say what a lamp means, and highlight the agents it is about.
+        """Describe a verdict, and highlight its agents.
 
         Parameters
         ----------
         number
-            Number of the lamp among those shown.
+            Number of the verdict among those shown.
         """
-        shown = [lamp for lamp in self.lamps if lamp.word != "not applicable"]
+        shown = [verdict for verdict in self.verdicts if verdict.word != "not applicable"]
         if number >= len(shown):
             return
-        lamp = shown[number]
-        agents = lamp.witness.agents if lamp.witness else ()
-        about = f" At t = {lamp.witness.time:.4g}" if lamp.witness else ""
-        about += (
-            f", agents {', '.join(map(str, agents[:12]))}{'...' if len(agents) > 12 else ''}."
-            if agents
-            else "."
-            if about
-            else ""
-        )
-        hypothesis = " Its hypothesis is not met:" if lamp.word == "hypothesis not met" else ""
-        text = f"**{lamp.claim.key}** ({lamp.claim.source}). {lamp.claim.statement}{hypothesis} {lamp.note}.{about}"
+        verdict = shown[number]
+        agents = verdict.witness.agents if verdict.witness else ()
+        about = f" At t = {verdict.witness.time:.4g}" if verdict.witness else ""
+        if agents:
+            about += f", agents {', '.join(map(str, agents[:MOST_NAMED]))}{'...' if len(agents) > MOST_NAMED else ''}."
+        elif about:
+            about += "."
+        hypothesis = " Its hypothesis is not met:" if verdict.word == "hypothesis not met" else ""
+        claim = verdict.claim
+        text = f"**{claim.key}** ({claim.source}). {claim.statement}{hypothesis} {verdict.note}.{about}"
         self._highlight(agents, text)
 
     def _highlight(self, agents: tuple[int, ...], text: str) -> None:
@@ -221,12 +231,12 @@ class MeasurementPanel:
         self._message.content = text
         self._clear.visible = bool(text)
         if agents:
-            self._scene.aim(self._clock.frame)  # they may have gone far
+            self._scene.aim(self._clock.frame)  # they may be far away
         self._scene.repaint()
 
 
 def _numbers(frame: Frame, k: int) -> dict[str, float]:
-    """What is measured of one of a frame's runs, with its ledger since the last intervention."""
+    """Measurements of one of a frame's runs, with its ledger since the last intervention."""
     rows = list(frame.rows[k][0])
     found = dict.fromkeys(LEDGER, float("nan"))
     if rows:

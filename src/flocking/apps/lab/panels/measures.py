@@ -1,4 +1,4 @@
-"""What the panel of measurements shows: numbers of one moment, and the verdicts on claims."""
+"""Contents of the measurement panel: numbers of one moment, and verdicts on claims."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ MOST_CONNECTIVITY = 400
 """Agents up to which the algebraic connectivity is computed: the cost of its eigenvalues grows with the cube of their
 number."""
 MOST_CLAIMS = 400
-"""Larger groups get no algebraic connectivity and no lamps: both look at every pair."""
+"""Largest group whose claims are judged: the cost grows with the number of pairs."""
 
 LEDGER = ("dissipated", "supplied", "jumped", "residual")
-"""What the energy did since the last intervention: `residual` is what the others leave unexplained of its change."""
+"""Terms of the ledger since the last intervention, and the residual of the change of the energy."""
 
 NAMES = ("energy", "velocity spread", "connectivity", "flocks", "closest pair", "defect")
 
@@ -31,7 +31,7 @@ NAMES = ("energy", "velocity spread", "connectivity", "flocks", "closest pair", 
 def measured(state: State, energy: float) -> dict[str, float]:
     """Numbers of one moment by their `NAMES`; NaN for what a group is too large for.
 
-    ``defect`` is how far linked distances are from their mean, relatively.
+    ``defect`` is the relative standard deviation of linked distances.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def measured(state: State, energy: float) -> dict[str, float]:
 
 
 def ledger(first: tuple[float, ...], last: tuple[float, ...]) -> dict[str, float]:
-    """What the energy did between two rows of a ledger, by `LEDGER`.
+    """Changes between two rows of a ledger, by `LEDGER`.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def ledger(first: tuple[float, ...], last: tuple[float, ...]) -> dict[str, float
 
 
 @dataclass(frozen=True)
-class Lamp:
+class ShownVerdict:
     """A claim with its verdict, as a page shows it.
 
     Parameters
@@ -76,11 +76,11 @@ class Lamp:
     claim
         The claim.
     word
-        Its verdict; ``"not yet"`` also of what a paper says of the end of its scenario, before that end.
+        Its verdict; also ``"not yet"`` for a failure that is not final, before the end of the scenario.
     note
-        What was measured.
+        The measured value.
     witness
-        The moment and agents that broke it, where something did.
+        Time and agents of a failure, where there are any.
     """
 
     claim: Claim
@@ -90,18 +90,18 @@ class Lamp:
 
     @property
     def color(self) -> str:
-        """Green, red, orange while open, grey where it does not apply."""
+        """Green, red, orange while undecided, violet without its hypothesis, grey where it does not apply."""
         if self.word == str(self.claim.expected) == "fails":
-            return "teal"  # the paper is known to be wrong there
+            return "teal"  # known to fail
         return {"holds": "green", "fails": "red", "hypothesis not met": "violet", "not yet": "orange"}.get(
             self.word, "gray"
         )
 
 
 def claims_of(scenario_name: str) -> tuple[Claim, ...]:
-    """The paper's claims about its scenario, then the general ones that these do not name already.
+    """The paper's claims about its scenario, then the general ones with other keys.
 
-    Of the general ones agreement is claimed as the theorems do: of a graph that stays connected.
+    General claims about agreement get the hypothesis of the theorems, that the graph stays connected.
 
     Parameters
     ----------
@@ -120,22 +120,22 @@ def _conditional(claim: Claim) -> Claim:
     return replace(claim, statement=statement, hypothesis=general.stays_connected)
 
 
-def lamps(run: Run, claims: Sequence[Claim]) -> list[Lamp]:
-    """Verdicts on a run that goes on. A claim that cannot be measured on it is said to be not applicable."""
+def verdicts_on(run: Run, claims: Sequence[Claim]) -> list[ShownVerdict]:
+    """Verdicts on a running run. A claim that cannot be measured on it is not applicable."""
     evidence = Evidence(run)
     found = []
     for claim in claims:
         try:
             result = claim.examine(evidence)
             witness = witness_of(result, evidence)
-        except Exception as error:  # claims of papers look at their own laws, and a law may be changed at will
+        except Exception as error:  # claims of papers read their own laws, which may be changed
             result, witness = Result(claim, Verdict.NOT_APPLICABLE, note=f"{type(error).__name__}: {error}"), None
-        found.append(Lamp(claim, _word(claim, result.verdict, run), result.note, witness))
+        found.append(ShownVerdict(claim, _word(claim, result.verdict, run), result.note, witness))
     return found
 
 
 def _word(claim: Claim, verdict: Verdict, run: Run) -> str:
-    """The verdict, or that it is too early for one: a paper speaks of the end of its scenario."""
+    """The verdict; "not yet" for a failure that is not final, before the end of the scenario."""
     if verdict is not Verdict.FAILS or claim.about.lasting:
         return str(verdict)
     return str(Verdict.NOT_YET if run.t[-1] < run.scenario.t_end else verdict)

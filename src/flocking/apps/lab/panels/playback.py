@@ -1,4 +1,4 @@
-"""Running: which scenario, steps, beginning anew, seed and speed."""
+"""Playback: scenario, steps, restart, seed and speed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ RESTART, RESET, LIFT = "Restart", "Reset", "In 3-D"
 
 
 class Transport:
-    """The part of a page that says what runs, and how fast.
+    """The part of a page that selects what runs, and how fast.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class Transport:
     load
         Called with a scenario's name and a seed.
     restart
-        Called to start anew with the present settings.
+        Called to restart with the present settings.
     lift
         Called to put the scenario in space.
     """
@@ -44,9 +44,9 @@ class Transport:
         self.scenario = gui.add_dropdown("scenario", names, initial_value=names[0])
         self.seed = gui.add_number("seed", 0, min=0, step=1)
         self.steps = gui.add_button_group("step by", tuple(STEPS))
-        self.anew = gui.add_button_group(
+        self.restart_buttons = gui.add_button_group(
             "from the start", (RESTART, RESET, LIFT),
-            hint="Restart keeps the settings as they are now; Reset takes the scenario's own.",
+            hint="Restart uses the present settings; Reset the original ones.",
         )  # fmt: skip
         self.speed = gui.add_number("time per second", 1.0, min=SLOWEST, max=FASTEST, step=0.01)
         self.pace = gui.add_button_group("", tuple(PACES))
@@ -73,11 +73,11 @@ class Transport:
         def _(_: object) -> None:
             self.run_at(clock.speed * PACES[self.pace.value])
 
-        deeds = {RESTART: restart, RESET: lambda: load(self.scenario.value, int(self.seed.value)), LIFT: lift}
-        self.anew.on_click(lambda _: deeds[self.anew.value]())
+        actions = {RESTART: restart, RESET: lambda: load(self.scenario.value, int(self.seed.value)), LIFT: lift}
+        self.restart_buttons.on_click(lambda _: actions[self.restart_buttons.value]())
 
     def run_at(self, speed: float) -> None:
-        """Set how much time passes in a second.
+        """Set the simulated time per second.
 
         Parameters
         ----------
@@ -87,7 +87,7 @@ class Transport:
         self._clock.speed = self.speed.value = min(max(float(f"{speed:.3g}"), SLOWEST), FASTEST)
 
     def offer(self, names: tuple[str, ...]) -> None:
-        """Offer other scenarios; the one that is open stays among them.
+        """List other scenarios; the open one stays in the list.
 
         Parameters
         ----------

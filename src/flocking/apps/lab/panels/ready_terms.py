@@ -1,4 +1,4 @@
-"""Terms that can be added to any law with one press, at numbers that fit it."""
+"""Terms that can be added to any law, with parameters that fit it."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ def _sink(_: Law, state: State) -> Term:
     return Track(Sink(state.q.mean(axis=0)), position_gain=0.1, velocity_gain=0.5)
 
 
-def _guide(_: Law, state: State) -> Term:
+def _moving_leader(_: Law, state: State) -> Term:
     return Track(Velocity(state.p.mean(axis=0), start=state.q.mean(axis=0), start_time=state.t), 0.1, 0.5)
 
 
 TERMS: dict[str, Callable[[Law, State], Term]] = {
-    "consensus": lambda law, state: Consensus(1.0), "spring": _spring, "sink": _sink, "moving leader": _guide,
+    "consensus": lambda law, state: Consensus(1.0), "spring": _spring, "sink": _sink, "moving leader": _moving_leader,
     "compensation of damping": lambda law, state: Compensate(),
 }  # fmt: skip
 """By the names a page shows."""

@@ -1,1 +1,1 @@
-"""What the lab draws: agents, obstacles, leaders, and the view of them."""
+"""The scene of the lab: agents, obstacles, leaders, and the camera."""

@@ -1,4 +1,4 @@
-"""Pictures and films of what a page shows, drawn by the picture room."""
+"""Pictures and films of the scene, drawn by `flocking.show`."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def picture(state: State, scenario: Scenario, look: Look, path: Path) -> Path:
     Raises
     ------
     InvalidInput
-        When the agents live in more than two dimensions and cannot be drawn in the plane.
+        When the picture cannot be drawn.
     """
     from flocking.show.plot import plot
 
@@ -71,7 +71,7 @@ def _run(states: list[State], scenario: Scenario) -> Run:
 
 
 class Film:
-    """Collects frames while a clock runs; of a long take every second one is dropped again and again.
+    """Collects frames while a clock runs; when there are too many, every second one is dropped.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ class Film:
             self._states, self._every = self._states[::2], 2 * self._every
 
     def write(self, path: Path, look: Look) -> Path:
-        """End the take and write it, as MP4 where ffmpeg is installed, else as GIF.
+        """End the recording and write it, as MP4 where ffmpeg is installed, else as GIF.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""What the view is fitted to: the box around agents and what is near them."""
+"""The box around agents and near objects, to which the view is fitted."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from flocking.apps.lab.scene.solids import Solid
 from flocking.arrays import Array, Positions, Vector
 from flocking.model.state import State
 
-FAR_OFF = 3.0
+FAR = 3.0
 """Leaders and obstacles further away than this, in sizes of the group, do not widen the view."""
 
 
 def box_around(state: State, things: list[Solid], least: float) -> tuple[Array, Array]:
-    """Corners of a box around the agents and what is near them, at least ``least`` wide.
+    """Corners of a box around the agents and near objects, at least ``least`` wide.
 
     Parameters
     ----------
     things
-        Obstacles and leaders; those far off do not count.
+        Obstacles and leaders; distant ones do not count.
     least
         Smallest width of the box in each direction.
     """
@@ -27,10 +27,10 @@ def box_around(state: State, things: list[Solid], least: float) -> tuple[Array, 
     low, high = q.min(axis=0), q.max(axis=0)
     size, middle = max(float((high - low).max()), least), (low + high) / 2
     for thing in things:
-        if np.abs(thing.position - middle).max() > FAR_OFF * size:
+        if np.abs(thing.position - middle).max() > FAR * size:
             continue
         own = thing.vertices if thing.kind == "obstacle" else np.zeros((1, 3))
-        # Of a long wall only the near part counts.
+        # A wall longer than the group counts as a point.
         own = own if np.abs(own).max() < size else np.zeros((1, 3))
         low = np.minimum(low, thing.position + own.min(axis=0))
         high = np.maximum(high, thing.position + own.max(axis=0))

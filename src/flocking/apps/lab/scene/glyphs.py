@@ -1,4 +1,4 @@
-"""Shapes, turns and colours of agents as arrays, ready for any scene."""
+"""Shapes, rotations and colours of agents as arrays."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ RAMPS = {
     False: np.array([(68, 1, 84), (59, 82, 139), (33, 145, 140), (110, 170, 50), (240, 150, 0)], dtype=np.float64),
     True: np.array([(125, 110, 225), (85, 150, 225), (60, 185, 175), (125, 215, 99), (253, 231, 37)], dtype=float),
 }  # fmt: skip
-"""From slow to fast, or low to high, on a light and on a dark ground: lightness rises, and all stands out from it."""
+"""From slow to fast, or low to high, on a light and on a dark background: lightness rises, and all contrast with it."""
 
 _FLOCKS = np.array(
     [(0, 114, 178), (230, 159, 0), (0, 158, 115), (213, 94, 0), (204, 121, 167), (86, 180, 233), (150, 150, 0)],
     dtype=np.uint8,
 )
-"""Colours told apart with any colour vision (Okabe and Ito)."""
+"""Colours that are distinct for colour-blind readers (Okabe and Ito)."""
 
 
 def in_space(q: Array, shift: Array | None = None) -> NDArray[np.float32]:
@@ -52,7 +52,7 @@ def dart(dimension: int) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
 def turns(p: Array, before: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
     """Quaternions (w, x, y, z) that turn the first axis into the directions of ``p``, shape (N, 4).
 
-    Agents at rest keep the turn they had ``before``.
+    Agents at rest have the rotations ``before``.
     """
     v = in_space(p).astype(np.float64)
     speed = np.linalg.norm(v, axis=1)
@@ -75,7 +75,7 @@ def ramp(values: Array, low: float, high: float, dark: bool = False) -> Bytes:
     values
         Numbers, shape (N,).
     dark
-        Whether the ground is dark.
+        Whether the background is dark.
     """
     stops = RAMPS[dark]
     x = np.clip((values - low) / (high - low), 0.0, 1.0) if high > low else np.full(len(values), 0.5)
@@ -111,7 +111,7 @@ def colors(state: State, kind: str, fastest: float, energies: PerAgent | None = 
     energies
         Potential of each agent, for ``"energy"``.
     dark
-        Whether they stand on a dark ground.
+        Whether the background is dark.
     """
     if kind == "heading":
         return wheel(np.arctan2(state.p[:, 1], state.p[:, 0]) if state.dimension > 1 else np.zeros(state.n))
@@ -147,7 +147,7 @@ def link_segments(state: State, points: NDArray[np.float32], budget: int) -> tup
 
 
 def spacing(q: Array) -> float:
-    """Typical distance to the nearest neighbour; 1 for a lone agent."""
+    """Typical distance to the nearest neighbour; 1 for a single agent."""
     if len(q) < 2:
         return 1.0
     from scipy.spatial import cKDTree

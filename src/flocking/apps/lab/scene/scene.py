@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from flocking.apps.lab.experiment.clock import Clock, Frame
 from flocking.apps.lab.scene import glyphs
 from flocking.apps.lab.scene.framing import box_around, centre_of
-from flocking.apps.lab.scene.solids import Solid, imagined, solids
+from flocking.apps.lab.scene.solids import Solid, solids, virtual_agents
 from flocking.arrays import Positions
 from flocking.model.law import Scenario
 from flocking.model.parts.structure import Step
@@ -69,32 +69,32 @@ LIGHT, DARK = (70, 70, 80), (200, 200, 210)
 
 @dataclass
 class Look:
-    """What of a scene is shown, and how.
+    """What a scene shows, and how.
 
     Parameters
     ----------
     color
-        What colours the agents.
-    trails, follow, imagined
+        The quantity that colours the agents.
+    trails, follow, virtual_agents
         Whether paths are drawn, the camera moves with the group, and beta- and gamma-agents are shown.
     dark
-        Whether the ground is dark.
+        Whether the background is dark.
     highlight
-        Numbers of agents to point at.
+        Numbers of highlighted agents.
     """
 
     color: str = "speed"
     links: bool = True
     trails: bool = False
     follow: bool = True
-    imagined: bool = False
+    virtual_agents: bool = False
     dark: bool = False
     highlight: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
 class Legend:
-    """What the colours of a scene mean: ``kind`` is one of `flocking.apps.lab.scene.glyphs.COLORINGS`."""
+    """The meaning of the colours of a scene: ``kind`` is one of `flocking.apps.lab.scene.glyphs.COLORINGS`."""
 
     kind: str = "speed"
     low: float = 0.0
@@ -135,7 +135,7 @@ class Scene:
     def __init__(self, server: ViserServer, clock: Clock, dragged: Dragged) -> None:
         self.server, self.clock, self.look = server, clock, Look()
         self.note = ""
-        """What is not shown in full."""
+        """Note on what is not drawn completely."""
         self.legend = Legend()
         self.after: Callable[[Frame], None] = lambda _: None
         """Called when a frame was painted."""
@@ -144,15 +144,15 @@ class Scene:
         self.picked: Callable[[int], None] = lambda _: None
         """Called with the number of an agent that was clicked."""
         self._dragged = dragged
-        self._held: dict[tuple[Step, ...], float] = {}
+        self._dragged_at: dict[tuple[Step, ...], float] = {}
         self._groups: list[_Group] = []
         self._size = self._fastest = 1.0
         self._shift = np.zeros(3)
-        self._grip = np.zeros(3)
+        self._drag_offset = np.zeros(3)
         self._dark = False
         self._stored: Frame | None = None
         server.scene.set_up_direction("+z")
-        # Plain light from everywhere: flat agents keep the colours they are given.
+        # Ambient light: flat agents keep their colours.
         server.scene.configure_default_lights(False, False)
         server.scene.configure_environment_map(None)
         server.scene.add_light_ambient("/light", intensity=AMBIENT)
@@ -174,7 +174,7 @@ class Scene:
             self._thread.join()
 
     def aim(self, frame: Frame) -> None:
-        """Measure the group and point every camera at it, from above in the plane."""
+        """Fit every camera to the group, from above in the plane."""
         state = frame.states[0]
         self._spacing = glyphs.spacing(state.q)
         low, high = box_around(state, solids(frame.scenarios[0], state.t), 2 * self._spacing)
@@ -183,7 +183,7 @@ class Scene:
         self._count = len(frame.states)
         self._step = np.zeros(3)
         if self._count > 1:
-            # Of two that are compared wide ones stand above each other.
+            # Two compared groups are side by side, wide ones one above the other.
             axis = 0 if extent[0] <= extent[1] else 1
             self._step[axis] = (1, -1)[axis] * BESIDE * max(extent[axis], 0.2 * self._size)
             extent = extent + np.abs(self._step) * (self._count - 1)
@@ -191,7 +191,7 @@ class Scene:
         self._shift = -centre_of(state.q) if self.look.follow else np.zeros(3)
         look_at = middle + self._shift
         far = MARGIN * float(extent.max()) / 2 / np.tan(FIELD_OF_VIEW / 2)
-        # Exactly from above the camera's turn about its own axis would be undefined.
+        # Exactly from above the rotation of the camera about its own axis would be undefined.
         offset = np.array([0.0, -1e-3 * far, far]) if state.dimension < 3 else np.array([0.6, -1.0, 0.6]) * far / 1.2
         cell = 10 ** np.floor(np.log10(self._size / 2))
         self._grid.cell_size, self._grid.section_size = float(cell), float(5 * cell)
@@ -203,7 +203,7 @@ class Scene:
             client.camera.position, client.camera.look_at = look_at + offset, look_at
 
     def show_stored(self, states: list[State], scenario: Scenario, *, aim: bool = False) -> None:
-        """Show states from elsewhere instead of the clock's.
+        """Show stored states instead of the clock's.
 
         Parameters
         ----------
@@ -217,13 +217,13 @@ class Scene:
         self.repaint()
 
     def show_live(self) -> None:
-        """Show what the clock shows again."""
+        """Show the states of the clock again."""
         self._stored = None
         self.aim(self.clock.frame)
         self.repaint()
 
     def repaint(self) -> None:
-        """Paint the last frame again: something about its look changed."""
+        """Paint the last frame again."""
         self.clock.post(lambda: None, "repaint")
 
     def _run(self) -> None:
@@ -238,7 +238,7 @@ class Scene:
             self.paint(shown)
             self.after(shown)
             took = time.perf_counter() - begin
-            # Leave as much time as painting takes to the simulation and to sending.
+            # The pause leaves the simulation as much time as painting takes.
             pause = max(FASTEST_PAINT - took, took)
             self.rate = 0.9 * self.rate + 0.1 / (took + pause)
             time.sleep(pause)
@@ -254,7 +254,7 @@ class Scene:
                 self._grid.cell_color, self._grid.section_color = GRID[self._dark]
             if self.look.follow:
                 self._shift = -centre_of(frame.states[0].q)
-            # The grid moves under a group that stays where it is: a lagging client never loses it.
+            # The group stays in place and the grid moves, so that slow clients do not lose the group.
             self._grid.position = (*np.fmod(self._shift[:2], self._grid.section_size), -0.01)
             for k, (state, scenario) in enumerate(zip(frame.states, frame.scenarios, strict=True)):
                 notes.append(self._paint_group(k, state, scenario))
@@ -295,16 +295,16 @@ class Scene:
             group.agents.points, group.agents.colors = q, colors
         notes += [self._paint_links(group, state, q), self._paint_trails(group, state.q)]
         for (_, handle), thing in zip(group.solids, things, strict=True):
-            if time.monotonic() - self._held.get(thing.path, -1.0) > 0.3:
+            if time.monotonic() - self._dragged_at.get(thing.path, -1.0) > 0.3:
                 handle.position = tuple(thing.position + self._shift)
-        points = imagined(scenario, state) if self.look.imagined else np.zeros((0, 3))
+        points = virtual_agents(scenario, state) if self.look.virtual_agents else np.zeros((0, 3))
         group.ghosts.visible = len(points) > 0
         if len(points):
             group.ghosts.points = (points + self._shift).astype(np.float32)
         return " ".join(note for note in notes if note)
 
     def _colors(self, state: State, scenario: Scenario) -> tuple[glyphs.Bytes, list[str]]:
-        """Colours of agents, and what is not coloured as asked."""
+        """Colours of agents, and notes where they differ from the choice."""
         kind, energies, notes = self.look.color, None, []
         if kind == "energy" and state.n <= MOST_ENERGIES:
             from flocking.study.potentials.state_energy import agent_energies
@@ -316,7 +316,7 @@ class Scene:
         if energies is not None:
             self.legend = Legend(kind, float(np.min(energies)), float(np.max(energies)))
         elif kind == "speed":
-            # The scale follows the fastest agent, slowly down so that a flock that calms is seen to.
+            # The scale follows the fastest agent, and falls slowly, so that a decrease of speeds is visible.
             self._fastest = max(0.995 * self._fastest, float(np.linalg.norm(state.p, axis=1).max()), 1e-9)
             self.legend = Legend(kind, 0.0, self._fastest)
         else:
@@ -382,7 +382,7 @@ class Scene:
         return _Group(agents, lines[0], lines[1], ghosts, found, shape=shape)
 
     def _length(self, n: int) -> float:
-        """Length of an agent: by the spacing of the group, within what can be seen and told apart."""
+        """Length of an agent: half the spacing of the group, within limits."""
         least = 0.025 if n <= MOST_LARGE else 0.014 if n <= MOST_EXACTLY_SEEN else 0.0
         return min(max(0.5 * self._spacing, least * self._size), 0.06 * self._size)
 
@@ -403,11 +403,11 @@ class Scene:
         return handle
 
     def _drag(self, event: Any, thing: Solid, handle: MeshHandle) -> None:
-        """Move with the pointer, by as much as it moved."""
+        """Move an object by as much as the pointer moved."""
         if event.phase == "start":
-            self._grip = np.asarray(handle.position) - np.asarray(event.start_position)
-        self._held[thing.path] = time.monotonic()
-        where = np.asarray(event.end_position) + self._grip
+            self._drag_offset = np.asarray(handle.position) - np.asarray(event.start_position)
+        self._dragged_at[thing.path] = time.monotonic()
+        where = np.asarray(event.end_position) + self._drag_offset
         if thing.dimension < 3:
             where[2] = 0.0
         handle.position = tuple(where)

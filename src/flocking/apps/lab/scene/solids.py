@@ -1,4 +1,4 @@
-"""Obstacles and leaders as bodies that can be drawn and dragged, and the agents that obstacles imagine."""
+"""Obstacles and leaders as bodies that can be drawn and dragged, and beta- and gamma-agents."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from flocking.model.state import State
 from flocking.model.terms.avoidance import Avoid, ObstacleTerm
 
 OUTLINE = 48
-"""Corners of the polygon that stands for a round outline: its sides stray from a circle by 0.2 % of the radius."""
+"""Corners of the polygon that stands for a round outline: its sides differ from a circle by 0.2 % of the radius."""
 RINGS = 8
-"""Rings of the mesh of a sphere: the edges of its faces stray from it by 2 % of the radius."""
+"""Rings of the mesh of a sphere: the edges of its faces differ from it by 2 % of the radius."""
 WALL_DEPTH = 0.03
 """Thickness of a drawn wall in its extent."""
 
@@ -41,9 +41,9 @@ class Solid:
     vertices, faces
         Its shape around that place; a leader's has size 1.
     dimension
-        Dimension it lives in.
+        Its dimension.
     shape
-        What tells whether it must be drawn anew.
+        Key that changes when it must be drawn again.
     """
 
     kind: str
@@ -56,7 +56,7 @@ class Solid:
 
 
 def solids(scenario: Scenario, t: float) -> list[Solid]:
-    """Obstacles and leaders of a scenario at time ``t``. An obstacle with a shape of its own needs no help here."""
+    """Obstacles and leaders of a scenario at time ``t``. Other shapes are drawn by their outline."""
     found = []
     seen: set[int] = set()
     for k, term in enumerate(scenario.law.terms):
@@ -104,7 +104,7 @@ def _fan(outline: Array) -> tuple[Array, NDArray[np.uint32]]:
 
 
 def _slab(wall: Wall) -> tuple[Array, NDArray[np.uint32]]:
-    """The face of a wall and a bit of what is behind it."""
+    """The face of a wall with a strip behind it."""
     normal = in_space(wall.normal[None])[0].astype(float)
     along = np.cross(normal, (0.0, 0.0, 1.0)) if wall.dimension < 3 or abs(normal[2]) < 0.9 else np.array([1.0, 0, 0])
     along /= np.linalg.norm(along)
@@ -132,7 +132,7 @@ def _sphere(radius: float) -> tuple[Array, NDArray[np.uint32]]:
     return radius * points, np.array(faces, dtype=np.uint32)
 
 
-def imagined(scenario: Scenario, state: State) -> Array:
+def virtual_agents(scenario: Scenario, state: State) -> Array:
     """Beta-agents, on obstacles within range of an agent, and gamma-agents inside them; shape (K, 3)."""
     found = [np.zeros((0, 3))]
     for term in scenario.law.terms:

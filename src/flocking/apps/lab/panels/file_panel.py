@@ -1,4 +1,4 @@
-"""The panel for saving scenarios, event logs, pictures and films, and for looking at stored runs."""
+"""The panel of files: saves scenarios, event logs, pictures and films, and shows stored runs."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
 NO_RUN = "(none here)"
 MOST_RUNS = 200
-"""Saved runs that a menu offers; a longer one cannot be searched by eye."""
+"""Saved runs that a menu offers; a longer menu is hard to read."""
 FILMS = (".mp4", ".gif")
 
 
-class SavingPanel:
+class FilePanel:
     """The part of a page that saves and opens.
 
     Parameters
@@ -41,7 +41,7 @@ class SavingPanel:
         self._page = page
         self._film: Film | None = None
         self.stored: Run | None = None
-        """The stored run that is looked at."""
+        """The stored run that is shown."""
         self.saved: list[Path] = []
         """Files written, the last one last."""
         self.scenario = gui.add_button("Save scenario", icon="device-floppy")
@@ -65,7 +65,7 @@ class SavingPanel:
         self.back.on_click(lambda _: self.close_run())
 
     def offer(self) -> None:
-        """Offer the stored runs that are in the folder now."""
+        """List the stored runs that are in the folder now."""
         folder = self._page.folder
         known = sorted(file.parent.name for file in folder.path.glob("*/zarr.json"))
         found = [name for name in known if folder.holds(name)][:MOST_RUNS]
@@ -77,7 +77,7 @@ class SavingPanel:
     def _guarded(self, action: Callable[[], None], event: GuiEvent) -> None:
         before = len(self.saved)
         try:
-            self._page.may()
+            self._page.count_request()
             action()
         except (FlockingError, OSError) as error:
             self.message.content = f"Not possible: {error}"
@@ -94,7 +94,7 @@ class SavingPanel:
         folder, number = self._page.folder.path, 1
         while True:
             found = folder / (stem if number == 1 else f"{stem}-{number}")
-            # Also where a symbolic link leads to nothing: what is written must not go there.
+            # Also where a dangling symbolic link is: nothing is written through it.
             if not any(os.path.lexists(f"{found}{end}") for end in {suffix, *(FILMS if not suffix else ())}):
                 return Path(f"{found}{suffix}")
             number += 1
@@ -104,7 +104,7 @@ class SavingPanel:
         self.message.content = f"Saved {', '.join(p.name for p in paths)}. {note}".strip()
 
     def save_scenario(self) -> None:
-        """Write the scenario as TOML; where something was done since the start, also what, as a log that replays."""
+        """Write the scenario as TOML; after interventions also their log, for replay."""
         from flocking.engine.driver.registry import chosen_engine
         from flocking.study.scenario_files.scenario_file import write_scenario
 
@@ -130,8 +130,8 @@ class SavingPanel:
         self._page.clock.do(act)
         if not paths and faults:
             raise faults[0]
-        note = f"`flocking run {paths[-1].name}{engine}` goes the same way" if experiment.untouched else (
-            f"`flocking lab {paths[0].name}` replays what was done; the TOML file starts from now"
+        note = f"`flocking run {paths[-1].name}{engine}` gives the same run" if experiment.untouched else (
+            f"`flocking lab {paths[0].name}` replays the interventions; the TOML file starts from the present state"
         )  # fmt: skip
         self._show_saved(*paths, note=f"{note}. {faults[0] if faults else ''}")
 
