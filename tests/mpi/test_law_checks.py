@@ -27,7 +27,7 @@ def test_a_plant_with_a_gain_one_per_cent_off_fails_the_ledger():
         run = fk.simulate(made, engine="lammps", plant=fk.Law(made.law.graph, terms), progress=False)
         found = fk.audit(run)["ledger"]
         assert found.verdict == Verdict.FAILS
-        assert "off the declared law" in found.note
+        assert "differs from the declared law" in found.note
 
 
 def test_a_wrong_translation_stops_the_run(monkeypatch):

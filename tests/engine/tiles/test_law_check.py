@@ -60,7 +60,7 @@ def test_a_plant_with_a_gain_one_per_cent_off_fails_the_ledger(precision):
             assert run.finished
             found = fk.audit(run)["ledger"]
             assert found.verdict == Verdict.FAILS
-            assert "off the declared law" in found.note
+            assert "differs from the declared law" in found.note
         run = fk.simulate(made, engine="tiles", plant=made.law, step=0.005, precision=precision, progress=False)
         assert fk.audit(run)["ledger"].verdict == Verdict.HOLDS
         assert run.provenance["law_checks"] == 2

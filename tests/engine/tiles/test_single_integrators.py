@@ -235,7 +235,7 @@ def test_a_gain_one_per_cent_off_shows(name, precision, scheme):
     run = tiled(lattice(law(1.0)), plant=law(1.01), **options)
     found = fk.audit(run)["ledger"]
     assert found.verdict == Verdict.FAILS
-    assert "off the declared law" in found.note
+    assert "differs from the declared law" in found.note
     run = tiled(lattice(law(1.0)), plant=law(1.0), **options)
     assert fk.audit(run)["ledger"].verdict == Verdict.HOLDS
     assert run.provenance["law_checks"] == 2
