@@ -34,6 +34,8 @@ def scenario(name, dimension, *, n=300, t_end=0.5, frames=6, side=1.0, speed=1.0
 def main():
     asked = json.loads(sys.argv[1])
     made = scenario(asked["law"], asked["dimension"], **asked.get("scenario", {}))
+    if asked.get("order") == 1:
+        made = made.with_(agents=fk.SingleIntegrator(made.agents.masses))
     session = LammpsSession(made, LammpsOptions(step=asked["step"], **asked.get("options", {})))
     before = session.ranks.comm.gather(set(session.atoms.ids.tolist()))
     if "die_at" in asked:

@@ -9,6 +9,7 @@ import flocking as fk
 from flocking.engine.lammps import library
 from flocking.engine.lammps.deck import make_deck
 from flocking.errors import EngineMissing, InvalidInput, SimulationError, UnsupportedLaw
+from tests.bodies import Actuated
 from tests.mpi.laws import start
 
 pytestmark = pytest.mark.mpi
@@ -33,7 +34,7 @@ def scenario(graph=None, *terms, agents=None):
         (lambda: scenario(None, fk.Consensus(1.0, weights=np.ones((N, N)))), "MatrixWeights"),
         (lambda: scenario(None, fk.Consensus(np.ones(N))), "gain per agent"),
         (lambda: scenario(fk.Smooth(8.4, 0.8), fk.Consensus(1.0, weighted=True)), "weighted=True"),
-        (lambda: scenario(None, fk.Gradient(PSI), agents=fk.Agents(order=1)), "order=1"),
+        (lambda: scenario(None, fk.Gradient(PSI), agents=Actuated()), "Actuated agents, only point masses and single"),
         (lambda: scenario(None, fk.Track([1.0, 0.0], velocity_gain=fk.Schedule([0.5], [1.0, 0.0]))), "Schedule"),
         (lambda: scenario(None, fk.Consensus(1.0, functional=True)), "functional"),
         (lambda: scenario(None, fk.Consensus(1.0, weights=fk.HashedWeights(0.0, 1.0, 1)), fk.Gradient(PSI)), "weights"),

@@ -301,6 +301,17 @@ def test_an_unstable_step_shows_with_a_ledger_and_without(scheme, factor):
     assert tiled(scenario.with_(t_end=3.0), scheme=scheme, step=0.2 / 12, ledger=False).finished
 
 
+def test_agents_that_set_out_from_rest_are_no_sign_of_instability():
+    """What has no velocity before its first step must not look as if it had turned round."""
+    law = fk.Law(fk.Fixed.complete(12), [fk.Gradient(fk.Potential("0.5*r**2"))])
+    begin = fk.start.box(12, side=3.0, seed=2)
+    scenario = fk.Scenario(law, begin, t_end=0.04, frames=2, agents=fk.SingleIntegrator())
+    session = TilesSession(scenario, TilesOptions(scheme="euler", step=0.0005, ledger=False))
+    session.advance(0.02)
+    session.replace(state=fk.State(begin.q[::-1].copy()))
+    session.advance(0.04)
+
+
 @pytest.mark.parametrize("scheme", ["euler", "rk4"])
 def test_an_automatic_step_closes_the_ledger(scheme):
     for name in ("gradient and consensus", "hysteresis", "pieces", "obstacles", "leader"):

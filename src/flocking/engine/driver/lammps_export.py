@@ -50,16 +50,16 @@ def export_deck(scenario: Scenario, folder: str | Path, *, step: float | None = 
     step = chosen_step(scenario, scenario.start) if step is None else number("export_deck", "step", step, above=0.0)
     folder = Path(folder)
     h, each, count = _clock(scenario, step)
-    velocities = " ".join(f"v{AXES[k]}" for k in range(deck.dimension))
-    places = " ".join(AXES[: deck.dimension])
+    columns = [*AXES[: deck.dimension], *(f"v{AXES[k]}" for k in range(deck.dimension if deck.order == 2 else 0))]
+    packages = "LEPTON and DPD-BASIC" if deck.order == 2 else "LEPTON, DPD-BASIC and BROWNIAN"
     lines = [
         f"# {scenario.name or 'flock'}: {scenario.start.n} agents until t = {scenario.t_end:g}, written by flocking.",
         "# Run it by: mpiexec -n 64 lmp -in in.flocking. Frames go to frames.lammpstrj.",
-        "# LAMMPS of July 2025 or newer with the packages LEPTON and DPD-BASIC. Equation numbers are the papers'.",
+        f"# LAMMPS of July 2025 or newer with the packages {packages}. Equation numbers are the papers'.",
         "# One unit of length, time and mass throughout.", "",
         *deck.world(), "", *deck.agents("data.flocking"), "", *deck.law(ranks=2), "",
         f"timestep {h!r}", f"thermo {each}", "thermo_style custom step time atoms ke pe",
-        f"dump frames all custom {each} frames.lammpstrj id {places} {velocities}",
+        f"dump frames all custom {each} frames.lammpstrj id {' '.join(columns)}",
         "dump_modify frames sort id format float %.17g",
         f"restart {max(each, RESTART_STEPS)} restart.1 restart.2", f"run {count}",
     ]  # fmt: skip

@@ -67,7 +67,7 @@ class Atoms:
         self._cells = (0.0, "bin")
         self._begun = False
         self._sides = np.zeros(deck.dimension)
-        self._lammps = library.instance(ranks.comm, log)
+        self._lammps = library.instance(ranks.comm, log, first_order=deck.order == 1)
 
     def begin(self, step: float, state: State, steps: int = 0) -> None:
         """Hand LAMMPS the deck and the agents; forces are up to date.

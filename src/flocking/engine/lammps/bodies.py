@@ -86,7 +86,9 @@ def body_deck(formulas: LawFormulas, layout: Layout, P: Array, agents: Body) -> 
     names = _Names(m, np.ndim(agents.masses) > 0, float(np.max(agents.masses)))
     deck = BodyDeck()
     damping: sympy.Expr = sympy.Symbol(DAMPING, real=True)
-    if not np.ndim(agents.damping):
+    if agents.order == 1:
+        damping = sympy.Integer(0)
+    elif not np.ndim(agents.damping):
         value = float(agents.damping)
         damping = sympy.Float(value, 17) if value else sympy.Integer(0)
     forces = [

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from flocking.engine.fixed_step.supported_bodies import refused_body
 from flocking.engine.kernels.layout import Layout
 from flocking.errors import InvalidInput, UnsupportedLaw
-from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.model.graphs.weights import PairWeights
 from flocking.model.law import Scenario
 from flocking.model.terms.schedules import Schedule
@@ -33,10 +33,8 @@ def check_supported(scenario: Scenario) -> None:
     n, dimension = scenario.start.q.shape
     if n > MOST_AGENTS:
         raise InvalidInput("Scenario", "start", f"must have at most {MOST_AGENTS} agents for LAMMPS", n)
-    if agents.order != 2:
-        raise _refusal("first-order agents (Agents(order=1))", "Use engine='exact'.")
-    if agents.order == 2 and not is_point_mass(agents):
-        raise _refusal(f"{type(agents).__name__} agents, only point masses", "Use engine='exact'.")
+    if body := refused_body(agents):
+        raise _refusal(body, "Use engine='exact'.")
     if not scenario.space.is_open:
         raise _refusal(f"{type(scenario.space).__name__} space, only open space", "Use engine='exact'.")
     if dimension not in (2, 3):

@@ -11,6 +11,7 @@ from flocking.arrays import AnyArray, Array
 from flocking.engine.kernels.layout import MASS, Layout
 from flocking.engine.lammps.bodies import AXES, BodyDeck, body_deck
 from flocking.engine.lammps.checks import check_supported
+from flocking.engine.lammps.library import FIRST_ORDER
 from flocking.engine.lammps.pairs import PairPart, pair_commands, pair_part, table_text
 from flocking.model.checks import number
 from flocking.model.law import Scenario
@@ -52,6 +53,11 @@ class Deck:
     def dimension(self) -> int:
         """Number of axes."""
         return self.scenario.start.dimension
+
+    @property
+    def order(self) -> int:
+        """Order of the agents, 1 or 2."""
+        return self.scenario.agents.order
 
     @property
     def reach(self) -> float:
@@ -103,12 +109,12 @@ class Deck:
         lines += [
             *pair_commands(self.parts),
             "",
-            "# velocity Verlet; forces see positions at t and velocities at t - h/2",
+            *self._motion(),
         ]
-        lines += ["fix move all nve", f"variable now equal time+({float(scenario.start.t)!r})", ""]
+        lines += [f"variable now equal time+({float(scenario.start.t)!r})", ""]
         for body in scenario.law.body_terms:
             lines.append(f"# {_headline(body)}")
-        if np.any(scenario.agents.damping):
+        if self.order == 2 and np.any(scenario.agents.damping):
             lines.append("# and the agents' own damping -k_i p_i")
         lines += self.body.lines
         if self.dimension == 2:
@@ -117,6 +123,15 @@ class Deck:
             lines.append("# where agents crowd, the ranks' boxes are cut anew: recursive bisection")
             lines.append(f"fix even all balance {BALANCE_EVERY} {UNEVEN} rcb")
         return lines
+
+    def _motion(self) -> list[str]:
+        """Commands that move the agents."""
+        if self.order == 2:
+            return ["# velocity Verlet; forces see positions at t and velocities at t - h/2", "fix move all nve"]
+        return [
+            "# forward Euler: the velocity is the force, for friction 1; there is no noise at any temperature",
+            f"fix move all {FIRST_ORDER} 1.0 1 rng none gamma_t 1.0",
+        ]
 
     def data_text(self, state: State) -> str:
         """The data file of a state: agents, their velocities and their own values, with all digits."""
@@ -174,11 +189,14 @@ def make_deck(scenario: Scenario, skin: float | None = None) -> Deck:
         When a part has no translation.
     """
     from flocking.engine.kernels.expressions import law_formulas
+    from flocking.engine.kernels.flow_formulas import flow_formulas
 
     check_supported(scenario)
-    layout = Layout(scenario.law, scenario.energy)
+    layout = Layout(scenario.law, scenario.energy, scenario.agents)
     # The ledger is kept by the exact engine's kernels; the deck needs forces alone, in closed form.
     formulas = law_formulas(layout, scenario.start.dimension, integrals=False)
+    if scenario.agents.order == 1:
+        formulas = flow_formulas(formulas)
     P, A, _ = layout.values(scenario.agents, scenario.start.n, scenario.start.t)
     parts = [
         pair_part(f, P, float(graph.break_radius)) for f, graph in zip(formulas.pairs, scenario.law.graphs, strict=True)

@@ -65,7 +65,7 @@ class LawCheck:
     def look(self, state: State, forces: Forces, step: float, *, fatal: bool) -> None:
         """Judge the forces that moved the agents to ``state``.
 
-        They saw positions of now and velocities of half a step before.
+        They saw positions of now and, of agents of order 2, velocities of half a step before.
 
         Parameters
         ----------
@@ -83,15 +83,16 @@ class LawCheck:
         """
         scenario, n = self.scenario, state.n
         masses = np.broadcast_to(scenario.agents.masses, n).astype(np.float64)
-        p = state.p - 0.5 * step * forces / masses[:, None]
+        second = scenario.agents.order == 2
+        p = state.p - 0.5 * step * forces / masses[:, None] if second else np.zeros_like(state.p)
         half = State(state.q, p, state.t)
         judged = np.unique(np.linspace(0, n - 1, min(n, AGENTS)).astype(np.int64))
         number = np.full(n, -1)
         number[judged] = np.arange(len(judged))
         means = np.array([masses @ x / masses.sum() for x in (state.q, p)])
-        group = Group(
-            state.q, p, np.arange(n), state.t, scenario.start.t, frame_velocity(scenario.energy, half, masses), *means
-        )  # fmt: skip
+        frame = frame_velocity(scenario.energy, half, masses)
+        seen = p if second else forces
+        group = Group(state.q, seen, np.arange(n), state.t, scenario.start.t, frame, *means)
         pairs, tables = [], np.zeros(len(judged))
         for graph, error in zip(scenario.law.graphs, self._tables, strict=True):
             radius = float(np.max(graph.break_radius))

@@ -5,13 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.arrays import Array, Indices
-from flocking.engine.kernels.codegen import compiled_kernels
-from flocking.engine.kernels.law_kernels import LawKernels, Pairs, Slots
-from flocking.engine.kernels.layout import Layout
 from flocking.engine.kernels.motion_source import RATES
-from flocking.engine.kernels.obstacle_distances import ObstacleDistances
-from flocking.engine.kernels.pieces import free_pieces
-from flocking.engine.lammps.neighbours import near_pairs
+from flocking.engine.lammps.whole_states import LawOnStates
 from flocking.engine.runs.observation import observation
 from flocking.engine.runs.recorder import Recorder
 from flocking.engine.runs.run import Closest, LedgerRow
@@ -42,9 +37,7 @@ class Ledger:
         self._last: tuple[float, Array] | None = None
         self._heights = [rims[0] - scenario.energy.unlinked, *rims[1:]]
         self._counts: list[int] = []
-        self._layout = Layout(scenario.law, scenario.energy)
-        self._slots = self._layout.values(scenario.agents, scenario.start.n, scenario.start.t)
-        self._distances = ObstacleDistances(scenario.law)
+        self._law = LawOnStates(scenario)
 
     @property
     def trace(self) -> list[tuple[float, ...]]:
@@ -60,7 +53,7 @@ class Ledger:
 
     def pairs(self, state: State) -> list[tuple[Indices, Indices]]:
         """Ordered pairs of agents linked under each graph of the law."""
-        return [near_pairs(state.q, float(g.break_radius)) for g in self.scenario.law.graphs]
+        return self._law.pairs(state)
 
     def add(self, state: State, pairs: list[tuple[Indices, Indices]]) -> None:
         """Add the row of a state with its pairs under each graph."""
@@ -85,22 +78,9 @@ class Ledger:
 
     def _evaluated(self, state: State, pairs: list[tuple[Indices, Indices]]) -> tuple[float, float, Array]:
         """Stored and kinetic energy, and the powers of `RATES`."""
-        kernels = LawKernels(compiled_kernels(self._layout, state.dimension), 2)
-        pairs = list(pairs)
         self._closest(state, pairs[0])
         n, count = state.n, len(pairs[0][0])
-        for level in self._distances.levels:
-            if level.kind == "obstacle":
-                near = np.argwhere(self._distances.within(level, state.q, state.t))
-                pairs.append((near[:, 0], near[:, 1]))
-        offsets = np.cumsum([0, *(len(i) for i, _ in pairs)])
-        senders, sensed = (np.concatenate([pair[k] for pair in pairs]).astype(np.int64) for k in (0, 1))
-        functionals = np.zeros((len(self.scenario.law.graphs), n))
-        motion = (state.t, np.ascontiguousarray(state.q), np.ascontiguousarray(state.p))
-        given = (*motion, Pairs(senders, sensed, offsets, *free_pieces(len(senders))), Slots(*self._slots), functionals)
-        u, powers = np.empty((n, state.dimension)), np.empty(len(RATES))
-        kernels.control(*given, u, powers)
-        links, bodies, kinetic = kernels.energies(*given)
+        u, powers, (links, bodies, kinetic) = self._law.evaluated(state, pairs)
         if not np.isfinite([links, bodies]).all() or not np.isfinite(u).all():
             raise NotFinite("Some agents are where a potential is infinite.", time=state.t)
         unlinked = 0.5 * (n * (n - 1.0) - count) * self.scenario.energy.unlinked

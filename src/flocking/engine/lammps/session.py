@@ -160,7 +160,9 @@ class LammpsSession(Session):
         if rows is None:
             return None
         m = self.deck.dimension
-        return State(rows[:, :m], rows[:, 3 : 3 + m], self.time)
+        p = rows[:, 3 : 3 + m]
+        # LAMMPS keeps the velocity of the last step of agents of order 1, which have none of their own.
+        return State(rows[:, :m], p if self.deck.order == 2 else np.zeros_like(p), self.time)
 
     def _check_finite(self, rows: Array) -> None:
         bad = np.flatnonzero(~np.isfinite(rows).all(axis=1))[:10]
@@ -248,24 +250,26 @@ class LammpsSession(Session):
         if due and not self.ranks.first:
             self.records.skip()
         judged = self.rows and (due or self._judged == 0 or self.steps >= 2 * self._judged)
-        forces = self.atoms.gathered("f") if judged else None
+        drifting = self.deck.order == 1 and self.scenario.law.singular_at_zero()
+        forces = self.atoms.gathered("f") if judged or drifting else None
         self._judged = self.steps if judged else self._judged
-        self.ranks.alone(lambda: self._write_down(state, due, forces))
+        self.ranks.alone(lambda: self._write_down(state, due, forces, judged=bool(judged)))
 
-    def _write_down(self, state: State | None, due: bool, forces: Forces | None) -> None:
+    def _write_down(self, state: State | None, due: bool, forces: Forces | None, *, judged: bool) -> None:
         """Keep a state on the first rank, once it has passed the checks."""
         assert state is not None
         records = self.records
         singular = self.scenario.law.singular_at_zero()
+        moving = state.p if self.deck.order == 2 or forces is None else forces[:, : self.deck.dimension]
         pairs = records.ledger.pairs(state) if self.rows or self.options.observe or singular else []
         for some in pairs if singular else []:
-            check_strides(state, some, self.step)
+            check_strides(state, moving, some, self.step)
         if singular:
             reach = singular_reach(self.scenario.law)
-            check_passing(state.q, self.step * state.p, reach, self.step, time=self.time)
+            check_passing(state.q, self.step * moving, reach, self.step, time=self.time)
         if self.rows:
             records.ledger.add(state, pairs)
-        if forces is not None:
+        if judged and forces is not None:
             self._judge = self._judge or LawCheck(self.scenario, self.deck)
             self._judge.look(state, forces[:, : self.deck.dimension], self._step, fatal=self.plant is None)
         if due:
@@ -301,8 +305,13 @@ class LammpsSession(Session):
         )
 
     def accelerations(self) -> Array:
-        """Forces over masses, shape (N, m), on every rank; those on velocities are of half a step before."""
+        """Forces over masses, shape (N, m), on every rank; those on velocities are of half a step before.
+
+        Of agents of order 1 the forces themselves.
+        """
         forces = self.ranks.comm.bcast(self.forces())
+        if self.deck.order == 1:
+            return np.asarray(forces)
         masses = np.broadcast_to(self.scenario.agents.masses, len(forces))
         return np.asarray(forces / masses[:, None])
 
@@ -310,7 +319,7 @@ class LammpsSession(Session):
     def about(self) -> dict[str, object]:
         """Where the results come from, as the run's provenance says."""
         return super().about | library.versions() | {
-            "step": self.step, "scheme": "verlet", "ranks": self.ranks.size,
+            "step": self.step, "scheme": "verlet" if self.deck.order == 2 else "euler", "ranks": self.ranks.size,
             "rank": self.ranks.rank, "switches": "not recorded",
             "ledger": f"trapezoidal, a row every {self.rows} steps" if self.rows else "none",
             "closest": self._looked,

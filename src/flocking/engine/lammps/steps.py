@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flocking.arrays import Indices
+from flocking.arrays import Array, Indices
 from flocking.engine.fixed_step.automatic_step import largest_step
 from flocking.engine.fixed_step.step_checks import RESIDUAL, check_ledger, check_stride
 from flocking.engine.fixed_step.step_checks import step_too_large as too_large
 from flocking.engine.lammps.neighbours import sampled_pairs
+from flocking.engine.lammps.whole_states import velocities
 from flocking.errors import StepTooLarge
 from flocking.model.checks import NO_LESS
 
@@ -28,7 +29,10 @@ ROUNDING = 1e3 * float(np.finfo(np.float64).eps)
 
 def chosen_step(scenario: Scenario, state: State) -> float:
     """The largest step that resolves a state, by the rule of the tiled engine."""
-    return largest_step(scenario, sampled_pairs(scenario.law, state.q, state.p), "verlet")
+    if scenario.agents.order == 2:
+        return largest_step(scenario, sampled_pairs(scenario.law, state.q, state.p), "verlet")
+    moving = velocities(scenario, state)
+    return largest_step(scenario, sampled_pairs(scenario.law, state.q, moving), "euler", moving)
 
 
 def steps_between(start: float, end: float, step: float) -> int:
@@ -61,11 +65,13 @@ def _resolves(scenario: Scenario, state: State) -> float:
     return min(chosen_step(scenario, scenario.start), chosen_step(scenario, state))
 
 
-def check_strides(state: State, pairs: tuple[Indices, Indices], step: float) -> None:
+def check_strides(state: State, moving: Array, pairs: tuple[Indices, Indices], step: float) -> None:
     """Whether some linked pair moves too far for its distance within one step.
 
     Parameters
     ----------
+    moving
+        How fast the agents move, shape (N, m).
     pairs
         Numbers of the two agents of each linked pair, shape (K,) each.
 
@@ -77,7 +83,7 @@ def check_strides(state: State, pairs: tuple[Indices, Indices], step: float) -> 
     i, j = pairs
     if not len(i):
         return
-    distance, speed = (np.linalg.norm(x[j] - x[i], axis=1) for x in (state.q, state.p))
+    distance, speed = (np.linalg.norm(x[j] - x[i], axis=1) for x in (state.q, moving))
     k = int(np.argmax(speed / np.maximum(distance, NO_LESS)))
     pair = (int(min(i[k], j[k])), int(max(i[k], j[k])))
     check_stride(step, float(distance[k]), step * float(speed[k]), time=state.t, agents=pair)

@@ -90,6 +90,7 @@ class TilesSession(Session):
         self._integrator: Integrator = integrator_named(self.scheme, self.options.ledger)
         self._particles = self._new_particles(scenario, scenario.start)
         checks.resolution(self._particles, scenario.start.q, self.time)
+        self._set_going()
         self.step, span = self.options.step or self._automatic_step(), scenario.t_end - scenario.start.t
         self.step = min(self.step, span) if span > 0 else self.step
         if span > MOST_STEPS * self.step:
@@ -105,13 +106,12 @@ class TilesSession(Session):
         return scheme_of(self.options.scheme, self.scenario.agents.order)
 
     def _spec(self, scenario: Scenario) -> KernelSpec:
-        layout = Layout(scenario.law, scenario.energy, scenario.agents)
-        kinds = layout.weight_kinds()
-        agents = scenario.agents
+        agents, options = scenario.agents, self.options
+        layout = Layout(scenario.law, scenario.energy, agents)
         return KernelSpec(
-            layout, scenario.start.dimension, self.options.precision, graph_kinds(scenario, self.options.ledger), kinds,
-            np.ndim(agents.masses) > 0, np.ndim(agents.damping) > 0, self.scheme == "damped",
-            self.options.ledger,
+            layout, scenario.start.dimension, options.precision, graph_kinds(scenario, options.ledger),
+            layout.weight_kinds(), np.ndim(agents.masses) > 0, np.ndim(agents.damping) > 0, self.scheme == "damped",
+            options.ledger,
         )  # fmt: skip
 
     def _new_particles(self, scenario: Scenario, state: State) -> ParticleArrays:
@@ -122,10 +122,14 @@ class TilesSession(Session):
             particles.planted.pass_switch_time(state.t)
         return particles
 
+    def _set_going(self) -> None:
+        """Let agents of order 1 have a velocity before their first step: its change tells of instability."""
+        if self.scenario.agents.order == 1:
+            self._guarded(lambda: self._particles.require_lists(0.0))
+            self._particles.take_velocities(self.time)
+
     def _automatic_step(self) -> float:
         self._guarded(lambda: self._particles.require_lists(0.0))
-        if self.scenario.agents.order == 1:
-            self._particles.take_velocities(self.time)
         return automatic_step.choose(self._particles, self.scenario, self.scheme)
 
     @cached_property
@@ -200,7 +204,7 @@ class TilesSession(Session):
     def _next_stop(self) -> float:
         """Next time on which a step must fall: a frame, a jump of a force, or the end."""
         now = self.time
-        times = [self.scenario.t_end] if now < self.scenario.t_end else []
+        times = [self.scenario.t_end] * (now < self.scenario.t_end)
         times += [float(t) for t in self.scenario.frame_times if t > now][:1]
         for term in self.scenario.law.body_terms:
             times += [s for s in term.switch_times(now, np.inf) if s > now]
@@ -234,7 +238,7 @@ class TilesSession(Session):
             count, index = max(1, int(np.ceil((end - start) / self.step - 1e-9))), 0
         h = (end - start) / count
         particles, last = self._particles, self._integrator.last
-        self._plan = (start, end, count, index)
+        self._plan, moment = (start, end, count, index), Moment(self.time, start, self.steps)
         resolves = np.inf
         if not (self.steps or self.options.ledger):
             self._guarded(lambda: particles.require_lists(h))
@@ -244,7 +248,7 @@ class TilesSession(Session):
             if law_checked:
                 if not self._law_check.motion:
                     self._guarded(lambda: particles.require_lists(h))
-                self._law_check.before_step(particles, self._moment, self.law_gaps)
+                self._law_check.before_step(particles, moment, self.law_gaps)
             self._guarded(lambda: self._integrator.step(particles, self.time, h))
         except FloatingPointError:
             why = "agents move further than the reach of their neighbour lists"
@@ -252,7 +256,7 @@ class TilesSession(Session):
         checks.after_step(particles, h, self.records, self.step, self.time, self.singular_reach)
         checks.stiff_start(self.step, resolves, self.scheme, particles.spec.order, self.time)
         if law_checked:
-            self._law_check.after_step(particles, 0.5 * (last + h), h, self._moment, self.law_gaps)
+            self._law_check.after_step(particles, 0.5 * (last + h), h, moment, self.law_gaps)
         if not self.options.ledger:
             self.instability.look(
                 particles, self.steps, h, self.step, self.time, alternating=self.scheme in ("verlet", "euler")
@@ -263,10 +267,6 @@ class TilesSession(Session):
         self.steps += 1
         self._plan = (start, end, count, index + 1)
         self.time = end if index + 1 == count else start + (end - start) * (index + 1) / count
-
-    @property
-    def _moment(self) -> Moment:
-        return Moment(self.time, self._plan[0], self.steps)
 
     def _record(self) -> None:
         """Store a frame where one is due."""
@@ -360,6 +360,7 @@ class TilesSession(Session):
             if state.q.shape != self.scenario.start.q.shape:
                 raise InvalidInput("TilesSession", "state", "must keep the number of agents", state.q.shape)
             self._particles = self._new_particles(scenario, state)
+            self._set_going()
         elif spec.graphs == particles.spec.graphs:
             if self.scenario.agents.order == 2:
                 particles.X[particles.m :] = velocities
@@ -367,6 +368,7 @@ class TilesSession(Session):
         else:
             q, p = particles.in_order(particles.X[: particles.m]), particles.in_order(velocities)
             self._particles = self._new_particles(scenario, State(q, p, self.time))
+            self._set_going()
         self.scenario = scenario
         for name in ("_law_check", "singular_reach"):
             self.__dict__.pop(name, None)
@@ -401,9 +403,9 @@ class TilesSession(Session):
         """Where the results come from, as the run's provenance says."""
         o = self.options
         return super().about | {
-            "step": self.step, "scheme": self.scheme,
-            "precision": o.precision, "rebuilds": self._particles.rebuilds, "switches": "not recorded",
-            "farthest": self.farthest, **(self.law_gaps.about if o.ledger else {}),
+            "step": self.step, "scheme": self.scheme, "precision": o.precision,
+            "rebuilds": self._particles.rebuilds, "switches": "not recorded", "farthest": self.farthest,
+            **(self.law_gaps.about if o.ledger else {}),
         }  # fmt: skip
 
     @property

@@ -1,0 +1,80 @@
+"""A law on whole states, as one rank holds them: its forces, energies and powers, by the exact engine's kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flocking.arrays import Array, Forces, Indices
+from flocking.engine.kernels.codegen import compiled_kernels
+from flocking.engine.kernels.law_kernels import LawKernels, Pairs, Slots
+from flocking.engine.kernels.layout import Layout
+from flocking.engine.kernels.motion_source import RATES
+from flocking.engine.kernels.obstacle_distances import ObstacleDistances
+from flocking.engine.kernels.pieces import free_pieces
+from flocking.engine.lammps.neighbours import near_pairs
+from flocking.model.law import Scenario
+from flocking.model.state import State
+
+
+class LawOnStates:
+    """The law of a scenario with the gains of its start.
+
+    Parameters
+    ----------
+    scenario
+        The law, its agents and its energy.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._scenario = scenario
+        self._layout = Layout(scenario.law, scenario.energy, scenario.agents)
+        self._slots = self._layout.values(scenario.agents, scenario.start.n, scenario.start.t)
+        self._encounters = ObstacleDistances(scenario.law)
+
+    def pairs(self, state: State) -> list[tuple[Indices, Indices]]:
+        """Ordered pairs of agents linked under each graph of the law."""
+        return [near_pairs(state.q, float(g.break_radius)) for g in self._scenario.law.graphs]
+
+    def evaluated(
+        self, state: State, pairs: Sequence[tuple[Indices, Indices]]
+    ) -> tuple[Forces, Array, tuple[float, float, float]]:
+        """Forces, shape (N, m), the powers of `RATES`, and the energies of links, of bodies and of motion.
+
+        Parameters
+        ----------
+        pairs
+            The pairs linked under each graph.
+        """
+        kernels = LawKernels(compiled_kernels(self._layout, state.dimension), self._scenario.agents.order)
+        met, n = list(pairs), state.n
+        for level in self._encounters.levels:
+            if level.kind == "obstacle":
+                near = np.argwhere(self._encounters.within(level, state.q, state.t))
+                met.append((near[:, 0], near[:, 1]))
+        offsets = np.cumsum([0, *(len(i) for i, _ in met)])
+        senders, sensed = (np.concatenate([pair[k] for pair in met]).astype(np.int64) for k in (0, 1))
+        functionals = np.zeros((len(self._scenario.law.graphs), n))
+        motion = (state.t, np.ascontiguousarray(state.q), np.ascontiguousarray(state.p))
+        given = (*motion, Pairs(senders, sensed, offsets, *free_pieces(len(senders))), Slots(*self._slots), functionals)
+        u, powers = np.empty((n, state.dimension)), np.empty(len(RATES))
+        kernels.control(*given, u, powers)
+        return u, powers, kernels.energies(*given)
+
+
+def velocities(scenario: Scenario, state: State) -> Array:
+    """How fast agents move in a state, shape (N, m): those of order 1 with the control.
+
+    Parameters
+    ----------
+    scenario
+        The law and its agents.
+    state
+        The state.
+    """
+    if scenario.agents.order == 2:
+        return state.p
+    law = LawOnStates(scenario)
+    still = State(state.q, np.zeros_like(state.q), state.t)
+    return law.evaluated(still, law.pairs(still))[0]
