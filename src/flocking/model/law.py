@@ -28,6 +28,8 @@ from flocking.model.terms.balances import check_body_term, check_pair_term
 from flocking.model.terms.body_terms import BodyTerm
 from flocking.model.terms.pair_terms import Gradient, PairTerm, Term
 from flocking.model.terms.potential_reach import check_reach
+from flocking.model.world.control import CONTINUOUS, Control
+from flocking.model.world.information import INSTANT, Information
 
 MOST_TERMS = 100
 """Most terms of a law in a file."""
@@ -184,7 +186,13 @@ class Law:
 
 add_group(Group("law", Law, key=None))
 
-SORTS = {Body: "a body, such as PointMass", Energy: "Energy", Space: "a space, such as Open"}
+SORTS = {
+    Body: "a body, such as PointMass",
+    Energy: "Energy",
+    Space: "a space, such as Open",
+    Information: "what agents know, such as Instant or Messages",
+    Control: "when agents act, such as Continuous or Held",
+}
 """What some fields of a scenario must be, in words."""
 
 BODIES_PLACE = 3
@@ -218,6 +226,10 @@ class Scenario:
         Seed that drew the start, for the record.
     space
         Where the agents live; `Open` when absent.
+    information
+        What agents know of each other; the present, exactly, when absent.
+    control
+        When agents act; continuously when absent.
 
     Raises
     ------
@@ -237,13 +249,15 @@ class Scenario:
     name: str = ""
     seed: Annotated[int | None, values.SEED] = None
     space: Annotated[Space, Unwritten(OPEN)] = OPEN
+    information: Annotated[Information, Unwritten(INSTANT)] = INSTANT
+    control: Annotated[Control, Unwritten(CONTINUOUS)] = CONTINUOUS
 
     if TYPE_CHECKING:
 
         def __init__(
             self, law: Law, start: State, t_end: float, agents: Body = ..., frames: int | Sequence[float] = ...,
             energy: Energy = ..., tolerance: float = ..., name: str = ..., seed: int | None = ...,
-            space: Space = ..., *, bodies: Body = ...,
+            space: Space = ..., information: Information = ..., control: Control = ..., *, bodies: Body = ...,
         ) -> None: ...  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -253,13 +267,15 @@ class Scenario:
             raise InvalidInput(
                 "Scenario", "start", "must be a State", self.start, "Use fk.State(q, p) or fk.start.box(...)."
             )
-        for name, kind in (("agents", Body), ("energy", Energy), ("space", Space)):
+        kinds = {"agents": Body, "energy": Energy, "space": Space, "information": Information, "control": Control}
+        for name, kind in kinds.items():
             if not isinstance(getattr(self, name), kind):
                 raise InvalidInput("Scenario", name, f"must be {SORTS[kind]}", getattr(self, name))
         object.__setattr__(self, "t_end", checked_end(self.t_end, self.start.t))
         object.__setattr__(self, "tolerance", checked_tolerance(self.tolerance))
         object.__setattr__(self, "frames", checked_frames(self.frames, self.start.t, self.t_end))
-        self.agents.check_count(self.start.n)
+        for part in (self.agents, self.information, self.control):
+            part.check_count(self.start.n)
         object.__setattr__(self, "start", self._with_all_columns())
         self.law.check_count(self.start.n, self.start.dimension)
         check_space(self.space, self.law.graphs, self.law.body_terms, self.start.dimension)
@@ -329,6 +345,12 @@ class Scenario:
         object.__setattr__(found, "law", law)
         object.__setattr__(found, "t_end", t_end)
         return found
+
+    @property
+    def imperfections(self) -> str:
+        """What is not ideal about what agents know and when they act, in words; empty in the ideal world."""
+        found = [part.summary for part in (self.information, self.control) if not part.ideal]
+        return "; ".join(found)
 
     @property
     def bodies(self) -> Body:

@@ -44,3 +44,16 @@ from flocking.model.terms.pair_terms import Consensus as Consensus
 from flocking.model.terms.pair_terms import Gradient as Gradient
 from flocking.model.terms.pair_terms import PairTerm as PairTerm
 from flocking.model.terms.schedules import Schedule as Schedule
+from flocking.model.world.control import Continuous as Continuous
+from flocking.model.world.control import Control as Control
+from flocking.model.world.control import Held as Held
+from flocking.model.world.information import Information as Information
+from flocking.model.world.information import Instant as Instant
+from flocking.model.world.information import Messages as Messages
+from flocking.model.world.losses import Bernoulli as Bernoulli
+from flocking.model.world.losses import DistanceLoss as DistanceLoss
+from flocking.model.world.losses import GilbertElliott as GilbertElliott
+from flocking.model.world.losses import Loss as Loss
+from flocking.model.world.noises import Noise as Noise
+from flocking.model.world.noises import OrnsteinUhlenbeck as OrnsteinUhlenbeck
+from flocking.model.world.noises import WhiteNoise as WhiteNoise

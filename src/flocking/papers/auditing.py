@@ -37,6 +37,8 @@ def _of_point_masses(claim: Claim) -> Claim:
         agents = e.run.scenario.agents
         if not (space := e.run.scenario.space).is_open:
             return Measure(-1.0, 0.0, f"space is {type(space).__name__}, not open", everywhere=False)
+        if world := e.run.scenario.imperfections:
+            return Measure(-1.0, 0.0, f"the theorem assumes an ideal world: {world}", everywhere=False)
         if is_point_mass(agents):
             return claim.hypothesis(e)
         return Measure(-1.0, 0.0, f"agents are {type(agents).__name__}, not point masses", everywhere=False)

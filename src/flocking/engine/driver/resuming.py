@@ -9,7 +9,7 @@ from typing import Any
 from flocking.engine.driver.checkpoint import read_checkpoint, restored
 from flocking.engine.driver.registry import entry_named, missing_engine
 from flocking.engine.driver.session_writer import SessionWriter
-from flocking.engine.driver.simulate import drive
+from flocking.engine.driver.simulate import drive, open_session
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.team import Team
@@ -128,7 +128,7 @@ def _left(folder: Path, writer: RunWriter | None, engine: str, scenario: Scenari
 def _session(folder: Path, engine: Engine, team: Team, left: _Left, changes: dict[str, object]) -> Session:
     if left.packed is None:
         options = engine.stored_options({**left.options, **changes})
-        return engine.open(left.scenario, options, plant=left.plant)
+        return open_session(engine, left.scenario, options, left.plant)
 
     def read() -> Run:
         return team.shared(lambda: read_run(folder, scenario=left.scenario))

@@ -14,6 +14,7 @@ from flocking.engine.interruption import Deferred, Noted
 from flocking.engine.memory_shortage import starved
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.session import Session
+from flocking.engine.protocol.world import check_world
 from flocking.engine.runs.run import Run
 from flocking.engine.storage.run_writer import check_free
 from flocking.errors import EngineFailed, FlockingError, InvalidInput, SimulationError, StorageError
@@ -71,6 +72,7 @@ def open_session(engine: Engine, scenario: Scenario, options: object, plant: Law
         As the engine does, and when what it opens is no session.
     """
     engine.check_space(scenario)
+    check_world(engine.name, scenario, engine.worlds)
     session = engine.open(scenario, options, plant=plant)
     if not isinstance(session, Session):
         kind = "flocking.engine.protocol.session.Session"

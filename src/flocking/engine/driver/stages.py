@@ -7,6 +7,7 @@ from itertools import pairwise
 
 from flocking.engine.driver.registry import chosen_engine, engine_named
 from flocking.engine.driver.simulate import fine_option
+from flocking.engine.protocol.world import check_world
 from flocking.engine.runs.run import Run
 from flocking.errors import InvalidInput
 from flocking.model.law import Law, Scenario
@@ -45,4 +46,5 @@ def in_stages(
         rule = f"must be ascending times from the end of a run that takes time, {scenario.t_end:g}"
         raise InvalidInput("in_stages", "ends", rule, list(ends))
     found = engine_named(chosen_engine(scenario, engine, plant))
+    check_world(found.name, scenario, found.worlds)
     return found.in_stages(scenario, ends, found.options_from(fine_option(found, fine)), plant=plant)

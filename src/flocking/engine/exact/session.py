@@ -29,6 +29,7 @@ from flocking.engine.exact.solution_error import SolutionError
 from flocking.engine.exact.step_search import found_step
 from flocking.engine.exact.switch_records import write_switch
 from flocking.engine.protocol.session import Packed, Session, Stored
+from flocking.engine.protocol.world import check_world
 from flocking.engine.reference.plants import known_plant
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
 from flocking.engine.runs.run import Accuracy, Closest, LedgerRow
@@ -61,6 +62,7 @@ class ExactSession(Session):
 
     def __init__(self, scenario: Scenario, options: ExactOptions | None = None, *, plant: Law | None = None) -> None:
         known_plant("ExactSession", plant)
+        check_world(self.engine, scenario)
         self.scenario = scenario
         self.plant, self.options = plant, options or ExactOptions()
         start = scenario.start

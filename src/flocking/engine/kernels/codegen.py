@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from types import ModuleType
 from typing import TYPE_CHECKING
 
@@ -23,6 +24,8 @@ ARGUMENTS = "f8, f8[:,:], f8[:,:], i8[:], i8[:], i8[:], i4[:], f8[:,:], f8[:], f
 """Kinds of t, q, p, senders, sensed, offsets, pieces, spans, P, A, W and S, which all compiled functions take."""
 CONTROL_RESULTS = ", f8[:,:], f8[:]"
 """Kinds of u and rates, which ``control`` fills."""
+KNOWN_ARGUMENTS = ", f8[:], f8[:,:,:]"
+"""Kinds of the times and coefficients of what agents know of their neighbours, see `known_kernels`."""
 SLOPE_ARGUMENTS = "f8, f8[:], " + ARGUMENTS.split(", ", 3)[3] + ", f8[:,:], f8[:,:], f8[:,:], f8[:]"
 """Kinds of the arguments of ``slope``: t, the state vector, pairs and slots, room for q, p and u, and the slope."""
 
@@ -31,7 +34,8 @@ def compiled_kernels(layout: Layout, dimension: int) -> ModuleType:
     """Functions of a law that are compiled when they are first used.
 
     Functions of the module: ``control(t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S, u, rates)`` fills
-    the forces and `RATES`; ``slope(t, z, senders, ..., S, q, p, u, out)`` fills the slope of a state vector, which
+    the forces and `RATES`; for first-order agents ``flow`` does with velocities u that are given; ``slope(t, z,
+    senders, ..., S, q, p, u, out)`` fills the slope of a state vector, which
     holds the columns of the bodies one after another and then `RATES`; ``energies(t, q, p, ...)`` gives pair storage,
     body storage and kinetic energy in the frame of the energy, see `flocking.engine.kernels.law_kernels`. Row
     ``pieces[e]`` of ``spans`` says which piece of a piecewise formula is in force for pair ``e``, see `limits`;
@@ -52,6 +56,29 @@ def compiled_kernels(layout: Layout, dimension: int) -> ModuleType:
     )  # fmt: skip
 
 
+def known_kernels(layout: Layout, dimension: int, degree: int) -> ModuleType:
+    """The forces of agents that know of each neighbour what a polynomial in time says, instead of its present state.
+
+    Function of the module: ``control(t, q, p, senders, ..., S, T, K, u, rates)``, as that of `compiled_kernels`, where
+    ``q`` and ``p`` are what agents know of themselves, and of the neighbour of pair ``e`` its agent knows the positions
+    ``sum_k K[e, k, :m] (t - T[e])**k`` and velocities ``sum_k K[e, k, m:] (t - T[e])**k``.
+
+    Parameters
+    ----------
+    layout, dimension
+        As for `compiled_kernels`.
+    degree
+        Degree of the polynomials: 0 for states held as they were, 1 for those moved on with a velocity.
+    """
+    from flocking.engine.kernels.expressions import law_formulas
+
+    known = KnownNeighbours(degree, dimension)
+    return generated_module(
+        ("known", degree, dimension), layout.structure, layout.parts, lambda: law_formulas(layout, dimension),
+        lambda stated: _HEADER.format(arguments=ARGUMENTS) + _control_source(stated, layout.bodies.order, known),
+    )  # fmt: skip
+
+
 def array_kernels(layout: Layout, dimension: int) -> ModuleType:
     """NumPy functions of a law: ``pair0``, ``pair1``... per graph and ``body``, on arrays of pairs or agents."""
     from flocking.engine.kernels.expressions import law_formulas
@@ -60,6 +87,60 @@ def array_kernels(layout: Layout, dimension: int) -> ModuleType:
         ("arrays", dimension), layout.structure, layout.parts, lambda: law_formulas(layout, dimension), _array_module
     )
 
+
+@dataclass(frozen=True)
+class PresentNeighbours:
+    """Agents know the present state of their neighbours: a loop over pairs reads it from q and p."""
+
+    parameters = ""
+    kinds = ""
+
+    def lines(self) -> list[str]:
+        """Lines before a neighbour is read."""
+        return []
+
+    def position(self, k: int) -> str:
+        """Coordinate ``k`` of the neighbour of pair ``e``."""
+        return f"q[j, {k}]"
+
+    def velocity(self, k: int) -> str:
+        """Velocity of the neighbour of pair ``e`` along axis ``k``."""
+        return f"p[j, {k}]"
+
+
+@dataclass(frozen=True)
+class KnownNeighbours:
+    """Agents know a polynomial in time of each neighbour, see `known_kernels`.
+
+    Parameters
+    ----------
+    degree, dimension
+        Degree of the polynomials, and number of axes.
+    """
+
+    degree: int
+    dimension: int
+    parameters = ", T, K"
+    kinds = KNOWN_ARGUMENTS
+
+    def lines(self) -> list[str]:
+        """The time since the polynomial of pair ``e`` begins."""
+        return ["since = t - T[e]"] if self.degree else []
+
+    def position(self, k: int) -> str:
+        """Coordinate ``k`` of the neighbour of pair ``e``, by Horner's rule."""
+        found = f"K[e, {self.degree}, {k}]"
+        for power in reversed(range(self.degree)):
+            found = f"(K[e, {power}, {k}] + since * {found})"
+        return found
+
+    def velocity(self, k: int) -> str:
+        """Velocity of the neighbour of pair ``e`` along axis ``k``."""
+        return self.position(self.dimension + k)
+
+
+PRESENT = PresentNeighbours()
+"""The ideal world, in which everybody knows the present."""
 
 _HEADER = """import math
 
@@ -122,6 +203,7 @@ def _pair_loop(
     requested: dict[str, str],
     tail: list[str] | None = None,
     velocity: str = "p",
+    neighbours: PresentNeighbours | KnownNeighbours = PRESENT,
 ) -> str:
     """Loop over the ordered pairs of one graph, computing the ``requested`` formulas, then the ``tail`` lines.
 
@@ -136,10 +218,11 @@ def _pair_loop(
         return ""
     names = free_names(chosen.values())
     axes = range(m)
-    body = ["i = senders[e]", "j = sensed[e]"]
-    body += displacement_lines(formulas.periods)
+    body = ["i = senders[e]", "j = sensed[e]", *neighbours.lines()]
+    body += displacement_lines(formulas.periods, neighbours.position)
     if "drag" in chosen or names.others & {"speed2", "radial", "pull"}:
-        body += [f"v{k} = {velocity}[j, {k}] - {velocity}[i, {k}]" for k in axes]
+        seen = [neighbours.velocity(k) if velocity == "p" else f"{velocity}[j, {k}]" for k in axes]
+        body += [f"v{k} = {seen[k]} - {velocity}[i, {k}]" for k in axes]
     body += ["r = math.sqrt(" + " + ".join(f"d{k} * d{k}" for k in axes) + ")"]
     body += piece_lines("r") if split else []
     if "speed2" in names.others:
@@ -191,12 +274,15 @@ def _body_values(results: dict[str, sympy.Expr], m: int) -> list[str]:
     return lines + statements(results, arrays=False, prefix="b_")
 
 
-def _control_source(formulas: LawFormulas, order: int) -> str:
-    m, body = formulas.dimension, formulas.body
+def _control_source(
+    formulas: LawFormulas, order: int, neighbours: PresentNeighbours | KnownNeighbours = PRESENT
+) -> str:
+    m, body, present = formulas.dimension, formulas.body, isinstance(neighbours, PresentNeighbours)
     everything = [e for p in formulas.pairs for e in (*p.named().values(), p.flow)]
     everything += [*body.named().values(), *body.frame, body.flow, *_lengths(formulas)]
-    head = f'@native_of(ARGUMENTS + "{CONTROL_RESULTS}")\n'
-    head += "def control(t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S, u, rates):\n"
+    head = f'@native_of(ARGUMENTS + "{neighbours.kinds}{CONTROL_RESULTS}")\n'
+    head += "def control(t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S"
+    head += f"{neighbours.parameters}, u, rates):\n"
     slope = f'@native_of("{SLOPE_ARGUMENTS}")\n'
     slope += "def slope(t, z, senders, sensed, offsets, pieces, spans, P, A, W, S, q, p, u, out):\n"
     count = indented(["n = q.shape[0]"], 1)
@@ -205,7 +291,7 @@ def _control_source(formulas: LawFormulas, order: int) -> str:
     source += indented(["for i in range(n):"], 1) + indented([f"u[i, {k}] = 0.0" for k in range(m)], 2)
     requested = {name: name for name in ("along", "drag", *(("dissipation", "supply") if order == 2 else ()))}
     for number in range(len(formulas.pairs)):
-        source += _pair_loop(number, formulas, requested)
+        source += _pair_loop(number, formulas, requested, neighbours=neighbours)
     push = [f"u[i, {k}] += force{k}" for k in range(m)]
     if order == 2:
         push += ["dissipated += dissipation", "supplied += supply"]
@@ -218,11 +304,25 @@ def _control_source(formulas: LawFormulas, order: int) -> str:
     if order == 2:
         lines += ["work += " + " + ".join(f"u[i, {k}] * p[i, {k}]" for k in range(m))]
     source += indented(lines or ["pass"], 2)
-    if order == 1:
+    if order == 1 and present:
         source += _flow_source(formulas)
     rates = indented([f"rates[{k}] = {name}" for k, name in enumerate(RATES)], 1)
     control = head + count + source + rates
+    if not present:
+        return control
+    if order == 1:
+        control += "\n\n" + _given_flow_source(formulas, everything)
     return control + "\n\n" + slope + count + point_source(m, order) + source + motion_source(formulas) + "\n\n"
+
+
+def _given_flow_source(formulas: LawFormulas, everything: list[sympy.Expr]) -> str:
+    """The function ``flow``: `RATES` of first-order agents whose velocities are given in ``u``."""
+    source = f'@native_of(ARGUMENTS + "{CONTROL_RESULTS}")\n'
+    source += "def flow(t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S, u, rates):\n"
+    source += indented(["n = q.shape[0]"], 1) + unpack(free_names(everything), 1)
+    source += indented(["work = 0.0", "supplied = 0.0"], 1) + _means(formulas.body, formulas.dimension)
+    source += _flow_source(formulas)
+    return source + indented([f"rates[{k}] = {name}" for k, name in enumerate(RATES)], 1)
 
 
 def _flow_source(formulas: LawFormulas) -> str:

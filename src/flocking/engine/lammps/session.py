@@ -24,6 +24,7 @@ from flocking.engine.lammps.records import LammpsRecorder
 from flocking.engine.lammps.restart import Restart, packed_restart, unpacked
 from flocking.engine.lammps.steps import check_ledger_rows, check_strides, chosen_step, step_too_large, steps_between
 from flocking.engine.protocol.session import Packed, Session, Stored
+from flocking.engine.protocol.world import check_world
 from flocking.engine.reference.plants import check_plant
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
 from flocking.errors import SimulationError, UnsupportedLaw
@@ -68,6 +69,7 @@ class LammpsSession(Session):
     def __init__(
         self, scenario: Scenario, options: LammpsOptions, *, plant: Law | None = None, restart: Restart | None = None
     ) -> None:
+        check_world(self.engine, scenario)
         self.scenario, self.plant = scenario, plant
         if plant is not None:
             check_plant("LammpsSession", scenario.law, plant)

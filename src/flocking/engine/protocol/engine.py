@@ -10,6 +10,7 @@ from flocking.engine.protocol.options import from_keywords
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.stages import longer
 from flocking.engine.protocol.team import ONE_PROCESS, Team
+from flocking.engine.protocol.world import check_world
 from flocking.engine.runs.run import Run
 from flocking.errors import FlockingError, UnsupportedLaw
 from flocking.model.law import Law, Scenario
@@ -54,6 +55,9 @@ class Engine(ABC):
         if not isinstance(scenario.space, self.spaces):
             name = type(scenario.space).__name__
             raise UnsupportedLaw(f"The engine {self.name!r} cannot run {name} space. Use engine='exact'.")
+
+    worlds: tuple[type, ...] = ()
+    """Kinds of information and control that it runs beside the ideal ones."""
 
     @abstractmethod
     def check(self, scenario: Scenario, plant: Law | None = None) -> None:
@@ -112,6 +116,7 @@ class Engine(ABC):
         UnsupportedLaw, InvalidInput
             As `open` does.
         """
+        check_world(self.name, scenario, self.worlds)
         session = self.open(scenario, self.options())
         session.records.keep_no_frames()
         return session
@@ -124,6 +129,7 @@ class Engine(ABC):
         """Why it cannot run a scenario; empty if it can. ``plant`` is as for `check`."""
         try:
             self.check_space(scenario)
+            check_world(self.name, scenario, self.worlds)
             self.check(scenario, plant)
         except FlockingError as error:
             return str(error)

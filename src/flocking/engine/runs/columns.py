@@ -216,8 +216,8 @@ def number_rows(table: Records) -> Array:
 
 
 def table_of(rows: Array, fields: np.dtype[np.void]) -> Records:
-    """Structured array with these ``fields`` from ``rows`` that `number_rows` gave."""
-    table = np.empty(len(rows), dtype=fields)
-    for k, name in enumerate(fields.names or ()):
-        table[name] = rows[:, k]
+    """Structured array with these ``fields`` from ``rows`` that `number_rows` gave; fields that older rows lack are 0."""
+    table = np.zeros(len(rows), dtype=fields)
+    for name, values in zip(fields.names or (), rows.T, strict=False):
+        table[name] = values
     return table

@@ -45,7 +45,10 @@ DoubtRow = tuple[float, float, float, int, int, str, int, str, float, float]
 
 
 class LedgerRow(NamedTuple):
-    """A row of the ledger: energies at a time, and work, dissipation, supply and jumps until then."""
+    """A row of the ledger: energies at a time, and work, dissipation, supply, jumps and departure until then.
+
+    ``departed`` is the work of what acted beyond the law on the true present state.
+    """
 
     time: float
     energy: float
@@ -54,6 +57,7 @@ class LedgerRow(NamedTuple):
     dissipated: float
     supplied: float
     jumped: float
+    departed: float = 0.0
 
 
 TRACE_FIELDS = np.dtype([(name, "f8") for name in LedgerRow._fields])
@@ -281,16 +285,17 @@ class Run:
 
     @property
     def residual(self) -> Array:
-        """What the ledger leaves unexplained at every step: H - H(0) + dissipated - supplied - jumped."""
+        """What the ledger leaves unexplained at every step: H - H(0) + dissipated - supplied - jumped - departed."""
         trace = self.trace
-        return np.asarray(
-            trace["energy"] - trace["energy"][0] + trace["dissipated"] - trace["supplied"] - trace["jumped"]
-        )
+        moved = trace["energy"] - trace["energy"][0] + trace["dissipated"] - trace["supplied"] - trace["jumped"]
+        return np.asarray(moved - trace["departed"])
 
     @property
     def turnover(self) -> float:
-        """Total energy moved: the sum over steps of absolute work, dissipation and supply."""
-        return float(sum(np.abs(np.diff(self.trace[name])).sum() for name in ("work", "dissipated", "supplied")))
+        """Total energy moved: the sum over steps of absolute work, dissipation, supply and departure."""
+        return float(
+            sum(np.abs(np.diff(self.trace[name])).sum() for name in ("work", "dissipated", "supplied", "departed"))
+        )
 
     @property
     def closest(self) -> Closest:

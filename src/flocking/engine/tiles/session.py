@@ -17,6 +17,7 @@ from flocking.engine.fixed_step.passing_pairs import singular_reach
 from flocking.engine.fixed_step.step_checks import RESIDUAL, step_too_large
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.protocol.session import Packed, Session, Stored
+from flocking.engine.protocol.world import check_world
 from flocking.engine.reference.plants import check_plant
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
 from flocking.engine.runs.recorder import MOST_LINKED
@@ -74,6 +75,7 @@ class TilesSession(Session):
     options: TilesOptions
 
     def __init__(self, scenario: Scenario, options: TilesOptions | None = None, *, plant: Law | None = None) -> None:
+        check_world(self.engine, scenario)
         check_supported(scenario)
         if plant is not None:
             check_plant("TilesSession", scenario.law, plant)

@@ -1,0 +1,87 @@
+"""The entry of the engine for held control and messages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from flocking.engine.protocol.engine import Engine
+from flocking.engine.protocol.session import Packed, Session, Stored
+from flocking.engine.sampled.session import SampledOptions, SampledSession
+from flocking.errors import InvalidInput, UnsupportedLaw
+from flocking.model.bodies.point_bodies import PointMass, SingleIntegrator
+from flocking.model.law import Law, Scenario
+from flocking.model.space import OPEN
+from flocking.model.terms.schedules import Schedule
+from flocking.model.world.control import Held
+from flocking.model.world.information import Instant, Messages
+
+MOST_AGENTS = 2000
+"""Largest group of this engine, which holds several numbers for every pair."""
+
+
+class SampledEngine(Engine):
+    """Held forces: the motion between two changes is a polynomial, and nothing is integrated numerically."""
+
+    name = "sampled"
+    summary = "held control and messages, in closed form from event to event; up to 2,000 agents"
+    options = SampledOptions
+    worlds = (Held, Messages)
+
+    def check(self, scenario: Scenario, plant: Law | None = None) -> None:
+        """Refuse what has no closed form, and what this engine does not know."""
+        n, law, bodies = scenario.start.n, scenario.law, scenario.agents
+        if not isinstance(scenario.control, Held):
+            raise UnsupportedLaw(
+                "engine='sampled' needs control=Held(...): between two ticks it moves agents in closed form. "
+                "Use another engine for continuous control."
+            )
+        if not isinstance(scenario.information, Instant | Messages):
+            raise UnsupportedLaw("engine='sampled' knows no information but Instant and Messages.")
+        if scenario.space != OPEN:
+            raise UnsupportedLaw(f"engine='sampled' knows no space but Open, not {type(scenario.space).__name__}.")
+        if n > MOST_AGENTS:
+            raise InvalidInput(
+                "start", "engine", f"must be another one for more than {MOST_AGENTS} agents", f"'sampled' for {n}",
+                "The sampled engine keeps what everybody knows of everybody.",
+            )  # fmt: skip
+        if bodies.structure not in (PointMass().structure, SingleIntegrator().structure):
+            raise UnsupportedLaw(
+                f"engine='sampled' moves point masses and single integrators, not {type(bodies).__name__}."
+            )
+        if plant is not None:
+            raise UnsupportedLaw(
+                "engine='sampled' runs no plant: its ledger counts whatever acts beyond the law as departed, so that "
+                "another law would not show."
+            )
+        if law.beyond_neighbours:
+            raise UnsupportedLaw(
+                f"engine='sampled' cannot compute the {' and the '.join(law.beyond_neighbours)}, which no agent knows "
+                "under held control."
+            )
+        for graph in law.graphs:
+            if graph.sees_headings or (graph.moves and not graph.follows_radii):
+                raise UnsupportedLaw(
+                    f"engine='sampled' follows links by two distances; {type(graph).__name__} has another rule."
+                )
+        for term in law.body_terms:
+            if getattr(term, "groups", ()):
+                raise UnsupportedLaw("engine='sampled' knows no obstacles yet. Leave Avoid out.")
+        for part in (*law.terms, *law.graphs):
+            values = getattr(part, "parameters", {}).values()
+            if any(isinstance(value, Schedule) for value in values):
+                raise UnsupportedLaw(f"engine='sampled' knows no schedules; {type(part).__name__} has one.")
+        if any(not leader.closed_form for leader in law.leaders):
+            raise UnsupportedLaw("engine='sampled' needs leaders whose position has a closed form.")
+
+    def open(self, scenario: Scenario, options: object, *, plant: Law | None = None) -> Session:
+        """Start a session."""
+        self.check(scenario, plant)
+        return SampledSession(scenario)
+
+    def unpack(self, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:
+        """The session that was packed."""
+        return SampledSession.unpack(packed, stored, changes)
+
+
+ENGINE = SampledEngine()
+"""The one entry."""

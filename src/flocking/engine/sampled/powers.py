@@ -1,0 +1,152 @@
+"""The energy ledger between two changes: powers of the law on the true state, integrated by an adaptive quadrature.
+
+The force that acts is not that of the law on the present state. What it does beyond it departs from the law's balance:
+`departed` is the integral of (u - u_law) . (p - frame).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from flocking.arrays import Array
+from flocking.engine.kernels.codegen import ARGUMENTS, CONTROL_RESULTS
+from flocking.engine.kernels.law_kernels import Pairs, Slots
+from flocking.formula.native.functions import by_address, native_apart
+
+NODES = np.array([-0.9604912687080202, -0.7745966692414834, -0.4342437493468025, 0.0,
+                  0.4342437493468025, 0.7745966692414834, 0.9604912687080202])  # fmt: skip
+"""Nodes of the Gauss-Kronrod rule (3, 7) on [-1, 1] (Kronrod 1965)."""
+
+WEIGHTS = np.array([0.1046562260264673, 0.2684880898683334, 0.4013974147759622, 0.4509165386584741,
+                    0.4013974147759622, 0.2684880898683334, 0.1046562260264673])  # fmt: skip
+"""Weights of the Kronrod rule of 7 points, exact for polynomials of degree 11."""
+
+GAUSS = np.array([0.0, 5.0 / 9.0, 0.0, 8.0 / 9.0, 0.0, 5.0 / 9.0, 0.0])
+"""Weights of the Gauss rule of 3 points within it, exact for degree 5: the difference of the two estimates the error of
+the Gauss rule, and so bounds that of the Kronrod rule from above wherever it converges."""
+
+MOST_HALVINGS = 30
+"""Halvings of an interval in which powers change too fast; what is left is added to the stated error."""
+
+Powers = Callable[[Array], Array]
+"""Powers at times, shape (nodes,), as an array of shape (nodes, 4)."""
+
+POWERS = ("work", "dissipated", "supplied", "departed")
+"""What is integrated."""
+
+_control = by_address(ARGUMENTS + CONTROL_RESULTS)
+
+
+class LawInForce(NamedTuple):
+    """The declared law on the true links, as native functions take it.
+
+    Parameters
+    ----------
+    control, flow
+        Addresses of its compiled functions; the second for agents of order 1 alone.
+    order
+        Order of the agents.
+    pairs, slots, functionals
+        Its pairs, parameters and functionals.
+    """
+
+    control: int
+    flow: int
+    order: int
+    pairs: Pairs
+    slots: Slots
+    functionals: Array
+
+
+@native_apart
+def node_powers(
+    law: LawInForce, start: float, S: Array, force: Array, times: Array, frames: Array, found: Array
+) -> None:
+    """Work, dissipation, supply and departure at some times.
+
+    Parameters
+    ----------
+    law
+        The law.
+    start
+        Time about which the polynomials are.
+    S
+        Taylor coefficients of the positions, shape (degree + 1, N, m).
+    force
+        The force that acts, shape (N, m).
+    times
+        Times since ``start``, shape (nodes,).
+    frames
+        Velocity of the frame of the energy at these times, shape (nodes, m).
+    found
+        Takes the powers, shape (nodes, 4).
+    """
+    degree, n, m, pairs, slots = S.shape[0] - 1, S.shape[1], S.shape[2], law.pairs, law.slots
+    q, p, u, rates, none = np.empty((n, m)), np.empty((n, m)), np.empty((n, m)), np.empty(3), np.empty(0)
+    seen = np.empty((n, m))
+    for node in range(times.shape[0]):
+        s = times[node]
+        for i in range(n):
+            for k in range(m):
+                x, v = S[degree, i, k], degree * S[degree, i, k]
+                for a in range(degree - 1, -1, -1):
+                    x = x * s + S[a, i, k]
+                    if a > 0:
+                        v = v * s + a * S[a, i, k]
+                q[i, k], p[i, k] = x, v
+                seen[i, k] = v if law.order == 2 else 0.0
+        _control(
+            law.control, start + s, q, seen, pairs.senders, pairs.sensed, pairs.offsets, pairs.pieces,
+            pairs.spans, slots.P, slots.A, slots.W, law.functionals, u, rates, none,
+        )  # fmt: skip
+        work, departed = 0.0, 0.0
+        for i in range(n):
+            for k in range(m):
+                work += force[i, k] * p[i, k]
+                departed += (force[i, k] - u[i, k]) * (p[i, k] - frames[node, k])
+        lost, supplied = rates[1], rates[2]
+        if law.order == 1:
+            # Beside the law's own flow, -lost + supplied, storage changes at the rate of the velocity that acts.
+            departed = lost - supplied
+            for i in range(n):
+                for k in range(m):
+                    departed -= u[i, k] * force[i, k]
+            _control(
+                law.flow, start + s, q, seen, pairs.senders, pairs.sensed, pairs.offsets, pairs.pieces,
+                pairs.spans, slots.P, slots.A, slots.W, law.functionals, force, rates, none,
+            )  # fmt: skip
+            departed += rates[2]
+        found[node, 0], found[node, 1], found[node, 2], found[node, 3] = work, lost, supplied, departed
+
+
+def integrated(powers: Powers, length: float, tolerance: float) -> tuple[Array, Array]:
+    """Integrals of powers from 0 to ``length``, and what each may be off by.
+
+    Parameters
+    ----------
+    powers
+        The powers at times, shape (nodes,), as an array of shape (nodes, 4).
+    length
+        Where the interval ends.
+    tolerance
+        Error per unit of time that is allowed relative to the largest power: halving stops there.
+    """
+    total, error = np.zeros(len(POWERS)), np.zeros(len(POWERS))
+    open_ = [(0.0, length, MOST_HALVINGS)]
+    while open_:
+        begin, end, halvings = open_.pop()
+        half = 0.5 * (end - begin)
+        values = powers(begin + half * (1.0 + NODES))
+        fine, coarse = half * (WEIGHTS @ values), half * (GAUSS @ values)
+        gap = np.abs(fine - coarse)
+        allowed = tolerance * (end - begin) * np.abs(values).max()
+        if not np.isfinite(fine).all() or halvings == 0 or (gap <= allowed).all():
+            total += fine
+            error += gap
+        else:
+            middle = begin + half
+            open_ += [(middle, end, halvings - 1), (begin, middle, halvings - 1)]
+    return total, error

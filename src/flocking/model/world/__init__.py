@@ -1,0 +1,1 @@
+"""The world around a law: when agents act, and what they know of each other."""

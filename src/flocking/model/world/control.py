@@ -1,0 +1,150 @@
+"""When agents act: continuously, or at ticks of a clock between which the force is held."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array, number, scalar_or_each
+from flocking.model.parts.description import Group, add_group
+from flocking.model.parts.registration import register_part
+from flocking.model.world.times import Schedule, nanoseconds
+
+
+class Control(ABC):
+    """When agents compute their force, and how long it acts."""
+
+    @property
+    @abstractmethod
+    def ideal(self) -> bool:
+        """Whether every agent acts at every moment."""
+
+    @property
+    @abstractmethod
+    def summary(self) -> str:
+        """What is not ideal, in a few words; empty where everything is."""
+
+    def check_count(self, n: int) -> None:
+        """Check that it fits ``n`` agents; most fit any number."""
+        return None
+
+
+add_group(Group("control", Control, default="continuous"))
+
+
+@register_part("continuous")
+@dataclass(frozen=True)
+class Continuous(Control):
+    """Every agent exerts the force of the law at every moment."""
+
+    @property
+    def ideal(self) -> bool:
+        """True."""
+        return True
+
+    @property
+    def summary(self) -> str:
+        """Empty."""
+        return ""
+
+
+CONTINUOUS = Continuous()
+"""What a scenario has that names no other."""
+
+
+@register_part("held")
+@dataclass(frozen=True, eq=False)
+class Held(Control):
+    """Zero-order hold: agent i computes its force at phase_i + k period_i and holds it until the next one acts.
+
+    Before its first tick an agent applies no force. Times are rounded to whole nanoseconds from the start.
+
+    Parameters
+    ----------
+    period
+        Time between two ticks, one for all agents or one for each; positive.
+    phase
+        Time of the first tick after the start, one for all or one for each; not negative.
+    latency
+        Time from a tick until its force acts, for all agents; not negative.
+
+    Raises
+    ------
+    InvalidInput
+        When a period is not positive, or another time is negative.
+
+    Examples
+    --------
+    >>> import flocking as fk
+    >>> fk.Held(0.1, latency=0.02).summary
+    'control held for 0.1'
+    """
+
+    period: float | Array
+    phase: float | Array = 0.0
+    latency: float = 0.0
+
+    def __post_init__(self) -> None:
+        nanoseconds("Held", "period", self.period, positive=True)
+        nanoseconds("Held", "phase", self.phase)
+        object.__setattr__(self, "period", scalar_or_each("Held", "period", self.period, above=0.0))
+        object.__setattr__(self, "phase", scalar_or_each("Held", "phase", self.phase, least=0.0))
+        object.__setattr__(self, "latency", number("Held", "latency", self.latency, least=0.0))
+        nanoseconds("Held", "latency", self.latency)
+
+    @property
+    def ideal(self) -> bool:
+        """False."""
+        return False
+
+    @property
+    def summary(self) -> str:
+        """``control held for`` its longest period."""
+        return f"control held for {float(np.max(self.period)):g}"
+
+    def check_count(self, n: int) -> None:
+        """Check that periods and phases given for each agent are ``n``.
+
+        Raises
+        ------
+        InvalidInput
+            When they are another number.
+        """
+        check_each("Held", n, period=self.period, phase=self.phase)
+
+    def schedule(self, n: int) -> Schedule:
+        """Ticks of ``n`` agents."""
+        return Schedule(
+            np.broadcast_to(nanoseconds("Held", "period", self.period), n).copy(),
+            np.broadcast_to(nanoseconds("Held", "phase", self.phase), n).copy(),
+        )
+
+    @property
+    def latency_in_nanoseconds(self) -> int:
+        """`latency`, rounded to a whole number of nanoseconds."""
+        return int(nanoseconds("Held", "latency", self.latency))
+
+
+def check_each(owner: str, n: int, **given: float | Array) -> None:
+    """Check that values given for each agent are ``n``.
+
+    Parameters
+    ----------
+    owner
+        The part, for messages.
+    given
+        Its values by name: one for all, or one for each agent.
+
+    Raises
+    ------
+    InvalidInput
+        When they are another number.
+    """
+    for name, value in given.items():
+        if np.ndim(value) and len(np.asarray(value)) != n:
+            raise InvalidInput(
+                owner, name, f"must have one value for each of the {n} agents", f"{len(np.asarray(value))} values"
+            )

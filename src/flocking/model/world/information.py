@@ -1,0 +1,192 @@
+"""What agents know of each other, and when: the present, or what messages say that take time and may be lost."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array, number, one_of, scalar_or_each
+from flocking.model.parts import values
+from flocking.model.parts.description import Group, add_group
+from flocking.model.parts.registration import register_part
+from flocking.model.world.control import check_each
+from flocking.model.world.losses import Bernoulli, Loss, probability
+from flocking.model.world.noises import Noise
+from flocking.model.world.times import NANOSECOND, Schedule, nanoseconds
+
+SELF_KNOWN = ("true", "measured")
+"""What an agent may know of itself: its true state, or its own newest sample."""
+
+
+class Information(ABC):
+    """What an agent knows of the others when it computes its force."""
+
+    @property
+    @abstractmethod
+    def ideal(self) -> bool:
+        """Whether every agent knows the present state of all others exactly."""
+
+    @property
+    @abstractmethod
+    def summary(self) -> str:
+        """What is not ideal, in a few words; empty where everything is."""
+
+    def check_count(self, n: int) -> None:
+        """Check that it fits ``n`` agents; most fit any number."""
+        return None
+
+
+add_group(Group("information", Information, default="instant"))
+
+
+@register_part("instant")
+@dataclass(frozen=True)
+class Instant(Information):
+    """Every agent knows the present positions and velocities of its neighbours exactly."""
+
+    @property
+    def ideal(self) -> bool:
+        """True."""
+        return True
+
+    @property
+    def summary(self) -> str:
+        """Empty."""
+        return ""
+
+
+INSTANT = Instant()
+"""What a scenario has that names no other."""
+
+
+@register_part("messages")
+@dataclass(frozen=True, eq=False)
+class Messages(Information):
+    """Agents measure themselves at times phase_j + k period_j and send the samples to all others.
+
+    A sample is the true position and velocity plus noise, rounded to the resolution. It reaches agent i after the delay
+    and a jitter of its own, unless it is lost. Agent i uses the newest sample of each other agent by the time at which
+    it was taken, held as it is or, with ``predict``, moved on with the velocity it tells. A sample that is ``expires``
+    old is forgotten, and its sender with it: link memory is cleared, and a link must appear anew. At the start everyone
+    has everyone's exact state. Times are rounded to whole nanoseconds from the start. At one instant samples are taken
+    first, then they arrive, then they expire, then links follow, then controls are computed from what is known. The
+    leader and obstacles are known exactly.
+
+    Parameters
+    ----------
+    period
+        Time between two samples, one for all agents or one for each; positive.
+    phase
+        Time of the first sample after the start, one for all or one for each; not negative.
+    delay
+        Time from a sample until it arrives; not negative.
+    jitter
+        Largest further delay, drawn evenly for each message; not negative.
+    loss
+        Which messages are lost; a number is the probability that each is lost, independently.
+    noise
+        Errors of the samples; none when absent.
+    resolution, velocity_resolution
+        Positions and velocities are rounded to multiples of these; not where they are zero.
+    expires
+        Age from which a sample is not used any more; None where it is used until a newer one arrives.
+    predict
+        Whether a receiver moves samples on with the velocity they tell.
+    self_known
+        ``"true"``: an agent knows its own true state; ``"measured"``: its own newest sample, without delay.
+    seed
+        Seed of losses, jitter and noise.
+
+    Raises
+    ------
+    InvalidInput
+        When a time is negative or a period not positive, or a part is none.
+
+    Examples
+    --------
+    >>> import flocking as fk
+    >>> fk.Messages(0.1, delay=0.05, loss=0.2).summary
+    'messages every 0.1, 0.05 late, 0.2 of them lost'
+    """
+
+    period: float | Array
+    phase: float | Array = 0.0
+    delay: float = 0.0
+    jitter: float = 0.0
+    loss: Loss | None = None
+    noise: Noise | None = None
+    resolution: float = 0.0
+    velocity_resolution: float = 0.0
+    expires: float | None = None
+    predict: bool = False
+    self_known: Annotated[str, values.choice(*SELF_KNOWN)] = "true"
+    seed: Annotated[int, values.SEED] = 0
+
+    def __post_init__(self) -> None:
+        nanoseconds("Messages", "period", self.period, positive=True)
+        nanoseconds("Messages", "phase", self.phase)
+        object.__setattr__(self, "period", scalar_or_each("Messages", "period", self.period, above=0.0))
+        object.__setattr__(self, "phase", scalar_or_each("Messages", "phase", self.phase, least=0.0))
+        for name in ("delay", "jitter", "resolution", "velocity_resolution"):
+            object.__setattr__(self, name, number("Messages", name, getattr(self, name), least=0.0))
+        nanoseconds("Messages", "delay", self.delay)
+        nanoseconds("Messages", "jitter", self.jitter)
+        if isinstance(self.loss, int | float) and not isinstance(self.loss, bool):
+            object.__setattr__(self, "loss", Bernoulli(probability("Messages", "loss", self.loss)))
+        for name, kind in (("loss", Loss), ("noise", Noise)):
+            if not isinstance(getattr(self, name), kind | None):
+                raise InvalidInput("Messages", name, f"must be a {name}, or None", getattr(self, name))
+        if self.expires is not None:
+            object.__setattr__(self, "expires", number("Messages", "expires", self.expires, above=0.0))
+            nanoseconds("Messages", "expires", self.expires, positive=True)
+        if not isinstance(self.predict, bool | np.bool_):
+            raise InvalidInput("Messages", "predict", "must be True or False", self.predict)
+        one_of("Messages", "self_known", self.self_known, SELF_KNOWN)
+
+    @property
+    def ideal(self) -> bool:
+        """False."""
+        return False
+
+    @property
+    def summary(self) -> str:
+        """Period, and whatever else is not zero."""
+        found = [f"messages every {float(np.max(self.period)):g}"]
+        if self.delay or self.jitter:
+            span = f"{self.delay:g} to {self.delay + self.jitter:g}" if self.jitter else f"{self.delay:g}"
+            found.append(f"{span} late")
+        if self.loss is not None and not self.loss.ideal:
+            found.append(self.loss.summary)
+        if self.noise is not None and not self.noise.ideal:
+            found.append(self.noise.summary)
+        if self.resolution or self.velocity_resolution:
+            found.append(f"rounded to {self.resolution:g} and {self.velocity_resolution:g}")
+        if self.expires is not None:
+            found.append(f"forgotten after {self.expires:g}")
+        return ", ".join(found)
+
+    def check_count(self, n: int) -> None:
+        """Check that periods and phases given for each agent are ``n``.
+
+        Raises
+        ------
+        InvalidInput
+            When they are another number.
+        """
+        check_each("Messages", n, period=self.period, phase=self.phase)
+
+    def schedule(self, n: int) -> Schedule:
+        """Times at which ``n`` agents take samples."""
+        return Schedule(
+            np.broadcast_to(nanoseconds("Messages", "period", self.period), n).copy(),
+            np.broadcast_to(nanoseconds("Messages", "phase", self.phase), n).copy(),
+        )
+
+    @property
+    def expires_in_nanoseconds(self) -> int | None:
+        """`expires` as a whole number of nanoseconds; None where samples are never forgotten."""
+        return None if self.expires is None else max(1, round(self.expires / NANOSECOND))

@@ -1,0 +1,75 @@
+"""Times of what is repeated, as whole nanoseconds from the start: ties between schedules are compared exactly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array, scalar_or_each
+
+NANOSECOND = 1e-9
+"""Seconds in a nanosecond."""
+
+PER_SECOND = 1_000_000_000
+"""Nanoseconds in a unit of time."""
+
+LONGEST = 1e8
+"""Longest period, delay or phase: about three years in seconds, which leaves the sums of such times within 64 bits."""
+
+Instants = NDArray[np.int64]
+"""Times as whole nanoseconds from the start."""
+
+
+def nanoseconds(owner: str, name: str, value: float | Array, *, positive: bool = False) -> Instants:
+    """Times as whole nanoseconds, rounded to the nearest.
+
+    Parameters
+    ----------
+    owner, name
+        The part and its parameter, for messages.
+    value
+        One time for all agents, or one for each.
+    positive
+        Whether zero is refused.
+
+    Raises
+    ------
+    InvalidInput
+        When a time is negative or longer than `LONGEST`, or one that must be positive rounds to zero.
+    """
+    found = np.asarray(scalar_or_each(owner, name, value, least=0.0), dtype=np.float64)
+    if (found > LONGEST).any():
+        raise InvalidInput(owner, name, f"must be at most {LONGEST:g}", float(found.max()))
+    whole = np.rint(found * PER_SECOND).astype(np.int64)
+    if positive and (whole < 1).any():
+        raise InvalidInput(owner, name, f"must be at least {NANOSECOND:g}", float(found.min()))
+    return np.asarray(whole)
+
+
+@dataclass(frozen=True, eq=False)
+class Schedule:
+    """What agents do at the times ``phase + k period``, k = 0, 1, ...
+
+    Parameters
+    ----------
+    period, phase
+        Of every agent, in nanoseconds, shape (N,).
+    """
+
+    period: Instants
+    phase: Instants
+
+    def at(self, agents: NDArray[np.integer], k: Instants) -> Instants:
+        """When ``agents`` do it the ``k``-th time, counted from 0."""
+        found: Instants = self.phase[agents] + k * self.period[agents]
+        return found
+
+    def count_until(self, time: int) -> Instants:
+        """How often every agent has done it until ``time``, that time included, shape (N,)."""
+        found: Instants = np.asarray(
+            np.where(time < self.phase, 0, (time - self.phase) // self.period + 1), dtype=np.int64
+        )
+        return found

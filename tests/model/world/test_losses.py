@@ -1,0 +1,122 @@
+"""Losses of messages: shares, bursts and directions."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import flocking as fk
+from flocking.errors import InvalidInput
+
+
+def link(count, i=0, j=1):
+    k = np.arange(count)
+    return np.full(count, i), np.full(count, j), k
+
+
+def test_bernoulli_share():
+    lost = fk.Bernoulli(0.3).lost(5, *link(1_000_000))
+    assert stats.binomtest(int(lost.sum()), len(lost), 0.3).pvalue > 1e-4
+
+
+def test_paired_losses_are_those_of_both_directions():
+    for loss in (fk.Bernoulli(0.3, paired=True), fk.GilbertElliott(0.2, 0.4, 0.1, 0.9, paired=True)):
+        there, back = loss.lost(5, *link(1000, 2, 7)), loss.lost(5, *link(1000, 7, 2))
+        assert (there == back).all()
+    there, back = fk.Bernoulli(0.3).lost(5, *link(1000, 2, 7)), fk.Bernoulli(0.3).lost(5, *link(1000, 7, 2))
+    assert (there != back).any()
+
+
+# Below, at and above the border at which the channel is looked back for in another way.
+@pytest.mark.parametrize(("to_bad", "to_good"), [(0.05, 0.2), (0.4, 0.6), (0.7, 0.6), (1.0, 1.0), (1.0, 0.3)])
+def test_gilbert_elliott_channel_is_the_declared_markov_chain(to_bad, to_good):
+    channel = fk.GilbertElliott(to_bad, to_good)
+    bad = channel.bad(11, *link(1_000_000))
+    if to_bad + to_good < 2.0:
+        before, after = bad[:-1], bad[1:]
+        for state, chance in ((False, to_bad), (True, 1.0 - to_good)):
+            turned = after[before == state]
+            assert stats.binomtest(int(turned.sum()), len(turned), chance).pvalue > 1e-4
+    else:
+        assert (bad[1:] != bad[:-1]).all()
+    # The law of the first sample, over many links.
+    n = 100_000
+    first = channel.bad(11, np.zeros(n, dtype=int), np.arange(1, n + 1), np.zeros(n, dtype=int))
+    assert stats.binomtest(int(first.sum()), n, to_bad / (to_bad + to_good)).pvalue > 1e-4
+
+
+def test_bursts_are_geometric():
+    bad = fk.GilbertElliott(0.05, 0.2).bad(4, *link(1_000_000))
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], bad.astype(int), [0]])))
+    lengths = (edges[1::2] - edges[::2])[1:-1]
+    longest = 20
+    counts = np.array(
+        [*(np.count_nonzero(lengths == k) for k in range(1, longest)), np.count_nonzero(lengths >= longest)]
+    )
+    law = stats.geom(0.2)
+    expected = len(lengths) * np.array([*(law.pmf(k) for k in range(1, longest)), law.sf(longest - 1)])
+    assert stats.chisquare(counts, expected * counts.sum() / expected.sum()).pvalue > 1e-4
+
+
+def test_stationary_loss():
+    loss = fk.GilbertElliott(0.05, 0.2, loss_good=0.02, loss_bad=0.6)
+    assert loss.stationary_loss == pytest.approx(0.2 * 0.6 + 0.8 * 0.02)
+    # Of many links at one late sample, so that draws are independent.
+    n = 200_000
+    lost = loss.lost(9, np.zeros(n, dtype=int), np.arange(1, n + 1), np.full(n, 50))
+    assert stats.binomtest(int(lost.sum()), n, loss.stationary_loss).pvalue > 1e-4
+
+
+def test_any_order_of_questions_gives_the_same_answers():
+    loss = fk.GilbertElliott(0.9, 0.7, 0.1, 0.8)
+    i, j, k = link(500)
+    order = np.random.default_rng(0).permutation(500)
+    assert (loss.lost(3, i[order], j[order], k[order]) == loss.lost(3, i, j, k)[order]).all()
+
+
+def test_distance_loss():
+    loss = fk.DistanceLoss(range=2.0, exponent=2.0, floor=0.1)
+    n = 200_000
+    for distance in (0.0, 1.0, 4.0):
+        lost = loss.lost(3, *link(n), np.full(n, distance))
+        assert stats.binomtest(int(lost.sum()), n, 1 - 0.9 * np.exp(-((distance / 2) ** 2))).pvalue > 1e-4
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: fk.Bernoulli(1.5),
+        lambda: fk.Bernoulli(-0.1),
+        lambda: fk.GilbertElliott(0.0, 0.0),
+        lambda: fk.GilbertElliott(1.0, 0.9999),
+        lambda: fk.DistanceLoss(0.0),
+        lambda: fk.Messages(0.0),
+        lambda: fk.Messages(0.1, loss=2.0),
+        lambda: fk.Messages(0.1, expires=0.0),
+        lambda: fk.Messages(0.1, self_known="guessed"),
+        lambda: fk.Messages(0.1, predict=1),
+        lambda: fk.Held(-1.0),
+        lambda: fk.Held(1e-12),
+        lambda: fk.Held(0.1, latency=-1),
+        lambda: fk.WhiteNoise(-1.0),
+        lambda: fk.OrnsteinUhlenbeck(1.0, 1.0, 0.0),
+        lambda: fk.Messages(0.1, noise=0.2),
+    ],
+)  # fmt: skip
+def test_wrong_values_are_refused(make):
+    with pytest.raises(InvalidInput):
+        make()
+
+
+def test_ornstein_uhlenbeck_samples_have_the_declared_correlation():
+    noise = fk.OrnsteinUhlenbeck(1.0, 1.0, time_constant=0.5)
+    memory = np.full((1, 1), noise.memory(0.1))
+    x, rows = None, []
+    for k in range(100_000):
+        a, b = noise.normals(2, np.array([0]), np.array([k]), 1)
+        x = noise.next_errors(x, np.concatenate([a, b], axis=1), memory)
+        rows.append(x[0])
+    series = np.array(rows)
+    for lag in (1, 5):
+        found = float((series[lag:] * series[:-lag]).mean())
+        assert found == pytest.approx(np.exp(-0.1 * lag / 0.5), abs=0.03)
+    assert series.var(axis=0) == pytest.approx([1.0, 1.0], abs=0.04)
