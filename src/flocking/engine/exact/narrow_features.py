@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 
 from flocking.arrays import Indices, Numbers
-from flocking.engine.exact.crossings.guards import smallest_value, squared_distance
+from flocking.engine.exact.crossings.guards import squared_distance
 from flocking.engine.exact.integrator.segment import Segment
+from flocking.engine.kernels.bernstein import smallest_value
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 from flocking.engine.kernels.pieces import MARGIN
 from flocking.formula.interval_jets import Jet, on_jets

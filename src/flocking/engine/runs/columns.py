@@ -216,7 +216,7 @@ def number_rows(table: Records) -> Array:
 
 
 def table_of(rows: Array, fields: np.dtype[np.void]) -> Records:
-    """Structured array with these ``fields`` from ``rows`` that `number_rows` gave; fields that older rows lack are 0."""
+    """Structured array with these ``fields`` from ``rows`` of `number_rows`; fields that older rows lack are 0."""
     table = np.zeros(len(rows), dtype=fields)
     for name, values in zip(fields.names or (), rows.T, strict=False):
         table[name] = values

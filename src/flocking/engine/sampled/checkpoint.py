@@ -2,54 +2,92 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, cast
+from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
+from flocking.arrays import Array, Indices, Links
 from flocking.engine.archives.archive import Arrays
 from flocking.engine.archives.data_checks import MalformedError, Names, Real, Table
-from flocking.engine.protocol.session import Packed, Stored
-from flocking.engine.runs.recorder import Recorder
+from flocking.engine.protocol.session import Packed
+from flocking.engine.sampled.knowledge import Knowledge
+from flocking.engine.sampled.motion import Motion
 from flocking.model.law import Scenario
-
-if TYPE_CHECKING:
-    from flocking.engine.sampled.session import SampledSession
+from flocking.model.world.times import Instants
 
 MOST_COUNT = 2**61
 """Largest count or nanosecond in a checkpoint, so that sums of two stay within 64 bits."""
 
 
-def packed_session(session: SampledSession) -> Packed:
-    """All that another session needs to go on bit for bit, but its scenario and its records.
+@dataclass
+class SampledMemory:
+    """What a session of held control goes on from, but its scenario and its records.
 
     Parameters
     ----------
-    session
-        The session.
+    motion, knowledge
+        The polynomials of all agents, and what they know.
+    ticked, applied
+        How often each agent has acted, and how often its force has changed, shape (N,).
+    waiting
+        Forces that do not act yet: when they will, in nanoseconds, whose they are, and the forces.
+    links
+        True links of each graph, shape (graphs, N, N).
+    crossings
+        Times, in seconds from the start, and pairs and graphs of true links that will switch.
+    closest
+        Rows (squared distance, time, i, j) of the closest linked and unlinked pair.
+    sums, errors
+        Integrals of the powers of the ledger, and what they may be off by.
+    numbers
+        Time and steps, and the state of the ledger, by name.
     """
-    motion, knowledge = session.motion, session.knowledge
-    waiting = session.waiting
+
+    motion: Motion
+    knowledge: Knowledge
+    ticked: Instants
+    applied: Instants
+    waiting: list[tuple[int, Indices, Array]]
+    links: Links
+    crossings: list[tuple[float, int, int, int]]
+    closest: Array
+    sums: Array
+    errors: Array
+    numbers: dict[str, float]
+
+
+NUMBERS = ("time", "steps", "jumped", "accounted", "energy", "kinetic", "largest_power", "ledger_ends")
+"""Names of `SampledMemory.numbers`."""
+
+
+def packed_memory(memory: SampledMemory) -> Packed:
+    """The memory of a session as numbers and arrays.
+
+    Parameters
+    ----------
+    memory
+        What the session goes on from.
+    """
+    motion, knowledge, waiting = memory.motion, memory.knowledge, memory.waiting
     times = [np.full(len(agents), time, dtype=np.int64) for time, agents, _ in waiting]
-    none, m = np.zeros(0, dtype=np.int64), session.m
-    heap = sorted(session.crossings)
+    none, m = np.zeros(0, dtype=np.int64), knowledge.m
+    heap = sorted(memory.crossings)
     arrays: Arrays = {
-        "ticked": session.ticked, "applied": session.applied, "links": session.links,
+        "ticked": memory.ticked, "applied": memory.applied, "links": memory.links,
         "begin": motion.begin, "coefficients": motion.coefficients, "force": motion.force,
         "waiting_time": np.concatenate([none, *times]),
         "waiting_agent": np.concatenate([none, *(agents for _, agents, _ in waiting)]),
         "waiting_force": np.concatenate([np.zeros((0, m)), *(force for *_, force in waiting)]),
         "crossing_time": np.array([row[0] for row in heap], dtype=np.float64),
         "crossing": np.array([row[1:] for row in heap], dtype=np.int64).reshape(-1, 3),
-        "closest": session.closest, "sums": session.sums, "errors": session.errors,
+        "closest": memory.closest, "sums": memory.sums, "errors": memory.errors,
         "known_links": knowledge.links, "newest": knowledge.newest, "taken": knowledge.taken,
         "sample_rows": knowledge.samples.rows, "sample_distances": knowledge.samples.distances,
     }  # fmt: skip
     if knowledge.errors is not None:
         arrays["noise"] = knowledge.errors
-    numbers: dict[str, object] = {
-        "time": session.time, "steps": session.steps, "jumped": session.jumped, "accounted": session.accounted,
-        "energy": session.energy, "kinetic": session.kinetic, "ledger_ends": session.ledger_ends,
-    }  # fmt: skip
+    numbers: dict[str, object] = {name: memory.numbers[name] for name in NUMBERS}
     return numbers, arrays
 
 
@@ -64,8 +102,7 @@ def _check(numbers: object, arrays: Arrays, scenario: Scenario, degree: int) -> 
     n, m = scenario.start.q.shape
     graphs = len(scenario.law.graphs)
     any_number = Real(finite=False)
-    names = ("time", "jumped", "accounted", "energy", "kinetic", "ledger_ends", "steps")
-    found = Names(dict.fromkeys(names, any_number)).check(numbers, "")
+    found = Names(dict.fromkeys(NUMBERS, any_number)).check(numbers, "")
     count = Table("i8", (n,), least=0, most=MOST_COUNT)
     agent = Table("i8", (None,), least=0, most=n - 1)
     free = Table("f8", (2, 4), finite=False)
@@ -93,17 +130,17 @@ def _check(numbers: object, arrays: Arrays, scenario: Scenario, degree: int) -> 
     return cast(dict[str, float], found)
 
 
-def unpacked_session(fresh: SampledSession, packed: Packed, stored: Stored) -> SampledSession:
-    """The session that was packed.
+def unpacked_memory(fresh: SampledMemory, packed: Packed, scenario: Scenario) -> None:
+    """Put what was packed in place of the memory of a session at its start.
 
     Parameters
     ----------
     fresh
-        A session of the same scenario at its start.
+        Memory of a session of the same scenario at its start.
     packed
-        What `packed_session` gave, read back.
-    stored
-        The scenario and its records.
+        What `packed_memory` gave, read back.
+    scenario
+        The scenario.
 
     Raises
     ------
@@ -111,7 +148,7 @@ def unpacked_session(fresh: SampledSession, packed: Packed, stored: Stored) -> S
         When the data are no session of this scenario.
     """
     data, arrays = packed
-    numbers = _check(data, arrays, stored.scenario, fresh.motion.degree)
+    fresh.numbers = _check(data, arrays, scenario, fresh.motion.degree)
     motion, knowledge = fresh.motion, fresh.knowledge
     fresh.ticked, fresh.applied, fresh.links = arrays["ticked"], arrays["applied"], arrays["links"]
     motion.begin, motion.coefficients, motion.force = arrays["begin"], arrays["coefficients"], arrays["force"]
@@ -119,16 +156,9 @@ def unpacked_session(fresh: SampledSession, packed: Packed, stored: Stored) -> S
     for time in np.unique(times):
         rows = times == time
         fresh.waiting.append((int(time), arrays["waiting_agent"][rows], arrays["waiting_force"][rows]))
-    rows = zip(arrays["crossing_time"].tolist(), arrays["crossing"].tolist(), strict=True)
-    fresh.crossings = [(time, i, j, graph) for time, (i, j, graph) in rows]
+    heap = zip(arrays["crossing_time"].tolist(), arrays["crossing"].tolist(), strict=True)
+    fresh.crossings = [(time, i, j, graph) for time, (i, j, graph) in heap]
     fresh.closest, fresh.sums, fresh.errors = arrays["closest"], arrays["sums"], arrays["errors"]
     knowledge.links, knowledge.newest, knowledge.taken = arrays["known_links"], arrays["newest"], arrays["taken"]
     knowledge.samples.rows, knowledge.samples.distances = arrays["sample_rows"], arrays["sample_distances"]
     knowledge.errors = arrays.get("noise")
-    for name in ("time", "jumped", "accounted", "energy", "kinetic", "ledger_ends"):
-        setattr(fresh, name, float(numbers[name]))
-    fresh.steps = int(numbers["steps"])
-    fresh.relink()
-    fresh.records = Recorder(stored.scenario)
-    fresh.records.recall(stored.counts, stored.read)
-    return fresh

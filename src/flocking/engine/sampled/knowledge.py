@@ -79,12 +79,12 @@ class Samples:
             self.distances[place, agents] = distances
 
     def of(self, agents: Indices, numbers: Instants) -> Array:
-        """What was measured, shape (..., 2 m); the state at the start for number `START`."""
+        """What ``agents`` measured, by the ``numbers`` of their samples, shape (..., 2 m); their start for number `START`."""
         found = self.rows[numbers % len(self.rows), agents]
         return np.where((numbers == START)[..., None], self.start[agents], found)
 
     def distances_of(self, senders: Indices, receivers: Indices, numbers: Instants) -> Array:
-        """True distances of receivers from senders when samples were taken."""
+        """True distances of ``receivers`` from ``senders`` when samples of these ``numbers`` were taken."""
         return np.asarray(self.distances[numbers % len(self.distances), senders, receivers])
 
 
@@ -263,7 +263,7 @@ class Knowledge:
                 self.links[graph, agents] = before
 
     def pairs(self, known: Known) -> tuple[Indices, Indices, Indices]:
-        """Ordered pairs of neighbours of the agents that act now, and where those of each graph begin."""
+        """Ordered pairs of neighbours of the agents that act now, by what is ``known``, and where each graph begins."""
         senders, sensed, offsets = [], [], [0]
         for links in self.links:
             row, other = np.nonzero(links[known.agents] & known.there)

@@ -53,6 +53,8 @@ class SampledLaw:
         ----------
         t
             The scenario's time.
+        known, knowledge
+            What they know, and their links.
         """
         q, p = np.zeros((self.n, self.m)), np.zeros((self.n, self.m))
         q[known.agents] = known.own[:, : self.m]
@@ -62,11 +64,10 @@ class SampledLaw:
         times, rows = known.polynomials(np.searchsorted(known.agents, senders), sensed, self.m)
         if self.order == 1:
             rows[:, :, self.m :] = 0.0
-        groups = np.concatenate([offsets, np.repeat(offsets[-1:], len(self.layout.encounters()))])
         u = np.zeros((self.n, self.m))
         start = self.scenario.start.t
         self._known.control(
-            t, q, p, senders, sensed, groups, *free_pieces(len(senders)), *self.slots, self._functionals,
+            t, q, p, senders, sensed, offsets, *free_pieces(len(senders)), *self.slots, self._functionals,
             times + start, rows, u, self._rates,
         )  # fmt: skip
         return u[known.agents]
@@ -81,17 +82,18 @@ class SampledLaw:
         """
         found = [np.nonzero(matrix) for matrix in links]
         offsets = np.cumsum([0, *(len(i) for i, _ in found)])
-        groups = np.concatenate([offsets, np.repeat(offsets[-1:], len(self.layout.encounters()))])
         i, j = (np.concatenate(x).astype(np.int64) for x in zip(*found, strict=True))
-        return Pairs(i, j, groups, *free_pieces(len(i)))
+        return Pairs(i, j, offsets, *free_pieces(len(i)))
 
     def energy(self, t: float, q: Array, p: Array, pairs: Pairs, linked: int) -> tuple[float, float]:
         """Energy and kinetic energy of the true state.
 
         Parameters
         ----------
-        linked
-            Number of ordered pairs linked under the law's graph.
+        t, q, p
+            The scenario's time, and the true positions and velocities, shape (N, m).
+        pairs, linked
+            Pairs linked in truth, and how many ordered pairs of them are those of the law's graph.
         """
         p = p if self.order == 2 else np.zeros_like(p)
         stored, bodies, kinetic = self._kernels.energies(t, q, p, pairs, self.slots, self._functionals)
@@ -109,6 +111,8 @@ class SampledLaw:
             Taylor coefficients of the positions, shape (degree + 1, N, m).
         force
             The force that acts, shape (N, m); of agents of order 1 their velocity.
+        pairs
+            Pairs linked in truth.
         """
         law = LawInForce(*self._addresses, self.order, pairs, self.slots, self._functionals)
 

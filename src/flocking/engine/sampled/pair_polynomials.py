@@ -12,7 +12,7 @@ from math import comb
 import numpy as np
 
 from flocking.arrays import Array, Links, Numbers
-from flocking.engine.exact.crossings.guards import all_rows, first_above, part_from, smallest_value
+from flocking.engine.kernels.bernstein import all_rows, first_above, part_from, smallest_value
 from flocking.formula.native.functions import native_apart
 
 ROUNDING = 1e-13

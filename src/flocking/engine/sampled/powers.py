@@ -34,6 +34,9 @@ MOST_HALVINGS = 30
 Powers = Callable[[Array], Array]
 """Powers at times, shape (nodes,), as an array of shape (nodes, 4)."""
 
+MOST_PIECES = 500
+"""Pieces of an interval: what the last of them are off by is added to the stated error."""
+
 POWERS = ("work", "dissipated", "supplied", "departed")
 """What is integrated."""
 
@@ -122,8 +125,8 @@ def node_powers(
         found[node, 0], found[node, 1], found[node, 2], found[node, 3] = work, lost, supplied, departed
 
 
-def integrated(powers: Powers, length: float, tolerance: float) -> tuple[Array, Array]:
-    """Integrals of powers from 0 to ``length``, and what each may be off by.
+def integrated(powers: Powers, length: float, tolerance: float, largest: float) -> tuple[Array, Array, float]:
+    """Integrals of powers from 0 to ``length``, what each may be off by, and the largest power met so far.
 
     Parameters
     ----------
@@ -133,20 +136,24 @@ def integrated(powers: Powers, length: float, tolerance: float) -> tuple[Array, 
         Where the interval ends.
     tolerance
         Error per unit of time that is allowed relative to the largest power: halving stops there.
+    largest
+        The largest power met before: where all that is left of the powers is rounding, no halving helps.
     """
     total, error = np.zeros(len(POWERS)), np.zeros(len(POWERS))
-    open_ = [(0.0, length, MOST_HALVINGS)]
+    open_, pieces = [(0.0, length, MOST_HALVINGS)], 0
     while open_:
         begin, end, halvings = open_.pop()
         half = 0.5 * (end - begin)
         values = powers(begin + half * (1.0 + NODES))
         fine, coarse = half * (WEIGHTS @ values), half * (GAUSS @ values)
         gap = np.abs(fine - coarse)
-        allowed = tolerance * (end - begin) * np.abs(values).max()
-        if not np.isfinite(fine).all() or halvings == 0 or (gap <= allowed).all():
+        largest = max(largest, float(np.nan_to_num(np.abs(values), posinf=0.0).max()))
+        pieces += 1
+        done = halvings == 0 or pieces > MOST_PIECES or not np.isfinite(fine).all()
+        if done or (gap <= tolerance * (end - begin) * largest).all():
             total += fine
             error += gap
         else:
             middle = begin + half
             open_ += [(middle, end, halvings - 1), (begin, middle, halvings - 1)]
-    return total, error
+    return total, error, largest

@@ -16,7 +16,7 @@ from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
 from flocking.engine.runs.recorder import Recorder
 from flocking.engine.runs.run import Closest, LedgerRow
-from flocking.engine.sampled.checkpoint import packed_session, unpacked_session
+from flocking.engine.sampled.checkpoint import NUMBERS, SampledMemory, packed_memory, unpacked_memory
 from flocking.engine.sampled.knowledge import Knowledge
 from flocking.engine.sampled.law_in_force import SampledLaw
 from flocking.engine.sampled.motion import Motion
@@ -78,7 +78,7 @@ class SampledSession(Session):
         self.closest = np.array([[np.inf, np.nan, -1.0, -1.0]] * 2)
         self.accounted = 0.0
         self.sums, self.errors = np.zeros(4), np.zeros(4)
-        self.jumped, self.ledger_ends = 0.0, math.inf
+        self.jumped, self.largest_power, self.ledger_ends = 0.0, 0.0, math.inf
         self.relink()
         self.energy, self.kinetic = self._energy(0.0)
         if not np.isfinite(self.energy):
@@ -247,7 +247,7 @@ class SampledSession(Session):
         self.closest = closest_pairs(S, length, self.links[0], self.accounted, self.closest)
         if self._base + self.accounted < self.ledger_ends:
             powers = self._law.powers(self._base + self.accounted, S, self.motion.force, self._pairs)
-            sums, errors = integrated(powers, length, self.scenario.tolerance)
+            sums, errors, self.largest_power = integrated(powers, length, self.scenario.tolerance, self.largest_power)
             self.sums += sums
             self.errors += errors
         self.accounted = seconds
@@ -329,11 +329,31 @@ class SampledSession(Session):
             "engine='sampled' replaces neither law nor state while a run goes on. Start another run from run.state(-1)."
         )
 
+    @property
+    def _memory(self) -> SampledMemory:
+        """What the session goes on from."""
+        numbers = {name: float(getattr(self, name)) for name in NUMBERS}
+        return SampledMemory(
+            self.motion, self.knowledge, self.ticked, self.applied, self.waiting, self.links, self.crossings,
+            self.closest, self.sums, self.errors, numbers,
+        )  # fmt: skip
+
     def pack(self) -> Packed:
         """All that another session needs to go on bit for bit, but its scenario and its records."""
-        return packed_session(self)
+        return packed_memory(self._memory)
 
     @classmethod
     def unpack(cls, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> SampledSession:
         """The session that was packed."""
-        return unpacked_session(cls(stored.scenario), packed, stored)
+        session = cls(stored.scenario)
+        memory = session._memory
+        unpacked_memory(memory, packed, stored.scenario)
+        for name in ("ticked", "applied", "links", "crossings", "closest", "sums", "errors"):
+            setattr(session, name, getattr(memory, name))
+        for name in NUMBERS:
+            setattr(session, name, float(memory.numbers[name]))
+        session.steps = int(memory.numbers["steps"])
+        session.relink()
+        session.records = Recorder(stored.scenario)
+        session.records.recall(stored.counts, stored.read)
+        return session

@@ -27,7 +27,7 @@ from flocking.engine.exact.blocks.arrays import (
 )
 from flocking.engine.exact.companion import NODES, SLOWER, companion_gap, compare, unexplained_energy
 from flocking.engine.exact.crossings.ball_guards import ball_slack, find_ball_crossings
-from flocking.engine.exact.crossings.guards import NEVER, deepest_dip, find_crossings
+from flocking.engine.exact.crossings.guards import deepest_dip, find_crossings
 from flocking.engine.exact.crossings.switching import TIE
 from flocking.engine.exact.crossings.watch_tables import PairWatches, slack_at
 from flocking.engine.exact.dynamics import LEDGER
@@ -36,6 +36,7 @@ from flocking.engine.exact.integrator.segment import Motion, fill_part, split_mo
 from flocking.engine.exact.integrator.stepper import SPACINGS
 from flocking.engine.exact.narrow_features import allowed_share
 from flocking.engine.exact.precision import places_fine, times_fine
+from flocking.engine.kernels.bernstein import NEVER
 from flocking.engine.kernels.law_kernels import CompiledLaw, stages, state_energies
 
 LAST = NODES - 1

@@ -4,14 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from flocking.engine.exact.crossings.guards import (
-    NEVER,
-    all_rows,
-    first_above,
-    part_from,
-    smallest_value,
-    squared_distance,
-)
+from flocking.engine.exact.crossings.guards import squared_distance
+from flocking.engine.kernels.bernstein import NEVER, all_rows, first_above, part_from, smallest_value
 from flocking.formula.native.functions import native, native_apart
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links

@@ -7,35 +7,22 @@ closes in on the first one. Nothing between two samples can be missed.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flocking.arrays import Indices
+from flocking.engine.kernels.bernstein import NEVER, add_row, all_rows, first_above, part_from, smallest_value
 from flocking.formula.native.functions import native, native_apart
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 
-NEVER = 2.0
-"""Returned if nothing happens on [0, 1]."""
-
-NARROWEST = 1e-15
-"""Width at which an interval around a root is no longer halved: some units of rounding of a place in [0, 1]."""
-
-NARROWEST_MINIMUM = 1e-12
-"""The same for a minimum, whose value changes by the square of the width."""
-
 DIP = 0.25
 """A squared distance that falls below this share of the smaller one at the ends is a dip: half the distance."""
 
-FINEST = 1e-13
-"""Relative accuracy of smallest values."""
 
 _PRODUCT = np.array([[comb(7, a) * comb(7, b) / comb(14, a + b) for b in range(8)] for a in range(8)])
-_DEPTH = 80
-"""Rows of the stack of intervals: each halving needs one more, and an interval of 1e-15 is reached after 50."""
 _RETRIES = 20
 """Number of times a crossing is sought further on if the velocities disagree. Each time passes a place at which a
 polynomial of degree 14 rises through zero, of which there are at most 7.
@@ -53,108 +40,7 @@ def squared_distance(B: Array, i: int, j: int, out: Array) -> None:
                 dot += (B[a, j, k] - B[a, i, k]) * (B[b, j, k] - B[b, i, k])
             out[a + b] += _PRODUCT[a, b] * dot
 
-
-def halve_top(stack: Array, top: int) -> None:
-    """Replace the polynomial in row ``top`` of a ``stack`` by its two halves, the left one above."""
-    size = stack.shape[1]
-    for k in range(size):
-        stack[top + 1, k] = stack[top, 0]
-        for a in range(size - 1 - k):
-            stack[top, a] = 0.5 * (stack[top, a] + stack[top, a + 1])
     # Row top was overwritten from the front: its final values are the right half's coefficients.
-
-
-def halve_interval(begin: Array, width: Array, top: int) -> None:
-    """Replace the interval in row ``top`` of a stack by its two halves, the left one above.
-
-    Parameters
-    ----------
-    begin, width
-        Begins and widths of the intervals.
-    """
-    half = 0.5 * width[top]
-    begin[top + 1], width[top + 1] = begin[top], half
-    begin[top], width[top] = begin[top] + half, half
-
-
-def first_above(g: Array) -> float:
-    """First x in [0, 1] at which the polynomial with Bernstein coefficients ``g`` exceeds zero, or `NEVER`."""
-    size = g.shape[0]
-    stack = np.empty((_DEPTH, size))
-    begin = np.empty(_DEPTH)
-    width = np.empty(_DEPTH)
-    for k in range(size):
-        stack[0, k] = g[k]
-    begin[0], width[0] = 0.0, 1.0
-    top = 0
-    while top >= 0:
-        possible = False
-        for k in range(size):
-            possible = possible or not stack[top, k] <= 0.0
-        if not possible:
-            top -= 1
-            continue
-        if stack[top, 0] > 0.0 or width[top] < NARROWEST or top + 2 >= _DEPTH:
-            return float(begin[top])
-        halve_top(stack, top)
-        halve_interval(begin, width, top)
-        top += 1
-    return NEVER
-
-
-def smallest_value(g: Array, below: float) -> tuple[float, float]:
-    """Smallest value of a Bernstein polynomial on [0, 1] if it is less than ``below``, and where.
-
-    Returns ``(below, NEVER)`` when it is proved not to be. The value is exact to `FINEST` of its size.
-
-    Parameters
-    ----------
-    g
-        Bernstein coefficients, shape (degree + 1,).
-    """
-    size = g.shape[0]
-    stack = np.empty((_DEPTH, size))
-    begin = np.empty(_DEPTH)
-    width = np.empty(_DEPTH)
-    for k in range(size):
-        stack[0, k] = g[k]
-    begin[0], width[0] = 0.0, 1.0
-    top = 0
-    best, where = below, NEVER
-    while top >= 0:
-        if stack[top, 0] < best:
-            best, where = stack[top, 0], begin[top]
-        if stack[top, size - 1] < best:
-            best, where = stack[top, size - 1], begin[top] + width[top]
-        least, possible = best - FINEST * abs(best), False
-        for k in range(size):
-            possible = possible or not stack[top, k] >= least
-        if not possible or width[top] < NARROWEST_MINIMUM or top + 2 >= _DEPTH:
-            top -= 1
-            continue
-        halve_top(stack, top)
-        halve_interval(begin, width, top)
-        top += 1
-    return best, where
-
-
-def part_from(g: Array, x: float) -> Array:
-    """Bernstein coefficients, on [x, 1], of the polynomial with coefficients ``g``; the first is its value at x.
-
-    Parameters
-    ----------
-    x
-        Where the part begins (de Casteljau).
-    """
-    rest, work = np.empty(g.shape[0]), np.empty(g.shape[0])
-    for k in range(g.shape[0]):
-        work[k] = g[k]
-    for size in range(g.shape[0] - 1, 0, -1):
-        rest[size] = work[size]
-        for k in range(size):
-            work[k] += x * (work[k + 1] - work[k])
-    rest[0] = work[0]
-    return rest
 
 
 def _first_above_from(g: Array, x: float) -> float:
@@ -180,32 +66,6 @@ def _moving_so(square: Array, x: float, B: Array, P: Array, i: int, j: int, sign
             return x
         x = _first_above_from(square, x)
     return NEVER
-
-
-def add_row(found: Array, count: int, x: float, i: int, j: int) -> int:
-    """Store (x, i, j) behind ``count`` rows of ``found``, shape (room, 3), if it fits; returns the new count."""
-    if count < found.shape[0]:
-        found[count, 0], found[count, 1], found[count, 2] = x, i, j
-    return count + 1
-
-
-def all_rows(search: Callable[[Array], int], columns: int) -> Array:
-    """All rows of a search.
-
-    Parameters
-    ----------
-    search
-        Fills an array with the rows that fit, and returns their total number.
-    columns
-        Length of a row.
-    """
-    room = 16
-    while True:
-        found = np.empty((room, columns))
-        count = search(found)
-        if count <= room:
-            return found[:count]
-        room = count
 
 
 def places_and_pairs(rows: Array) -> tuple[Array, NDArray[np.int64]]:

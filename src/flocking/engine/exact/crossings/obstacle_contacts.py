@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.engine.exact.crossings.ball_guards import ball_crossings, ball_slack, centre_paths, uniform_balls
-from flocking.engine.exact.crossings.guards import NEVER
 from flocking.engine.exact.crossings.watch_tables import BallWatches
 from flocking.engine.exact.integrator.method import DEGREE
 from flocking.engine.exact.integrator.segment import Segment
+from flocking.engine.kernels.bernstein import NEVER
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
 from flocking.formula.compiled import Reading
 from flocking.formula.native.functions import native

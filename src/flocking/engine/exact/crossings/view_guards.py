@@ -11,18 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flocking.engine.exact.crossings.guards import (
-    _DEPTH,
-    _PRODUCT,
-    NARROWEST,
-    NEVER,
-    add_row,
-    all_rows,
-    halve_interval,
-    halve_top,
-    places_and_pairs,
-    squared_distance,
-)
+from flocking.engine.exact.crossings.guards import _PRODUCT, places_and_pairs, squared_distance
+from flocking.engine.kernels.bernstein import _DEPTH, NARROWEST, NEVER, add_row, all_rows, halve_interval, halve_top
 from flocking.formula.native.functions import native
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
