@@ -79,7 +79,7 @@ class Samples:
             self.distances[place, agents] = distances
 
     def of(self, agents: Indices, numbers: Instants) -> Array:
-        """What ``agents`` measured, by the ``numbers`` of their samples, shape (..., 2 m); their start for number `START`."""
+        """What ``agents`` measured, by sample ``numbers``, shape (..., 2 m); their start for number `START`."""
         found = self.rows[numbers % len(self.rows), agents]
         return np.where((numbers == START)[..., None], self.start[agents], found)
 
