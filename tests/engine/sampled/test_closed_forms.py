@@ -49,9 +49,12 @@ def test_first_order_held_with_whole_samples_of_delay(seed, samples):
 
 @pytest.mark.parametrize("samples", [1, 2, 4])
 def test_delay_of_the_neighbours_alone_on_a_complete_graph_of_4(samples):
-    """K4 with held control stays stable up to T = 1/3 for any number of samples of delay."""
+    """K4 with held control stays stable up to T = 1/3 for any number of samples of delay.
+
+    Beyond it the agents move apart from where they were together; a little noise excites that mode.
+    """
     for period, unstable in ((0.32, False), (0.36, True)):
-        information = fk.Messages(period, delay=samples * period)
+        information = fk.Messages(period, delay=samples * period, noise=fk.WhiteNoise(1e-6))
         x = consensus(fk.Fixed.complete(4), fk.Held(period), information, steps=800, period=period)
         assert (np.abs(x[-1]).max() > np.abs(x[0]).max()) == unstable
 
@@ -78,14 +81,17 @@ def test_second_order_held(alpha, beta, graph):
 
 
 def test_dropped_messages_follow_the_random_recursion():
-    """With messages forgotten after a period, x(k + 1) = (I - T L_k) x(k) over the links of the messages that came."""
-    n, period, steps, share, seed = 5, 0.2, 60, 0.4, 3
+    """With messages forgotten after a period, x(k + 1) = (I - T L_k) x(k) over the links of the messages that came.
+
+    At the start everybody knows everybody.
+    """
+    n, period, steps, share, seed = 5, 0.1, 60, 0.4, 3
     information = fk.Messages(period, loss=share, expires=period, seed=seed)
     x = consensus(fk.Fixed.complete(n), fk.Held(period), information, steps=steps, period=period)
     expected, sender, receiver = x[0].copy(), *np.meshgrid(np.arange(n), np.arange(n))
     for k in range(steps):
         lost = Bernoulli(share).lost(seed, sender, receiver, np.full((n, n), k))
-        links = ~lost & ~np.eye(n, dtype=bool)
+        links = (~lost | (k == 0)) & ~np.eye(n, dtype=bool)
         expected = expected + period * (links @ expected - links.sum(axis=1) * expected)
         assert x[k + 1] == pytest.approx(expected, abs=1e-12)
 
@@ -112,14 +118,14 @@ def test_mean_square_threshold_of_loss(paired):
 
 def test_measurement_noise_spreads_consensus_as_the_sampled_lyapunov_equation_says():
     """Variance per agent (s^2/N) sum T lambda/(2 - T lambda), the own state measured too."""
-    graph, period, sigma, steps = fk.Fixed.complete(5), 0.1, 0.2, 6000
+    graph, period, sigma, steps = fk.Fixed.complete(5), 0.1, 0.2, 2500
     information = fk.Messages(period, noise=fk.WhiteNoise(sigma), self_known="measured", seed=4)
     x = consensus(graph, fk.Held(period), information, steps=steps, period=period)
     spread = (x - x.mean(axis=1, keepdims=True))[100:]
     values = np.linalg.eigvalsh(laplacian(graph))[1:]
     expected = sigma**2 / graph.n * (period * values / (2 - period * values)).sum()
-    # All modes forget within 1/(T lambda) = 2 steps, so that some 1,000 samples are independent.
-    assert (spread**2).mean() == pytest.approx(expected, rel=0.1)
+    # All modes forget within 1/(T lambda) = 2 steps, so that some 600 samples of each of 4 modes are independent.
+    assert (spread**2).mean() == pytest.approx(expected, rel=0.12)
 
 
 def test_neighbours_that_are_known_late_slow_a_moving_pair():
@@ -129,7 +135,7 @@ def test_neighbours_that_are_known_late_slow_a_moving_pair():
     law = fk.Law(fk.Fixed(2, [(0, 1)]), [fk.Gradient(QUADRATIC), fk.Consensus(1.0)])
     start = fk.State([[0.0], [0.0]], [[5.0], [5.0]])
     # A force that is held for a period is half a period older still.
-    period, late = 0.01, 0.095
+    period, late = 0.02, 0.09
 
     def speeds(**how):
         world = {"control": fk.Held(period), "information": fk.Messages(period, delay=late, **how)}
