@@ -88,10 +88,15 @@ def density(
     Raises
     ------
     InvalidInput
-        When the frame does not exist, agents do not live in the plane, or a number is out of range.
+        When the frame does not exist, agents do not live in the plane, space is not open, or a number is out of range.
     """
     from matplotlib.colors import LogNorm
 
+    if isinstance(what, Run) and not what.scenario.space.is_open:
+        raise InvalidInput(
+            "density", "what", "must be a run in open space: the map does not know where space repeats",
+            type(what.scenario.space).__name__, "Draw the net of a frame instead.",
+        )  # fmt: skip
     unit = number("density", "unit", unit, above=0.0)
     made, stated, name = _mapped(what, time, frame, limits, cell, blur)
     level = _typical(made) if reference is None else number("density", "reference", reference, above=0.0)

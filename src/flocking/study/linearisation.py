@@ -66,7 +66,7 @@ class Linearisation:
 
 
 def linearise(law: Law, state: State, *, agents: Agents | None = None, step: float = 1e-5) -> Linearisation:
-    """Linearise a law about a state by central differences of its control, the links held fixed.
+    """Linearise a law about a state in open space by central differences of its control, the links held fixed.
 
     Parameters
     ----------

@@ -315,7 +315,9 @@ def test_a_checkpoint_holds_all_of_a_snapshot(tmp_path: Path) -> None:
     moved = ("reference", "velocity", "elapsed", "bound", "skin", "rounding")
     for name in ("agents", "ids", "rebuilds", "top_speed", *(f"displacement.{name}" for name in moved)):
         assert np.array_equal(
-            operator.attrgetter(name)(session._particles), operator.attrgetter(name)(restored._particles)
+            operator.attrgetter(name)(session._particles),
+            operator.attrgetter(name)(restored._particles),
+            equal_nan=True,
         )
     assert np.array_equal(session._particles.lists[0].rows, restored._particles.lists[0].rows)
 

@@ -12,7 +12,7 @@ import numpy as np
 from flocking.arrays import Array, Links, Reals
 from flocking.engine.runs.columns import GROWING
 from flocking.engine.runs.new_records import NewRecords, RecordLayout, RecordTables, stacked_columns
-from flocking.engine.runs.run import OBSERVED_FIELDS, SWITCH_FIELDS, TRACE_FIELDS, Closest, Run, SwitchRow
+from flocking.engine.runs.run import OBSERVED_FIELDS, SWITCH_FIELDS, Closest, Run, SwitchRow, ledger_of
 from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
 
@@ -40,7 +40,7 @@ class Recorder:
     t, q, p, columns, links, errors
         Frames in memory: times, positions, velocities, further columns and, where they are kept, links and errors.
     switches, trace, observed
-        Rows of `SWITCH_FIELDS`, `TRACE_FIELDS` and `OBSERVED_FIELDS` in memory.
+        Rows of `SWITCH_FIELDS`, `flocking.engine.runs.run.TRACE_FIELDS` and `OBSERVED_FIELDS` in memory.
     stored
         Numbers of records that are on disk alone.
     closest_linked, closest_unlinked
@@ -215,7 +215,7 @@ class Recorder:
         return NewRecords(
             np.array(self.t[frames]), q, p, np.array(self.links[frames]) if self.with_links else None,
             np.array(self.switches[first["switch"] :], dtype=SWITCH_FIELDS),
-            np.array(rows[first["step"] :], dtype=TRACE_FIELDS),
+            ledger_of(rows[first["step"] :]),
             np.array(self.observed[first["observation"] :], dtype=OBSERVED_FIELDS) if self.observe else None,
             np.array(self.errors[frames]).reshape(-1, 2) if self.with_errors else None,
             stacked_columns(self.columns[frames]),
@@ -271,7 +271,7 @@ class Recorder:
         return {
             "t": np.array(self.t), "q": q, "p": p, "links": links, "columns": stacked_columns(self.columns[:frames]),
             "switches": np.array(self.switches, dtype=SWITCH_FIELDS),
-            "trace": np.array(self.trace, dtype=TRACE_FIELDS),
+            "trace": ledger_of(self.trace),
             "observables": np.array(self.observed, dtype=OBSERVED_FIELDS) if self.observe else None,
         }  # fmt: skip
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -62,6 +62,21 @@ class LedgerRow(NamedTuple):
 
 TRACE_FIELDS = np.dtype([(name, "f8") for name in LedgerRow._fields])
 """Fields of the ledger, one `LedgerRow` per step."""
+
+FIRST_QUANTITIES = len(LedgerRow._fields) - len(LedgerRow._field_defaults)
+"""Fields of a row of the ledger before `LedgerRow.departed` was added; rows may still leave out those that follow."""
+
+
+def ledger_of(rows: Iterable[tuple[float, ...]]) -> Records:
+    """Rows as a ledger, fields `TRACE_FIELDS`.
+
+    Parameters
+    ----------
+    rows
+        `LedgerRow`s, or tuples that leave out fields with a default.
+    """
+    return np.array([LedgerRow(*row) for row in rows], dtype=TRACE_FIELDS)
+
 
 OBSERVED_FIELDS = np.dtype(
     [

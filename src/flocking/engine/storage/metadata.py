@@ -10,6 +10,7 @@ import numpy as np
 
 from flocking.engine.archives.data_checks import And, Flag, Integer, MalformedError, Many, Maybe, Names, Row, Text
 from flocking.engine.runs.columns import ARRAYS, ERRORS, GROWING, LARGEST_CHUNK, MEASURES, QUANTITIES
+from flocking.engine.runs.run import FIRST_QUANTITIES
 
 CODECS = ("bytes", "crc32c", "gzip", "vlen-utf8", "zstd")
 """Codecs of Zarr format 3 that a run may use. None of them executes what it reads."""
@@ -88,12 +89,14 @@ def _check_array(name: str, data: Any, record: dict[str, object]) -> None:
     if name in ("position", "velocity"):
         kinds = ("float64", "float32")
     shape = [*_sizes(dimensions, record)]
+    # A run stored before rows of the ledger had a last field lacks it.
+    least = [FIRST_QUANTITIES if name == "quantity" else k for name, k in zip(dimensions, shape, strict=True)]
     transformers = And(Many(Text()), "hold no transformers", lambda x: not x)
     grid = Names({"name": Text(("regular",)), "configuration": Names({"chunk_shape": Row([Integer(1)] * len(shape))})})
     codec = Names({"name": Text(CODECS)}, others=True)
     keys = Names({"name": Text(("default",))}, others=True)
     Names(
-        {"zarr_format": Integer(3, 3), "node_type": Text(("array",)), "shape": Row([Integer(k, k) for k in shape]),
+        {"zarr_format": Integer(3, 3), "node_type": Text(("array",)), "shape": Row([*map(Integer, least, shape)]),
          "data_type": Text(kinds), "chunk_grid": grid, "chunk_key_encoding": keys, "codecs": Many(codec)},
         {"storage_transformers": transformers}, others=True,
     ).check(data, name)  # fmt: skip

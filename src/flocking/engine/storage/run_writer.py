@@ -245,7 +245,8 @@ class RunWriter:
             self._extend("switch", columns)
             self._sum(columns)
         if len(trace):
-            ledger = {LEDGER: number_rows(trace)}
+            # A run stored before the ledger had a last field goes on without it.
+            ledger = {LEDGER: np.ascontiguousarray(number_rows(trace)[:, : self._arrays[LEDGER].shape[1]])}
             self._extend("step", ledger)
             self._sum(ledger)
         if observed is not None and len(observed) and OBSERVED in self._arrays:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TypedDict, cast
 
 import numpy as np
@@ -25,7 +25,7 @@ from flocking.engine.archives.data_checks import (
     squarable,
 )
 from flocking.engine.fixed_step.law_gaps import LawGaps
-from flocking.engine.runs.run import TRACE_FIELDS, Closest
+from flocking.engine.runs.run import FIRST_QUANTITIES, TRACE_FIELDS, Closest
 from flocking.engine.tiles.instability import SAMPLE, Instability
 from flocking.engine.tiles.kernels.tile_sums import SUMS
 from flocking.engine.tiles.neighbours.neighbour_lists import LINKED, NUMBER, TILES_IN_CHUNK, WIDTH, TileLists
@@ -97,6 +97,11 @@ def stored_options(data: object) -> TilesOptions:
     return TilesOptions(**cast(OptionFields, _OPTIONS.check(data, "options")))
 
 
+def _is_ledger_row(row: Sequence[object]) -> bool:
+    """Whether a row has as many fields as one of the ledger, now or before it had a last one."""
+    return FIRST_QUANTITIES <= len(row) <= len(TRACE_FIELDS.names or ())
+
+
 def check_session(data: object, ledger_sums: type[object], memory: type[object], scenario: Scenario) -> None:
     """Refuse what cannot be the memory of a session; its particle arrays are checked by `check_particles`.
 
@@ -115,7 +120,7 @@ def check_session(data: object, ledger_sums: type[object], memory: type[object],
     n, m = scenario.start.q.shape
     slack = 1e-9 * max(1.0, abs(scenario.start.t), abs(scenario.t_end))
     time = Real(scenario.start.t - slack, scenario.t_end + slack)
-    row = Row([ANY] * len(TRACE_FIELDS.names or ()))
+    row = And(Many(ANY), "have the fields of a row of the ledger", _is_ledger_row)
     plan = And(
         Row([time, time, Integer(1), Integer()]), "lead forward",
         lambda x: bool(x[0] <= x[1] and x[3] <= x[2]),

@@ -13,7 +13,7 @@ from flocking.study.potentials.equilibrium import Equilibrium
 
 
 def total_energy(law: Law, state: State, energy: Energy | None = None, *, agents: Agents | None = None) -> float:
-    """The energy of a ledger at a state (Tanner I W, Tanner II (6), Zhou (10) and (25), Shi (11)).
+    """The energy of a ledger at a state in open space (Tanner I W, Tanner II (6), Zhou (10) and (25), Shi (11)).
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def total_energy(law: Law, state: State, energy: Energy | None = None, *, agents
 
 
 def agent_energies(law: Law, state: State, energy: Energy | None = None) -> Array:
-    """Potential of each agent: its links, and the energy of every other agent it is not linked with.
+    """Potential of each agent in open space: its links, and the energy of every other agent it is not linked with.
 
     Source: Tanner I (4); U_i (Tanner II).
 

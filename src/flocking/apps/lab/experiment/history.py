@@ -12,7 +12,7 @@ import numpy as np
 from flocking.apps.lab.experiment.clock import Frame
 from flocking.arrays import Array
 from flocking.engine.runs.fidelity import UNSTATED, Fidelity
-from flocking.engine.runs.run import SWITCH_FIELDS, TRACE_FIELDS, Accuracy, Closest, Run, SwitchRow
+from flocking.engine.runs.run import SWITCH_FIELDS, Accuracy, Closest, Run, SwitchRow, ledger_of
 from flocking.model.state import State
 
 MOST_FRAMES = 400
@@ -106,7 +106,7 @@ class History:
         if len(frames) < 3:
             return None
         with_links = all(s.links is not None for s in frames)
-        trace = np.array(self._trace, dtype=TRACE_FIELDS)
+        trace = ledger_of(self._trace)
         for name in CUMULATIVE:
             if len(trace):
                 trace[name] -= trace[name][0]

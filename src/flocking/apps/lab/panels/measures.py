@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flocking.engine.runs.run import Run
+from flocking.engine.runs.run import LedgerRow, Run
 from flocking.model import observables
 from flocking.model.state import State
 from flocking.papers.auditing import paper_claims
@@ -63,8 +63,10 @@ def ledger(first: tuple[float, ...], last: tuple[float, ...]) -> dict[str, float
     first, last
         The two rows, fields `TRACE_FIELDS`.
     """
-    _, energy, _, _, dissipated, supplied, jumped = (b - a for a, b in zip(first, last, strict=True))
-    return dict(zip(LEDGER, (dissipated, supplied, jumped, energy + dissipated - supplied - jumped), strict=True))
+    before, after = LedgerRow(*first), LedgerRow(*last)
+    change = LedgerRow(*(b - a for a, b in zip(before, after, strict=True)))
+    residual = change.energy + change.dissipated - change.supplied - change.jumped - change.departed
+    return dict(zip(LEDGER, (change.dissipated, change.supplied, change.jumped, residual), strict=True))
 
 
 @dataclass(frozen=True)
