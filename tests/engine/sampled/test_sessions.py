@@ -159,3 +159,16 @@ def test_crafted_checkpoints_are_refused(name, change):
     SampledSession.unpack((numbers, dict(arrays)), stored, {})
     with pytest.raises(MalformedError):
         SampledSession.unpack((numbers, {**arrays, name: change(arrays[name])}), stored, {})
+
+
+def test_a_neighbour_that_is_not_heard_of_is_forgotten_at_its_age():
+    """All messages are lost: the state told at the start serves until it is 0.25 old, not at that age."""
+    law = fk.Law(fk.Fixed(2, [(0, 1)]), [fk.Consensus(1.0)])
+    start = fk.State([[0.0], [1.0]], [[0.0], [1.0]])
+    for expires, last in ((0.251, 0.25), (0.25, 0.2)):
+        information = fk.Messages(0.05, loss=1.0, expires=expires)
+        session = fk.start(fk.Scenario(law, start, t_end=1, control=fk.Held(0.05), information=information))
+        session.advance(last + 0.01)
+        assert abs(session.accelerations()).max() > 0.1
+        session.advance(last + 0.06)
+        assert not session.accelerations().any()

@@ -47,6 +47,21 @@ SCENARIOS = {
     "radii": scenario(PerAgentRadii(np.array([1.0, 2.0, 3.0, 4.0, 1 / 7]))),
     "own bump": scenario(Smooth(5.0, 0.8, bump=fk.Bump("line", "where(z < k0, 1, (1 - z)/(1 - k0))"))),
     "periodic": scenario(space=fk.Periodic([99.0, None])),
+    "messages": scenario(
+        control=fk.Held([0.1, 0.2, 0.1, 0.2, 0.1], latency=0.01),
+        information=fk.Messages(
+            0.05,
+            delay=0.02,
+            loss=fk.GilbertElliott(0.1, 0.4),
+            noise=fk.OrnsteinUhlenbeck(0.1, 0.1),
+            expires=0.5,
+            seed=3,
+        ),
+    ),
+    "lost messages": scenario(
+        control=fk.Held(0.1), information=fk.Messages(0.05, loss=0.2, noise=fk.WhiteNoise(0.1), predict=True)
+    ),
+    "far messages": scenario(control=fk.Held(0.1), information=fk.Messages(0.05, loss=fk.DistanceLoss(3.0))),
     "cone": scenario(fk.Cone(3.0, np.arange(1.0, 6.0), "wrapped"), agents=fk.Agents(headings=np.arange(5) * 0.1)),
     "smooth cone": scenario(fk.SmoothCone(3.0, 0.5, 1 / 3), agents=fk.Agents(headings=np.arange(5) * 0.1)),
     "view": scenario(fk.FieldOfView(3.0, 1.0), agents=fk.Agents(headings=np.arange(5) * 0.1)),
@@ -120,7 +135,7 @@ def test_the_scenarios_above_use_every_word_of_every_group():
         for kind in found.kinds
         if group not in ("start", "place") and kind.word != "random_connected"
     }
-    words -= {("space", "open")}  # the default, which files do not name
+    words -= {("space", "open"), ("control", "continuous"), ("information", "instant")}  # files do not name these
     texts = [scenario_to_text(s) for s in SCENARIOS.values()]
     missing = {(g, w) for g, w in words if GROUPS[g].key and not any(f'kind = "{w}"' in text for text in texts)}
     assert not missing
