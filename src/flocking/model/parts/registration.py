@@ -244,6 +244,10 @@ def _held(kinds: Sequence[object]) -> Value | Nested:
 
 
 def _is_array(kind: object) -> bool:
+    alias = getattr(get_origin(kind), "__value__", None)
+    if alias is not None:
+        # In newer NumPy the arrays of a type are an alias with a value.
+        kind = alias[get_args(kind)]
     return get_origin(kind) is np.ndarray and np.bool_ not in get_args(get_args(kind)[1])
 
 
