@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flocking.errors import InvalidInput
-from flocking.model.checks import Array, number, scalar_or_each
+from flocking.model.checks import Array, check_each, number, scalar_or_each
 from flocking.model.parts.description import Group, add_group
 from flocking.model.parts.registration import register_part
 from flocking.model.world.times import Schedule, nanoseconds
@@ -113,7 +112,8 @@ class Held(Control):
         InvalidInput
             When they are another number.
         """
-        check_each("Held", n, period=self.period, phase=self.phase)
+        for name, value in (("period", self.period), ("phase", self.phase)):
+            check_each("Held", name, value, n)
 
     def schedule(self, n: int) -> Schedule:
         """Ticks of ``n`` agents."""
@@ -126,25 +126,3 @@ class Held(Control):
     def latency_in_nanoseconds(self) -> int:
         """`latency`, rounded to a whole number of nanoseconds."""
         return int(nanoseconds("Held", "latency", self.latency))
-
-
-def check_each(owner: str, n: int, **given: float | Array) -> None:
-    """Check that values given for each agent are ``n``.
-
-    Parameters
-    ----------
-    owner
-        The part, for messages.
-    given
-        Its values by name: one for all, or one for each agent.
-
-    Raises
-    ------
-    InvalidInput
-        When they are another number.
-    """
-    for name, value in given.items():
-        if np.ndim(value) and len(np.asarray(value)) != n:
-            raise InvalidInput(
-                owner, name, f"must have one value for each of the {n} agents", f"{len(np.asarray(value))} values"
-            )

@@ -9,11 +9,10 @@ from typing import Annotated
 import numpy as np
 
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array, number, one_of, scalar_or_each
+from flocking.model.checks import Array, check_each, number, one_of, scalar_or_each
 from flocking.model.parts import values
 from flocking.model.parts.description import Group, add_group
 from flocking.model.parts.registration import register_part
-from flocking.model.world.control import check_each
 from flocking.model.world.losses import Bernoulli, Loss, probability
 from flocking.model.world.noises import Noise
 from flocking.model.world.times import NANOSECOND, Schedule, nanoseconds
@@ -177,7 +176,8 @@ class Messages(Information):
         InvalidInput
             When they are another number.
         """
-        check_each("Messages", n, period=self.period, phase=self.phase)
+        for name, value in (("period", self.period), ("phase", self.phase)):
+            check_each("Messages", name, value, n)
 
     def schedule(self, n: int) -> Schedule:
         """Times at which ``n`` agents take samples."""
