@@ -172,3 +172,22 @@ def test_a_neighbour_that_is_not_heard_of_is_forgotten_at_its_age():
         assert abs(session.accelerations()).max() > 0.1
         session.advance(last + 0.06)
         assert not session.accelerations().any()
+
+
+@pytest.mark.parametrize("where", ["law", "energy"])
+def test_a_leader_without_a_closed_form_is_refused_wherever_it_is(where):
+    """The ledger of a frame whose leader stood where it was at the start would be wrong without a word."""
+    leader = fk.Path(velocity=["exp(sin(t))", "cos(t**2)"], start=[0.0, 0.0])
+    assert not leader.closed_form
+    law = fk.Law(LAW.graph, [*LAW.terms, fk.Track(leader, 1.0, 1.0)]) if where == "law" else LAW
+    energy = fk.Energy() if where == "law" else fk.Energy("leader", leader)
+    with pytest.raises(UnsupportedLaw, match="closed form"):
+        fk.start(scenario(law, energy=energy), "sampled")
+
+
+def test_a_gain_that_changes_with_time_is_refused():
+    law = fk.Law(
+        LAW.graph, [fk.Consensus(1.0), fk.Track(fk.Velocity([0.0, 0.0]), velocity_gain=fk.Schedule([1.0], [0.0, 1.0]))]
+    )
+    with pytest.raises(UnsupportedLaw, match="no schedules"):
+        fk.start(scenario(law), "sampled")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from flocking.engine.kernels.layout import Layout
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.sampled.session import SampledOptions, SampledSession
@@ -66,12 +67,13 @@ class SampledEngine(Engine):
         for term in law.body_terms:
             if getattr(term, "groups", ()):
                 raise UnsupportedLaw("engine='sampled' knows no obstacles yet. Leave Avoid out.")
-        for part in (*law.terms, *law.graphs):
-            values = getattr(part, "parameters", {}).values()
-            if any(isinstance(value, Schedule) for value in values):
-                raise UnsupportedLaw(f"engine='sampled' knows no schedules; {type(part).__name__} has one.")
-        if any(not leader.closed_form for leader in law.leaders):
-            raise UnsupportedLaw("engine='sampled' needs leaders whose position has a closed form.")
+        layout = Layout(law, scenario.energy, bodies, scenario.space)
+        if any(isinstance(value, Schedule) for _, owned in layout.owners() for value in owned.values()):
+            raise UnsupportedLaw("engine='sampled' knows no schedules: gains must be constant.")
+        if layout.places:
+            raise UnsupportedLaw(
+                "engine='sampled' needs leaders whose position has a closed form, that of the energy included."
+            )
 
     def open(self, scenario: Scenario, options: object, *, plant: Law | None = None) -> Session:
         """Start a session."""

@@ -11,7 +11,7 @@ from flocking.arrays import Array, Indices, Links
 from flocking.model.law import Law
 from flocking.model.world.information import Information, Messages
 from flocking.model.world.random_numbers import Purpose, uniform
-from flocking.model.world.times import NANOSECOND, PER_SECOND, Instants, Schedule
+from flocking.model.world.times import NANOSECOND, PER_SECOND, Instants, PeriodicTimes
 
 START = -1
 """Number of the sample that everyone has of everyone at the start."""
@@ -120,7 +120,7 @@ class Knowledge:
         """How many samples each agent has taken, shape (N,)."""
         self.errors: Array | None = None
         self.samples = Samples(q, p, with_distances=self.reads_distances)
-        self.schedule: Schedule | None = None
+        self.schedule: PeriodicTimes | None = None
         if self.messages is not None:
             self.schedule = self.messages.schedule(self.n)
             self._delay = round(self.messages.delay * PER_SECOND)

@@ -26,7 +26,7 @@ from flocking.errors import InvalidInput, NotFinite, SimulationError, Unsupporte
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 from flocking.model.world.control import Held
-from flocking.model.world.times import NANOSECOND, Instants, Schedule
+from flocking.model.world.times import NANOSECOND, Instants, PeriodicTimes
 
 TANGENTIAL = 1e-6
 """A crossing slower than this fraction of the pair's relative speed is flagged as tangential."""
@@ -62,7 +62,7 @@ class SampledSession(Session):
         self._base = start.t
         self.time, self.steps = start.t, 0
         self.records = Recorder(scenario)
-        self._ticks: Schedule = scenario.control.schedule(self.n)
+        self._ticks: PeriodicTimes = scenario.control.schedule(self.n)
         self._latency = scenario.control.latency_in_nanoseconds
         self.ticked = np.zeros(self.n, dtype=np.int64)
         self.applied = np.zeros(self.n, dtype=np.int64)

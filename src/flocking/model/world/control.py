@@ -10,7 +10,7 @@ import numpy as np
 from flocking.model.checks import Array, check_each, number, scalar_or_each
 from flocking.model.parts.description import Group, add_group
 from flocking.model.parts.registration import register_part
-from flocking.model.world.times import Schedule, nanoseconds
+from flocking.model.world.times import PeriodicTimes, nanoseconds
 
 
 class Control(ABC):
@@ -115,9 +115,9 @@ class Held(Control):
         for name, value in (("period", self.period), ("phase", self.phase)):
             check_each("Held", name, value, n)
 
-    def schedule(self, n: int) -> Schedule:
+    def schedule(self, n: int) -> PeriodicTimes:
         """Ticks of ``n`` agents."""
-        return Schedule(
+        return PeriodicTimes(
             np.broadcast_to(nanoseconds("Held", "period", self.period), n).copy(),
             np.broadcast_to(nanoseconds("Held", "phase", self.phase), n).copy(),
         )

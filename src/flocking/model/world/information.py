@@ -15,7 +15,7 @@ from flocking.model.parts.description import Group, add_group
 from flocking.model.parts.registration import register_part
 from flocking.model.world.losses import Bernoulli, Loss, probability
 from flocking.model.world.noises import Noise
-from flocking.model.world.times import NANOSECOND, Schedule, nanoseconds
+from flocking.model.world.times import NANOSECOND, PeriodicTimes, nanoseconds
 
 SELF_KNOWN = ("true", "measured")
 """What an agent may know of itself: its true state, or its own newest sample."""
@@ -179,9 +179,9 @@ class Messages(Information):
         for name, value in (("period", self.period), ("phase", self.phase)):
             check_each("Messages", name, value, n)
 
-    def schedule(self, n: int) -> Schedule:
+    def schedule(self, n: int) -> PeriodicTimes:
         """Times at which ``n`` agents take samples."""
-        return Schedule(
+        return PeriodicTimes(
             np.broadcast_to(nanoseconds("Messages", "period", self.period), n).copy(),
             np.broadcast_to(nanoseconds("Messages", "phase", self.phase), n).copy(),
         )

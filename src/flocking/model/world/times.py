@@ -50,7 +50,7 @@ def nanoseconds(owner: str, name: str, value: float | Array, *, positive: bool =
 
 
 @dataclass(frozen=True, eq=False)
-class Schedule:
+class PeriodicTimes:
     """What agents do at the times ``phase + k period``, k = 0, 1, ...
 
     Parameters
