@@ -10,6 +10,7 @@ from flocking.study.claims.conclusions.energy import (
     energy_rise,
     ledger_residual,
     momentum_drift,
+    needs_ideal,
     needs_ledger,
     needs_momentum,
     needs_passive,
@@ -39,7 +40,7 @@ from flocking.study.claims.conclusions.links import (
 
 GENERAL: tuple[Claim, ...] = (
     Claim("ledger", "any law", "The declared law explains the energy of the motion.", ledger_residual,
-          obstacle=needs_ledger, dynamic=False),
+          obstacle=lambda e: needs_ledger(e) or needs_ideal(e), dynamic=False),
     Claim("momentum", "any law", "The mean velocity is constant.", momentum_drift, obstacle=needs_momentum),
     Claim("energy-falls", "any law", "The energy never rises between switches.", energy_rise,
           obstacle=lambda e: needs_ledger(e) or needs_passive(e)),

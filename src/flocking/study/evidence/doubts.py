@@ -29,7 +29,9 @@ class DoubtEvidence(LinkEvidence):
             When they are unknown.
         """
         if self.run.accuracy is None:
-            raise NotResolvable("the errors of the run are unknown; runs computed by this version record them")
+            world = self.run.scenario.imperfections
+            why = "they are not estimated under held control" if world else "runs computed by this version record them"
+            raise NotResolvable(f"the errors of the run are unknown; {why}")
         return self.run.accuracy
 
     @property

@@ -118,8 +118,16 @@ def at_most(e: Evidence, name: str, seen: float, bound: float) -> Measure:
     return below(value, bound, f"largest {name} {value:.3g} at t = {found.time:.3g}, bound {bound:.3g}", error)
 
 
+def needs_ideal(e: Evidence) -> str:
+    """Why other forces acted than those of the law on the present state; the ledger counts them as departed."""
+    world = e.run.scenario.imperfections
+    return f"not the forces of the law on the present state acted: {world}" if world else ""
+
+
 def needs_momentum(e: Evidence) -> str:
     """Why momentum is not conserved: a force from outside, or forces that are not equal and opposite."""
+    if world := needs_ideal(e):
+        return world
     if e.law.body_terms:
         return "a body term acts from outside"
     if "momentum" not in e.law.symmetries:
@@ -131,8 +139,8 @@ def needs_momentum(e: Evidence) -> str:
 
 
 def needs_passive(e: Evidence) -> str:
-    """Why the energy may rise: it is supplied."""
-    return "the law supplies energy" if supplied_energy(e) else ""
+    """Why the energy may rise: it is supplied, or other forces act than those of the law."""
+    return needs_ideal(e) or ("the law supplies energy" if supplied_energy(e) else "")
 
 
 def needs_ledger(e: Evidence) -> str:

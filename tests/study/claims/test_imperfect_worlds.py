@@ -1,0 +1,39 @@
+"""Verdicts on runs in which other forces act than those of the law on the present state."""
+
+import pytest
+
+import flocking as fk
+
+LAW = fk.Law(fk.Fixed.complete(4), [fk.Gradient(fk.Potential("(r - 1)**2/2")), fk.Consensus(0.5)])
+
+
+def verdicts(name="", **world):
+    start = fk.start.box(4, side=2, speed=1, seed=1)
+    run = fk.simulate(fk.Scenario(LAW, start, t_end=3, frames=31, name=name, **world), progress=False)
+    return {result.claim.key: result for result in fk.audit(run).results}
+
+
+@pytest.mark.parametrize(
+    "world",
+    [
+        {"control": fk.Held(0.1)},
+        {"control": fk.Held(0.1), "information": fk.Messages(0.1, delay=0.05, loss=0.3)},
+    ],
+)
+def test_the_law_is_neither_blamed_nor_praised_for_forces_that_are_not_its_own(world):
+    """What departs from the law balances the ledger whatever acted, and may move the mean and raise the energy."""
+    found = verdicts(**world)
+    for key in ("ledger", "momentum", "energy-falls"):
+        assert str(found[key].verdict) == "not applicable"
+        assert "control held for 0.1" in found[key].note
+    assert "not estimated under held control" in found["linked-apart"].note
+
+
+def test_in_the_ideal_world_they_are_judged():
+    found = verdicts()
+    assert [str(found[key].verdict) for key in ("ledger", "momentum", "energy-falls")] == ["holds"] * 3
+
+
+def test_theorems_of_papers_assume_the_ideal_world():
+    for result in verdicts("zhou-2015", control=fk.Held(0.1)).values():
+        assert str(result.verdict) in ("hypothesis not met", "not applicable")
