@@ -29,6 +29,18 @@ vanishes; the errors of its time and of its speed are NaN where they are not kno
 SwitchRow = tuple[float, int, int, str, int, float, bool, float, float]
 """A recorded switch, fields `SWITCH_FIELDS`."""
 
+TANGENTIAL = 1e-6
+"""A crossing slower than this fraction of the relative speed is flagged as tangential."""
+
+AT_REST = 1e-12
+"""Relative speeds below it count as this one, so that agents at rest have a bound above zero."""
+
+
+def is_tangential(speed: float, velocity: Array) -> bool:
+    """Whether a crossing with this ``speed`` is tangential, ``velocity`` being the relative one, shape (m,)."""
+    return abs(speed) < TANGENTIAL * max(float(np.linalg.norm(velocity)), AT_REST)
+
+
 DOUBT_FIELDS = np.dtype(
     [
         ("begin", "f8"), ("end", "f8"), ("time", "f8"), ("i", "i8"), ("j", "i8"), ("kind", "U10"), ("graph", "i8"),

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.arrays import Array, Indices, Links
-from flocking.model.law import Law
 from flocking.model.world.information import Information, Messages
 from flocking.model.world.random_numbers import Purpose, uniform
 from flocking.model.world.times import NANOSECOND, PER_SECOND, Instants, PeriodicTimes
@@ -93,8 +92,6 @@ class Knowledge:
 
     Parameters
     ----------
-    law
-        Its graphs say who is a neighbour.
     information
         Present states, or messages.
     q, p
@@ -110,9 +107,8 @@ class Knowledge:
         Links by what agents know, shape (graphs, N, N).
     """
 
-    def __init__(self, law: Law, information: Information, q: Array, p: Array, links: Links) -> None:
+    def __init__(self, information: Information, q: Array, p: Array, links: Links) -> None:
         self.n, self.m = q.shape
-        self.graphs = law.graphs
         self.messages = information if isinstance(information, Messages) else None
         self.links = links.copy()
         self.newest = np.full((self.n, self.n), START, dtype=np.int64)
@@ -239,28 +235,26 @@ class Knowledge:
             own = self.samples.of(agents, self.taken[agents] - 1)
         return Known(agents, own, rows, there, begun if self.messages.predict else None, time)
 
-    def relink(self, known: Known, law_moves: tuple[bool, ...], levels: tuple[Array, Array]) -> None:
+    def relink(self, known: Known, moving: Links, levels: tuple[Array, Array]) -> None:
         """Let links appear and break by what agents know; who is not known any more is no neighbour.
 
         Parameters
         ----------
         known
             What the agents that act now know.
-        law_moves
-            Whether links of each graph appear and break.
+        moving
+            Whether links of each graph appear and break, shape (graphs,).
         levels
             Distances at which they do, shape (graphs, N) each.
         """
         agents, m = known.agents, self.m
         offset = known.positions(m) - known.own[:, None, :m]
         distance = np.sqrt((offset**2).sum(axis=-1))
-        for graph, moves in enumerate(law_moves):
-            before = self.links[graph, agents]
-            if moves:
-                enter, leave = (level[graph, agents][:, None] for level in levels)
-                before = np.where(before, distance < leave, distance < enter) & known.there
-                before[np.arange(len(agents)), agents] = False
-                self.links[graph, agents] = before
+        for graph in np.flatnonzero(moving):
+            enter, leave = (level[graph, agents][:, None] for level in levels)
+            links = np.where(self.links[graph, agents], distance < leave, distance < enter) & known.there
+            links[np.arange(len(agents)), agents] = False
+            self.links[graph, agents] = links
 
     def pairs(self, known: Known) -> tuple[Indices, Indices, Indices]:
         """Ordered pairs of neighbours of the agents that act now, by what is ``known``, and where each graph begins."""

@@ -15,7 +15,7 @@ from flocking.engine import interruption
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
 from flocking.engine.runs.recorder import Recorder
-from flocking.engine.runs.run import Closest, LedgerRow
+from flocking.engine.runs.run import Closest, LedgerRow, is_tangential
 from flocking.engine.sampled.checkpoint import NUMBERS, SampledMemory, packed_memory, unpacked_memory
 from flocking.engine.sampled.knowledge import Knowledge
 from flocking.engine.sampled.law_in_force import SampledLaw
@@ -27,12 +27,6 @@ from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 from flocking.model.world.control import Held
 from flocking.model.world.times import NANOSECOND, Instants, PeriodicTimes
-
-TANGENTIAL = 1e-6
-"""A crossing slower than this fraction of the pair's relative speed is flagged as tangential."""
-
-LEAST_SPEED = 1e-12
-"""Relative speed below which two agents count as at rest to each other."""
 
 NEVER = np.iinfo(np.int64).max
 """Nanosecond of an event that does not come."""
@@ -72,7 +66,7 @@ class SampledSession(Session):
         self.links: Links = np.array([g.start_links(start.q, scenario.agents.headings) for g in graphs])
         if start.links is not None:
             self.links[0] = start.links
-        self.knowledge = Knowledge(scenario.law, scenario.information, start.q, start.p, self.links)
+        self.knowledge = Knowledge(scenario.information, start.q, start.p, self.links)
         self._prepare()
         self.crossings: list[tuple[float, int, int, int]] = []
         self.closest = np.array([[np.inf, np.nan, -1.0, -1.0]] * 2)
@@ -98,7 +92,6 @@ class SampledSession(Session):
                   for g in graphs]  # fmt: skip
         self._levels = np.array([a for a, _ in levels]), np.array([b for _, b in levels])
         self._ways = np.array([(2 if g.directed else 1) if g.moves else 0 for g in graphs], dtype=np.int64)
-        self._moves = tuple(bool(g.moves) for g in graphs)
 
     def relink(self) -> None:
         """Take the true links as they are now."""
@@ -172,7 +165,7 @@ class SampledSession(Session):
         if acting.size:
             knowledge.hear(instant, acting)
             known = knowledge.known(instant, acting, *motion.at(seconds))
-            knowledge.relink(known, self._moves, self._levels)
+            knowledge.relink(known, self._ways > 0, self._levels)
             force = self._law.forces(self._base + seconds, known, knowledge)
             if not np.isfinite(force).all():
                 bad = int(acting[np.flatnonzero(~np.isfinite(force).all(axis=1))[0]])
@@ -216,8 +209,7 @@ class SampledSession(Session):
         distance = float(np.linalg.norm(d))
         speed = float(d @ w / distance) if distance else 0.0
         breaks = bool(self.links[graph, i, j])
-        met = breaks and self._law.barriers[graph]
-        if met:
+        if breaks and self._law.barriers[graph]:
             self.ledger_ends = min(self.ledger_ends, self._base + self.accounted)
         self._account(seconds)
         self._record_row(seconds)
@@ -231,7 +223,7 @@ class SampledSession(Session):
             self.jumped += self.energy - before
         else:
             self.ledger_ends = min(self.ledger_ends, self._base + self.accounted)
-        slow = abs(speed) < TANGENTIAL * max(float(np.linalg.norm(w)), LEAST_SPEED)
+        slow = is_tangential(speed, w)
         kind = "break" if breaks else "appear"
         self.records.switches.append((self._base + seconds, i, j, kind, graph, speed, slow, math.nan, math.nan))
         self._record_row(seconds)

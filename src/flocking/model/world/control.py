@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,24 +10,11 @@ from flocking.model.checks import Array, check_each, number, scalar_or_each
 from flocking.model.parts.description import Group, add_group
 from flocking.model.parts.registration import register_part
 from flocking.model.world.times import PeriodicTimes, nanoseconds
+from flocking.model.world.world_part import IdealPart, WorldPart
 
 
-class Control(ABC):
+class Control(WorldPart):
     """When agents compute their force, and how long it acts."""
-
-    @property
-    @abstractmethod
-    def ideal(self) -> bool:
-        """Whether every agent acts at every moment."""
-
-    @property
-    @abstractmethod
-    def summary(self) -> str:
-        """What is not ideal, in a few words; empty where everything is."""
-
-    def check_count(self, n: int) -> None:
-        """Check that it fits ``n`` agents; most fit any number."""
-        return None
 
 
 add_group(Group("control", Control, default="continuous"))
@@ -36,18 +22,8 @@ add_group(Group("control", Control, default="continuous"))
 
 @register_part("continuous")
 @dataclass(frozen=True)
-class Continuous(Control):
+class Continuous(IdealPart, Control):
     """Every agent exerts the force of the law at every moment."""
-
-    @property
-    def ideal(self) -> bool:
-        """True."""
-        return True
-
-    @property
-    def summary(self) -> str:
-        """Empty."""
-        return ""
 
 
 CONTINUOUS = Continuous()

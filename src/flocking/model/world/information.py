@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -16,27 +15,14 @@ from flocking.model.parts.registration import register_part
 from flocking.model.world.losses import Bernoulli, Loss, probability
 from flocking.model.world.noises import Noise
 from flocking.model.world.times import NANOSECOND, PeriodicTimes, nanoseconds
+from flocking.model.world.world_part import IdealPart, WorldPart
 
 SELF_KNOWN = ("true", "measured")
 """What an agent may know of itself: its true state, or its own newest sample."""
 
 
-class Information(ABC):
+class Information(WorldPart):
     """What an agent knows of the others when it computes its force."""
-
-    @property
-    @abstractmethod
-    def ideal(self) -> bool:
-        """Whether every agent knows the present state of all others exactly."""
-
-    @property
-    @abstractmethod
-    def summary(self) -> str:
-        """What is not ideal, in a few words; empty where everything is."""
-
-    def check_count(self, n: int) -> None:
-        """Check that it fits ``n`` agents; most fit any number."""
-        return None
 
 
 add_group(Group("information", Information, default="instant"))
@@ -44,18 +30,8 @@ add_group(Group("information", Information, default="instant"))
 
 @register_part("instant")
 @dataclass(frozen=True)
-class Instant(Information):
+class Instant(IdealPart, Information):
     """Every agent knows the present positions and velocities of its neighbours exactly."""
-
-    @property
-    def ideal(self) -> bool:
-        """True."""
-        return True
-
-    @property
-    def summary(self) -> str:
-        """Empty."""
-        return ""
 
 
 INSTANT = Instant()

@@ -19,6 +19,7 @@ from flocking.engine.exact.integrator.method import DEGREE
 from flocking.engine.exact.integrator.segment import Segment
 from flocking.engine.kernels.bernstein import NEVER
 from flocking.engine.kernels.obstacle_distances import ObstacleDistances
+from flocking.engine.runs.run import is_tangential
 from flocking.formula.compiled import Reading
 from flocking.formula.native.functions import native
 from flocking.model.checks import Array
@@ -44,17 +45,6 @@ CLOSED = 1e-15
 
 SPEED_STEP = 1e-6
 """Time on each side over which the speed of a crossing is a difference quotient: near the root of its rounding."""
-
-TANGENTIAL = 1e-6
-"""A crossing slower than this fraction of the relative speed is flagged as tangential."""
-
-AT_REST = 1e-12
-"""Relative speeds below it count as this one, so that agents at rest have a bound above zero."""
-
-
-def is_tangential(speed: float, velocity: Array) -> bool:
-    """Whether a crossing with this ``speed`` is tangential, ``velocity`` being the relative one, shape (m,)."""
-    return abs(speed) < TANGENTIAL * max(float(np.linalg.norm(velocity)), AT_REST)
 
 
 class ObstacleContacts(ObstacleDistances):
