@@ -78,6 +78,16 @@ def test_energy_shows_the_ledger_and_its_residual(run, part, has):
     assert main is axes
     assert np.array_equal(part(below, "residual").get_ydata(), run.residual)
     assert below.get_ylim() != main.get_ylim()
+    assert not has(axes, "departed")
+
+
+def test_energy_shows_what_departed_from_the_law(part):
+    law = fk.Law(fk.Fixed(2, [(0, 1)]), [fk.Gradient(fk.Potential("r**2/2")), fk.Consensus(1.0)])
+    start = fk.State([[0.0, 0.0], [1.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]])
+    held = fk.simulate(fk.Scenario(law, start, t_end=2, control=fk.Held(0.2)), progress=False)
+    axes = group_series.energy(held)
+    assert np.array_equal(part(axes, "departed").get_ydata(), held.trace["departed"])
+    assert held.trace["departed"].any()
 
 
 def test_spread_is_logarithmic_and_has_no_zero(run, synthetic):

@@ -13,7 +13,7 @@ from flocking.model.graphs.connectivity import components
 from flocking.show.motion import motion_of, thinned
 from flocking.show.plane import pairs_of
 from flocking.show.series import time_axis
-from flocking.show.style import BLUE, COLUMN, GREEN, ORANGE, SKY, VERMILION, axes_or_new, in_style, theme
+from flocking.show.style import BLUE, COLUMN, GREEN, ORANGE, PURPLE, SKY, VERMILION, axes_or_new, in_style, theme
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -159,7 +159,7 @@ def energy(run: Run, *, axes: Axes | None = None) -> Axes:
     for field, label, color, line in (
         ("energy", f"energy ${name}$", BLUE, "-"), ("kinetic", "kinetic", SKY, "-"),
         ("dissipated", "dissipated", VERMILION, "--"), ("supplied", "supplied", GREEN, "-."),
-        ("jumped", "jumps at switches", ORANGE, ":"),
+        ("jumped", "jumps at switches", ORANGE, ":"), ("departed", "departed from the law", PURPLE, (0, (5, 1))),
     ):  # fmt: skip
         if field in ("energy", "kinetic", "dissipated") or np.any(trace[field] != 0):
             axes.plot(trace["time"], trace[field], color=color, ls=line, label=label, gid=field)
