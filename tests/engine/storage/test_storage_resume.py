@@ -11,8 +11,10 @@ import pytest
 
 import flocking as fk
 from flocking.engine.driver import session_writer as saving
+from flocking.engine.driver.registry import engine_named
+from flocking.engine.protocol.team import Team
 from flocking.engine.storage.stored_runs import read_run
-from flocking.errors import SimulationError, StorageError
+from flocking.errors import InvalidInput, SimulationError, StorageError
 from tests.engine.storage.stored_runs import assert_same, finished, scenario, unpack
 
 
@@ -51,6 +53,26 @@ def test_an_interrupted_run_goes_on_bit_for_bit(
     assert_same(fk.resume(tmp_path / "run", progress=False), finished())
     assert_same(read_run(tmp_path / "run"), finished())
     assert_same(fk.resume(tmp_path / "run", progress=False), finished())
+
+
+def test_an_option_that_the_engine_lacks_is_refused_by_name(tmp_path: Path) -> None:
+    fk.simulate(scenario(), save=tmp_path / "run", progress=False)
+    with pytest.raises(InvalidInput, match=r"resume: threads is not an option of engine='exact'.*Leave it out"):
+        fk.resume(tmp_path / "run", threads=2, progress=False)
+
+
+def test_a_run_of_several_processes_says_which_one_holds_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Third(Team):
+        rank, size = 2, 3
+
+    session = fk.start(scenario(), "exact")
+    monkeypatch.setattr(type(session), "team", Third())
+    assert session.run().rank == 2
+    monkeypatch.undo()
+    fk.simulate(scenario(), save=tmp_path / "run", progress=False)
+    monkeypatch.setattr(type(engine_named("exact")), "team", lambda self: Third())
+    found = fk.resume(tmp_path / "run", progress=False)
+    assert found.rank == 2, "a finished run is read in every process"
 
 
 def test_a_saved_run_equals_one_in_memory(tmp_path: Path) -> None:

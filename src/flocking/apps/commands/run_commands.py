@@ -135,13 +135,13 @@ def _print_run(make: Callable[[], Run], out: Path | None, as_json: bool) -> int:
     try:
         with partial_results():
             result = make()
-        if result.provenance.get("rank", 0):
+        if result.rank:
             return FINE  # only the first rank of the job prints
     except SimulationError as error:
         if error.run is None:
             raise
         result, stopped = error.run, True
-        if result.provenance.get("rank", 0):
+        if result.rank:
             return DIFFERENT
         print(f"flocking: {error}", file=sys.stderr)
     found = summary(result)

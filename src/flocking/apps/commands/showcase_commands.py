@@ -61,7 +61,7 @@ def showcase(
     scenario = chosen.scenario(agents=agents, until=until)
     with partial_results():
         run = chosen.run(folder / "run", scenario, engine=engine, progress=not as_json, threads=threads)
-    if run.provenance.get("rank", 0):
+    if run.rank:
         return FINE  # only the first rank of the job prints
     if run.status.startswith("interrupted"):
         print(f"flocking: {run.status}; the same command continues it.", file=sys.stderr)

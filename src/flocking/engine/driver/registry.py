@@ -38,7 +38,8 @@ class Entry:
     package
         The package that provides it.
     automatic_from, interactive_from
-        Smallest group for which ``"auto"`` selects it, in a run and in an interactive page; never where absent.
+        Smallest group for which ``"auto"`` selects it, in a run and in an interactive page; never where absent. Read
+        of the engines of this library alone.
     """
 
     name: str
@@ -254,7 +255,7 @@ def engine_named(name: str) -> Engine:
 
 
 def chosen_engine(scenario: Scenario, engine: str, plant: Law | None = None, *, interactive: bool = False) -> str:
-    """The engine that ``"auto"`` selects for a scenario; any other name is returned unchanged.
+    """The engine of this library that ``"auto"`` selects for a scenario; any other name is returned unchanged.
 
     Parameters
     ----------

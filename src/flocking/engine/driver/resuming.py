@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +48,8 @@ def resume(
 
     Raises
     ------
+    InvalidInput
+        When ``threads`` is given and the engine that made it has no threads to choose.
     StorageError
         When there is no run, it is damaged, another process writes it, or it ended in a way that cannot go on.
     EngineMissing
@@ -87,14 +89,16 @@ def _resume(
             return found
         raise missing_engine(folder, name, package)
     engine = entry.load()
-    accepted = {key: value for key, value in changes.items() if key in engine.free_options}
+    for key in sorted(set(changes) - engine.free_options):
+        rule = f"is not an option of engine={name!r} that may change when a run goes on"
+        raise InvalidInput("resume", key, rule, changes[key], "Leave it out.")
     team = engine.team()
     writer = team.alone(lambda: RunWriter.reopen(folder))
     try:
         left = team.shared(lambda: _left(folder, writer, name, scenario, plant))
         if left.finished is not None:
-            return left.finished
-        session = _session(folder, engine, team, left, accepted)
+            return replace(left.finished, rank=team.rank)
+        session = _session(folder, engine, team, left, changes)
         return drive(session, progress=progress, writer=SessionWriter(writer, session))
     finally:
         if writer is not None:

@@ -322,7 +322,7 @@ class LammpsSession(Session):
         """Where the results come from, as the run's provenance says."""
         return super().about | library.versions() | {
             "step": self.step, "scheme": "verlet" if self.deck.order == 2 else "euler", "ranks": self.ranks.size,
-            "rank": self.ranks.rank, "switches": "not recorded",
+            "switches": "not recorded",
             "ledger": f"trapezoidal, a row every {self.rows} steps" if self.rows else "none",
             "closest": self._looked,
             **(self._judge.gaps.about if self._judge is not None else {}),

@@ -194,7 +194,7 @@ class Session(ABC):
         (linked, unlinked), accuracy = self.known
         return Run(
             self.scenario, status=status, provenance=self.about, closest_linked=linked, closest_unlinked=unlinked,
-            accuracy=accuracy, fidelity=self.fidelity, **self.records.tables(),
+            accuracy=accuracy, fidelity=self.fidelity, rank=self.team.rank, **self.records.tables(),
         )  # fmt: skip
 
     def moment(self) -> Callable[[], Session]:

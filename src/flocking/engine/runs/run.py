@@ -229,6 +229,8 @@ class Run:
         What is known of its errors; None where nothing is.
     fidelity
         The account that it gives of itself: audits read it, and leave open what it does not know.
+    rank
+        Number of the process that holds it; of several that compute a run together the others than 0 hold no frames.
     columns
         Further columns of the agents at the frames by name, shape (F, N, width) each, see
         `flocking.model.bodies.body.Body.columns`.
@@ -250,6 +252,7 @@ class Run:
     accuracy: Accuracy | None = None
     fidelity: Fidelity = UNSTATED
     columns: Mapping[str, Array] = field(default_factory=dict)
+    rank: int = 0
 
     @property
     def certain(self) -> NDArray[np.bool_]:
