@@ -52,12 +52,12 @@ class SigmaAvoid(fk.Avoid):
     def structure(self):
         return ("SigmaAvoid", *super().structure)
 
-    def encounter(self, x):
+    def obstacle_force(self, x):
         c4 = x.parameter("damping_gain") * self.bump.expression(x.distance / x.parameter("range"), x.parameter("onset"))
         return [f + c4 * (w - v) for f, w, v in zip(self._forces(x), x.boundary, x.p, strict=True)]
 
-    def encounter_balance(self, x):
-        return ObstacleTerm.encounter_balance(self, x)
+    def obstacle_balance(self, x):
+        return ObstacleTerm.obstacle_balance(self, x)
 
 
 # %%

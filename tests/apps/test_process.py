@@ -87,7 +87,7 @@ def test_unknown_options_are_called_unknown() -> None:
         fk.simulate(scenario(), engine="tiles", precison="float32")
     with pytest.raises(InvalidInput, match=r"Did you mean progress\?"):
         fk.simulate(scenario(), engine="exact", progres=True)
-    with pytest.raises(InvalidInput, match="is an option of engine='tiles' and engine='lammps' alone"):
+    with pytest.raises(InvalidInput, match="is only an option of engine='tiles' and engine='lammps'"):
         fk.simulate(scenario(), engine="exact", step=0.1)
 
 

@@ -151,8 +151,8 @@ def test_an_edited_printer_is_not_served_old_code(tmp_path):
     assert abs(first[0]) > 1e-3
     printer = tmp_path / "copy" / "flocking" / "engine" / "kernels" / "obstacle_formulas.py"
     text = printer.read_text()
-    assert text.count("tuple(term.encounter(x))") == 1
-    printer.write_text(text.replace("tuple(term.encounter(x))", "tuple(3 * f for f in term.encounter(x))"))
+    assert text.count("tuple(term.obstacle_force(x))") == 1
+    printer.write_text(text.replace("tuple(term.obstacle_force(x))", "tuple(3 * f for f in term.obstacle_force(x))"))
     changed, cold = run(script, tmp_path / "cache", path)
     assert cold
     assert changed == pytest.approx([3 * f for f in first])

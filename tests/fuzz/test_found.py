@@ -115,7 +115,7 @@ def test_a_record_that_contradicts_itself_is_told(tmp_path: Path) -> None:
     del root["attributes"]["flocking"]["seal"]
     root["attributes"]["flocking"]["seal"] = record._seal(root)
     (folder / "zarr.json").write_text(json.dumps(root))
-    with pytest.raises(StorageError, match="no run that this version can read: velocity: shape must be a list of 3"):
+    with pytest.raises(StorageError, match="not a run that this version can read: velocity: shape must be a list of 3"):
         read_run(folder)
     shutil.rmtree(folder)
 

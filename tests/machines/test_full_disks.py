@@ -104,12 +104,12 @@ def test_a_run(machines: Machines, file: Path, tmp_path: Path, blocks: int) -> N
         names = full.tree()
         full.clear()
         if "run" not in names:
-            said = ended.check(2).sentence(str(folder), "no room left", "Nothing was written")
+            said = ended.check(2).sentence(str(folder), "no space left", "Nothing was written")
             assert "resume" not in said, "there is nothing to go on with"
             assert names == []
             return
         if ended.code:
-            ended.sentence(str(folder), "no room left", "flocking resume")
+            ended.sentence(str(folder), "no space left", "flocking resume")
         assert_begins_and_goes_on(full, "run", tmp_path)
 
 
@@ -119,7 +119,7 @@ def test_going_on(machines: Machines, begun: Path, tmp_path: Path, blocks: int) 
         folder = full.prepare(begun)
         ended = full.call("resume", folder, "--json", commit=0.02).check(2, 0)
         if ended.code:
-            said = ended.sentence(str(folder), "no room left")
+            said = ended.sentence(str(folder), "no space left")
             assert "flocking resume" in said
         full.clear()
         assert_begins_and_goes_on(full, begun.name, tmp_path)
@@ -141,7 +141,7 @@ def test_a_sweep(machines: Machines, sweep: Path, tmp_path: Path, blocks: int) -
         words = ("sweep", sweep, "--workers", "1", "--out", full.path / "sweep", "--json")
         ended = full.call(*words).check(2, 0)
         if ended.code:
-            said = ended.sentence(str(full.path / "sweep"), "no room left")
+            said = ended.sentence(str(full.path / "sweep"), "no space left")
             assert "flocking resume" not in said, "a sweep is gone on with by the same command"
         full.clear()
         machines.call(*words).check(0)

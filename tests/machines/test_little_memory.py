@@ -94,5 +94,5 @@ def test_a_run_is_not_called_damaged_where_memory_is_short(whole: Path, monkeypa
             raise fault
 
         monkeypatch.setattr("zarr.core.array.Array.__getitem__", fail)
-        with pytest.raises(StorageError, match="asks for more memory than there is"):
+        with pytest.raises(StorageError, match="needs more memory than is available"):
             read_run(whole)

@@ -180,7 +180,7 @@ def test_foreign_parts_are_refused(part: Any) -> None:
         ({"part": "Sink", "point": {"float": "1e5"}}, "must be a number, text"),
         ({"same": 0}, "must be the id of a part"),
         ({"same": [0]}, "must be the id of a part"),
-        ({"part": "Compensate", "id": [1]}, "must be a whole number"),
+        ({"part": "Compensate", "id": [1]}, "must be an integer"),
         ({"free": 1}, "must be a number, text"),
         ((1, 2), "must be plain data"),
     ],

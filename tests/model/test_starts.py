@@ -68,7 +68,7 @@ def test_an_unreachable_start_says_so(monkeypatch):
     ("make", "words"),
     [
         (lambda: fk.start.box(0, side=1, seed=0), "n must be at least 1"),
-        (lambda: fk.start.box(2.5, side=1, seed=0), "n must be a whole number"),
+        (lambda: fk.start.box(2.5, side=1, seed=0), "n must be an integer"),
         (lambda: fk.start.box(2, side=-1, seed=0), "side must be greater than 0"),
         (lambda: fk.start.box(2, side=[1, 0], seed=0), "side must be greater than 0"),
         (lambda: fk.start.box(2, side="x", seed=0), "side must be"),

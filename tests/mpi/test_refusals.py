@@ -53,7 +53,7 @@ def test_an_agent_too_far_away_for_cells_is_named(monkeypatch):
     found = scenario()
     q = found.start.q.copy()
     q[3] = [0.0, -1e12]
-    with pytest.raises(SimulationError, match=r"agent 3 is 1e\+12 away from the middle.*engine='tiles'") as error:
+    with pytest.raises(SimulationError, match=r"agent 3 is 1e\+12 away from the centre.*engine='tiles'") as error:
         fk.start(found.with_(start=fk.State(q, found.start.p)), "lammps", step=0.01)
     assert error.value.agents == (3,)
 

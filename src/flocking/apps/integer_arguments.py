@@ -10,7 +10,7 @@ from flocking.errors import InvalidInput
 
 
 def check_integers(command: Callable[..., object], words: Sequence[str]) -> None:
-    """Check that options of a command that count something were given as whole numbers.
+    """Check that options of a command that count something were given as integers.
 
     Parameters
     ----------
@@ -35,4 +35,4 @@ def check_integers(command: Callable[..., object], words: Sequence[str]) -> None
             return
         name, equals, value = word.partition("=")
         if name in counting and not re.fullmatch(r"[+-]?\d+", value if equals else after):
-            raise InvalidInput(command.__name__, name, "must be a whole number", value if equals else after)
+            raise InvalidInput(command.__name__, name, "must be an integer", value if equals else after)

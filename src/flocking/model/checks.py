@@ -106,7 +106,7 @@ def integer(owner: str, parameter: str, value: object, *, least: int) -> int:
         When ``value`` is no integer or too small.
     """
     if isinstance(value, bool) or not isinstance(value, int | np.integer):
-        raise InvalidInput(owner, parameter, "must be a whole number", value)
+        raise InvalidInput(owner, parameter, "must be an integer", value)
     if value < least:
         raise InvalidInput(owner, parameter, f"must be at least {least}", value)
     return int(value)
@@ -185,7 +185,7 @@ def axes_of(value: Any) -> int:
 
 
 def one_of(owner: str, parameter: str, value: object, words: Collection[object], rule: str = "") -> None:
-    """Check that ``value`` is one of some words or whole numbers.
+    """Check that ``value`` is one of some strings or integers.
 
     Raises
     ------

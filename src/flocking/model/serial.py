@@ -162,7 +162,7 @@ class _Reader:
         kind = _kind(name, where, data.pop("from", None))
         number = data.pop("id", None)
         if number is not None and not isinstance(number, int):
-            raise InvalidInput(where, "id", "must be a whole number", number)
+            raise InvalidInput(where, "id", "must be an integer", number)
         where = f"{where}.{kind.name}"
         given = {key: self.read(value, f"{where}.{key}", depth + 1) for key, value in data.items()}
         _check_fields(kind, given, where)

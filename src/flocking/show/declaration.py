@@ -69,7 +69,7 @@ class Figure:
 
 
 Figures = Mapping[int, Figure] | Mapping[str, Figure]
-"""Figures by number, which is a whole number or a text."""
+"""Figures by number, an integer or a string."""
 
 
 def snapshot(time: float | None = None, **options: Unpack[plane.NetOptions]) -> Draw:

@@ -76,13 +76,13 @@ class Swapped(Avoid):
         """Differs from that of the right term."""
         return ("Swapped", *super().structure)
 
-    def encounter(self, x: ObstacleSymbols) -> Sequence[sympy.Expr]:
+    def obstacle_force(self, x: ObstacleSymbols) -> Sequence[sympy.Expr]:
         """The force with the velocity of the beta-agent reversed."""
-        return super().encounter(replace(x, boundary=[-w for w in x.boundary]))
+        return super().obstacle_force(replace(x, boundary=[-w for w in x.boundary]))
 
-    def encounter_balance(self, x: ObstacleSymbols) -> tuple[sympy.Expr, sympy.Expr]:
+    def obstacle_balance(self, x: ObstacleSymbols) -> tuple[sympy.Expr, sympy.Expr]:
         """All power counts as supplied."""
-        return ObstacleTerm.encounter_balance(self, x)
+        return ObstacleTerm.obstacle_balance(self, x)
 
 
 def _with_terms(scenario: Scenario, change: Callable[[Term], Term], what: str) -> Scenario:

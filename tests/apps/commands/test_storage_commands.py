@@ -42,7 +42,7 @@ def test_info_of_an_unfinished_run(tmp_path: Path, capsys: pytest.CaptureFixture
 
 def test_info_of_no_run_and_of_a_damaged_one(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["info", str(tmp_path)]) == 2
-    assert "no run here" in capsys.readouterr().err
+    assert "not a run" in capsys.readouterr().err
     write_run(finished(), tmp_path / "run")
     next(p for p in (tmp_path / "run" / "position" / "c").rglob("*") if p.is_file()).unlink()
     assert main(["info", str(tmp_path / "run")]) == 2

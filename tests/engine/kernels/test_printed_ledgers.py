@@ -138,8 +138,8 @@ def printed(law, energy, order):
     module = compiled_kernels(layout, 2)
     slots = layout.values(agents, N, T)
     lists = [np.nonzero(g.start_links(Q)) for g in law.graphs]
-    encounters = ObstacleDistances(law)
-    lists += [np.nonzero(encounters.within(x, Q, T)) for x in encounters.levels if x.kind == "obstacle"]
+    distances = ObstacleDistances(law)
+    lists += [np.nonzero(distances.within(x, Q, T)) for x in distances.levels if x.kind == "obstacle"]
     senders, sensed = (np.concatenate([x[k] for x in lists]) for k in (0, 1))
     offsets = np.cumsum([0, *(len(x[0]) for x in lists)])
     p = P if order == 2 else np.zeros_like(P)

@@ -188,7 +188,7 @@ def test_a_run_whose_engine_is_missing_is_read_and_says_what_to_install(
     monkeypatch.undo()
     fk.unregister_engine(NAME)
     assert fk.audit(fk.read_run(tmp_path / "run")).results
-    said = rf"made by engine='{NAME}', which is not registered here. Install the package 'tests'.*can be read without"
+    said = rf"made by engine='{NAME}', which is not registered. Install the package 'tests'.*can be read without"
     with pytest.raises(EngineMissing, match=said):
         fk.resume(tmp_path / "run", progress=False)
     fk.register_engine(ENGINE)
@@ -223,14 +223,14 @@ def test_one_that_fails_midway_keeps_its_last_commit_and_goes_on_once_mended(
 
 def test_one_that_never_gets_on_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(PlainSession, "advance", lambda self, to, seconds: None)
-    with pytest.raises(EngineFailed, match="makes no step and does not end"):
+    with pytest.raises(EngineFailed, match="takes no step and does not end"):
         run()
 
 
 def test_a_wrong_option_names_the_nearest_and_the_engine_that_has_it() -> None:
     with pytest.raises(InvalidInput, match=r"stepp is not known to engine='plain-verlet'.*Did you mean step\? Known"):
         run(stepp=0.1)
-    with pytest.raises(InvalidInput, match="threads is an option of engine='tiles' alone"):
+    with pytest.raises(InvalidInput, match="threads is only an option of engine='tiles'"):
         run(threads=2)
     with pytest.raises(InvalidInput, match="PlainOptions: step must be greater than 0"):
         run(step=-1.0)
@@ -299,7 +299,7 @@ def test_entry_points_that_collide_are_told_and_what_was_there_stays(tmp_path: P
     [
         ("nowhere.at_all:ENGINE", "cannot be imported: ModuleNotFoundError"),
         ("json:ENGINE", "must be an instance of"),
-        ("tests.engine.outside.plain_verlet:ENGINE", "calls itself 'plain-verlet'"),
+        ("tests.engine.outside.plain_verlet:ENGINE", "has the name 'plain-verlet'"),
     ],
 )
 def test_an_entry_point_that_leads_to_no_engine_is_told(target: str, said: str) -> None:

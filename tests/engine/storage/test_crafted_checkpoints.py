@@ -54,7 +54,7 @@ def refused(data: bytes, engine: str) -> str:
     with pytest.raises(StorageError) as caught:
         gone_on(data, engine)
     message = str(caught.value)
-    assert message.startswith(f"{WHERE}: no checkpoint this version can go on from ("), message
+    assert message.startswith(f"{WHERE}: not a checkpoint from which this version can continue ("), message
     assert len(message) < 400
     return message
 
@@ -90,7 +90,7 @@ def test_wrong_arrays_of_the_exact_engine(name: str, values: np.ndarray, said: s
     [
         ("time", 7.0, "the time must lie in the run"),
         ("steps", -3, "steps must lie between 0"),
-        ("steps", 2.5, "steps must be a whole number"),
+        ("steps", 2.5, "steps must be an integer"),
         ("graphs", 2, "graphs must lie between 1 and 1"),
         ("pending", [3], r"pending\[0\] must lie between 0 and 0"),
         ("sliding", [[0, 8, 1, 0.0, 1.0, 2]], r"sliding\[0\]\[1\] must lie between 0 and 7"),
@@ -121,8 +121,8 @@ def test_wrong_lists_of_the_tiled_engine() -> None:
     }
     at = {field: name for name, field in named.items()}
     for field, change, said in [
-        ("rows", lambda x: x | np.uint32(77), "must name agents that there are"),
-        ("rows", lambda x: (x & 0) + np.uint32((1 << 31) + 45), "must link agents that there are"),
+        ("rows", lambda x: x | np.uint32(77), "must contain indices of existing agents"),
+        ("rows", lambda x: (x & 0) + np.uint32((1 << 31) + 45), "must link existing agents"),
         ("first", lambda x: x + 10**6, "must end within"),
         ("count", lambda x: -x - 1, "must not hold values below 0"),
     ]:
@@ -134,7 +134,7 @@ def test_every_agent_is_there_once() -> None:
     ids = numbers["session"]["dict"]["crowd"]["of"]["fields"]["dict"]["ids"]["array"]
     twice = arrays[ids].copy()
     twice[0] = twice[1]
-    assert "ids must name every agent once" in refused(written(numbers, {**arrays, ids: twice}), "tiles")
+    assert "ids must contain every agent once" in refused(written(numbers, {**arrays, ids: twice}), "tiles")
 
 
 def test_another_runs_restart_of_lammps() -> None:

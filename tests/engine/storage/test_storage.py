@@ -95,7 +95,7 @@ def test_an_append_that_failed_can_be_repeated(tmp_path: Path, monkeypatch: pyte
                     (writer.append, (run.t, run.q, run.p, run.links, run.accuracy.frames)),
                     (writer.append_records, (run.switches, run.trace)),
                 ):
-                    with pytest.raises(StorageError, match="no room left") if fails else nullcontext():
+                    with pytest.raises(StorageError, match="no space left") if fails else nullcontext():
                         append(*records)
         writer.commit(
             run.status,
@@ -241,13 +241,13 @@ def test_a_newer_version_is_refused(folder: Path) -> None:
 @pytest.mark.parametrize("text", ["", "{", "[]", "null", '{"attributes": {}}', '{"attributes": {"flocking": 3}}'])
 def test_a_record_that_is_none(folder: Path, text: str) -> None:
     (folder / "zarr.json").write_text(text)
-    with pytest.raises(StorageError, match="no record of a run"):
+    with pytest.raises(StorageError, match="not the record of a run"):
         read_run(folder)
 
 
 def test_no_run_here(tmp_path: Path) -> None:
     for path in (tmp_path, tmp_path / "nothing"):
-        with pytest.raises(StorageError, match="no run here"):
+        with pytest.raises(StorageError, match="not a run"):
             read_run(path)
 
 
@@ -263,9 +263,9 @@ def test_a_changed_scenario_does_not_pass(folder: Path) -> None:
 
 def test_nothing_is_overwritten(folder: Path, tmp_path: Path) -> None:
     before = (folder / "zarr.json").read_bytes()
-    with pytest.raises(StorageError, match="holds a run already"):
+    with pytest.raises(StorageError, match="contains a run"):
         write_run(finished(), folder)
-    with pytest.raises(StorageError, match="holds a run already"):
+    with pytest.raises(StorageError, match="contains a run"):
         fk.simulate(scenario(), save=folder, progress=False)
     assert (folder / "zarr.json").read_bytes() == before
     other = tmp_path / "other"
@@ -323,7 +323,7 @@ def test_a_full_disk_keeps_what_was_committed(tmp_path: Path, limit: Callable[[i
     begin = fk.Scenario(fk.Law(fk.Proximity(0.01), [fk.Consensus(1.0)]), fk.State(frames[0]), t_end=5.0)
     with RunWriter.create(tmp_path / "run", begin, with_links=False) as writer:
         limit(700_000)
-        with pytest.raises(StorageError, match=r"no room left.*resume"):  # noqa: PT012 - how far it gets is the point
+        with pytest.raises(StorageError, match=r"no space left.*resume"):  # noqa: PT012 - how far it gets is the point
             for k in range(5):
                 writer.append([float(k)], frames[k : k + 1], frames[k : k + 1])
                 writer.commit()
@@ -335,7 +335,7 @@ def test_a_full_disk_keeps_what_was_committed(tmp_path: Path, limit: Callable[[i
 
 def test_a_full_disk_does_not_lose_the_simulation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     fill_the_disk_after_three_commits(monkeypatch)
-    with pytest.raises(StorageError, match="no room left") as caught:
+    with pytest.raises(StorageError, match="no space left") as caught:
         fk.simulate(scenario(), save=tmp_path / "run", progress=False)
     assert caught.value.run is not None
     assert caught.value.run.trace.tobytes() == finished().trace[: len(caught.value.run.trace)].tobytes()

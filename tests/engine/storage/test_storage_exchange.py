@@ -125,7 +125,7 @@ def test_an_export_replaces_the_old_one_whole(tmp_path: Path, monkeypatch: pytes
 
     monkeypatch.setattr(atomic_files.os, "replace", full)
     for form in FORMATS:
-        with pytest.raises(StorageError, match=f"cannot write {form}: no room left"):
+        with pytest.raises(StorageError, match=f"cannot write {form}: no space left"):
             export_run(finished(), tmp_path / f"run.{form}")
         assert (tmp_path / f"run.{form}").read_text() == "old"
     assert len(list(tmp_path.iterdir())) == len(FORMATS)
@@ -195,8 +195,8 @@ def test_a_start_from_a_table(tmp_path: Path, text: str, q: Any, p: Any) -> None
 @pytest.mark.parametrize(
     ("name", "content", "said"),
     [
-        ("a.csv", b"", "holds no rows"),
-        ("a.csv", b"x,y\n", "holds no rows"),
+        ("a.csv", b"", "contains no rows"),
+        ("a.csv", b"x,y\n", "contains no rows"),
         ("a.csv", b"a,b\n1,2\n", "no columns x, y"),
         ("a.csv", b"x,y\n1,two\n", "line 2, column y: no number: 'two'"),
         ("a.csv", b"x,y\n1,2\n3\n", "line 3, column y: no number: None"),
@@ -226,7 +226,7 @@ def test_frames_and_files_that_are_not_there(tmp_path: Path) -> None:
     with pytest.raises(StorageError, match="not an NPZ file of plain arrays"):
         read_start(tmp_path / "pickle.npz")
     np.savez(tmp_path / "other.npz", x=np.zeros(3))
-    with pytest.raises(StorageError, match="holds no array 'q'"):
+    with pytest.raises(StorageError, match="contains no array 'q'"):
         read_start(tmp_path / "other.npz")
 
 
@@ -314,5 +314,5 @@ def test_only_runs_can_be_compared() -> None:
 
 def test_a_full_disk_is_told_in_one_way(tmp_path: Path) -> None:
     for number in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT):
-        with pytest.raises(StorageError, match="no room left"), atomic_files.storage_errors(tmp_path, "write"):
+        with pytest.raises(StorageError, match="no space left"), atomic_files.storage_errors(tmp_path, "write"):
             raise OSError(number, os.strerror(number))

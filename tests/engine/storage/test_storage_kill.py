@@ -116,7 +116,7 @@ def kill_while_frames_are_written(start: Start, place: Path, instants: int, seed
         tell("runs on disk: writers killed")
         if not folder.exists():
             assert committed(folder) == 0
-            with pytest.raises(StorageError, match="no run here"):
+            with pytest.raises(StorageError, match="not a run"):
                 read_run(folder)
             found.append((0, 0))
             continue

@@ -161,7 +161,7 @@ def test_a_failed_run_is_kept_and_does_not_go_on(tmp_path: Path) -> None:
     assert caught.value.run is not None
     assert 3 < len(stored.t) < 51
     np.testing.assert_array_equal(stored.trace, caught.value.run.trace)
-    with pytest.raises(StorageError, match="cannot go on, it ended"):
+    with pytest.raises(StorageError, match="cannot continue; it ended"):
         fk.resume(tmp_path / "run", progress=False)
 
 
@@ -170,10 +170,10 @@ def test_a_failed_run_on_a_full_disk_is_not_lost(tmp_path: Path, monkeypatch: py
     begin = fk.State([[0.0, 0.0], [1.0, 0.0]])
 
     def full(self: saving.SessionWriter, status: str) -> None:
-        raise StorageError("no room left")
+        raise StorageError("no space left")
 
     monkeypatch.setattr(saving.SessionWriter, "finish", full)
-    with pytest.raises(StorageError, match="no room left") as caught:
+    with pytest.raises(StorageError, match="no space left") as caught:
         fk.simulate(fk.Scenario(law, begin, t_end=5.0, frames=51), save=tmp_path / "run", progress=False)
     assert caught.value.run is not None
     assert isinstance(caught.value.__context__, SimulationError)

@@ -25,7 +25,7 @@ def short(state: fk.State, law: fk.Law | None = None, **options: Any) -> Any:
 @pytest.mark.parametrize(
     ("option", "value", "said"),
     [
-        ("threads", 1.5, "whole number"), ("threads", 0, "at least 1"), ("threads", 10**6, "at most 1024"),
+        ("threads", 1.5, "integer"), ("threads", 0, "at least 1"), ("threads", 10**6, "at most 1024"),
         ("ledger", 3, "True or False"), ("observe", "yes", "True or False"), ("keep_frames", 0, "True or False"),
         ("step", np.inf, "finite"), ("step", "0.1", "number"), ("skin", np.nan, "finite"), ("step", 1e-320, "1e\\+12"),
         ("memory_limit", np.inf, "finite"),

@@ -206,7 +206,7 @@ def test_ctrl_c_loses_nothing(tmp_path: Path) -> None:
 def test_a_full_disk_loses_nothing_that_was_computed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = fk.simulate(scenario("proximity"), **OPTIONS)
     fill_the_disk_after_three_commits(monkeypatch)
-    with pytest.raises(StorageError, match="no room left") as caught:
+    with pytest.raises(StorageError, match="no space left") as caught:
         fk.simulate(scenario("proximity"), save=tmp_path / "run", **OPTIONS)
     kept = caught.value.run
     assert 1 <= len(kept.t) < 11
@@ -291,7 +291,7 @@ def test_a_failed_run_is_kept_whole_and_says_why(tmp_path: Path, monkeypatch: py
     assert stored.status == str(caught.value)
     assert len(stored.t) == len(caught.value.run.t) > 1
     assert stored.q.tobytes() == caught.value.run.q.tobytes()
-    with pytest.raises(StorageError, match="cannot go on, it ended"):
+    with pytest.raises(StorageError, match="cannot continue; it ended"):
         fk.resume(tmp_path / "run", progress=False)
 
 

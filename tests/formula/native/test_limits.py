@@ -42,7 +42,7 @@ REFUSED = {
     "real index": "b = np.zeros(3)\nb[2] = 5.0\nreturn b[a]",
     "real range": "s = 0\nfor k in range(a):\n    s += k\nreturn s",
     "range of four": "s = 0\nfor k in range(1, 2, 1, 1):\n    s += k\nreturn s",
-    "large whole number": "return a * 2 + (2**70 - 3)",
+    "large integer": "return a * 2 + (2**70 - 3)",
     "large unsigned": "return np.uint64(2**64 + 1) + np.uint64(a)",
     "too large for 32 bits": "return np.int32(2**40)",
     "signed and unsigned": "return np.uint64(a) < np.int64(a)",

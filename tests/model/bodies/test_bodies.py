@@ -88,7 +88,7 @@ def test_names_of_columns_are_checked(name):
 
 @pytest.mark.parametrize("width", [0, -1, 1.5, True])
 def test_widths_of_columns_are_checked(width):
-    with pytest.raises(fk.InvalidInput, match="positive whole number"):
+    with pytest.raises(fk.InvalidInput, match="positive integer"):
         fk.Column("force", width)
 
 

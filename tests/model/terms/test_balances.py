@@ -99,13 +99,13 @@ class Fender(fk.Avoid):
     def structure(self):
         return ("Fender", self.dissipated, self.damped, *super().structure)
 
-    def encounter(self, x):
-        push = super().encounter(replace(x, boundary=x.p))
+    def obstacle_force(self, x):
+        push = super().obstacle_force(replace(x, boundary=x.p))
         c4 = x.parameter("damping_gain")
         return [f + self.damped * c4 * (w - v) for f, w, v in zip(push, x.boundary, x.p, strict=True)]
 
-    def encounter_balance(self, x):
-        lost, given = super().encounter_balance(x)
+    def obstacle_balance(self, x):
+        lost, given = super().obstacle_balance(x)
         return self.dissipated * lost, given
 
 
@@ -286,11 +286,11 @@ def test_terms_of_the_library_need_no_sympy_when_their_law_is_built():
 
 def test_an_obstacle_term_inherits_the_whole_power_as_supply():
     class Own(fk.Avoid):
-        def encounter(self, x):
-            return [2 * f for f in super().encounter(x)]
+        def obstacle_force(self, x):
+            return [2 * f for f in super().obstacle_force(x)]
 
-        def encounter_balance(self, x):
-            return ObstacleTerm.encounter_balance(self, x)
+        def obstacle_balance(self, x):
+            return ObstacleTerm.obstacle_balance(self, x)
 
     term = Own((fk.Ball([3.0, 0.0], 1.0),), fk.Velocity([1.0, 0.0]), range=2.0)
     state = fk.State([[0.0, 0.0]], [[0.1, 0.0]])

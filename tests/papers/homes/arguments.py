@@ -1,4 +1,4 @@
-"""What parts make of what they are given: whole numbers, lists and single values, and what they refuse."""
+"""Arguments of parts: integers, lists and single values, and refused values."""
 
 from __future__ import annotations
 

@@ -175,10 +175,10 @@ def functionals():
     xi = np.linalg.svd(L.T)[2][-1]
     xi = xi / xi.sum()
     assert_allclose(control(law, STATE), -0.9 * xi[:, None] * (L @ P), rtol=1e-8)
-    encounters()
+    obstacle_contacts()
 
 
-def encounters():
+def obstacle_contacts():
     from tests.papers.homes.avoidance import avoided
 
     avoided()

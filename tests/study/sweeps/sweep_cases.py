@@ -35,7 +35,7 @@ def noting(folder):
 
 
 def harmful(folder):
-    """A family one run of which kills its own worker each time, and one asks for more memory than there is."""
+    """A family one run of which kills its own worker each time, and one needs more memory than is available."""
     place = str(folder)
 
     def made(speed, seed):

@@ -341,7 +341,7 @@ def test_a_full_disk_is_told_and_what_was_committed_stays(tmp_path, monkeypatch)
         put(path, data, **options)
 
     monkeypatch.setattr(atomic_files, "put", filling)
-    with pytest.raises(StorageError, match="no room left"):
+    with pytest.raises(StorageError, match="no space left"):
         run(**arguments)
     kept = len(fk.read_sweep(tmp_path / "out"))
     assert 1 <= kept < 12

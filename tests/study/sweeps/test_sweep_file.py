@@ -118,7 +118,7 @@ grid.gian: is no option of this family. Did you mean 'gain'?
 grid.gain: must have low below high
 grid.duration: must be a list or a table; got 'x'
 sample.method: must be 'random', 'latin' or 'sobol'; got 'sobl'
-sample.count: must be a whole number; got 2.5
+sample.count: must be an integer; got 2.5
 sample.ranges.gain.logg: is not known here. Did you mean 'log'?
 """
 

@@ -135,7 +135,7 @@ class Integer(Form[IntegerNumber]):
     def check(self, value: object, name: str) -> IntegerNumber:
         """Refuse another value, see `Form.check`."""
         if isinstance(value, bool) or not isinstance(value, int | np.integer):
-            raise _refuse(name, "be a whole number", value)
+            raise _refuse(name, "be an integer", value)
         if not self.least <= value <= self.most:
             raise _refuse(name, f"lie between {self.least} and {self.most}", value)
         return value

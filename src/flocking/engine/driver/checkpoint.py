@@ -1,4 +1,4 @@
-"""Checkpoints: the state of a session, without its records, in one file; each engine packs its own."""
+"""Checkpoints: the state of a session, without its records, in one file; packed by its engine."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def read_checkpoint(data: bytes | Path, engine: str, where: Path) -> Packed:
     Raises
     ------
     StorageError
-        When the data are no checkpoint, or of another engine; the message names the file ``where``.
+        If the data are not a checkpoint, or of another engine; the message names the file ``where``.
     """
     try:
         numbers, arrays = read_archive(data)
@@ -68,7 +68,7 @@ def restored(engine: Engine, packed: Packed, stored: Stored, where: Path, change
     Raises
     ------
     StorageError
-        When the data are of no session of this scenario; the message names the file ``where``.
+        If the data do not fit this scenario; the message names the file ``where``.
     """
     try:
         return engine.unpack(packed, stored, changes)
@@ -77,4 +77,4 @@ def restored(engine: Engine, packed: Packed, stored: Stored, where: Path, change
 
 
 def _useless(where: Path, error: BaseException) -> StorageError:
-    return StorageError(f"{where}: no checkpoint this version can go on from ({str(error)[:200]}).")
+    return StorageError(f"{where}: not a checkpoint from which this version can continue ({str(error)[:200]}).")

@@ -1,4 +1,4 @@
-"""A scenario written as input files for LAMMPS alone."""
+"""Export of a scenario as input files for LAMMPS."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def export_deck(scenario: Scenario, folder: str | Path, *, step: float | None = 
     folder
         A new or empty folder.
     step
-        Largest time step; it is shortened a little so that frames fall on steps. Chosen from the start when absent.
+        Largest time step; it is shortened slightly so that frame times coincide with steps. Chosen by default.
 
     Returns
     -------
@@ -40,11 +40,11 @@ def export_deck(scenario: Scenario, folder: str | Path, *, step: float | None = 
     Raises
     ------
     UnsupportedLaw
-        When a part has no translation.
+        If a part has no translation.
     InvalidInput
-        When the step is not positive, or the frames are not evenly spaced from the start on.
+    If the step is not positive, or the frames are not evenly spaced from the start on.
     StorageError
-        When the folder is not empty or cannot be written.
+    If the folder is not empty or cannot be written.
     """
     deck = make_deck(scenario)
     step = chosen_step(scenario, scenario.start) if step is None else number("export_deck", "step", step, above=0.0)
@@ -55,8 +55,8 @@ def export_deck(scenario: Scenario, folder: str | Path, *, step: float | None = 
     lines = [
         f"# {scenario.name or 'flock'}: {scenario.start.n} agents until t = {scenario.t_end:g}, written by flocking.",
         "# Run it by: mpiexec -n 64 lmp -in in.flocking. Frames go to frames.lammpstrj.",
-        f"# LAMMPS of July 2025 or newer with the packages {packages}. Equation numbers are the papers'.",
-        "# One unit of length, time and mass throughout.", "",
+        f"# LAMMPS of July 2025 or newer with the packages {packages}. Equation numbers refer to the papers.",
+        "# Units of length, time and mass are those of the scenario.", "",
         *deck.world(), "", *deck.agents("data.flocking"), "", *deck.law(ranks=2), "",
         f"timestep {h!r}", f"thermo {each}", "thermo_style custom step time atoms ke pe",
         f"dump frames all custom {each} frames.lammpstrj id {' '.join(columns)}",
@@ -64,7 +64,7 @@ def export_deck(scenario: Scenario, folder: str | Path, *, step: float | None = 
         f"restart {max(each, RESTART_STEPS)} restart.1 restart.2", f"run {count}",
     ]  # fmt: skip
     with storage_errors(
-        folder, "write the deck", full="The files there are incomplete; free some space or choose another folder."
+        folder, "write the deck", full="The folder is incomplete; free some space or choose another folder."
     ):
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise StorageError(f"{folder}: not an empty folder. Choose another one; nothing is ever overwritten.")
@@ -79,7 +79,7 @@ def export_deck(scenario: Scenario, folder: str | Path, *, step: float | None = 
 
 
 def _clock(scenario: Scenario, step: float) -> tuple[float, int, int]:
-    """Time step, steps from frame to frame, and steps in all."""
+    """Time step, number of steps between frames, and total number of steps."""
     start, times = scenario.start.t, scenario.frame_times
     span = scenario.t_end - start
     gaps = np.diff(times)

@@ -1,4 +1,4 @@
-"""Times at which a session is stopped to report and save, and the progress report."""
+"""Times at which a session stops to report and save, and the progress report."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import numpy as np
 from flocking.model.law import Scenario
 
 QUIET_SECONDS = 2.0
-"""Runs shorter than this show no progress: it could not be read."""
+"""Duration in seconds below which a run shows no progress."""
 LINE_SECONDS = 10.0
-"""Wall time between two lines, and before the first, where there is no terminal for a bar."""
+"""Wall time in seconds between two lines, and before the first, if there is no terminal for a bar."""
 
 
 def stops(scenario: Scenario, now: float, *, often: bool) -> list[float]:
-    """Times at which a session is stopped on its way to the end of its scenario; ``often``: also at its frames.
+    """Times at which a session stops before the end of its scenario; ``often``: also at its frames.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class Progress:
         agent_steps
             Number of steps so far times the number of agents.
         note
-            Further text, such as why the run does not advance.
+            Further text, such as the reason for a delay.
         """
         now = time.monotonic()
         if self._first is None:

@@ -34,12 +34,12 @@ class Entry:
     Parameters
     ----------
     target
-        The engine itself, or ``"module:attribute"``.
+        The engine, or ``"module:attribute"``.
     package
         The package that provides it.
     automatic_from, interactive_from
-        Smallest group for which ``"auto"`` selects it, in a run and in an interactive page; never where absent. Read
-        of the engines of this library alone.
+        Smallest group for which ``"auto"`` selects it, in a run and in an interactive page; None for never. Only used
+        for the engines of this library.
     """
 
     name: str
@@ -54,7 +54,7 @@ class Entry:
         Raises
         ------
         EngineMissing
-            When it cannot be imported, or is no engine.
+            If it cannot be imported, or is not an engine.
         """
         if isinstance(self.target, Engine):
             return self.target
@@ -68,7 +68,7 @@ class Entry:
                 raise
             raise EngineMissing(
                 f"engine={self.name!r} of the package {self.package} cannot be imported: "
-                f"{type(error).__name__}: {error}. Install it afresh, or report it to its authors."
+                f"{type(error).__name__}: {error}. Reinstall it, or report it to its authors."
             ) from error
         try:
             check_engine(found)
@@ -77,7 +77,7 @@ class Entry:
         assert isinstance(found, Engine)
         if found.name != self.name:
             raise EngineMissing(
-                f"engine={self.name!r} of the package {self.package} calls itself {found.name!r}. "
+                f"engine={self.name!r} of the package {self.package} has the name {found.name!r}. "
                 "Its entry point must have the engine's name."
             )
         return found
@@ -127,9 +127,9 @@ def check_engine(engine: object) -> None:
 
 
 def register_engine(engine: Engine) -> None:
-    """Let ``engine=`` and ``--engine`` know another engine, in this process and in the workers of its sweeps.
+    """Make an engine available to ``engine=`` and ``--engine``, in this process and in the workers of its sweeps.
 
-    A package that is to be known to every process declares an entry point of the group ``flocking.engines`` instead.
+    To make it available in every process, declare an entry point of the group ``flocking.engines`` in its package.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def register_engine(engine: Engine) -> None:
     Raises
     ------
     InvalidInput
-        When it is none, or another one has its name.
+        If it is not an engine, or another one has its name.
     """
     check_engine(engine)
     register_entry(Entry(engine.name, engine, type(engine).__module__.partition(".")[0]))
@@ -163,12 +163,12 @@ def register_entry(entry: Entry) -> None:
 
 
 def unregister_engine(name: str) -> None:
-    """Remove an engine that `register_engine` was given.
+    """Remove an engine that was registered with `register_engine`.
 
     Raises
     ------
     InvalidInput
-        When there is none of that name.
+        If there is no engine of that name.
     """
     if name not in _registered:
         raise InvalidInput("unregister_engine", "name", "must be that of a registered engine", name)
@@ -181,13 +181,13 @@ def adopt_entries(entries: Iterable[Entry]) -> None:
 
 
 def registered() -> tuple[Entry, ...]:
-    """Engines known to this process only, for its worker processes."""
+    """Engines registered in this process only, for its worker processes."""
     return tuple(_registered.values())
 
 
 @lru_cache(maxsize=1)
 def _installed() -> Mapping[str, Entry]:
-    """Engines of installed packages. They are not imported."""
+    """Engines of installed packages, without importing them."""
     from importlib.metadata import entry_points
 
     found: dict[str, Entry] = {}
@@ -262,7 +262,8 @@ def chosen_engine(scenario: Scenario, engine: str, plant: Law | None = None, *, 
     engine
         Name of an engine, or ``"auto"``.
     plant
-        The law the agents really obey, if it is not the scenario's; then it is the engine of the smallest groups.
+        The law that agents follow, if it differs from the scenario's; then the engine for the smallest groups is
+        selected.
     interactive
         Whether a user waits for each step.
     """
@@ -281,7 +282,7 @@ def chosen_engine(scenario: Scenario, engine: str, plant: Law | None = None, *, 
 
 
 ARGUMENTS = ("engine", "fine", "plant", "progress", "save")
-"""Arguments of `flocking.simulate` beside the options of an engine."""
+"""Arguments of `flocking.simulate` besides the options of an engine."""
 
 
 def options_of(engine: Engine, given: Mapping[str, object]) -> object:
@@ -290,7 +291,7 @@ def options_of(engine: Engine, given: Mapping[str, object]) -> object:
     Raises
     ------
     InvalidInput
-        When there is no such option, or a value breaks a rule.
+        If there is no such option, or a value is invalid.
     """
     try:
         return engine.options_from(given)
@@ -300,7 +301,7 @@ def options_of(engine: Engine, given: Mapping[str, object]) -> object:
             own = {*engine.option_names, *ARGUMENTS}
             raise unknown_option(error.parameter, error.value, own, engine.name) from None
         owners = " and ".join(f"engine={name!r}" for name in having)
-        raise InvalidInput("start", error.parameter, f"is an option of {owners} alone", error.value) from None
+        raise InvalidInput("start", error.parameter, f"is only an option of {owners}", error.value) from None
 
 
 def _option_names(name: str) -> tuple[str, ...]:
@@ -317,12 +318,12 @@ def missing_engine(folder: object, name: str, package: str) -> EngineMissing:
     Parameters
     ----------
     folder
-        Where the run is.
+        The folder of the run.
     name, package
         The engine, and its package; empty if the run does not state it.
     """
-    fix = f"Install the package {package!r}" if package else "Install the package that brings it"
+    fix = f"Install the package {package!r}" if package else "Install the package that provides it"
     return EngineMissing(
-        f"{folder}: this run was made by engine={name!r}, which is not registered here. {fix}, or give the engine to "
-        "flocking.register_engine before the run goes on. What is stored can be read without it."
+        f"{folder}: this run was made by engine={name!r}, which is not registered. {fix}, or pass the engine to "
+        "flocking.register_engine before resuming. The stored data can be read without it."
     )

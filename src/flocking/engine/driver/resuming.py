@@ -30,32 +30,32 @@ def resume(
     progress: bool = True,
     threads: int | None = None,
 ) -> Run:
-    """Go on with a run on disk from its last commit to the end of its scenario.
+    """Continue a run on disk from its last commit to the end of its scenario.
 
-    The result equals that of a run never stopped, bit for bit, on the same machine and versions.
-    A run that is finished already is read and returned.
+    The result equals that of an uninterrupted run bit for bit on the same machine and versions.
+    A finished run is read and returned.
 
     Parameters
     ----------
     folder
-        Where the run is.
+        The folder of the run.
     scenario, plant
-        Its scenario and plant, for a run whose scenario could not be stored.
+        The scenario and the plant, for a run whose scenario could not be stored.
     progress
-        Show a progress bar once it takes longer than two seconds.
+        Whether to show a progress bar for runs longer than two seconds.
     threads
-        Number of threads of an engine whose results do not depend on it; as before when absent.
+        Number of threads, for an engine whose results do not depend on it; unchanged by default.
 
     Raises
     ------
     InvalidInput
         When ``threads`` is given and the engine that made it has no threads to choose.
     StorageError
-        When there is no run, it is damaged, another process writes it, or it ended in a way that cannot go on.
+        If there is no run, it is damaged, another process writes it, or it ended with an error.
     EngineMissing
-        When the engine that made it is not registered.
+    If its engine is not registered.
     SimulationError
-        When the run cannot go on; its ``run`` holds what was computed until then.
+    If the run cannot continue; ``run`` of the error contains the results so far.
     """
     if not isinstance(folder, str | Path):
         raise InvalidInput("resume", "folder", "must be a path", folder)
@@ -66,7 +66,7 @@ def resume(
 
 @dataclass(frozen=True, eq=False)
 class _Left:
-    """State of a stopped run: the run itself if it is finished, else what it goes on from."""
+    """State of a stopped run: the run if it is finished, else the data to continue from."""
 
     scenario: Scenario
     plant: Law | None
@@ -83,7 +83,7 @@ def _resume(
     name, package = engine_of(folder)
     entry = entry_named(name)
     if entry is None:
-        # A finished run is read without it.
+        # A finished run is read without its engine.
         found = read_run(folder, scenario=scenario)
         if found.finished:
             return found
@@ -118,8 +118,8 @@ def _left(folder: Path, writer: RunWriter | None, engine: str, scenario: Scenari
     if checkpoint is None and record["commits"] == 0:
         return left
     if checkpoint is None:
-        raise StorageError(f"{folder}: this run cannot go on, it ended: {record['status']}")
-    # Damage is reported before the run goes on.
+        raise StorageError(f"{folder}: this run cannot continue; it ended with: {record['status']}")
+    # Damage is reported before the run continues.
     read_last(folder, scenario, 0)
     place = folder / checkpoint["file"]
     with storage_errors(folder, "read the checkpoint"):

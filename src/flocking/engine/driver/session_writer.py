@@ -1,4 +1,4 @@
-"""Saving a session while it runs: frames are appended, and a checkpoint is committed every few seconds."""
+"""Saving of a running session: frames are appended, and a checkpoint is committed every few seconds."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ from flocking.engine.storage.stored_runs import read_last
 from flocking.errors import InvalidInput
 
 COMMIT_SECONDS = 2.0
-"""Wall time between two commits; a kill loses no more than this and one stop of the simulation, in a small run."""
+"""Wall time in seconds between two commits; in a small run a kill loses at most this and one stop of the
+simulation."""
 
 COMMIT_SHARE = 20.0
 """Least ratio of the time between two commits to the duration of a commit."""
@@ -40,9 +41,9 @@ class SessionWriter:
     writer
         The run on disk; None on processes that do not write it.
     session
-        The running simulation; the run holds its records up to now.
+        The session; the run contains its records so far.
     every
-        Wall time between two commits, in seconds; `COMMIT_SECONDS` when absent. 0 commits at every stop.
+        Wall time between two commits in seconds; `COMMIT_SECONDS` by default. 0 commits at every stop.
     """
 
     def __init__(self, writer: RunWriter | None, session: Session, every: float | None = None) -> None:
@@ -110,8 +111,8 @@ class SessionWriter:
     def interrupt(self, status: str, *, between_steps: bool = False) -> None:
         """Save a run that was interrupted.
 
-        ``between_steps``, with all its records; otherwise as of its last commit, as the state within a step cannot be
-        saved.
+        ``between_steps``: with all its records. Otherwise as of its last commit, since the state within a step cannot
+        be saved.
         """
         if between_steps and self._session.saves_when_interrupted:
             self._save(status)
@@ -119,7 +120,7 @@ class SessionWriter:
             self._team.alone(lambda: self._here.mark(status))
 
     def run(self, status: str) -> Run:
-        """The complete run: what is on disk, and what came after its last commit."""
+        """The complete run: the part on disk, and the records after its last commit."""
         recent = self._session.run(status)
         records = self._session.records
         if not any(records.stored.values()):
@@ -127,7 +128,7 @@ class SessionWriter:
         last = None if records.stored["time"] * records.frame_bytes <= MOST_RETURNED else 1
         found = _joined(read_last(self._here.folder, self._session.scenario, last), recent)
         if last is not None:
-            found.provenance["frames"] = f"last frame alone; all of them are in {self._here.folder}"
+            found.provenance["frames"] = f"only the last frame; all frames are in {self._here.folder}"
         return found
 
     def _write(self, *, complete: bool) -> None:
@@ -166,7 +167,7 @@ def plain_options(options: object) -> dict[str, object]:
     Raises
     ------
     InvalidInput
-        When JSON cannot hold one of them.
+        If JSON cannot represent one of them.
     """
     if not is_dataclass(options) or isinstance(options, type):
         raise InvalidInput("Session", "options", "must be a dataclass", options)

@@ -21,7 +21,7 @@ from flocking.errors import EngineFailed, FlockingError, InvalidInput, Simulatio
 from flocking.model.law import Law, Scenario
 
 GLANCE_SECONDS = 0.25
-"""Wall time between two stops of a run for progress and commits; a slow step takes longer."""
+"""Wall time in seconds between two stops of a run for progress and commits; a slow step takes longer."""
 
 
 def start(scenario: Scenario, engine: str = "auto", *, plant: Law | None = None, **options: object) -> Session:
@@ -30,12 +30,12 @@ def start(scenario: Scenario, engine: str = "auto", *, plant: Law | None = None,
     Parameters
     ----------
     scenario
-        What to simulate.
+        The scenario to simulate.
     engine
         ``"exact"``, ``"tiles"`` for large groups, ``"lammps"`` for a cluster, or ``"auto"`` to choose: the exact one up
         to 2,000 agents, the tiled one beyond.
     plant
-        The law the agents really obey, for tests of an audit; the scenario's law when absent.
+        The law that agents follow, for tests of an audit; the scenario's law by default.
     options
         For ``"tiles"``: step, scheme, precision and more, see `flocking.engine.tiles.options.TilesOptions`; for
         ``"lammps"``: step and more, see `flocking.engine.lammps.options.LammpsOptions`.
@@ -43,9 +43,9 @@ def start(scenario: Scenario, engine: str = "auto", *, plant: Law | None = None,
     Raises
     ------
     InvalidInput
-        When the engine or an option is unknown, or the scenario cannot be started.
+        If the engine or an option is unknown, or the scenario cannot be started.
     UnsupportedLaw
-        When the engine cannot run a part of the law.
+    If the engine does not support a part of the law.
     """
     session = _opened(scenario, engine, plant, options)
     session.records.check_fits()
@@ -69,7 +69,7 @@ def open_session(engine: Engine, scenario: Scenario, options: object, plant: Law
     Raises
     ------
     InvalidInput, UnsupportedLaw, EngineMissing
-        As the engine does, and when what it opens is no session.
+        As raised by the engine, and if the opened object is not a session.
     """
     engine.check_space(scenario)
     check_world(engine.name, scenario, engine.worlds)
@@ -81,12 +81,12 @@ def open_session(engine: Engine, scenario: Scenario, options: object, plant: Law
 
 
 def fine_option(engine: Engine, fine: bool) -> dict[str, object]:
-    """The option that stores fine samples, if they are wanted (``fine``), for an ``engine`` that has it.
+    """The option that stores fine samples, if they are requested (``fine``), for an ``engine`` that has it.
 
     Raises
     ------
     InvalidInput
-        When they are wanted and the engine has none.
+        If they are requested and the engine has no such option.
     """
     if not fine:
         return {}
@@ -117,19 +117,19 @@ def simulate(
     Parameters
     ----------
     scenario
-        What to simulate.
+        The scenario to simulate.
     engine
         ``"exact"``, ``"tiles"`` for large groups, ``"lammps"`` for a cluster, or ``"auto"`` to choose: the exact one
         up to 2,000 agents, the tiled one beyond.
     save
-        New or empty folder to write the run to while it goes on, see `flocking.engine.driver.resuming.resume`;
-        nothing is written when absent.
+        New or empty folder to which the run is written while it continues, see
+        `flocking.engine.driver.resuming.resume`; nothing is written by default.
     progress
-        Show a progress bar once the run takes longer than two seconds.
+        Whether to show a progress bar for runs longer than two seconds.
     plant
-        The law the agents really obey, for tests of an audit; the scenario's law when absent.
+        The law that agents follow, for tests of an audit; the scenario's law by default.
     fine
-        Keep several samples of every step of the exact engine in ``run.fine``, for curves; they are not saved.
+        Whether to store several samples of every step of the exact engine in ``run.fine``, for curves; not saved.
     options
         For ``"tiles"``: step, scheme, precision and more, see `flocking.engine.tiles.options.TilesOptions`; for
         ``"lammps"``: step and more, see `flocking.engine.lammps.options.LammpsOptions`.
@@ -137,22 +137,23 @@ def simulate(
     Returns
     -------
     Run
-        Frames, switches and ledger. After Ctrl-C it holds what was computed, and its status says so.
+        Frames, switches and ledger. After Ctrl-C it contains the results so far, and its status is that of an
+        interrupted run.
 
     Raises
     ------
     SimulationError
-        When the run cannot go on; its ``run`` holds what was computed until then.
+        If the run cannot continue; ``run`` of the error contains the results so far.
     InvalidInput
-        When the scenario cannot be started.
+        If the scenario cannot be started.
     StorageError
-        When the run cannot be saved; its ``run`` holds what was computed until then.
+        If the run cannot be saved; ``run`` of the error contains the results so far.
     """
     found = _engine_of(scenario, engine, plant)
     if fine and save is not None:
         raise _no_fine_samples(fine)
     if isinstance(save, str | Path):
-        # Before the session: a large one takes its time.
+        # Before the session is opened, which takes long for a large group.
         check_free(Path(save).resolve())
     session = open_session(found, scenario, options_of(found, {**options, **fine_option(found, fine)}), plant)
     return run_session(session, save=save, progress=progress)
@@ -166,10 +167,10 @@ def run_session(
     Parameters
     ----------
     save
-        New or empty folder to write the run to while it goes on; nothing is written when absent.
+        New or empty folder to which the run is written; nothing is written by default.
     progress
-        Show a progress bar.
-    every
+        Whether to show a progress bar.
+        every
         Wall time between two commits, in seconds.
 
     Raises
@@ -185,19 +186,19 @@ def run_session(
 
 
 def drive(session: Session, *, progress: bool, writer: SessionWriter | None = None) -> Run:
-    """Advance a session to the end of its scenario, save it meanwhile, and close it.
+    """Advance a session to the end of its scenario, save it, and close it.
 
     Parameters
     ----------
     progress
-        Show a progress bar.
-    writer
-        Saves the run; nothing is saved when absent.
+        Whether to show a progress bar.
+        writer
+        Saves the run; nothing is saved by default.
 
     Raises
     ------
     SimulationError, StorageError
-        When the run cannot go on or cannot be saved; ``run`` of the error holds what was computed until then.
+        If the run cannot continue or cannot be saved; ``run`` of the error contains the results so far.
     """
     try:
         return _drive(session, progress, writer)
@@ -237,7 +238,7 @@ def _drive(session: Session, progress: bool, writer: SessionWriter | None) -> Ru
             raise
         interruption.answered()
     except EngineFailed as error:
-        # Once the engine is repaired, the run can go on from its last commit.
+        # Once the engine is repaired, the run can be resumed from its last commit.
         if writer is not None:
             with suppress(StorageError):
                 writer.interrupt(f"stopped: {error}")
@@ -257,7 +258,7 @@ def _drive(session: Session, progress: bool, writer: SessionWriter | None) -> Ru
         error.run = _available(session, writer, str(error))
         raise
     if deferred.late:
-        # It came after the last step: the run is complete and saved, the caller is to stop.
+        # The interrupt came after the last step: the run is complete and saved, and the caller stops.
         raise KeyboardInterrupt
     return session.run(status) if writer is None else writer.run(status)
 
@@ -276,11 +277,11 @@ def _advance(session: Session, to: float) -> None:
             f"engine={session.engine!r} failed: {type(error).__name__}: {error}", time=session.time
         ) from error
     if (session.time, session.steps) == before and not session.reached(to):
-        raise EngineFailed(f"engine={session.engine!r} makes no step and does not end", time=session.time)
+        raise EngineFailed(f"engine={session.engine!r} takes no step and does not end", time=session.time)
 
 
 def _available(session: Session, writer: SessionWriter | None, status: str) -> Run:
-    """What was computed until the disk failed, with the part on disk if it can be read."""
+    """The results until the disk failed, with the part on disk if it can be read."""
     with suppress(StorageError):
         if writer is not None:
             return writer.run(status)

@@ -1,4 +1,4 @@
-"""A scenario run to several ends in turn, each as if that had been the end from the start."""
+"""Runs of a scenario to several ends in one pass."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ def in_stages(
     engine
         Name of the engine. The exact one continues from end to end, with the same bits as separate runs.
     plant
-        The law the agents really obey; the scenario's law when absent.
+        The law that agents follow; the scenario's law by default.
     fine
-        Keep several samples of every step of the first of the runs, as `flocking.engine.driver.simulate.simulate` does.
+        Whether to store several samples of every step of the first run, see `flocking.engine.driver.simulate.simulate`.
 
     Raises
     ------
     InvalidInput
-        When the ends do not ascend, or the scenario has no duration from which the distance of frames follows.
+        If the ends do not ascend, or the duration of the scenario is zero, so that the distance of frames is undefined.
     SimulationError
-        When the run cannot go on.
+        If the run cannot continue.
     """
     first = scenario.t_end - scenario.start.t
     if not first > 0 or not len(ends) or ends[0] < scenario.t_end or any(b <= a for a, b in pairwise(ends)):
-        rule = f"must be ascending times from the end of a run that takes time, {scenario.t_end:g}"
+        rule = f"must be ascending times from the end of a run of positive duration, {scenario.t_end:g}"
         raise InvalidInput("in_stages", "ends", rule, list(ends))
     found = engine_named(chosen_engine(scenario, engine, plant))
     check_world(found.name, scenario, found.worlds)

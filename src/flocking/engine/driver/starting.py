@@ -1,4 +1,4 @@
-"""``start``: called with a scenario it opens a session; its methods draw random initial states."""
+"""The object ``start``: a call opens a session; its methods draw random initial states."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What the engines with a fixed time step share: the choice of the step and checks of it."""
+"""Shared parts of the engines with a fixed time step: choice of the step and checks of it."""

@@ -1,4 +1,4 @@
-"""A time step from the start of a run: how fast forces change, how strong damping is, how fast agents close in."""
+"""Choice of the time step from the start: rates of change of forces, strength of damping, and speed of approach."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from flocking.model.terms.pair_terms import Gradient, Term
 from flocking.model.terms.schedules import Schedule
 
 SAMPLE = 4000
-"""Agents looked at."""
+"""Number of sampled agents."""
 
 PROBE = 1e-4
-"""Relative change of the probes that measure stiffness."""
+"""Relative step of the finite differences that measure stiffness."""
 
 LARGEST = 0.1
-"""Longest automatic step: a convention, a tenth of the unit of time."""
+"""Largest automatic step; by convention a tenth of the unit of time."""
 PERIODS = 0.15
-"""Step times the fastest rate of the linearised motion."""
+"""Product of the step and the fastest rate of the linearised motion."""
 DESCENTS = {"euler": 0.05, "rk4": 0.5}
-"""Step times the fastest rate of a descent, by scheme, of agents of order 1. At the first step of a descent whose rate
-is that one, the Euler method leaves half of this, 2.5 % of the energy, unexplained, Runge-Kutta 0.18 %; they are
-unstable beyond 2 and 2.8."""
+"""Product of the step and the fastest rate of gradient descent of agents of order 1, by integrator. At the first step
+of such a descent the ledger residual is half of this product with the Euler method, 2.5 % of the energy, and 0.18 %
+with Runge-Kutta; they are unstable beyond 2 and 2.8."""
 DAMPING, DAMPED = 0.1, 0.4
-"""Step times the strongest damping, and where a scheme bears more of it. The ledger of a flock that settles then closes
-to about two per cent of the energy moved, well within what the step is checked for."""
+"""Product of the step and the strongest damping, and the value for integrators that allow more. The ledger residual of
+a flock that settles is then about two per cent of the energy exchanged, well below the limit of the check."""
 CLOSING = 0.02
-"""Share of its distance that a pair may close per step at the start."""
+"""Largest approach of a pair per step at the start, relative to its distance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +42,11 @@ class SampledPairs:
     Parameters
     ----------
     agent
-        The agent of each pair, a number below N; its other pairs are here too.
+        First agent of each pair, a number below N; all pairs of these agents are included.
     distance
         Distance of the pair.
     speed
-        Size of its relative velocity.
+        Magnitude of its relative velocity.
     """
 
     agent: Indices
@@ -59,20 +59,20 @@ def largest_step(
 ) -> float:
     """The largest step that resolves the start: at most 0.1, and 1/100 of the run.
 
-    The rates of the motion are bounded by sums over neighbours: the curvature of every potential at the pair's
-    distance (frequency, of agents of order 1 the rate of descent), and the gains of velocity terms (damping).
+    The rates of the motion are bounded by sums over neighbours: the curvature of every potential at the distance of a
+    pair (frequency; for agents of order 1 the rate of descent), and the gains of velocity terms (damping).
 
     Parameters
     ----------
     scenario
-        The law, and how long it runs.
+        The law and the duration.
     sampled
-        Pairs of each graph of the law; None for a graph that is not looked at.
+        Pairs of each graph of the law; None for a graph that is not sampled.
     scheme
-        How steps are taken: ``"damped"`` bears four times the damping, ``"rk4"`` ten times the rate of descent that
-        ``"euler"`` bears.
+        Name of the integrator: ``"damped"`` allows four times the damping, ``"rk4"`` ten times the rate of descent of
+        ``"euler"``.
     velocities
-        Velocities at the start, shape (N, m), where they are not those of the state: those of agents of order 1.
+        Velocities at the start, shape (N, m), for agents of order 1; those of the state otherwise.
     """
     span = scenario.t_end - scenario.start.t
     limits = [LARGEST, span / 100 if span > 0 else LARGEST, resolving_step(scenario, sampled, scheme)]
@@ -85,7 +85,7 @@ def largest_step(
     p = scenario.start.p if velocities is None else velocities
     fastest = 2.0 * float(np.sqrt(((p - p.mean(axis=0)) ** 2).sum(axis=1).max())) if np.isfinite(reach) else 0.0
     if fastest > 0:
-        # Half of what pairs that are not linked yet may move.
+        # Half of the limit for pairs that are not linked yet.
         limits.append(0.5 * STRIDE * reach / fastest)
     return float(min(limits))
 
@@ -93,14 +93,14 @@ def largest_step(
 def resolving_step(
     scenario: Scenario, sampled: Sequence[SampledPairs | None], scheme: str, *, across: bool = True
 ) -> float:
-    """The largest step that resolves the forces of the start, whatever the length of the run and the speeds.
+    """The largest step that resolves the forces at the start, regardless of the length of the run and of speeds.
 
     Parameters
     ----------
     sampled, scheme
         See `largest_step`.
     across
-        Whether how forces turn with the pair counts too: beyond all bounds near contact, though in no room at all.
+        Whether to include the rotation of forces with the pair. Its rate is unbounded near contact, but only there.
     """
     if scenario.agents.order == 1:
         return _resolving_descent(scenario, sampled, scheme, across=across)
@@ -137,7 +137,7 @@ def resolving_step(
 def _resolving_descent(
     scenario: Scenario, sampled: Sequence[SampledPairs | None], scheme: str, *, across: bool
 ) -> float:  # fmt: skip
-    """The same for agents of order 1: the bend of all potentials at an agent bounds the rate of its descent."""
+    """The same for agents of order 1: the curvature of all potentials at an agent bounds its rate of descent."""
     n, fastest = scenario.start.n, 0.0
     for number, pairs in enumerate(sampled):
         if pairs is None or not len(pairs.agent):
@@ -153,7 +153,7 @@ def _resolving_descent(
 
 
 def _stiffness(term: Gradient, r: Array, across: bool) -> Array:
-    """Bend of the potential along the pair, and across it; none at contact: the force has no direction there."""
+    """Curvature of the potential along the pair, and across it; zero at contact, where the force has no direction."""
     near, far = np.maximum(r * (1 - PROBE), 1e-12), r * (1 + PROBE)
     with np.errstate(all="ignore"):
         bend = np.abs(term.potential.slope(far) - term.potential.slope(near)) / (far - near)
@@ -171,6 +171,6 @@ def _gain(term: Term) -> float:
 
 
 def _largest(value: object) -> float:
-    """Largest value a gain ever takes."""
+    """Largest value of a gain over time."""
     values = value.values if isinstance(value, Schedule) else [value]
     return max(float(np.max(np.asarray(v))) for v in values)

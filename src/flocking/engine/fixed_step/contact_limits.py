@@ -1,4 +1,4 @@
-"""Graphs over which the formulas of a law have no value where two agents coincide."""
+"""Graphs over which formulas of a law are singular where two agents coincide."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flocking.engine.kernels.layout import Layout
 
 
 def singular_graphs(layout: Layout, dimension: int, P: Array) -> tuple[int, ...]:
-    """Numbers of the graphs over which some pair formula is infinite where two agents coincide.
+    """Indices of the graphs over which a pair formula is infinite where two agents coincide.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def singular_graphs(layout: Layout, dimension: int, P: Array) -> tuple[int, ...]
 
 
 class _Resting(Mapping[str, Array]):
-    """Values of a pair that coincides and rests: 0 for what says where and how fast it is, 1 for parameters."""
+    """Values for a pair that coincides at rest: 0 for positions and velocities, 1 for parameters."""
 
     def __getitem__(self, name: str) -> Array:
         return np.ones(1) if name[0] in "AW" and name[1:].isdigit() else np.zeros(1)

@@ -1,7 +1,7 @@
-"""Forces, energies and powers of some agents by the declared law, against which an engine's own are compared.
+"""Forces, energies and powers of some agents by the declared law, for comparison with those of an engine.
 
 The formulas are those that `flocking.engine.kernels.codegen` prints for NumPy, evaluated in double precision from the
-scenario's own parameters: neither the kernels of an engine nor the numbers it handed to them have a part in it.
+scenario's parameters, independently of the kernels of an engine and of their arguments.
 """
 
 from __future__ import annotations
@@ -25,34 +25,34 @@ LinkedPairs = tuple[NDArray[np.integer], NDArray[np.integer], Mask]
 """Sensing and sensed agents of pairs, and whether it is certain that they are linked."""
 
 SAFETY = 64.0
-"""So many times the rounding of the formulas, measured in single precision, an engine may be off."""
+"""Largest accepted error in units of the rounding error of the formulas, which is measured in single precision."""
 
 NEAR_OBSTACLES = 4096.0
-"""The same for forces of obstacles, whose geometry is not measured: its formulas have several stages."""
+"""The same for forces of obstacles: their formulas have several stages, of which the geometry is not measured."""
 
 POWERS = ("pairs", "bodies", "work", "dissipated", "supplied")
-"""Energies and powers that are judged, by the names of the kernels' sums."""
+"""Energies and powers that are compared, by the names of the kernels' sums."""
 
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """A group at one moment, of which some agents are judged.
+    """A group at one time, of which some agents are checked.
 
     Parameters
     ----------
     q, p
-        Positions and velocities of all agents, shape (N, m). Velocities of agents of order 1 are their controls, which
-        the law does not see: they tell the supply alone, and are the engine's own.
+        Positions and velocities of all agents, shape (N, m). For agents of order 1 the velocities are their controls
+        as computed by the engine; only the supply depends on them.
     ids
         Number of each agent, shape (N,).
     t
         The time.
     since
-        Time from which scheduled gains have had their values.
+        Time from which the current values of scheduled gains apply.
     frame
         Velocity of the frame of the energy, shape (m,).
     mean_q, mean_p
-        Centre of mass and its velocity, shape (m,); NaN where the law uses none.
+        Centre of mass and its velocity, shape (m,); NaN if the law does not use them.
     """
 
     q: AnyArray
@@ -67,14 +67,14 @@ class Group:
 
 @dataclass(frozen=True, eq=False)
 class Statement:
-    """What the law says of the judged agents, and how far rounding may lead an engine from it.
+    """Values of the checked agents by the law, with bounds on the rounding error of an engine.
 
     Parameters
     ----------
     force, force_error
         Control less damping, shape (S, m), and bound on its rounding, shape (S,).
     size
-        Sum of the absolute values of all that adds up to the force, shape (S,).
+        Sum of the absolute values of the terms of the force, shape (S,).
     powers, power_errors
         Values of `POWERS` per agent, shape (S, 5), and their bounds.
     """
@@ -87,14 +87,14 @@ class Statement:
 
 
 class Declared:
-    """The declared law of a scenario, ready to be evaluated on parts of a group.
+    """The declared law of a scenario, for evaluation on parts of a group.
 
     Parameters
     ----------
     scenario
         The scenario.
     rounding
-        Relative rounding of the numbers of the engine that is judged.
+        Machine epsilon of the engine's state.
     """
 
     def __init__(self, scenario: Scenario, rounding: float) -> None:
@@ -119,15 +119,15 @@ class Declared:
         return P, rows, weights
 
     def state(self, group: Group, judged: Indices, pairs: Sequence[LinkedPairs]) -> Statement:
-        """What the law says of the agents at the places ``judged``, shape (S,).
+        """Evaluate the law for the agents at the indices ``judged``, shape (S,).
 
         Parameters
         ----------
         group
-            The group they belong to.
+            The group that contains them.
         pairs
-            For each graph the places of linked pairs, sensing agents as numbers within ``judged``, and whether it is
-            certain that they are linked.
+            For each graph the linked pairs: the sensing agent as an index into ``judged``, the index of the other, and
+            whether the link is certain.
         """
         if self.scenario.agents.order == 2:
             return self._seen(group, judged, pairs)
@@ -149,7 +149,7 @@ class Declared:
             if not len(k):
                 continue
             d = np.asarray(group.q[j], dtype=np.float64) - q[k]
-            # Controls stand where the formulas of the flow have velocities.
+            # In the formulas of the flow, controls take the place of velocities.
             given = _pair_values(d, np.asarray(group.p[j], dtype=np.float64) - u[k], u[k])
             given |= {f"A{x}": row[k] for x, row in enumerate(A)}
             given |= {f"W{x}": _weights(w, who[k], group.ids[j]) for x, w in enumerate(weights)}
@@ -181,7 +181,7 @@ class Declared:
         return replace(seen, powers=powers, power_errors=errors)
 
     def _seen(self, group: Group, judged: Indices, pairs: Sequence[LinkedPairs]) -> Statement:
-        """What is said by the law of the velocities of the group."""
+        """Evaluate the law with the velocities of the group."""
         P, rows, weights = self._slots(group.since)
         m, count = group.q.shape[1], len(judged)
         force, size, error = np.zeros((count, m)), np.zeros(count), np.zeros(count)
@@ -205,7 +205,7 @@ class Declared:
             v_size = np.sqrt((v**2).sum(axis=1))
             magnitude = np.where(r > 0, sizes["along"], 0.0) + sizes["drag"] * v_size
             doubt = np.where(r > 0, off["along"], 0.0) + off["drag"] * v_size + np.where(certain, 0.0, magnitude)
-            # Differences of rounded numbers: the velocities themselves are exact, as the positions are.
+            # Differences of rounded numbers; the velocities themselves are exact, like the positions.
             for axis in range(m):
                 force[:, axis] += np.bincount(k, one[:, axis], minlength=count)
             size += np.bincount(k, magnitude, minlength=count)
@@ -229,7 +229,7 @@ class Declared:
     def _bodies(
         self, group: Group, slots: tuple[Array, list[float | Array]], q: Array, p: Array, sums: tuple[Array, ...]
     ) -> None:
-        """Add what body terms and obstacles do to the judged agents."""
+        """Add the contributions of body terms and obstacles."""
         P, A = slots
         force, size, error, powers, errors = sums
         count, m = q.shape
@@ -256,7 +256,7 @@ class Declared:
                 np.add.at(errors[:, column], i, NEAR_OBSTACLES * self.rounding * np.abs(values[name]))
 
     def _sizes(self, name: str, P: Array, given: Mapping[str, object], count: int) -> dict[str, Array]:
-        """Sums of the absolute values of what adds up to each formula; 0 where there is no such number."""
+        """Sums of the absolute values of the terms of each formula; 0 if there are none."""
         with np.errstate(all="ignore"):
             found = {key: v * np.ones(count) for key, v in getattr(self._module, name)(P, given).items()}
         return {key: np.where(np.isnan(v), 0.0, v) for key, v in found.items()}
@@ -264,7 +264,7 @@ class Declared:
     def _both(
         self, name: str, P: Array, given: Mapping[str, object], count: int
     ) -> tuple[dict[str, Array], dict[str, Array]]:
-        """Values of a function, and bounds on what rounding does to them: single precision shows how much that is."""
+        """Values of a function and bounds on their rounding errors, from an evaluation in single precision."""
         function = getattr(self._module, name)
         narrow = {key: np.asarray(value, dtype=np.float32) for key, value in given.items()}
         with np.errstate(all="ignore"):

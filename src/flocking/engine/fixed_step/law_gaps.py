@@ -1,4 +1,4 @@
-"""How far the motion of a run was from the declared law, where that was looked at."""
+"""Deviation of the motion of a run from the declared law, at the checked steps."""
 
 from __future__ import annotations
 
@@ -12,30 +12,31 @@ from flocking.engine.runs.fidelity import LawAgreement
 from flocking.model.checks import NO_LESS
 
 EVERY = 1024
-"""Steps between two looks at the forces of a long run."""
+"""Number of steps between two checks of the forces of a long run."""
 
 
 def is_due(step: int) -> bool:
-    """Whether the forces of step number ``step``, the first is 1, are looked at: the 1st, 4th, 16th, ... 1024th, and
-    from there every 1024th.
+    """Whether the forces of a step are checked: the 1st, 4th, 16th, ... 1024th, and then every 1024th step.
+
+    Steps are numbered from 1.
     """
     return step % EVERY == 0 or (0 < step < EVERY and step.bit_count() == 1 and step.bit_length() % 2 == 1)
 
 
 @dataclass
 class LawGaps:
-    """The largest gap found between what acted on the agents and the declared law.
+    """The largest deviation of forces and powers from the declared law.
 
     Parameters
     ----------
     checks
-        Number of looks.
+        Number of checks.
     gap
-        Largest gap, as a share of all that adds up to the force or power in question.
+        Largest deviation, relative to the sum of the absolute values of the terms of the force or power.
     allowed
-        Share that rounding explains, where the gap was largest compared with it.
+        Relative rounding error at the check where the deviation was largest in units of it.
     worst
-        Largest gap in units of what rounding explains.
+        Largest deviation in units of the rounding error.
     """
 
     checks: int = 0
@@ -45,38 +46,38 @@ class LawGaps:
 
     @property
     def about(self) -> dict[str, float]:
-        """The gap as a run's provenance says it."""
+        """Entries of the run's provenance."""
         return {"law_checks": self.checks, "law_gap": self.gap, "law_gap_allowed": self.allowed}
 
     @property
     def agreement(self) -> LawAgreement:
-        """The gap as a run's account of its fidelity says it."""
+        """The deviation for the run's `Fidelity`."""
         return LawAgreement(self.checks, self.gap, self.allowed)
 
     def compare_forces(self, declared: Statement, force: Reals, rounding: Reals) -> int | None:
-        """Hold forces against the law; which of the judged agents contradicts it most, if one does.
+        """Compare forces with the law; returns the checked agent with the largest excess, or None.
 
         Parameters
         ----------
         declared
-            What the law says.
+            Values by the law.
         force
-            Control less damping that acted, shape (S, m).
+        Computed control less damping, shape (S, m).
         rounding
-            Bound on the rounding of the numbers it was read from, shape (S,).
+        Bound on the rounding error of ``force``, shape (S,).
         """
         gap = np.sqrt(((force - declared.force) ** 2).sum(axis=1))
         return self._compare(gap, declared.force_error + rounding, declared.size)
 
     def compare_powers(self, declared: Statement, groups: Indices, found: Array) -> str | None:
-        """Hold energies and powers of groups of judged agents against the law; the name of a wrong one, if there is.
+        """Compare energies and powers of groups of checked agents with the law; the name of a wrong one, or None.
 
         Parameters
         ----------
         declared
-            What the law says.
+            Values by the law.
         groups
-            Which group each judged agent is in, shape (S,).
+        Index of the group of each checked agent, shape (S,).
         found
             Values of `POWERS` of each group, shape (G, 5).
         """

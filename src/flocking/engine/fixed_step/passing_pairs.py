@@ -1,4 +1,4 @@
-"""Pairs that meet within one fixed step, linked before it or not: how far they move for their distance."""
+"""Pairs that come close within one fixed step, whether linked before it or not: their motion relative to distance."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flocking.model.terms.pair_terms import Gradient
 
 
 def singular_reach(law: Law) -> float:
-    """The shortest radius of a moving graph over which a potential diverges at contact; infinite where none does."""
+    """Shortest radius of a moving graph over which a potential diverges at contact; infinite if there is none."""
     graphs = law.graphs
     return min(
         (
@@ -29,27 +29,27 @@ def singular_reach(law: Law) -> float:
 def check_passing(
     q: Array, moved: Array, reach: float, step: float, *, time: float, ids: NDArray[np.integer] | None = None
 ) -> None:  # fmt: skip
-    """Whether no pair comes within ``reach`` on its straight way while it moves too far for its distance.
+    """Check that no pair comes within ``reach`` on its straight path while it moves too far for its distance.
 
-    Pairs closer than ``reach`` from the start are linked and looked at elsewhere. Where two agents move by more than
-    `STRIDE` of a distance beyond ``reach``, one of them moves by more than half of that: only such agents are held
-    against the others, the fastest first.
+    Pairs closer than ``reach`` from the start are linked and checked elsewhere. If two agents move by more than
+    `STRIDE` times a distance beyond ``reach``, one of them moves by more than half of that. Only such agents are
+    compared with the others, the fastest first.
 
     Parameters
     ----------
     q, moved
-        Positions before the step and the way of each agent during it, shape (N, m).
+        Positions before the step and displacements during it, shape (N, m).
     reach
         Radius of the potential.
     step
         The time step.
     ids
-        Numbers of the agents, where they are not in their order.
+        Numbers of the agents, if they are not in order.
 
     Raises
     ------
     StepTooLarge
-        When a pair moves too far.
+        If a pair moves too far.
     """
     moved = moved - moved.mean(axis=0)
     length = np.sqrt((moved**2).sum(axis=1))
@@ -61,7 +61,7 @@ def check_passing(
     middle = q + 0.5 * moved
     tree = cKDTree(middle)
     for i in fast[np.argsort(-length[fast], kind="stable")]:
-        # A partner that moves further than this one has had its turn.
+        # Pairs with a faster agent have already been checked.
         others = np.array(tree.query_ball_point(middle[i], reach + length[i]), dtype=np.int64)
         others = others[others != i]
         apart, displacement = q[others] - q[i], moved[others] - moved[i]

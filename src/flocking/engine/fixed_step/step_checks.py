@@ -1,4 +1,4 @@
-"""Checks of a fixed time step after the fact, and the error that says which step would do."""
+"""Checks of a fixed time step after it was taken, and the error that recommends a smaller step."""
 
 from __future__ import annotations
 
@@ -10,35 +10,35 @@ from flocking.errors import StepTooLarge
 from flocking.model.checks import NO_LESS
 
 STRIDE = 0.25
-"""Largest share of a linked pair's distance that it may move in one step under a potential singular at contact."""
+"""Largest motion of a linked pair in one step, relative to its distance, if the potential is singular at contact."""
 
 SPARE = 0.5
-"""Share of the allowed stride that a recommended step would use: the next pair may be closer."""
+"""Fraction of the allowed stride for a recommended step, since the next pair may be closer."""
 
 SMALL_GAP = 0.2
-"""Share of the allowed residual that a recommended step would leave: the order of the scheme is reached only for small
+"""Fraction of the allowed residual for a recommended step, since integrators reach their order only for small
 steps."""
 
 LARGEST_GAP = 1e6
-"""Residuals beyond so many times the energy moved are taken for it: a recommendation stays a number."""
+"""Upper bound on the residual relative to the energy exchanged, so that the recommended step stays finite."""
 
 RESIDUAL = 0.05
-"""Largest share of the energy moved that the ledger may leave unexplained."""
+"""Largest accepted residual of the ledger, relative to the energy exchanged."""
 
 
 def step_too_large(
     step: float, would_do: float, why: str, *, time: float, agents: tuple[int, ...] = (), instead: str = ""
 ) -> StepTooLarge:
-    """The error that says which step would do; ``instead``: another way out, in words.
+    """The error that recommends a step; ``instead``: text of an alternative.
 
     Parameters
     ----------
     would_do
-        The step to try.
+        The recommended step.
     why
-        What went wrong, in words.
+        The reason.
     agents
-        Numbers of the agents it is about.
+        Numbers of the agents concerned.
     """
     error = StepTooLarge(
         f"The time step {step:.3g} is too large: {why}. A step of {would_do:.2g} would do{instead}.",
@@ -49,7 +49,7 @@ def step_too_large(
 
 
 def check_stride(step: float, distance: float, moved: float, *, time: float, agents: tuple[int, ...]) -> None:
-    """Whether a pair moved no more than its distance allows in one step.
+    """Check that a pair did not move too far for its distance in one step.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def check_stride(step: float, distance: float, moved: float, *, time: float, age
     Raises
     ------
     StepTooLarge
-        When it moved further.
+        If it did.
     """
     share = moved / max(distance, NO_LESS)
     if share > STRIDE:
@@ -73,7 +73,7 @@ def check_ledger(
     step: float, first: Sequence[float], last: Sequence[float], *, order: int, rounding: float, time: float,
     allowed: float = RESIDUAL, at_most: Callable[[], float] = lambda: np.inf, instead: str = "",
 ) -> None:  # fmt: skip
-    """Whether the energy ledger closes well enough.
+    """Check that the residual of the energy ledger is small enough.
 
     Parameters
     ----------
@@ -82,22 +82,22 @@ def check_ledger(
     first, last
         Rows of the ledger, fields `flocking.engine.runs.run.TRACE_FIELDS`.
     order
-        Order of the scheme.
+        Order of the integrator.
     rounding
-        Energy that rounding may have lost.
+        Bound on the rounding error of the energy.
     time
-        Where the run stands.
+        Time of the run.
     allowed
-        Largest share of the energy moved that may be left unexplained.
+        Largest accepted residual relative to the energy exchanged.
     at_most
-        Largest step that may be named.
+        Largest step that may be recommended.
     instead
-        Another way out than a smaller step, in words.
+        Text of an alternative to a smaller step.
 
     Raises
     ------
     StepTooLarge
-        When more is left unexplained.
+        If the residual is larger.
     """
     gap = (last[1] - first[1]) + (last[4] - first[4]) - (last[5] - first[5]) - (last[6] - first[6])
     moved = sum(abs(last[k] - first[k]) for k in (3, 4, 5, 6)) + first[2] + last[2] + rounding

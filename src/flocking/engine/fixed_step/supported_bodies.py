@@ -1,4 +1,4 @@
-"""What agents may be under engines with fixed steps: point masses, and single integrators of order 1."""
+"""Bodies that engines with fixed steps support: point masses, and single integrators of order 1."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from flocking.model.bodies.body import Body
 from flocking.model.bodies.point_bodies import PointMass, SingleIntegrator
 
 STRUCTURES = (PointMass().structure, SingleIntegrator().structure)
-"""Structures of the bodies that these engines move."""
+"""Structures of the supported bodies."""
 
 
 def refused_body(body: Body) -> str:
-    """Words for a body that engines with fixed steps cannot move; empty for one that they can.
+    """Description of an unsupported body for an error message; empty if the body is supported.
 
     Parameters
     ----------

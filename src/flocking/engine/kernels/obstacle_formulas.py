@@ -91,10 +91,10 @@ def obstacle_formulas(
             [symbol(f"boundary{k}") for k in range(dimension)], obstacle.anchor(t, owned), frame,
             *motions[layout.leader_number(term.leader)], parameter,
         )  # fmt: skip
-        dissipated, supplied = term.encounter_balance(x)
+        dissipated, supplied = term.obstacle_balance(x)
         geometry = tuple(obstacle.geometry(q, p, t, owned))
         _check_common(group, lambda other: (other.geometry(q, p, t, owned), other.anchor(t, owned)))
-        found.append(ObstacleFormulas(geometry, tuple(term.encounter(x)), dissipated, supplied, layout.counts))
+        found.append(ObstacleFormulas(geometry, tuple(term.obstacle_force(x)), dissipated, supplied, layout.counts))
     return tuple(found)
 
 

@@ -1,4 +1,4 @@
-"""The agents inside LAMMPS: handed over, gathered, their cells fitted."""
+"""The agents in a LAMMPS instance: initialization, gathering of states, and the size of the cells."""
 
 from __future__ import annotations
 
@@ -16,36 +16,36 @@ from flocking.engine.lammps.ranks import Ranks
 from flocking.model.state import State
 
 BINS_EACH = 8
-"""Bins of the cell grid per agent at most: a bound on memory where a group is spread out."""
+"""Largest number of bins of the cell grid per agent; limits the memory for a scattered group."""
 FEWEST_BINS = 2**17
-"""Bins that a small group may have in any case; their memory is negligible."""
+"""Number of bins that is always allowed; their memory is negligible."""
 THINNEST = 0.05
-"""Cells for finding neighbours: their number per agent, at least, and the flattest box in radii that has any."""
+"""Smallest number of search cells per agent, and smallest side of a box, in radii, for which cells are used."""
 WIDEST_CELL, MOST_ALONG = 50.0, 1e9
-"""LAMMPS refuses cells 100 times wider than the box, and more than 2^31 of them along an axis."""
+"""Largest width of a cell in sides of the box, and largest number of cells along an axis, that LAMMPS accepts."""
 MOST_SEARCHED = 20_000
-"""Agents whose neighbours are searched pair by pair at most, where no cells fit their box."""
+"""Largest number of agents whose neighbours are searched pair by pair if no cells fit the box."""
 
 
 class LammpsError(Exception):
-    """LAMMPS complained. ``alone``: on this rank, of which the others know nothing.
+    """LAMMPS reported an error. ``alone``: on this rank only.
 
     Parameters
     ----------
-    words
-        What it said.
-    agents
-        Whom it is about.
+    message
+        The message.
+        agents
+        The agents concerned.
     """
 
-    def __init__(self, words: str, *, alone: bool, agents: tuple[int, ...] = ()) -> None:
-        super().__init__(words)
+    def __init__(self, message: str, *, alone: bool, agents: tuple[int, ...] = ()) -> None:
+        super().__init__(message)
         self.alone = alone
         self.agents = agents
 
 
 class Atoms:
-    """A running LAMMPS on all ranks; they call its methods together.
+    """A LAMMPS instance on all ranks. Its methods are collective.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class Atoms:
     Raises
     ------
     EngineMissing
-        When LAMMPS is not installed.
+        If LAMMPS is not installed.
     """
 
     def __init__(self, deck: Deck, ranks: Ranks, log: str) -> None:
@@ -70,7 +70,7 @@ class Atoms:
         self._lammps = library.instance(ranks.comm, log, first_order=deck.order == 1)
 
     def begin(self, step: float, state: State, steps: int = 0) -> None:
-        """Hand LAMMPS the deck and the agents; forces are up to date.
+        """Initialize LAMMPS with the deck and the agents, and compute forces.
 
         Parameters
         ----------
@@ -79,7 +79,7 @@ class Atoms:
         state
             Positions, velocities and time.
         steps
-            How many steps were taken until then.
+            Number of steps before this state.
         """
         with tempfile.TemporaryDirectory() if self.ranks.first else _Nowhere() as made:
             folder = Path(self.ranks.comm.bcast(made))
@@ -97,17 +97,17 @@ class Atoms:
             self.ranks.comm.Barrier()
 
     def command(self, *lines: str) -> None:
-        """Give LAMMPS commands.
+        """Execute LAMMPS commands.
 
         Parameters
         ----------
         lines
-            The commands, one each.
+            One command each.
 
         Raises
         ------
         LammpsError
-            When it complains.
+            If LAMMPS reports an error.
         """
         text = "\n".join(line for line in lines if line and not line.startswith("#"))
         try:
@@ -115,20 +115,20 @@ class Atoms:
         except Exception as error:
             if interrupted(error):
                 raise KeyboardInterrupt from None
-            raise LammpsError(_words(error), alone=type(error).__name__ == "MPIAbortException") from None
+            raise LammpsError(_message(error), alone=type(error).__name__ == "MPIAbortException") from None
 
     @property
     def count(self) -> int:
-        """Number of agents that this rank owns."""
+        """Number of agents on this rank."""
         return int(self._lammps.extract_global("nlocal"))
 
     @property
     def ids(self) -> Numbers:
-        """Which agents this rank owns."""
+        """Numbers of the agents on this rank."""
         return np.array(self._lammps.numpy.extract_atom("id")[: self.count], dtype=np.int64) - 1
 
     def gathered(self, *names: str) -> Array | None:
-        """Vectors of all agents in their order, one after the other, on the first rank; shape (N, 3 * names)."""
+        """Vectors of all agents in the order of their numbers, on the first rank; shape (N, 3 * names)."""
         count = self.count
         parts = [self.ids[:, None].astype(np.float64)]
         parts += [np.array(self._lammps.numpy.extract_atom(name)[:count]).reshape(count, 3) for name in names]
@@ -140,21 +140,21 @@ class Atoms:
         return found
 
     def set_forces(self, forces: Forces) -> None:
-        """Put forces of all agents in place, shape (N, 3)."""
+        """Set the forces of all agents, shape (N, 3)."""
         self._lammps.numpy.extract_atom("f")[: self.count] = forces[self.ids]
 
     def fit_cells(self) -> float:
-        """Larger cells for a widely scattered flock: their number must stay within memory.
+        """Adapt the size of the cells to a scattered flock, so that their number fits into memory.
 
         Returns
         -------
         float
-            How many times larger the box is than at the last call.
+            Ratio of the size of the box to that at the last call.
 
         Raises
         ------
         LammpsError
-            When an agent is so far away that no cells fit, and too many agents are there to be searched without.
+            If an agent is so far away that no cells fit, and there are too many agents to search without cells.
         """
         low, high = self._lammps.extract_box()[:2]
         sides = np.array(high[: self.deck.dimension]) - np.array(low[: self.deck.dimension])
@@ -164,17 +164,17 @@ class Atoms:
         if needed != self._cells:
             self._cells = needed
             size, search = needed
-            # Sorting agents in memory has cells of its own.
+            # Sorting of agents in memory uses a separate grid.
             self.command(
                 f"neighbor {self.deck.skin!r} {search}", f"neigh_modify binsize {size!r}",
                 f"atom_modify sort {0 if size else 1000} 0.0",
             )  # fmt: skip
             if self._begun:
-                self._set_up_anew()
+                self._rerun_setup()
         return grown
 
     def _needed_cells(self, sides: Vector) -> tuple[float, str]:
-        """Size of the cells, 0 for LAMMPS's own choice, and how they are searched; seldom another than now."""
+        """Size of the cells (0: default of LAMMPS) and style of the search."""
         size, search = self._cells
         usual = 0.5 * (self.deck.reach + self.deck.skin)
         fewest = float(np.prod(np.maximum(sides / usual, 1.0)))
@@ -182,7 +182,7 @@ class Atoms:
         needed = 0.0 if fewest <= most else usual * (fewest / most) ** (1.0 / self.deck.dimension)
         if needed > size or needed < 0.125 * size:
             size = 2.0 * needed
-        # Cells cannot be much flatter than they reach: agents in a row are searched pair by pair.
+        # Cells cannot be much thinner than their reach: agents in a row are searched pair by pair.
         wide = 2.0 if search == "nsq" else 1.0
         flat = float(sides.min()) < THINNEST * self.deck.reach * wide
         if size and not flat:
@@ -193,7 +193,7 @@ class Atoms:
         return size, "nsq" if flat else "bin"
 
     def _scattered(self) -> LammpsError:
-        """The error that names the agent farthest from the middle of the flock; the ranks call it together."""
+        """The error that names the agent farthest from the centre of the flock. Collective."""
         rows = self.gathered("x")
         found = None
         if rows is not None:
@@ -201,24 +201,24 @@ class Atoms:
             found = int(np.argmax(away)), float(away.max())
         agent, distance = self.ranks.comm.bcast(found)
         return LammpsError(
-            f"agent {agent} is {distance:.3g} away from the middle of the flock, too far for its search cells with "
-            f"{self.deck.scenario.start.n} agents; move it, or take engine='tiles', whose cells are made only where "
-            "agents are", alone=False, agents=(agent,),
+            f"agent {agent} is {distance:.3g} away from the centre of the flock, too far for the search cells with "
+            f"{self.deck.scenario.start.n} agents; move it, or use engine='tiles', whose cells do not depend on the "
+            "extent of the group", alone=False, agents=(agent,),
         )  # fmt: skip
 
-    def _set_up_anew(self) -> None:
-        """Let LAMMPS take other cells into use, which needs a setup; forces stay those of half a step before."""
+    def _rerun_setup(self) -> None:
+        """Run the setup that applies new cells; forces remain those of half a step before."""
         forces = self.ranks.comm.bcast(self.gathered("f"))
         self.command("run 0 post no")
         self.set_forces(forces)
 
     def close(self) -> None:
-        """Give LAMMPS's memory back."""
+        """Release the memory of LAMMPS."""
         self._lammps.close()
 
 
 class _Nowhere:
-    """Stands in for a folder on ranks that make none."""
+    """Placeholder for the temporary folder on ranks that need none."""
 
     def __enter__(self) -> None:
         return None
@@ -227,11 +227,11 @@ class _Nowhere:
         return None
 
 
-def _words(error: Exception) -> str:
-    """What LAMMPS said, without where in its source it said it."""
+def _message(error: Exception) -> str:
+    """The message of LAMMPS without the location in its source."""
     return re.sub(r"\s*\(\.\./.*?\)|\s*\(src/.*?\)|^ERROR( on proc \d+)?: ", "", str(error)).strip()
 
 
 def _placed(lines: list[str], folder: Path) -> list[str]:
-    """Commands with the tables' full paths."""
+    """Commands with the full paths of the tables."""
     return [re.sub(r" (table\d+\.txt) ", rf" {folder}/\1 ", line) for line in lines]

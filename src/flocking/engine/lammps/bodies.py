@@ -1,4 +1,4 @@
-"""The terms that act on one agent, as atom-style variables that ``fix addforce`` applies."""
+"""Body terms as atom-style variables, applied by ``fix addforce``."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
 AXES = "xyz"
 MOST_GROUPS = 24
-"""Dynamic groups of agents near obstacles; LAMMPS knows 32 groups in all."""
+"""Largest number of dynamic groups of agents near obstacles; LAMMPS has 32 groups in total."""
 
 MARGIN = 1e-6
-"""Regions about round obstacles reach this share of their radius further than the forces."""
+"""Regions around spheres extend beyond the range of the forces by this fraction of their radius."""
 
 
 @dataclass
@@ -46,7 +46,7 @@ class BodyDeck:
 
 
 class _Names:
-    """What LAMMPS calls the symbols of formulas."""
+    """Names in LAMMPS of the symbols of formulas."""
 
     def __init__(self, dimension: int, masses_differ: bool, mass: float) -> None:
         self.fixed = {"t": "v_now", MASS: "mass" if masses_differ else repr(mass)}
@@ -67,14 +67,14 @@ class _Names:
 
 
 def body_deck(formulas: LawFormulas, layout: Layout, P: Array, agents: Body) -> BodyDeck:
-    """Translate all body terms, and the damping of the agents themselves.
+    """Translate all body terms and the damping of the agents.
 
     Parameters
     ----------
     formulas
         Formulas of the law.
     layout
-        Its slots.
+        Slots of its parameters.
     P
         Values of the single-number parameters.
     agents
@@ -109,7 +109,7 @@ def _vector(prefix: str, m: int) -> str:
 
 
 def _obstacles(deck: BodyDeck, formulas: LawFormulas, layout: Layout, P: Array, names: _Names) -> None:
-    """Beta- and gamma-agents: variables per obstacle, applied to a dynamic group of the agents near some of them."""
+    """Beta-agents: variables per obstacle, applied to a dynamic group of the agents near any of them."""
     import sympy
 
     m, rows = formulas.dimension, layout.obstacle_rows()
@@ -140,7 +140,7 @@ def _obstacles(deck: BodyDeck, formulas: LawFormulas, layout: Layout, P: Array, 
                 deck.lines.append(f'variable {prefix}{AXES[k]} atom "ternary({near}, {inside}, 0)"')
             met.append((prefix, term.range, group.obstacles[column]))
     if met:
-        deck.lines.append("# The forces of the obstacles, summed, for the agents near some of them.")
+        deck.lines.append("# Sum of the forces of the obstacles, for the agents near any of them.")
     chunks = np.array_split(np.arange(len(met)), min(MOST_GROUPS, len(met))) if met else []
     for number, chunk in enumerate(chunks):
         some = [met[k] for k in chunk]
@@ -152,9 +152,9 @@ def _obstacles(deck: BodyDeck, formulas: LawFormulas, layout: Layout, P: Array, 
 
 
 def _near(name: str, some: list[tuple[str, float, sympy.Expr]]) -> list[str]:
-    """A dynamic group that holds all agents within range of some obstacles."""
+    """A dynamic group of all agents within range of any of some obstacles."""
     if all(type(obstacle) is Ball and type(obstacle.centre) is Sink for _, _, obstacle in some):
-        # Regions are tested much faster than formulas; the forces themselves end exactly at the range.
+        # Regions are evaluated much faster than formulas; the forces end exactly at the range.
         regions = []
         for prefix, reach, ball in some:
             x, y, z = (*(float(c) for c in ball.centre.point), 0.0)[:3]
@@ -169,10 +169,10 @@ def _near(name: str, some: list[tuple[str, float, sympy.Expr]]) -> list[str]:
     return [f'variable {name} atom "{condition}"', f"group {name} dynamic all var {name} every 1"]
 
 
-def _needed(encounter: ObstacleFormulas) -> set[str]:
-    """Names of the stages that the force uses, directly or through others."""
-    needed_names = {s.name for f in encounter.force for s in f.free_symbols} | {"distance"}
-    for stage in reversed(encounter.geometry):
+def _needed(obstacle_group: ObstacleFormulas) -> set[str]:
+    """Names of the stages that the force depends on, directly or indirectly."""
+    needed_names = {s.name for f in obstacle_group.force for s in f.free_symbols} | {"distance"}
+    for stage in reversed(obstacle_group.geometry):
         for name, e in stage.items():
             if name in needed_names:
                 needed_names |= {s.name for s in e.free_symbols}

@@ -1,4 +1,4 @@
-"""What this engine refuses to run, by name, with the way out."""
+"""Check of the scenarios that this engine supports."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flocking.model.law import Scenario
 from flocking.model.terms.schedules import Schedule
 
 MOST_AGENTS = 2**31 - 1
-"""Largest number of atoms where LAMMPS counts them in 32 bits."""
+"""Largest number of atoms in a build of LAMMPS with 32-bit atom numbers."""
 
 
 def _refusal(what: str, way_out: str = "Use engine='tiles' or 'exact'.") -> UnsupportedLaw:
@@ -20,14 +20,14 @@ def _refusal(what: str, way_out: str = "Use engine='tiles' or 'exact'.") -> Unsu
 
 
 def check_supported(scenario: Scenario) -> None:
-    """Refuse by name what has no translation.
+    """Check that a scenario can be translated.
 
     Raises
     ------
     UnsupportedLaw
-        When a part of the scenario needs another engine.
+        If a part of the scenario has no translation.
     InvalidInput
-        When the number of agents is too large for this build of LAMMPS.
+    If the number of agents is too large for this build of LAMMPS.
     """
     law, agents = scenario.law, scenario.agents
     n, dimension = scenario.start.q.shape
@@ -42,11 +42,11 @@ def check_supported(scenario: Scenario) -> None:
     for graph in law.graphs:
         breaks = graph.break_radius
         if not (graph.follows_radii and isinstance(breaks, float)):
-            raise _refusal(f"the graph {type(graph).__name__}: pairs are found by one distance alone")
+            raise _refusal(f"the graph {type(graph).__name__}: its pair styles select pairs by one distance")
         gap = breaks - float(graph.appear_radius)
         if gap > 0:
             raise _refusal(
-                f"{type(graph).__name__} with a gap ({gap:g}): its pair styles remember no links",
+                f"{type(graph).__name__} with a gap ({gap:g}): its pair styles have no memory of links",
                 "Use engine='tiles' or 'exact', or Proximity.",
             )
     for term in law.pair_terms:
@@ -69,4 +69,4 @@ def check_supported(scenario: Scenario) -> None:
                 and owner.startswith("term")
                 and scenario.law.terms[int(owner[4:])] in law.pair_terms
             ):
-                raise _refusal(f"one {name} per agent in a pair term: its pair forces are opposite and equal")
+                raise _refusal(f"one {name} per agent in a pair term: its pair forces are equal and opposite")

@@ -1,4 +1,4 @@
-"""A scenario as a LAMMPS input deck and data file: what this engine runs, and what is exported."""
+"""A scenario as a LAMMPS input deck and data file, for this engine and for export."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from flocking.model.law import Scenario
 from flocking.model.state import State
 
 BALANCE_EVERY = 500
-"""Steps between two checks whether ranks have equal numbers of agents."""
+"""Steps between two checks of the load balance of ranks."""
 UNEVEN = 1.1
-"""Largest over mean number of agents per rank above which the ranks' boxes are redistributed."""
+"""Ratio of the largest to the mean number of agents per rank above which LAMMPS balances the load."""
 SKIN_SHARE = 0.15
-"""Skin of the neighbour lists, in radii, where none is given."""
+"""Default skin of the neighbour lists, in radii."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,9 +32,9 @@ class Deck:
     Parameters
     ----------
     scenario
-        What to simulate.
+        The scenario to simulate.
     skin
-        Skin of the neighbour lists.
+    Skin of the neighbour lists.
     parts
         Pair terms per graph.
     body
@@ -66,19 +66,19 @@ class Deck:
 
     @property
     def columns(self) -> list[str]:
-        """Slots of the per-agent values of the data file, beside positions and velocities."""
+        """Slots of the per-agent values in the data file, besides positions and velocities."""
         masses = [MASS] if np.ndim(self.scenario.agents.masses) else []
         return masses + sorted(self.body.properties - {MASS}, key=lambda s: int(s[1:]))
 
     def properties(self) -> list[str]:
-        """Commands that declare the per-agent values; they come before agents are read."""
+        """Commands that declare the per-agent values, before agents are read."""
         if not self.columns:
             return []
-        words = " ".join("rmass" if c == MASS else f"d_{c}" for c in self.columns)
-        return [f"fix nature all property/atom {words}"]
+        columns = " ".join("rmass" if c == MASS else f"d_{c}" for c in self.columns)
+        return [f"fix nature all property/atom {columns}"]
 
     def world(self) -> list[str]:
-        """Commands up to the box: units, dimension, open boundaries."""
+        """Commands before the agents: units, dimension, open boundaries."""
         boundary = "boundary s s p" if self.dimension == 2 else "boundary s s s"
         return [
             "units lj", f"dimension {self.dimension}", f"{boundary}  # open: the box follows the agents",
@@ -97,7 +97,7 @@ class Deck:
         Parameters
         ----------
         ranks
-            How many ranks share the agents.
+            Number of ranks.
         """
         scenario = self.scenario
         lines = [f"neighbor {self.skin!r} bin", "neigh_modify every 1 delay 0 check yes", ""]
@@ -105,7 +105,7 @@ class Deck:
             lines.append(f"# {_headline(term)}")
             lines += [f"#   {name} = {value!r}" for name, value in term.parameters.items()]
         if bound := max(part.table_error for part in self.parts):
-            lines.append(f"# tabulated forces are within {bound:.1e} of the formula")
+            lines.append(f"# error bound of the tabulated forces: {bound:.1e}")
         lines += [
             *pair_commands(self.parts),
             "",
@@ -120,27 +120,27 @@ class Deck:
         if self.dimension == 2:
             lines.append("fix flat all enforce2d")
         if ranks > 1:
-            lines.append("# where agents crowd, the ranks' boxes are cut anew: recursive bisection")
+            lines.append("# load balance of the ranks by recursive bisection")
             lines.append(f"fix even all balance {BALANCE_EVERY} {UNEVEN} rcb")
         return lines
 
     def _motion(self) -> list[str]:
         """Commands that move the agents."""
         if self.order == 2:
-            return ["# velocity Verlet; forces see positions at t and velocities at t - h/2", "fix move all nve"]
+            return ["# velocity Verlet; forces use positions at t and velocities at t - h/2", "fix move all nve"]
         return [
             "# forward Euler: the velocity is the force, for friction 1; there is no noise at any temperature",
             f"fix move all {FIRST_ORDER} 1.0 1 rng none gamma_t 1.0",
         ]
 
     def data_text(self, state: State) -> str:
-        """The data file of a state: agents, their velocities and their own values, with all digits."""
+        """The data file of a state: agents, their velocities and per-agent values, with all digits."""
         q, p = state.q, state.p
         n, m = q.shape
         low, high = _box(q)
         lines = [f"{self.scenario.name or 'flock'}: {n} agents", "", f"{n} atoms", "1 atom types", ""]
         lines += [f"{low[k]:.17g} {high[k]:.17g} {AXES[k]}lo {AXES[k]}hi" for k in range(m)]
-        lines += ["-10000.0 10000.0 zlo zhi"] if m == 2 else []  # thicker than the cells of a scattered flock
+        lines += ["-10000.0 10000.0 zlo zhi"] if m == 2 else []  # Thicker than the cells of a scattered flock.
         mass = 1.0 if np.ndim(self.scenario.agents.masses) else float(self.scenario.agents.masses)
         lines += ["", "Masses", "", f"1 {mass!r}", "", "Atoms # atomic", ""]
         flat = np.zeros((n, 3 - m))
@@ -162,38 +162,38 @@ def _rows(pattern: str, *columns: AnyArray) -> list[str]:
 
 
 def _box(q: Array) -> tuple[Array, Array]:
-    """Corners of a box around all agents, never flat."""
+    """Corners of a box around all agents, with positive volume."""
     low, high = q.min(axis=0), q.max(axis=0)
     margin = 1e-6 * np.maximum(1.0, np.maximum(np.abs(low), np.abs(high)))
     return low - margin, high + margin
 
 
 def _headline(part: object) -> str:
-    """First sentence of a part's description: what it is and its equation in the papers."""
+    """First sentence of a part's docstring, with its equation in the papers."""
     return (inspect.getdoc(type(part)) or type(part).__name__).splitlines()[0]
 
 
 def make_deck(scenario: Scenario, skin: float | None = None) -> Deck:
-    """Translate a scenario.
+    """Translate a scenario to an input deck.
 
     Parameters
     ----------
     scenario
-        What to simulate.
+        The scenario to simulate.
     skin
-        Skin of the neighbour lists; a share of the largest radius when absent.
+    Skin of the neighbour lists; by default a fraction of the largest radius.
 
     Raises
     ------
     UnsupportedLaw
-        When a part has no translation.
+        If a part has no translation.
     """
     from flocking.engine.kernels.expressions import law_formulas
     from flocking.engine.kernels.flow_formulas import flow_formulas
 
     check_supported(scenario)
     layout = Layout(scenario.law, scenario.energy, scenario.agents)
-    # The ledger is kept by the exact engine's kernels; the deck needs forces alone, in closed form.
+    # The kernels of the exact engine compute the ledger; the deck needs only forces in closed form.
     formulas = law_formulas(layout, scenario.start.dimension, integrals=False)
     if scenario.agents.order == 1:
         formulas = flow_formulas(formulas)

@@ -1,4 +1,4 @@
-"""The entry of the engine that runs LAMMPS."""
+"""Registration of the LAMMPS engine."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from flocking.engine.reference.plants import check_plant
 from flocking.model.law import Law, Scenario
 
 ROWS_OF_LARGE_GROUPS = 25
-"""Steps between two rows of the ledger, which one rank computes."""
+"""Default number of steps between two rows of the ledger, which one rank computes."""
 
 
 class LammpsEngine(Engine):
-    """Fixed steps of LAMMPS on any number of MPI ranks."""
+    """Fixed-step integration by LAMMPS on any number of MPI ranks."""
 
     name = "lammps"
     summary = "fixed steps on many processes, under mpiexec"
@@ -28,29 +28,29 @@ class LammpsEngine(Engine):
     large_group_options = {"ledger": ROWS_OF_LARGE_GROUPS}  # noqa: RUF012  never changed
 
     def check(self, scenario: Scenario, plant: Law | None = None) -> None:
-        """Refuse what has no translation."""
+        """Check that the scenario and the plant are supported."""
         check_supported(scenario)
         if plant is not None:
             check_plant("LammpsSession", scenario.law, plant)
             check_supported(scenario.with_(law=plant))
 
     def open(self, scenario: Scenario, options: object, *, plant: Law | None = None) -> LammpsSession:
-        """Start a session; all ranks call it together."""
+        """Start a session. Collective."""
         assert isinstance(options, LammpsOptions)
         return LammpsSession(scenario, options, plant=plant)
 
     def unpack(self, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:
-        """The session that was packed; all ranks call it together."""
+        """Restore a session from its packed form. Collective."""
         return LammpsSession.unpack(packed, stored, changes)
 
     def team(self) -> Ranks:
-        """All ranks of the job."""
+        """The ranks of the job."""
         return Ranks(library.communicator())
 
     def stored_options(self, data: Mapping[str, object]) -> LammpsOptions:
-        """Options of a run on disk, but for LAMMPS's own log."""
+        """Options of a run on disk, without the log file of LAMMPS."""
         return stored_options(data)
 
 
 ENGINE = LammpsEngine()
-"""The one entry."""
+"""The instance that is registered."""

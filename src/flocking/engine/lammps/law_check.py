@@ -1,4 +1,4 @@
-"""A look at LAMMPS's own forces: they must be those of the declared law."""
+"""Comparison of the forces computed by LAMMPS with those of the declared law."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from flocking.model.law import Scenario
 from flocking.model.state import State
 
 AGENTS = 1024
-"""Agents looked at."""
+"""Number of agents that are checked."""
 
 CLOSEST = 1e-10
-"""LAMMPS's pair styles leave out forces on velocities of pairs that are closer."""
+"""Distance below which LAMMPS's pair styles omit velocity-dependent forces."""
 
 EDGE = 1e-9
-"""Share of a radius within which LAMMPS may find a pair linked or not."""
+"""Relative distance from a radius within which LAMMPS may treat a pair as linked or not."""
 
 
 def check_apart(scenario: Scenario) -> None:
-    """Refuse a start in which agents coincide: pair styles divide by the distance.
+    """Check that no agents coincide at the start, since pair styles divide by the distance.
 
     Raises
     ------
     UnsupportedLaw
-        When two agents that may be linked are at the same point.
+        If two agents that may be linked are at the same point.
     """
     from scipy.spatial import cKDTree
 
@@ -46,14 +46,14 @@ def check_apart(scenario: Scenario) -> None:
 
 
 class LawCheck:
-    """Holds the forces of LAMMPS against the law of a scenario; on the first rank.
+    """Compares the forces of LAMMPS with the law of a scenario, on the first rank.
 
     Parameters
     ----------
     scenario
         The declared law.
     deck
-        What LAMMPS was given; its tables have an error of their own.
+        The input deck; its tables have an error bound.
     """
 
     def __init__(self, scenario: Scenario, deck: Deck) -> None:
@@ -63,23 +63,23 @@ class LawCheck:
         self._tables = [float(part.table_error) for part in deck.parts]
 
     def look(self, state: State, forces: Forces, step: float, *, fatal: bool) -> None:
-        """Judge the forces that moved the agents to ``state``.
+        """Check the forces that moved the agents to ``state``.
 
-        They saw positions of now and, of agents of order 2, velocities of half a step before.
+        Forces depend on current positions and, for agents of order 2, on velocities of half a step before.
 
         Parameters
         ----------
         forces
             LAMMPS's forces, shape (N, m).
         step
-            The last step; 0 before the first one, whose forces are those of the start.
+            The last step; 0 before the first one, where forces are those of the start.
         fatal
-            Whether a contradiction ends the run.
+            Whether a deviation is an error.
 
         Raises
         ------
         LawNotObeyed
-            When they are not those of the declared law.
+            If they are not those of the declared law.
         """
         scenario, n = self.scenario, state.n
         masses = np.broadcast_to(scenario.agents.masses, n).astype(np.float64)
@@ -103,13 +103,13 @@ class LawCheck:
             tables += 2.0 * error * np.bincount(number[i], minlength=len(judged))
         declared = self._declared.state(group, judged, pairs)
         self.gaps.checks += 1
-        # The half step back rounds; the table lies between its rows.
+        # Rounding of the half step back, and interpolation error of the table.
         rounding = tables + 1e-9 * declared.size + 1e-12 * masses[judged] * np.abs(p[judged]).sum(axis=1)
         wrong = self.gaps.compare_forces(declared, forces[judged], rounding)
         if fatal and wrong is not None:
             raise LawNotObeyed(
-                f"LAMMPS's force on an agent is not what the declared law says: it is off by {100 * self.gaps.gap:.3g} "
-                f"% of its parts, where rounding and tables explain {100 * self.gaps.allowed:.2g} %. The translation "
-                "is at fault, not the step; use engine='tiles', and report the law.",
+                f"LAMMPS's forces do not follow the declared law: the error of a force is {100 * self.gaps.gap:.3g} "
+                f"% of its terms, and rounding and tables explain {100 * self.gaps.allowed:.2g} %. This is an error of "
+                "the translation, not of the step; use engine='tiles', and report the law.",
                 time=state.t, agents=(int(judged[wrong]),),
             )  # fmt: skip

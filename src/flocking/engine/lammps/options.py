@@ -1,4 +1,4 @@
-"""How LAMMPS runs a scenario: what a user may choose."""
+"""Options of the LAMMPS engine."""
 
 from __future__ import annotations
 
@@ -7,34 +7,35 @@ from dataclasses import dataclass
 from flocking.model.checks import integer, number
 
 AGENTS_A_ROW = 4000
-"""Agents for which a row of the ledger every step is cheap."""
+"""Largest number of agents for which the ledger has a row at every step by default."""
 RAREST = 100
-"""Steps between two rows of a ledger, at most, where nobody asks for another number."""
+"""Largest default number of steps between two rows of the ledger."""
 
 
 @dataclass(frozen=True)
 class LammpsOptions:
-    """How LAMMPS runs a scenario.
+    """Options of the LAMMPS engine.
 
     Parameters
     ----------
     step
-        Largest time step; it is shortened a little so that frames fall on steps. When absent it is chosen from the
-        start, as the tiled engine does.
+        Largest time step; it is shortened slightly so that steps end at frame times. By default it is chosen from the
+        start, as in the tiled engine.
     skin
-        Skin of the neighbour lists; a share of the largest radius when absent.
+        Skin of the neighbour lists; by default a fraction of the largest radius.
     ledger
-        Steps between two rows of the energy ledger; 0 for no ledger. Rows are computed on one rank from the whole
-        state. When absent every step has one up to 4,000 agents; for more agents they become rarer in proportion.
+        Steps between two rows of the energy ledger; 0 for no ledger. Rows are computed on one rank from the
+        gathered state. By default every step has a row for up to 4,000 agents; for more agents the interval grows in
+        proportion.
     observe
-        Record order, flocks, density and closest pair at the frame times.
+        Whether order, flocks, density and closest pair are recorded at the frame times.
     keep_log
-        A file for LAMMPS's own log.
+        A file for the log of LAMMPS.
 
     Raises
     ------
     InvalidInput
-        When a value is out of range.
+        If a value is out of range.
     """
 
     step: float | None = None
@@ -51,7 +52,7 @@ class LammpsOptions:
             integer("engine='lammps'", "ledger", self.ledger, least=0)
 
     def rows(self, agents: int) -> int:
-        """Steps between two rows of the ledger of so many agents; 0 for none."""
+        """Steps between two rows of the ledger for a number of agents; 0 for no ledger."""
         if self.ledger is not None:
             return self.ledger
         return min(RAREST, max(1, round(agents / AGENTS_A_ROW)))

@@ -1,4 +1,4 @@
-"""The pair terms of a law as LAMMPS pair styles: an energy in ``lepton``, what it lacks in a table, and the drag."""
+"""Pair terms as LAMMPS pair styles: an energy in ``lepton``, a table of the remaining force, and the drag."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from flocking.engine.kernels.expressions import PairFormulas
 
 TABLE_ROWS = 20_000
-"""Rows of a table, evenly spaced in r^2."""
+"""Number of rows of a table, evenly spaced in r^2."""
 
 SEED = 1
-"""Seed of the thermostat's noise, which is zero at temperature zero."""
+"""Seed of the thermostat's noise; without effect, since the temperature is zero."""
 
 
 @dataclass(frozen=True)
@@ -30,29 +30,29 @@ class PairPart:
     Parameters
     ----------
     radius
-        Where the links end.
+        Break radius of the links.
     energy
         Energy of a pair as a Lepton expression; empty for none.
     table
-        Distances and the forces that the energy lacks, shape (2, rows); None where it lacks nothing.
+        Distances and forces that are not part of the energy, shape (2, rows); None if there are none.
     drag
         Coefficient of p_j - p_i.
-    rim
-        Energy of a pair where its link ends: what appears or vanishes with a link.
+    break_energy
+        Energy of a pair at the break radius, by which the energy jumps with a link.
     """
 
     radius: float
     energy: str
     table: Array | None
     drag: float
-    rim: float
+    break_energy: float
 
     @property
     def table_error(self) -> float:
         """Bound on the error of a tabulated force: the largest second difference of its rows.
 
-        LAMMPS lays cubic splines through the rows. At a kink of the force they miss up to 0.34 of the second difference
-        there, at a jump all of it; a smooth force they follow far better.
+        LAMMPS interpolates the rows by cubic splines. At a kink of the force their error is up to 0.34 of the second
+        difference there, at a jump all of it; for a smooth force it is far smaller.
         """
         return 0.0 if self.table is None else float(np.abs(np.diff(self.table[1], 2)).max(initial=0.0))
 
@@ -81,16 +81,16 @@ def pair_part(formulas: PairFormulas, P: Array, radius: float) -> PairPart:
     Parameters
     ----------
     formulas
-        Their formulas.
+        Formulas of the terms.
     P
         Values of the single-number parameters.
     radius
-        Where the links end.
+        Break radius of the links.
 
     Raises
     ------
     UnsupportedLaw
-        When a force depends on more than distance and relative velocity, or the drag on the distance.
+        If a force depends on more than distance and relative velocity, or the drag on the distance.
     """
     import sympy
 
@@ -99,20 +99,20 @@ def pair_part(formulas: PairFormulas, P: Array, radius: float) -> PairPart:
     if drag.free_symbols:
         raise UnsupportedLaw(
             "LAMMPS cannot run a consensus term whose weight depends on the distance (Consensus(weighted=True)): "
-            "dpd/ext/tstat knows one constant. Use engine='tiles' or 'exact', or Consensus(weighted=False)."
+            "dpd/ext/tstat has one constant. Use engine='tiles' or 'exact', or Consensus(weighted=False)."
         )
-    strange = (along.free_symbols | storage.free_symbols) - {r}
-    if strange:
+    unsupported = (along.free_symbols | storage.free_symbols) - {r}
+    if unsupported:
         raise UnsupportedLaw(
-            f"LAMMPS cannot run a pair force that depends on {sorted(map(str, strange))[0]}, only one of the distance. "
+            f"LAMMPS cannot run a pair force that depends on {sorted(map(str, unsupported))[0]}, only on the distance. "
             "Use engine='tiles' or 'exact'."
         )
     slope = sympy.diff(storage, r)
-    # The two are equal as they stand where the force is a gradient; the energy carries what it can either way.
+    # For a gradient the two are identical; otherwise the difference goes to the table.
     rest = sympy.Integer(0) if along == slope else along - slope
     energy = lepton(storage) if storage.has(r) else ""
-    rim = float(storage.xreplace({r: sympy.Float(radius, 17)}))
-    return PairPart(radius, energy, _table(rest, radius) if rest != 0 else None, float(drag), rim)
+    break_energy = float(storage.xreplace({r: sympy.Float(radius, 17)}))
+    return PairPart(radius, energy, _table(rest, radius) if rest != 0 else None, float(drag), break_energy)
 
 
 def _table(rest: sympy.Expr, radius: float) -> Array:
@@ -124,7 +124,7 @@ def _table(rest: sympy.Expr, radius: float) -> Array:
     distances = np.sqrt(np.linspace(inner**2, radius**2, TABLE_ROWS))
     source = code(rest.xreplace({sympy.Symbol("r", positive=True): sympy.Symbol("r", real=True)}), arrays=True)
     with np.errstate(all="ignore"):
-        # Printed from a formula of the whitelisted grammar.
+        # The source is printed from a formula of the restricted grammar.
         forces = -np.asarray(_evaluated(source, distances)) * np.ones(TABLE_ROWS)
     forces[-1] = 0.0 if not np.isfinite(forces[-1]) else forces[-1]
     return np.array([distances, forces])
@@ -143,19 +143,19 @@ def table_text(name: str, table: Array) -> str:
     """A table as the text of a file for ``pair_style table``."""
     distances, forces = table
     energies = np.concatenate([np.cumsum((0.5 * (forces[1:] + forces[:-1]) * np.diff(distances))[::-1])[::-1], [0.0]])
-    head = f"# force beyond the energy of lepton\n\n{name}\n"
+    head = f"# force that is not part of the lepton energy\n\n{name}\n"
     head += f"N {len(distances)} RSQ {distances[0]:.17g} {distances[-1]:.17g}\n\n"
     rows = zip(range(1, len(distances) + 1), distances, energies, forces, strict=True)
     return head + "".join(f"{k} {r:.17g} {e:.17g} {f:.17g}\n" for k, r, e, f in rows)
 
 
 def pair_commands(parts: list[PairPart]) -> list[str]:
-    """Commands that set up all pair styles; tables are read from files ``table0.txt``, ``table1.txt``...
+    """Commands for all pair styles; tables are read from files ``table0.txt``, ``table1.txt``...
 
     Parameters
     ----------
     parts
-        One for each pair term.
+        One for each graph.
     """
     styles: list[tuple[str, str, str]] = []
     for number, part in enumerate(parts):

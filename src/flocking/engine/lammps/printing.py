@@ -1,4 +1,4 @@
-"""SymPy expressions printed for LAMMPS: for its variables, and for the expressions of ``pair_style lepton``."""
+"""Printing of SymPy expressions for LAMMPS variables and for ``pair_style lepton``."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _COMMON = {"Abs": "abs", "sin": "sin", "cos": "cos", "tan": "tan", "exp": "exp",
 
 
 class _Printer(ExpressionVisitor[str]):
-    """Prints arithmetic, fully bracketed; a dialect adds its functions and its choice between two values."""
+    """Prints arithmetic, fully parenthesized; subclasses add functions and conditional expressions."""
 
     folds_numbers = True
     functions: ClassVar[Mapping[str, str]] = _COMMON
@@ -42,7 +42,7 @@ class _Printer(ExpressionVisitor[str]):
         return f"({'+'.join(map(self.visit, node.args))})"
 
     def product(self, node: sympy.Mul) -> str:
-        """Text of a product; negative powers are divided by."""
+        """Text of a product; negative powers become divisions."""
         import sympy
 
         above, below = [], []
@@ -80,18 +80,18 @@ class _Printer(ExpressionVisitor[str]):
             x = arguments[0]
             up, down = f"exp({x})", f"exp(-({x}))"
             halves = {"sinh": f"(0.5*({up}-{down}))", "cosh": f"(0.5*({up}+{down}))"}
-            # exp of the positive side alone: neither overflows.
+            # exp is only applied to arguments that cannot overflow.
             return halves.get(name, f"(1-2/(exp(2*({x}))+1))")
         if name in ("Max", "Min"):
             return self._extreme(name, arguments)
         raise self.refusal(name, node)
 
     def refusal(self, name: str, node: sympy.Basic) -> Exception:
-        """The error for what LAMMPS has no form of."""
-        return UnsupportedLaw(f"LAMMPS has no form of the function {name}. Use engine='tiles' or 'exact'.")
+        """The error for a function that LAMMPS does not have."""
+        return UnsupportedLaw(f"LAMMPS does not have the function {name}. Use engine='tiles' or 'exact'.")
 
     def piecewise(self, node: sympy.Piecewise) -> str:
-        """Text of pieces: nested choices."""
+        """Text of a piecewise expression: nested conditionals."""
         *front, (last, _) = node.args
         text = self.visit(last)
         for value, condition in reversed(front):
@@ -110,11 +110,11 @@ class _Printer(ExpressionVisitor[str]):
 
     @abstractmethod
     def _choice(self, condition: str, yes: str, no: str) -> str:
-        """Text that chooses between two values."""
+        """Text of a conditional expression."""
 
     @abstractmethod
     def _joined(self, node: sympy.Basic, parts: list[str]) -> str:
-        """Text of and, or, not."""
+        """Text of a logical operation."""
 
     @abstractmethod
     def _comparison(self, left: str, sign: str, right: str) -> str:
@@ -131,7 +131,7 @@ class VariablePrinter(_Printer):
     functions: ClassVar[Mapping[str, str]] = {**_COMMON, "log": "ln"}
 
     def _choice(self, condition: str, yes: str, no: str) -> str:
-        # Evaluates the chosen branch alone: the other may divide by zero.
+        # ternary() evaluates only the selected branch; the other may divide by zero.
         return f"ternary({condition}, {yes}, {no})"
 
     def _joined(self, node: sympy.Basic, parts: list[str]) -> str:
@@ -152,7 +152,7 @@ class VariablePrinter(_Printer):
 
 
 class LeptonPrinter(_Printer):
-    """Expressions of ``pair_style lepton``, which differentiates them itself."""
+    """Expressions for ``pair_style lepton``, which differentiates them."""
 
     functions: ClassVar[Mapping[str, str]] = {**_COMMON, "log": "log", "sinh": "sinh", "cosh": "cosh", "tanh": "tanh"}
 
@@ -181,22 +181,22 @@ class LeptonPrinter(_Printer):
 
 
 def variable(expression: sympy.Expr, names: Mapping[str, str]) -> str:
-    """A formula for LAMMPS's ``variable`` command; ``names`` replaces symbols by what LAMMPS calls them.
+    """A formula for LAMMPS's ``variable`` command; ``names`` maps symbols to names in LAMMPS.
 
     Raises
     ------
     UnsupportedLaw
-        When the expression has a function that LAMMPS lacks.
+        If the expression contains a function that LAMMPS does not have.
     """
     return VariablePrinter(names).visit(expression)
 
 
 def lepton(expression: object) -> str:
-    """An expression in r for ``pair_style lepton``, without blanks.
+    """An expression in r for ``pair_style lepton``, without spaces.
 
     Raises
     ------
     UnsupportedLaw
-        When the expression has a function that Lepton lacks.
+        If the expression contains a function that Lepton does not have.
     """
     return LeptonPrinter({}).visit(expression).replace(" ", "")

@@ -1,4 +1,4 @@
-"""The ranks of an MPI job: what one of them does alone, and what becomes of the others when it fails."""
+"""The ranks of an MPI job: actions of the first rank, broadcasts, and failures of one rank."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 MESSAGE_SECONDS = 0.5
-"""``mpiexec`` drops what it has not passed on when a job is ended."""
+"""Wait in seconds before a job is aborted: ``mpiexec`` drops output that it has not forwarded."""
 
 
 class Ranks(Team):
@@ -38,7 +38,7 @@ class Ranks(Team):
         self.rank, self.size = int(comm.rank), int(comm.size)
 
     def alone(self, action: Callable[[], T]) -> T | None:
-        """Let the first rank do something. Its result stays there; its failure is raised on all ranks.
+        """Call a function on the first rank. The result stays there; an exception is raised on all ranks.
 
         Parameters
         ----------
@@ -60,36 +60,36 @@ class Ranks(Team):
         return result
 
     def shared(self, action: Callable[[], T]) -> T:
-        """Let the first rank do something, and give its result to all ranks; its failure is raised on all.
+        """Call a function on the first rank and broadcast the result; an exception is raised on all ranks.
 
         Parameters
         ----------
         action
-            Called without arguments; what it gives can be pickled.
+            Called without arguments; its result must be picklable.
         """
         found: T = self.comm.bcast(self.alone(action))
         return found
 
-    def end(self, words: str) -> None:
-        """Say why on standard error, and end the whole job: all its ranks.
+    def end(self, message: str) -> None:
+        """Print a message to standard error and abort all ranks of the job.
 
         Parameters
         ----------
-        words
-            The reason.
+        message
+            The message.
         """
-        sys.stderr.write(f"flocking: rank {self.rank} of {self.size}: {words}\n")
+        sys.stderr.write(f"flocking: rank {self.rank} of {self.size}: {message}\n")
         sys.stderr.flush()
         time.sleep(MESSAGE_SECONDS)
         self.comm.Abort(1)
 
     def gathered(self, rows: Array) -> Array | None:
-        """Rows of all ranks one after the other, on the first rank; None elsewhere.
+        """Concatenated rows of all ranks, on the first rank; None elsewhere.
 
         Parameters
         ----------
         rows
-            This rank's rows, shape (K, columns).
+            Rows of this rank, shape (K, columns).
         """
         from mpi4py import MPI
 
@@ -103,7 +103,7 @@ class Ranks(Team):
 
     @contextmanager
     def bound(self) -> Iterator[None]:
-        """Whatever one rank alone fails with ends the job at once and says why: the others would wait for ever."""
+        """Abort the job with a message if one rank fails; the other ranks would wait forever."""
         try:
             yield
         except (FlockingError, KeyboardInterrupt):
@@ -115,13 +115,13 @@ class Ranks(Team):
 
 
 class OtherRankError(FlockingError):
-    """Another rank of the job met an error and has said which."""
+    """Another rank of the job failed and has reported its error."""
 
     reported_elsewhere = True
 
 
 def _reported(failure: BaseException) -> tuple[type[BaseException], tuple[object, ...], dict[str, object]]:
-    """What other ranks are told of an error. The run that it may hold is not theirs."""
+    """An error in a form that is sent to other ranks, without the run that it may contain."""
     if isinstance(failure, SimulationError):
         return type(failure), failure.args, {**vars(failure), "run": None}
     return OtherRankError, (f"{type(failure).__name__}: {failure}",), {}

@@ -1,4 +1,4 @@
-"""What the first rank writes down of a run; all records stay in its memory."""
+"""Records of a run, in the memory of the first rank."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from flocking.model.state import State
 
 
 class LammpsRecorder(Recorder):
-    """Frames, ledger and observations, on the first rank; the others count frames.
+    """Frames, ledger and observables on the first rank; the others count frames.
 
     Parameters
     ----------
     scenario
-        What is simulated.
-    rims
-        Energy of a pair where its link ends, for each graph of the law.
+        The scenario.
+    break_energies
+        Energy of a pair at the break radius, for each graph of the law.
     observe
-        Whether there are observations.
+        Whether observables are recorded.
     """
 
-    def __init__(self, scenario: Scenario, rims: list[float], *, observe: bool = False) -> None:
+    def __init__(self, scenario: Scenario, break_energies: list[float], *, observe: bool = False) -> None:
         super().__init__(scenario, observe=observe, lets_go=False)
         self.scenario = scenario
-        self.ledger = Ledger(scenario, rims, self)
+        self.ledger = Ledger(scenario, break_energies, self)
 
     def due(self, t: float) -> bool:
-        """Whether a frame is due at time ``t``, on or after its time; the same on all ranks."""
+        """Whether a frame is due at or before time ``t``; the same on all ranks."""
         return self.count < len(self.frame_times) and bool(self.frame_times[self.count] <= t + 1e-12 * max(1.0, abs(t)))
 
     def state_frame(self, state: State, observed: tuple[float, ...] | None) -> None:
@@ -37,15 +37,15 @@ class LammpsRecorder(Recorder):
         Parameters
         ----------
         observed
-            Observations of the frame, fields `OBSERVED_FIELDS`, or None.
+            Observables of the frame, fields `OBSERVED_FIELDS`, or None.
         """
         links = self.scenario.law.graph.initial(state.q) if self.with_links else None
         self.frame(state.t, state.q, state.p, links, observed=observed)
 
-    def go_on(self, run: Run, now: State | None) -> None:
-        """Go on with the records of a run that ended in ``now``; None on ranks that keep no records."""
+    def resume(self, run: Run, now: State | None) -> None:
+        """Continue the records of a run that ended in ``now``; None on ranks without records."""
         if now is None:
             self._skipped = len(run.t)
             return
         self.recall({}, lambda: run)
-        self.ledger.go_on(now)
+        self.ledger.resume(now)

@@ -1,6 +1,6 @@
-"""What a killed run goes on from: all agents and where the session stood, in one file.
+"""Restart data of a run: all agents and the state of the session.
 
-LAMMPS's own restart files lose agents that have left its box since it last looked for neighbours.
+The restart files of LAMMPS lose agents that have left its box since the last rebuild of the neighbour lists.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from flocking.model.state import State
 
 @dataclass(frozen=True, eq=False)
 class Restart:
-    """What another session needs to go on, on any number of ranks.
+    """Everything a session needs to continue, on any number of ranks.
 
     Parameters
     ----------
     agents
-        Positions, velocities and the forces of the last step, shape (N, 9): those on velocities are of half a step
-        before.
-    time, steps, plan
-        Where the session stands.
+        Positions, velocities and the forces of the last step, shape (N, 9); forces that depend on velocities are those
+        of half a step before.
+        time, steps, plan
+        Time, number of steps, and planned steps of the session.
     """
 
     agents: Array
@@ -62,17 +62,17 @@ class RestartNumbers(TypedDict):
 
 
 def unpacked(numbers: Mapping[str, object], arrays: Arrays, scenario: Scenario) -> tuple[Restart, LammpsOptions]:
-    """The restart and the options that were packed.
+    """Restore a restart and the options from their packed form.
 
     Parameters
     ----------
     numbers, arrays
-        What was packed.
+        The packed form.
 
     Raises
     ------
     MalformedError, InvalidInput, TypeError
-        When the data are no restart of a session of this scenario.
+        If the data are not a restart of a session of this scenario.
     """
     _form(scenario).check(numbers, "")
     checked = cast(RestartNumbers, numbers)
@@ -82,7 +82,7 @@ def unpacked(numbers: Mapping[str, object], arrays: Arrays, scenario: Scenario) 
 
 
 class OptionFields(TypedDict, total=False):
-    """The options of a session but for the log, by the names of `LammpsOptions`."""
+    """The options of a session except the log file, with the names of `LammpsOptions`."""
 
     step: float | None
     skin: float | None
@@ -98,12 +98,12 @@ _OPTIONS = Names(
 
 
 def stored_options(data: object) -> LammpsOptions:
-    """The options of a run on disk; LAMMPS's own log is not written again, for whoever made the run chose its path.
+    """The options of a run on disk, without the log file: its path comes from the file and is not trusted.
 
     Raises
     ------
     InvalidInput, MalformedError
-        When they are none.
+        If they are invalid.
     """
     checked = _OPTIONS.check(data, "options")
     return LammpsOptions(**cast(OptionFields, {name: x for name, x in checked.items() if name != "keep_log"}))
@@ -112,7 +112,9 @@ def stored_options(data: object) -> LammpsOptions:
 def _form(scenario: Scenario) -> Names:
     slack = 1e-9 * max(1.0, abs(scenario.start.t), abs(scenario.t_end))
     time = Real(scenario.start.t - slack, scenario.t_end + slack)
-    plan = And(Row([time, time, Integer(1), Integer()]), "lead forward", lambda x: bool(x[0] <= x[1] and x[3] <= x[2]))
+    plan = And(
+        Row([time, time, Integer(1), Integer()]), "advance in time", lambda x: bool(x[0] <= x[1] and x[3] <= x[2])
+    )
     return Names(
         {
             "time": time,

@@ -1,4 +1,4 @@
-"""A running simulation under LAMMPS, on any number of MPI ranks: all ranks call the same methods together."""
+"""Session of the LAMMPS engine on any number of MPI ranks; all methods are collective."""
 
 from __future__ import annotations
 
@@ -32,33 +32,33 @@ from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 
 GROWTH = 1.2
-"""Growth of the group over a batch of steps beyond which batches become shorter: cells fit a group that has grown by
-a fifth."""
+"""Growth of the group in a batch of steps beyond which batches become shorter; cells fit a group that has grown by a
+fifth."""
 LONGEST_BOUT = 1024
-"""How much larger a flock may get, and how many steps LAMMPS takes, until somebody looks at its box again."""
+"""Largest growth of a flock, and largest number of steps, between two checks of its box."""
 
 
 class LammpsSession(Session):
-    """A running simulation under LAMMPS. Its time is always on a step.
+    """Session of the LAMMPS engine. Its time is always the end of a step.
 
     Parameters
     ----------
     scenario
-        What to simulate; the same on all ranks.
+        The scenario to simulate; the same on all ranks.
     options
-        Step and the rest.
+        Options of the engine.
     plant
-        The law the agents really obey, over the graphs of the scenario's law, for tests of the ledger; the scenario's
-        law when absent.
+        The law that agents follow, over the graphs of the scenario's law, for tests of the ledger; the scenario's law
+        by default.
     restart
-        Where to go on from; absent for the start of the scenario.
+        State to continue from; the start of the scenario by default.
 
     Raises
     ------
     UnsupportedLaw
-        When a part of the scenario has no translation.
+        If a part of the scenario has no translation.
     EngineMissing
-        When LAMMPS or MPI is not installed.
+    If LAMMPS or MPI is not installed.
     """
 
     engine = "lammps"
@@ -79,8 +79,8 @@ class LammpsSession(Session):
         self._judge: LawCheck | None = None
         self.ranks = Ranks(library.communicator())
         self.time, self.steps = scenario.start.t, 0
-        rims = [part.rim for part in self.deck.parts]
-        self.records = LammpsRecorder(scenario, rims, observe=options.observe)
+        break_energies = [part.break_energy for part in self.deck.parts]
+        self.records = LammpsRecorder(scenario, break_energies, observe=options.observe)
         self._plan = (self.time, self.time, 1, 1)
         self._step = 0.0
         self._at_row = True
@@ -88,14 +88,14 @@ class LammpsSession(Session):
         self._sound = scenario.start
         self._judged = 0
         with self.ranks.bound():
-            self.options = replace(options, step=self._wanted(options), ledger=options.rows(scenario.start.n))
+            self.options = replace(options, step=self._time_step(options), ledger=options.rows(scenario.start.n))
             self.atoms = Atoms(self.deck, self.ranks, options.keep_log or "none")
             self._begin(restart)
             if restart is None:
                 self._record()
 
-    def _wanted(self, options: LammpsOptions) -> float:
-        """The step that was asked for, or one chosen by the first rank for all."""
+    def _time_step(self, options: LammpsOptions) -> float:
+        """The given step, or one chosen by the first rank."""
         step = options.step
         if step is None:
             step = self.ranks.comm.bcast(self.ranks.alone(lambda: chosen_step(self.scenario, self.scenario.start)))
@@ -116,7 +116,7 @@ class LammpsSession(Session):
 
     @property
     def team(self) -> Ranks:
-        """All ranks."""
+        """The ranks of the job."""
         return self.ranks
 
     def reached(self, to: float) -> bool:
@@ -135,17 +135,17 @@ class LammpsSession(Session):
         assert self.options.ledger is not None
         return self.options.ledger
 
-    def _end_alone(self, error: LammpsError, words: str) -> None:
-        """End the whole job where this rank alone knows of an error: the others would wait for ever."""
+    def _end_alone(self, error: LammpsError, message: str) -> None:
+        """Abort the job if only this rank has an error; the others would wait forever."""
         if error.alone and self.ranks.size > 1:
-            self.ranks.end(words)
+            self.ranks.end(message)
 
     def _command(self, *lines: str) -> None:
-        """Give LAMMPS commands while the run goes on; what it complains of then comes from too large a step."""
+        """Execute LAMMPS commands during the run; errors are then reported as too large a step."""
         try:
             self.atoms.command(*lines)
         except LammpsError as error:
-            failure = step_too_large(self.scenario, self._sound, self.step, f"LAMMPS says: {error}", self.time)
+            failure = step_too_large(self.scenario, self._sound, self.step, f"LAMMPS reported: {error}", self.time)
             self._end_alone(error, str(failure))
             raise failure from None
 
@@ -163,7 +163,7 @@ class LammpsSession(Session):
             return None
         m = self.deck.dimension
         p = rows[:, 3 : 3 + m]
-        # LAMMPS keeps the velocity of the last step of agents of order 1, which have none of their own.
+        # For agents of order 1 LAMMPS stores the velocity of the last step; it is not part of the state.
         return State(rows[:, :m], p if self.deck.order == 2 else np.zeros_like(p), self.time)
 
     def _check_finite(self, rows: Array) -> None:
@@ -179,12 +179,12 @@ class LammpsSession(Session):
         return State(found.q, found.p, found.t)
 
     def forces(self) -> Forces | None:
-        """Forces on all agents as LAMMPS has them, shape (N, m), on the first rank; None elsewhere."""
+        """Forces on all agents, shape (N, m), on the first rank; None elsewhere."""
         rows = self.atoms.gathered("f")
         return None if rows is None else rows[:, : self.deck.dimension]
 
     def _fitted(self) -> float:
-        """Fit LAMMPS's cells to the box; how many times larger that was than when they were fitted last."""
+        """Adapt the cells to the box; returns the growth of the box since the last call."""
         try:
             return self.atoms.fit_cells()
         except LammpsError as error:
@@ -198,9 +198,9 @@ class LammpsSession(Session):
         return min(times, default=self.time + 1000 * self.step)
 
     def advance(self, to: float, seconds: float = math.inf) -> None:
-        """Take steps until the session's time is ``to`` or just beyond it, or for ``seconds`` of wall time.
+        """Take steps until the session's time is at or just beyond ``to``, or for ``seconds`` of wall time.
 
-        The first rank says for all when the time is over, and whether Ctrl-C was pressed.
+        The first rank decides for all when the time is over, and whether Ctrl-C was pressed.
         """
         stop = time.monotonic() + seconds
         try:
@@ -232,9 +232,9 @@ class LammpsSession(Session):
         if h != self._step:
             self._step = h
             self._command(f"timestep {h!r}")
-        # Without a setup: forces on velocities stay those of half a step before.
+        # Without a setup: forces that depend on velocities remain those of half a step before.
         self._command(f"run {todo} pre no post no")
-        # Before a scattering flock has grown far beyond its cells they are made larger.
+        # The cells are enlarged before a scattering flock has grown far beyond them.
         grown = self._fitted()
         self._bout = max(1, self._bout // 4) if grown > GROWTH else min(2 * self._bout, LONGEST_BOUT)
         self.steps += todo
@@ -244,7 +244,7 @@ class LammpsSession(Session):
         self._at_row = index == row_end
 
     def _record(self) -> None:
-        """Add a row to the ledger, and store a frame where one is due."""
+        """Add a row to the ledger, and store a frame if one is due."""
         due = self.records.due(self.time)
         if not due and not (self.rows and self._at_row):
             return
@@ -258,7 +258,7 @@ class LammpsSession(Session):
         self.ranks.alone(lambda: self._write_down(state, due, forces, judged=bool(judged)))
 
     def _write_down(self, state: State | None, due: bool, forces: Forces | None, *, judged: bool) -> None:
-        """Keep a state on the first rank, once it has passed the checks."""
+        """Check a state and record it on the first rank."""
         assert state is not None
         records = self.records
         singular = self.scenario.law.singular_at_zero()
@@ -281,35 +281,35 @@ class LammpsSession(Session):
         self._sound = state
 
     def restart(self) -> Restart | None:
-        """What another session needs to go on, on the first rank; None elsewhere."""
+        """The restart data on the first rank; None elsewhere."""
         with self.ranks.bound():
             agents = self.atoms.gathered("x", "v", "f")
         return None if agents is None else Restart(agents, self.time, self.steps, self._plan)
 
     def pack(self) -> Packed:
-        """What another session needs to go on, on the first rank; nothing elsewhere. All ranks call it together."""
+        """The packed restart data on the first rank; empty elsewhere. Collective."""
         restart = self.restart()
         return ({}, {}) if restart is None else packed_restart(restart, self.options)
 
     @classmethod
     def unpack(cls, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> LammpsSession:
-        """The session that was packed, on any number of ranks; all of them are given the same."""
+        """Restore a session from its packed form, on any number of ranks; all get the same arguments."""
         restart, options = unpacked(*packed, stored.scenario)
         session = cls(stored.scenario, options, plant=stored.plant, restart=restart)
-        session.records.go_on(stored.read(), session.gathered_state())
+        session.records.resume(stored.read(), session.gathered_state())
         return session
 
     def replace(self, *, law: Law | None = None, state: State | None = None) -> None:
-        """Refuse: LAMMPS runs one deck to its end."""
+        """Raise an error: a LAMMPS run has one deck."""
         raise UnsupportedLaw(
-            "LAMMPS cannot replace a law or a state while a run goes on. Use engine='tiles' or 'exact', or start anew "
-            "from the session's state."
+            "LAMMPS cannot replace a law or a state during a run. Use engine='tiles' or 'exact', or start a new "
+            "session from the session's state."
         )
 
     def accelerations(self) -> Array:
-        """Forces over masses, shape (N, m), on every rank; those on velocities are of half a step before.
+        """Forces divided by masses, shape (N, m), on every rank; velocities enter as of half a step before.
 
-        Of agents of order 1 the forces themselves.
+        For agents of order 1 the forces themselves.
         """
         forces = self.ranks.comm.bcast(self.forces())
         if self.deck.order == 1:
@@ -319,7 +319,7 @@ class LammpsSession(Session):
 
     @property
     def about(self) -> dict[str, object]:
-        """Where the results come from, as the run's provenance says."""
+        """Entries of the run's provenance."""
         return super().about | library.versions() | {
             "step": self.step, "scheme": "verlet" if self.deck.order == 2 else "euler", "ranks": self.ranks.size,
             "switches": "not recorded",
@@ -334,14 +334,14 @@ class LammpsSession(Session):
 
     @property
     def fidelity(self) -> Fidelity:
-        """Steps are fixed, switches are not located, and linked pairs are looked at where the ledger has a row."""
+        """Steps are fixed, switches are not located, and linked pairs are checked at the rows of the ledger."""
         return Fidelity(
             self.engine, approaches=Approaches("linked", math.nan, self._looked), ledger=LedgerRule("share", RESIDUAL),
             fixed_step=self.step, law=self._judge.gaps.agreement if self._judge is not None else None,
         )  # fmt: skip
 
     def close(self) -> None:
-        """Give LAMMPS's memory back."""
+        """Release the memory of LAMMPS."""
         self.atoms.close()
 
 

@@ -1,4 +1,4 @@
-"""The time step of a run on a cluster: chosen from its start, held against what it met."""
+"""The time step of a LAMMPS run: choice from the start, and checks during the run."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from flocking.arrays import Array, Indices
 from flocking.engine.fixed_step.automatic_step import largest_step
 from flocking.engine.fixed_step.step_checks import RESIDUAL, check_ledger, check_stride
 from flocking.engine.fixed_step.step_checks import step_too_large as too_large
+from flocking.engine.lammps.gathered_states import velocities
 from flocking.engine.lammps.neighbours import sampled_pairs
-from flocking.engine.lammps.whole_states import velocities
 from flocking.errors import StepTooLarge
 from flocking.model.checks import NO_LESS
 
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
     from flocking.model.state import State
 
 RARE_RESIDUAL = 0.5
-"""Share of the energy moved that a ledger may leave unexplained whose rows are further apart than one step."""
+"""Largest residual of the ledger, relative to the energy exchanged, if rows are more than one step apart."""
 
 ROUNDING = 1e3 * float(np.finfo(np.float64).eps)
-"""Relative error of a sum of energies from rounding: a generous bound for sums that MPI adds in any order."""
+"""Relative rounding error of a sum of energies: a generous bound for sums that MPI adds in any order."""
 
 
 def chosen_step(scenario: Scenario, state: State) -> float:
-    """The largest step that resolves a state, by the rule of the tiled engine."""
+    """The largest step that resolves a state, as in the tiled engine."""
     if scenario.agents.order == 2:
         return largest_step(scenario, sampled_pairs(scenario.law, state.q, state.p), "verlet")
     moving = velocities(scenario, state)
@@ -36,7 +36,7 @@ def chosen_step(scenario: Scenario, state: State) -> float:
 
 
 def steps_between(start: float, end: float, step: float) -> int:
-    """How many steps of at most ``step`` lead from one time to another.
+    """Number of steps of at most ``step`` from one time to another.
 
     Parameters
     ----------
@@ -49,14 +49,14 @@ def steps_between(start: float, end: float, step: float) -> int:
 def step_too_large(
     scenario: Scenario, last: State, step: float, why: str, time: float, agents: tuple[int, ...] = ()
 ) -> StepTooLarge:
-    """The error that names the step that resolves the last state known to be sound, and is at most half of this one.
+    """The error with a smaller step: one that resolves the last valid state, and at most half of the current step.
 
     Parameters
     ----------
     why
-        What went wrong, in words.
+        The reason.
     agents
-        Numbers of the agents it is about.
+        Numbers of the agents concerned.
     """
     return too_large(step, min(0.5 * step, _resolves(scenario, last)), why, time=time, agents=agents)
 
@@ -66,19 +66,19 @@ def _resolves(scenario: Scenario, state: State) -> float:
 
 
 def check_strides(state: State, moving: Array, pairs: tuple[Indices, Indices], step: float) -> None:
-    """Whether some linked pair moves too far for its distance within one step.
+    """Check that no linked pair approaches too far for its distance in one step.
 
     Parameters
     ----------
     moving
-        How fast the agents move, shape (N, m).
+        Velocities of the agents, shape (N, m).
     pairs
         Numbers of the two agents of each linked pair, shape (K,) each.
 
     Raises
     ------
     StepTooLarge
-        When one does.
+        If one does.
     """
     i, j = pairs
     if not len(i):
@@ -90,25 +90,25 @@ def check_strides(state: State, moving: Array, pairs: tuple[Indices, Indices], s
 
 
 def check_ledger_rows(ledger: Ledger, step: float, rows: int, sound: State) -> None:
-    """Whether the ledger closes well enough; where rows are rare its own rule of integration may miss much.
+    """Check that the residual of the ledger is small enough; if rows are rare, its integration error is large.
 
     Parameters
     ----------
     step
         The time step.
     sound
-        The last state known to be sound.
+        The last valid state.
 
     Raises
     ------
     StepTooLarge
-        When it does not.
+        If it is not.
     """
     if len(ledger.trace) < 2:
         return
     last = ledger.trace[-1]
     scale = abs(last[1]) + last[2]
-    instead = "" if rows == 1 else f"; so may a row of the ledger at every step (ledger=1, now {rows})"
+    instead = "" if rows == 1 else f"; alternatively use a row of the ledger at every step (ledger=1, now {rows})"
     check_ledger(
         step, ledger.trace[0], last, order=1, rounding=ROUNDING * scale, time=last[0],
         at_most=lambda: _resolves(ledger.scenario, sound), instead=instead,

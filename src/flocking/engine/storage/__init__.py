@@ -1,1 +1,1 @@
-"""Runs on disk: atomic files, the Zarr layout, reading, writing, and formats of other programs; knows no engine."""
+"""Runs on disk: atomic files, Zarr layout, reading, writing, formats of other programs; independent of engines."""

@@ -1,4 +1,4 @@
-"""Files that survive a kill: a file appears complete or not at all, and one process writes at a time."""
+"""Atomic files: a file appears complete or not at all, also after a kill, and one process writes at a time."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from flocking.engine.memory_shortage import starved
 from flocking.errors import FlockingError, StorageError
 
 PARTIAL = ".partial"
-"""Suffix of a file that is still being written; a kill may leave one behind, and it is never read."""
+"""Suffix of a partly written file; a kill may leave one behind, and it is never read."""
 
 ENDING = 30.0
-"""Seconds that the end of a process waits for the idle thread of Zarr."""
+"""Time in seconds that the end of a process waits for the idle thread of Zarr."""
 
 MAKING = 60.0
-"""A folder under construction that was not written to for so many seconds is abandoned."""
+"""Time in seconds without writes after which a partly written folder counts as abandoned."""
 
 
-RUN_STAYS = "What was committed before stays readable; free some space and go on with `flocking resume`."
-"""Message for a run that finds no space left."""
-SWEEP_STAYS = "What was committed before stays readable; free some space, and the same sweep again goes on."
-NO_MEMORY = "the run asks for more memory than there is."
+RUN_STAYS = "What was committed before stays readable; free some space and continue with `flocking resume`."
+"""Message for a run on a full disk."""
+SWEEP_STAYS = "What was committed before stays readable; free some space and run the same sweep again to continue it."
+NO_MEMORY = "the run needs more memory than is available."
 NOTHING_WRITTEN = "Nothing was written; free some space or choose another folder."
 
 
@@ -89,7 +89,7 @@ class _Summed(io.RawIOBase):
 def settle(folders: set[Path]) -> None:
     """Synchronise ``folders`` to the disk, so that names of new files survive a power failure."""
     for folder in folders:
-        with suppress(OSError):  # Windows cannot open a folder
+        with suppress(OSError):  # Windows cannot open a folder.
             handle = os.open(folder, os.O_RDONLY)
             try:
                 os.fsync(handle)
@@ -99,7 +99,7 @@ def settle(folders: set[Path]) -> None:
 
 
 def sweep(folder: Path) -> None:
-    """Remove the partial files that an earlier kill left."""
+    """Remove partial files of a killed process."""
     for path in folder.rglob(f"*{PARTIAL}"):
         path.unlink(missing_ok=True)
 
@@ -126,7 +126,7 @@ def atomic_store(folder: Path) -> WritingStore:
             self._check_writable()
             path = folder / key
             self.touched.add(path.parent)
-            # The metadata of an array need not last: the record of the run holds them again.
+            # The metadata of an array need not be durable: the record of the run contains them too.
             await asyncio.to_thread(put, path, value.to_bytes(), lasting=path.name != "zarr.json")
 
     store: WritingStore = AtomicStore(folder)
@@ -140,7 +140,7 @@ def write_file(path: Path, data: bytes, doing: str) -> Path:
     Parameters
     ----------
     doing
-        What it is for, in words that follow "cannot".
+        Purpose, as a phrase that follows "cannot".
 
     Raises
     ------
@@ -153,14 +153,14 @@ def write_file(path: Path, data: bytes, doing: str) -> Path:
 
 
 def write_through(path: Path, data: bytes, *, parents: bool = True, lasting: bool = True) -> None:
-    """As `put`, but a link's target is replaced, and a device or a pipe is written to.
+    """Like `put`, but replaces the target of a link, and writes directly to a device or a pipe.
 
     Parameters
     ----------
     parents
         Whether missing parent folders are made.
     lasting
-        Whether it must survive a power failure.
+        Whether the file must survive a power failure.
     """
     if path.exists() and not path.is_file() and not path.is_dir():
         path.write_bytes(data)
@@ -172,14 +172,14 @@ def write_through(path: Path, data: bytes, *, parents: bool = True, lasting: boo
 
 @contextmanager
 def storage_errors(folder: Path, doing: str, *, full: str = RUN_STAYS) -> Iterator[None]:
-    """Turn failures of the file system into a `StorageError` that says what to do.
+    """Convert failures of the file system to a `StorageError` with advice.
 
     Parameters
     ----------
     doing
-        What was tried, in words that follow "cannot".
+        The attempted action, as a phrase that follows "cannot".
     full
-        What to say when no space is left.
+        Advice if the disk is full.
     """
     try:
         yield
@@ -198,17 +198,17 @@ def end_zarr_patiently() -> None:
     def stop() -> None:
         loop, thread = zarr_sync.loop[0], zarr_sync.iothread[0]
         if loop is not None and thread is not None:
-            with suppress(RuntimeError):  # it has been closed
+            with suppress(RuntimeError):  # It has been closed.
                 loop.call_soon_threadsafe(loop.stop)
             thread.join(ENDING)
 
-    # What is registered last is called first.
+    # Functions registered last are called first.
     atexit.register(stop)
 
 
 @contextmanager
 def read_soundly(folder: Path) -> Iterator[None]:
-    """Turn errors of reading a damaged or foreign ``folder`` into a `StorageError`."""
+    """Convert errors of reading a damaged or foreign ``folder`` to a `StorageError`."""
     try:
         yield
     except FlockingError:
@@ -224,24 +224,24 @@ def read_soundly(folder: Path) -> Iterator[None]:
 
 def _reason(error: OSError, full: str) -> str:
     if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-        return f"no room left ({error.strerror}). {full}"
+        return f"no space left ({error.strerror}). {full}"
     if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
         return f"no permission ({error.strerror}). Choose another folder or change its rights."
     return f"{error.strerror or error}."
 
 
 def partial_folder(folder: Path) -> Path:
-    """Where ``folder`` is built before it is renamed to its own name."""
+    """Temporary path of ``folder``, which is renamed when complete."""
     return folder.with_name(f".{folder.name}.{os.getpid()}{PARTIAL}")
 
 
 def remove_left_over(place: Path) -> None:
-    """Remove folders in ``place`` that ended processes were building, see `partial_folder`."""
+    """Remove partly written folders of ended processes from ``place``, see `partial_folder`."""
     for path in place.glob(f".*{PARTIAL}"):
         owner = path.name.removesuffix(PARTIAL).rpartition(".")[2]
         if owner.isdigit() and path.is_dir() and not path.is_symlink() and not _alive(int(owner)):
             with suppress(OSError):
-                # A process of another machine that shares the disk may be at work there.
+                # A process on another machine that shares the disk may be writing it.
                 if time.time() - max(x.stat().st_mtime for x in (path, *path.iterdir())) > MAKING:
                     shutil.rmtree(path, ignore_errors=True)
 
@@ -267,7 +267,7 @@ def only_writer(folder: Path) -> Iterator[None]:
     """
     try:
         import fcntl
-    except ImportError:  # Windows: nothing to lock with
+    except ImportError:  # Windows has no such locks.
         yield
         return
     with open(folder / ".lock", "ab") as file:

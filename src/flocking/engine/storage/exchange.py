@@ -32,11 +32,11 @@ def export_run(run: Run, path: str | Path, *, to: str | None = None) -> Path:
     run
         The run.
     path
-        The file; it is replaced when it exists.
+        The file; an existing one is replaced.
     to
-        ``"gsd"`` (positions in single precision as its schema asks; double precision, time and ledger in the
+        ``"gsd"`` (positions in single precision as its schema requires; double precision, time and ledger in the
         log), ``"xyz"`` (extended XYZ), ``"npz"`` (all arrays), ``"csv"`` or ``"parquet"`` (observables of
-        every frame). The ending of ``path`` decides when absent.
+        every frame). By default determined by the suffix of ``path``.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def observable_table(run: Run) -> dict[str, Array]:
 
     Time, number of links, flocks and share of the largest, closest pair, order, largest deviation from the mean
     velocity, and the mean position and velocity (weighted by mass) by axis. Without link matrices, links and flocks are
-    those observed during the run, or missing; without frames, the table holds what was observed.
+    those recorded during the run, or missing; without frames, the table contains the recorded observables.
     """
     from collections import defaultdict
 
@@ -147,7 +147,7 @@ def _write_xyz(run: Run, path: Path) -> None:
 
 
 def _xyz_box(run: Run) -> str:
-    """Which axes repeat, and where one does the box: axes without end get a length that holds the run."""
+    """Periodic axes, and the box if there is one: open axes get a length that contains the run."""
     space = run.scenario.space
     if space.is_open:
         return 'pbc="F F F"'
@@ -157,7 +157,7 @@ def _xyz_box(run: Run) -> str:
 
 
 def _box(run: Run) -> list[float]:
-    """Lengths of a box about the origin, one for each axis: those of space, else one that holds all positions."""
+    """Lengths of a box about the origin, one per axis: the periods of space, or a length for all positions."""
     length = float(2 * MARGIN * max(np.abs(run.q).max(initial=0.0), 1.0))
     lengths = run.scenario.space.lengths or (np.inf,) * run.q.shape[2]
     return [x if np.isfinite(x) else length for x in lengths]
@@ -171,7 +171,7 @@ def _write_gsd(run: Run, path: Path) -> None:
     _check_space(run)
     m = run.q.shape[2]
     sides, space = _box(run), run.scenario.space
-    # A plane has no third side; a line lies in a plane that is as wide as it is long.
+    # In the plane the box has no third side; for one axis the box is a square.
     sides = [sides[0], sides[m - 1], 0.0] if m < 3 else sides
     masses = np.broadcast_to(np.asarray(run.scenario.agents.masses, dtype=np.float64), run.n)
     linked = run.links.shape[1:] == (run.n, run.n)
@@ -219,7 +219,7 @@ def _check_space(run: Run) -> None:
     if run.q.shape[2] > 3:
         raise InvalidInput(
             "export_run", "to", "must be npz, csv or parquet for more than 3 dimensions", run.q.shape[2],
-            "GSD and XYZ know three axes.",
+            "GSD and XYZ have three axes.",
         )  # fmt: skip
 
 

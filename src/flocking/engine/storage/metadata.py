@@ -1,4 +1,4 @@
-"""What the record of a run and the metadata of its arrays must contain, checked before its data are decoded."""
+"""Checks of the record of a run and of the metadata of its arrays, before its data are decoded."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from flocking.engine.runs.columns import ARRAYS, ERRORS, GROWING, LARGEST_CHUNK,
 from flocking.engine.runs.run import FIRST_QUANTITIES
 
 CODECS = ("bytes", "crc32c", "gzip", "vlen-utf8", "zstd")
-"""Codecs of Zarr format 3 that a run may use. None of them executes what it reads."""
+"""Codecs of Zarr format 3 that a run may use. None of them executes data."""
 
 TYPES = {"f8": "float64", "f4": "float32", "i8": "int64", "u4": "uint32", "u1": "uint8", "?": "bool", "str": "string"}
 """Zarr's names of the types of `flocking.engine.runs.columns.ARRAYS`."""
 
 CHECKPOINT_DIGITS = 6
-"""Digits of the number in the name of a checkpoint, so that names sort like numbers up to a million."""
+"""Number of digits in the name of a checkpoint, so that names sort like numbers up to a million."""
 
 MOST_ROWS = 2**48
-"""Upper bound on the rows of any table, beyond what a disk can hold."""
+"""Upper bound on the rows of any table, larger than any disk."""
 
 
 def checkpoint_name(number: int) -> str:
@@ -52,19 +52,19 @@ _RECORD = Names(
 
 
 def check_metadata(root: dict[str, Any], record: dict[str, Any]) -> None:
-    """Refuse a record, or metadata of arrays, that this library would not have written.
+    """Check that a record and the metadata of arrays have the form that this library writes.
 
     Parameters
     ----------
     root
-        Content of the file that holds both.
+        Content of the file with both.
     record
         The record of the last commit.
 
     Raises
     ------
     MalformedError
-        When something is wrong; the message names it.
+        If something is wrong; the message names it.
     """
     _RECORD.check(record, "")
     Names(
@@ -89,7 +89,7 @@ def _check_array(name: str, data: Any, record: dict[str, object]) -> None:
     if name in ("position", "velocity"):
         kinds = ("float64", "float32")
     shape = [*_sizes(dimensions, record)]
-    # A run stored before rows of the ledger had a last field lacks it.
+    # Runs of earlier versions lack the last field of the ledger.
     least = [FIRST_QUANTITIES if name == "quantity" else k for name, k in zip(dimensions, shape, strict=True)]
     transformers = And(Many(Text()), "hold no transformers", lambda x: not x)
     grid = Names({"name": Text(("regular",)), "configuration": Names({"chunk_shape": Row([Integer(1)] * len(shape))})})

@@ -1,4 +1,4 @@
-"""The record of a run on disk: what its last commit holds, protected by a checksum."""
+"""The record of a run on disk: the content of its last commit, with a checksum."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from flocking.engine.storage.metadata import check_metadata
 from flocking.errors import StorageError
 
 FORMAT = 2
-"""Version of the layout on disk; a reader refuses newer ones. Runs of format 1 hold no errors."""
+"""Version of the layout on disk; a reader refuses newer ones. Runs of format 1 contain no errors of frames."""
 
 FIRST_ENGINE = "exact"
-"""Engine of stored runs that do not name theirs: once it was the only one."""
+"""Engine of stored runs without the name of one, from versions with a single engine."""
 
 RECORD = "zarr.json"
 SCENARIO = "scenario.json"
@@ -31,7 +31,7 @@ def read_record(folder: str | Path) -> dict[str, Any]:
     Raises
     ------
     StorageError
-        When there is no run, its record is damaged, or a newer version wrote it.
+        If there is no run, its record is damaged, or a newer version wrote it.
     """
     folder = Path(folder)
     path = folder / RECORD
@@ -39,13 +39,13 @@ def read_record(folder: str | Path) -> dict[str, Any]:
         root = json.loads(path.read_bytes())
         record = root["attributes"]["flocking"]
     except (FileNotFoundError, NotADirectoryError):
-        raise StorageError(f"{folder}: no run here. A run is a folder with a {RECORD}.") from None
+        raise StorageError(f"{folder}: not a run. A run is a folder with the file {RECORD}.") from None
     except OSError as error:
         raise StorageError(f"{folder}: cannot read the run: {error.strerror}.") from None
     except (ValueError, KeyError, TypeError, RecursionError):
-        raise StorageError(f"{path}: no record of a run: the file was damaged or comes from elsewhere.") from None
+        raise StorageError(f"{path}: not the record of a run; the file is damaged or foreign.") from None
     if not isinstance(record, dict) or not isinstance(record.get("format"), int):
-        raise StorageError(f"{path}: no record of a run: the file was damaged or comes from elsewhere.")
+        raise StorageError(f"{path}: not the record of a run; the file is damaged or foreign.")
     if record["format"] > FORMAT:
         raise StorageError(
             f"{folder}: written by a newer version of flocking (format {record['format']}; this one reads {FORMAT}). "
@@ -56,7 +56,7 @@ def read_record(folder: str | Path) -> dict[str, Any]:
     try:
         check_metadata(root, record)
     except MalformedError as error:
-        raise StorageError(f"{path}: no run that this version can read: {error}.") from None
+        raise StorageError(f"{path}: not a run that this version can read: {error}.") from None
     return record
 
 
@@ -74,10 +74,10 @@ def engine_of(folder: Path) -> tuple[str, str]:
 
 
 def write_record(folder: Path, record: dict[str, Any], provenance: Mapping[str, object]) -> None:
-    """Replace the record of a run, and with it the shapes a reader sees, in one step; ``provenance`` goes with it."""
+    """Replace the record of a run, its ``provenance`` and the shapes that a reader finds, atomically."""
     metadata = {name: json.loads((folder / name / RECORD).read_bytes()) for name in record["arrays"]}
     for data in metadata.values():
-        # Rows that were appended and not committed must not show, whatever their array says of itself.
+        # Rows that are not committed must not be visible, so shapes are those of the commit.
         if (first := data["dimension_names"][0]) in record["counts"]:
             data["shape"][0] = record["counts"][first]
     root: dict[str, Any] = {

@@ -17,7 +17,7 @@ from flocking.model.terms.avoidance import ObstacleTerm
 def check_records(
     folder: Path, scenario: Scenario, record: dict[str, object], parts: dict[str, AnyArray], tables: dict[str, AnyArray]
 ) -> None:
-    """Refuse frames and tables that are not of a run of this scenario.
+    """Check that frames and tables belong to a run of this scenario.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def check_records(
     Raises
     ------
     StorageError
-        When they are of another run; the message names the ``folder``.
+        If they do not; the message names the ``folder``.
     """
     shape = scenario.start.q.shape
     if shape != (record["n"], record["dimension"]):
@@ -40,7 +40,7 @@ def check_records(
     try:
         _check(scenario, parts, tables)
     except MalformedError as error:
-        raise StorageError(f"{folder}: no run of its scenario: {error}; the file was damaged.") from None
+        raise StorageError(f"{folder}: the data do not fit the scenario: {error}; the file was damaged.") from None
 
 
 def _check(scenario: Scenario, parts: dict[str, AnyArray], tables: dict[str, AnyArray]) -> None:
@@ -48,7 +48,7 @@ def _check(scenario: Scenario, parts: dict[str, AnyArray], tables: dict[str, Any
     times = parts["time"]
     Table("f8", (None,)).check(times, "time")
     if (np.diff(times) < 0).any():
-        raise MalformedError("time must not run backwards")
+        raise MalformedError("times must not decrease")
     for name in ("position", "velocity"):
         Table(parts[name].dtype, parts[name].shape, ordered=False).check(parts[name], name)
     columns, n_components = tables.get(COLUMN), len(component_names(scenario))
@@ -67,4 +67,4 @@ def _check(scenario: Scenario, parts: dict[str, AnyArray], tables: dict[str, Any
             Table(SWITCHES[name], (None,), least=0, most=highest).check(tables[name], name)
     for name, values in {**parts, **tables}.items():
         if values.dtype.kind == "b" and np.ascontiguousarray(values).view(np.uint8).max(initial=0) > 1:
-            raise MalformedError(f"{name} must hold truth values")
+            raise MalformedError(f"{name} must contain boolean values")

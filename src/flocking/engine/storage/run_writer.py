@@ -1,4 +1,4 @@
-"""Writing a run to disk while it goes on: append, then commit."""
+"""Writing of a run to disk during the simulation: append, then commit."""
 
 from __future__ import annotations
 
@@ -63,8 +63,8 @@ if TYPE_CHECKING:
 class RunWriter:
     """Appends frames, switches and ledger rows to a run on disk and commits them.
 
-    `create` makes a new folder, `reopen` goes on after the last commit. Rows count only after `commit`. Use it in a
-    ``with`` block.
+    `create` makes a new folder, `reopen` continues after the last commit. Rows are visible only after `commit`. Use it
+    in a ``with`` block.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -98,26 +98,26 @@ class RunWriter:
         Parameters
         ----------
         folder
-            The folder; it appears only once it holds a readable run.
+            The folder; it appears when it contains a readable run.
         scenario
-            What is simulated. One with a part from outside this library is left out; then reading needs it again.
+            The scenario. One with a part from outside this library is not stored; it must then be given when reading.
         plant
-            The law that the agents really obey, if it is another.
+            The law that agents follow, if it differs from that of the scenario.
         with_links
-            Whether frames hold link matrices.
+            Whether frames contain link matrices.
         precision
             ``"float64"`` or ``"float32"``, of the frames.
         observed
-            Whether there will be observations.
+            Whether there are observables.
         with_errors
-            Whether errors of the frames will be known.
+            Whether errors of the frames are stored.
         session
             Engine and options, so that a run killed before its first commit can be started again.
 
         Raises
         ------
         StorageError
-            When the folder holds something already or cannot be written.
+            If the folder is not empty or cannot be written.
         """
         folder = Path(folder).resolve()
         check_free(folder)
@@ -125,7 +125,7 @@ class RunWriter:
         start = scenario.start
         size = Dimensions(start.n, start.dimension, with_links, precision, observed, with_errors, components)
         fresh = partial_folder(folder)
-        # Zarr writes in a thread of its own, which an interrupt of this one does not stop.
+        # Zarr writes in a separate thread, which an interrupt of this one does not stop.
         with uninterrupted(), storage_errors(folder, "create the run", full=NOTHING_WRITTEN):
             remove_left_over(folder.parent)
             try:
@@ -152,7 +152,7 @@ class RunWriter:
 
     @classmethod
     def reopen(cls, folder: str | Path) -> RunWriter:
-        """Open a run to go on after its last commit; rows after that are dropped.
+        """Open a run to continue after its last commit; later rows are dropped.
 
         Raises
         ------
@@ -168,7 +168,7 @@ class RunWriter:
         self.close()
 
     def close(self) -> None:
-        """Release the lock; rows that were not committed do not count."""
+        """Release the lock; rows that were not committed are lost."""
         self._closing.close()
 
     @property
@@ -177,7 +177,7 @@ class RunWriter:
         return dict(self._counts)
 
     def _open_arrays(self) -> dict[str, zarr.Array]:
-        """The arrays as of the last commit, whatever happened to their own metadata since."""
+        """The arrays with the shapes of the last commit."""
         import zarr
 
         sweep(self.folder)
@@ -227,7 +227,7 @@ class RunWriter:
             self._sum({name: parts[name] for name in (FRAME_ERROR, COLUMN) if name in parts})
 
     def append_records(self, switches: Records, trace: Records, observed: Records | None = None) -> None:
-        """Append switches, fields `SWITCH_FIELDS`, ledger rows, `TRACE_FIELDS`, and observations, `OBSERVED_FIELDS`.
+        """Append switches, fields `SWITCH_FIELDS`, ledger rows, `TRACE_FIELDS`, and observables, `OBSERVED_FIELDS`.
 
         Parameters
         ----------
@@ -245,7 +245,7 @@ class RunWriter:
             self._extend("switch", columns)
             self._sum(columns)
         if len(trace):
-            # A run stored before the ledger had a last field goes on without it.
+            # Runs of earlier versions continue without the last field of the ledger.
             ledger = {LEDGER: np.ascontiguousarray(number_rows(trace)[:, : self._arrays[LEDGER].shape[1]])}
             self._extend("step", ledger)
             self._sum(ledger)
@@ -287,14 +287,14 @@ class RunWriter:
         closest
             Closest linked and unlinked pair so far.
         accuracy
-            What is known of the errors so far.
+            Estimates of the errors so far.
         provenance
-            Where the run comes from.
+            Origin of the run.
         fidelity
             Its `Fidelity`.
         checkpoint
-            What `resume` needs to go on after the last frame, or a function that writes it; absent when the run cannot
-            go on.
+            Data that `resume` needs to continue after the last frame, or a function that writes them; None if the run
+            cannot continue.
 
         Raises
         ------
@@ -336,17 +336,17 @@ class RunWriter:
 
 
 def check_free(folder: Path) -> None:
-    """Refuse a folder that is not empty.
+    """Check that a folder is empty or missing.
 
     Raises
     ------
     StorageError
-        When it is not, or cannot be read.
+        If it is not empty, or cannot be read.
     """
     with storage_errors(folder, "create the run", full=NOTHING_WRITTEN):
         if (folder / RECORD).exists():
             raise StorageError(
-                f"{folder}: holds a run already. Choose another folder, go on with `flocking resume`, or delete it."
+                f"{folder}: contains a run. Choose another folder, continue it with `flocking resume`, or delete it."
             )
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise StorageError(f"{folder}: not an empty folder. Choose another one; nothing is ever overwritten.")

@@ -35,7 +35,7 @@ def read_start(path: str | Path, *, frame: int = -1) -> State:
     StorageError
         When the file cannot be read or does not match its suffix.
     InvalidInput
-        When the suffix is unknown or the values make no state.
+        When the suffix is unknown or the values are not a valid state.
     """
     if not isinstance(path, str | Path):
         raise InvalidInput("read_start", "path", "must be a path", path)
@@ -77,7 +77,7 @@ def _read_npz(path: Path, frame: int) -> tuple[AnyArray, AnyArray]:
     try:
         with np.load(path, allow_pickle=False) as file:
             if not isinstance(file, np.lib.npyio.NpzFile) or "q" not in file.files:
-                raise StorageError(f"{path}: holds no array 'q'.")
+                raise StorageError(f"{path}: contains no array 'q'.")
             q = file["q"]
             p = file["p"] if "p" in file.files else np.zeros_like(q)
     except (ValueError, EOFError, zipfile.BadZipFile) as error:
@@ -96,7 +96,7 @@ def _read_csv(path: Path, frame: int) -> tuple[AnyArray, AnyArray]:
     except (UnicodeDecodeError, csv.Error) as error:
         raise StorageError(f"{path}: not a CSV table ({error}).") from None
     if not rows:
-        raise StorageError(f"{path}: holds no rows. It needs a header x,y[,z][,vx,vy[,vz]] and a row per agent.")
+        raise StorageError(f"{path}: contains no rows. It needs a header x,y[,z][,vx,vy[,vz]] and a row per agent.")
     names = [str(name).strip() for name in rows[0]]
     axes = next((a for m in (3, 2, 1) if set(a := axis_names(m)) <= set(names)), None)
     if axes is None:
@@ -104,7 +104,7 @@ def _read_csv(path: Path, frame: int) -> tuple[AnyArray, AnyArray]:
     speeds = [f"v{name}" for name in axes]
     missing = [name for name in speeds if name not in names]
     if missing and len(missing) < len(speeds):
-        raise StorageError(f"{path}: has no column {missing[0]}, but other velocities.")
+        raise StorageError(f"{path}: has no column {missing[0]}, but other velocity columns.")
     table = {str(name).strip(): name for name in rows[0]}
 
     def column(name: str) -> list[float]:

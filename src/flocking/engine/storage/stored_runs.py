@@ -1,8 +1,8 @@
 """Runs on disk: a Zarr 3 group that grows by atomic commits.
 
 The folder of a run is the group itself, so that ``xarray.open_zarr(folder)`` shows labelled arrays. Its ``zarr.json``
-holds the record of the last commit together with the metadata of all arrays. It is replaced last and atomically, so
-that a reader finds exactly the frames of that commit.
+contains the record of the last commit and the metadata of all arrays. It is replaced last and atomically, so that a
+reader finds exactly the frames of that commit.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def write_run(run: Run, folder: str | Path) -> Path:
     Raises
     ------
     StorageError
-        When the folder holds something already or cannot be written.
+        If the folder is not empty or cannot be written.
     """
     links, observed = run.links.shape[1:] == (run.n, run.n), run.observables is not None
     precision = "float32" if run.q.dtype == np.float32 else "float64"
@@ -80,11 +80,11 @@ def read_run(folder: str | Path, *, scenario: Scenario | None = None, frames: in
     Parameters
     ----------
     folder
-        Where it is.
+        The folder of the run.
     scenario
         Its scenario, for a run whose scenario could not be stored.
     frames
-        Read only so many frames, for example those before a damaged one.
+        Number of frames to read, for example those before a damaged one.
 
     Raises
     ------
@@ -154,7 +154,7 @@ def _fidelity(folder: Path, data: object, provenance: dict[str, object], scenari
     try:
         return fidelity_of(data, provenance, scenario)
     except MalformedError as error:
-        raise StorageError(f"{folder}: no account of a run that this version can read: {error}.") from None
+        raise StorageError(f"{folder}: not a fidelity of a run that this version can read: {error}.") from None
 
 
 class StoredFacts(TypedDict):
@@ -210,7 +210,7 @@ def read_scenario_of(folder: str | Path) -> tuple[Scenario, Law | None]:
     about = read_record(folder)["scenario"]
     if about["left_out"]:
         raise StorageError(
-            f"{folder}: the run holds no scenario ({about['left_out']}). "
+            f"{folder}: the run contains no scenario ({about['left_out']}). "
             "Give it when reading: read_run(folder, scenario=...)."
         )
     with storage_errors(folder, "read the scenario"):
@@ -220,9 +220,9 @@ def read_scenario_of(folder: str | Path) -> tuple[Scenario, Law | None]:
     try:
         scenario, plant = from_data(json.loads(text))
     except (FlockingError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-        raise StorageError(f"{folder / SCENARIO}: no scenario that this version can build: {error}") from None
+        raise StorageError(f"{folder / SCENARIO}: not a scenario that this version can build: {error}") from None
     if not isinstance(scenario, Scenario) or not isinstance(plant, Law | None):
-        raise StorageError(f"{folder / SCENARIO}: holds no scenario.")
+        raise StorageError(f"{folder / SCENARIO}: contains no scenario.")
     return scenario, plant
 
 
@@ -232,7 +232,7 @@ def _read(folder: Path, array: zarr.Array, name: str, count: int, begin: int = 0
         if array.shape[0] < count:
             raise ValueError(f"{array.shape[0]} rows instead of {count}")
         return np.asarray(array[begin:count])
-    except Exception as fault:  # each codec has errors of its own
+    except Exception as fault:  # Each codec raises errors of its own.
         if interrupted(fault):
             raise KeyboardInterrupt from None
         if starved(fault):
@@ -246,7 +246,7 @@ def _read(folder: Path, array: zarr.Array, name: str, count: int, begin: int = 0
                 rows = f"frames {first} to {last}" if name in ARRAYS else f"rows {first} to {last}"
                 raise StorageError(
                     f"{folder}: a chunk of {name!r} is damaged ({rows}): {fault}. "
-                    f"The frames before can be read with read_run(folder, frames={first})."
+                    f"Earlier frames can be read with read_run(folder, frames={first})."
                 ) from None
         raise StorageError(f"{folder}: the array {name!r} cannot be read: {fault}") from None
 
@@ -258,7 +258,7 @@ def _check_frames(folder: Path, parts: dict[str, AnyArray], first: int) -> None:
             name, k = [n for n in FRAME_PARTS[1:] if n in parts][int(np.argmax(row))], first + at
             raise StorageError(
                 f"{folder}: frame {k} of {name!r} (t = {parts['time'][at]:.9g}) does not match its checksum; the file "
-                f"was damaged. The frames before can be read with read_run(folder, frames={k})."
+                f"was damaged. Earlier frames can be read with read_run(folder, frames={k})."
             )
 
 

@@ -1,4 +1,4 @@
-"""The pairs of a crowd from which its time step is chosen."""
+"""Choice of the time step from a sample of the listed pairs."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 from flocking.model.law import Scenario
 
 FEW = 400
-"""Agents looked at where a step that was given is only to be told from one beyond all stability."""
+"""Agents sampled where a given step is only tested for gross instability, which needs no accurate estimate."""
 
 
 def choose(particles: ParticleArrays, scenario: Scenario, scheme: str) -> float:
-    """The largest step that resolves the start, from agents spread evenly over the sorted order of the crowd.
+    """The largest step that resolves the start, from a sample of agents spread evenly over the sorted order.
 
     Parameters
     ----------
     scheme
-        Name of the scheme that will take the steps.
+        Name of the integrator.
     """
     sampled = [_sampled(particles, number) for number in range(len(particles.lists))]
     moving = particles.X[particles.m :, : particles.n].T.astype(np.float64) if particles.spec.order == 1 else None
@@ -28,12 +28,12 @@ def choose(particles: ParticleArrays, scenario: Scenario, scheme: str) -> float:
 
 
 def resolves(particles: ParticleArrays, scenario: Scenario, scheme: str) -> float:
-    """The largest step that resolves the forces of the start, whatever the length of the run and the speeds.
+    """The largest step that resolves the forces at the start, regardless of the length of the run and of speeds.
 
     Parameters
     ----------
     scheme
-        Name of the scheme that takes the steps.
+        Name of the integrator.
     """
     sampled = [_sampled(particles, number, FEW) for number in range(len(particles.lists))]
     return resolving_step(scenario, sampled, scheme, across=False)

@@ -1,4 +1,4 @@
-"""A snapshot of a tiled session as plain numbers and named arrays, and back."""
+"""Conversion of a snapshot of a tiled session to plain numbers and named arrays, and back."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ PARTS: dict[str, type[object]] = {
     "Books": LedgerSums, "Closest": Closest, "CrowdMemory": ParticleMemory, "Instability": Instability,
     "LawGaps": LawGaps, "TileLists": TileLists,
 }  # fmt: skip
-"""Classes that memory may hold, by their names in files."""
+"""Classes that a checkpoint may contain, by their names in files."""
 
 
 class SessionMemory(TypedDict):
-    """What `TilesSnapshot` holds beside scenario and options, by the names in files."""
+    """Fields of `TilesSnapshot` besides scenario and options, by their names in files."""
 
     step: float
     time: float
@@ -47,12 +47,12 @@ _STORED_NAMES = {part: name for name, part in PARTS.items()}
 
 
 def flattened(value: object, arrays: Arrays) -> object:
-    """A value as data for JSON; arrays go to ``arrays`` and leave their name.
+    """Convert a value to data for JSON; arrays are stored in ``arrays`` and replaced by their names.
 
     Raises
     ------
     TypeError
-        When the value holds what cannot be stored.
+        If the value contains an object that cannot be stored.
     """
     if isinstance(value, np.ndarray):
         name = f"array{len(arrays)}"
@@ -73,12 +73,12 @@ def flattened(value: object, arrays: Arrays) -> object:
 
 
 def restored(data: object, arrays: Arrays) -> object:
-    """The value that `flattened` gave ``data`` for.
+    """Convert ``data`` from `flattened` back to the value.
 
     Parameters
     ----------
     arrays
-        Arrays by the names that ``data`` mentions.
+        The arrays by name.
     """
     if not isinstance(data, dict):
         return data
@@ -96,12 +96,12 @@ def restored(data: object, arrays: Arrays) -> object:
     if "dict" in data:
         return {name: restored(x, arrays) for name, x in data["dict"].items()}
     if data["part"] not in PARTS:
-        raise MalformedError(f"memory holds no part called {str(data['part'])[:40]}")
+        raise MalformedError(f"a checkpoint contains no part named {str(data['part'])[:40]}")
     return PARTS[data["part"]](**{name: restored(x, arrays) for name, x in data["of"].items()})
 
 
 def pack_tiles(snapshot: TilesSnapshot) -> tuple[dict[str, object], Arrays]:
-    """Numbers and arrays of a snapshot, but for its scenario and the records on disk; arrays are not copied."""
+    """Numbers and arrays of a snapshot, without its scenario and the records on disk; arrays are not copied."""
     arrays: Arrays = {}
     data = {
         "step": snapshot.step, "time": snapshot.time, "plan": snapshot.plan, "steps": snapshot.steps,
@@ -112,20 +112,20 @@ def pack_tiles(snapshot: TilesSnapshot) -> tuple[dict[str, object], Arrays]:
 
 
 def restore_tiles(numbers: Mapping[str, object], arrays: Arrays, stored: Stored) -> TilesSnapshot:
-    """The snapshot that was packed.
+    """Restore a snapshot from its packed form.
 
     Parameters
     ----------
     numbers, arrays
-        What was packed.
+        The output of `pack_tiles`.
     stored
-        Its scenario, its plant and how many records of each kind are on disk.
+        The scenario, the plant and the number of records of each kind on disk.
     """
     scenario = stored.scenario
     options = stored_options(numbers["options"])
     found = restored(numbers["session"], arrays)
     check_session(found, LedgerSums, ParticleMemory, scenario)
-    # Every entry has been looked at.
+    # `check_session` has checked every entry.
     parts = cast(SessionMemory, found)
     records = TilesRecorder(scenario, options.precision, keep_frames=options.keep_frames, observe=options.observe)
     records.recall_memory(parts["records"], stored.counts, stored.read)

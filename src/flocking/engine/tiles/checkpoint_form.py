@@ -1,4 +1,4 @@
-"""The form that the checkpoint of a tiled session must have, by its scenario and particle arrays."""
+"""Validation of the checkpoint of a tiled session against its scenario and particle arrays."""
 
 from __future__ import annotations
 
@@ -36,12 +36,13 @@ from flocking.model.law import Scenario
 ANY = Real(finite=False)
 POSITIVE = Real(least=0.0, finite=False)
 ROWS_AT_ONCE = 2**18
-"""Rows of a list that are checked at once, a bound on memory."""
+"""Number of rows of a list that are checked at once; limits the memory in use."""
 
 
 class ParticleFields(TypedDict):
-    """The particle memory, by the names and with the shapes of `ParticleArrays`; ``rooms``: rows of the lists for which
-    there is room, by chunk and for each graph.
+    """The particle memory, with the names and shapes of `ParticleArrays`.
+
+    ``rooms`` is the capacity of the lists in rows, for each chunk of each graph.
     """
 
     X: Reals
@@ -63,7 +64,7 @@ class ParticleFields(TypedDict):
 
 
 class OptionFields(TypedDict, total=False):
-    """The options of a session, by the names of `TilesOptions`."""
+    """The options of a session, with the names of `TilesOptions`."""
 
     step: float | None
     scheme: str | None
@@ -87,42 +88,42 @@ _OPTIONS = Names(
 
 
 def stored_options(data: object) -> TilesOptions:
-    """The options of a session from the plain ``data`` of its checkpoint.
+    """Read the options of a session from the plain ``data`` of its checkpoint.
 
     Raises
     ------
     MalformedError, InvalidInput
-        When they are none.
+        If ``data`` is not a valid set of options.
     """
     return TilesOptions(**cast(OptionFields, _OPTIONS.check(data, "options")))
 
 
 def _is_ledger_row(row: Sequence[object]) -> bool:
-    """Whether a row has as many fields as one of the ledger, now or before it had a last one."""
+    """Whether the number of fields is that of a ledger row, of this version or of one with fewer columns."""
     return FIRST_QUANTITIES <= len(row) <= len(TRACE_FIELDS.names or ())
 
 
 def check_session(data: object, ledger_sums: type[object], memory: type[object], scenario: Scenario) -> None:
-    """Refuse what cannot be the memory of a session; its particle arrays are checked by `check_particles`.
+    """Check the stored state of a session; its particle arrays are checked by `check_particles`.
 
     Parameters
     ----------
     data
-        What was read.
+        The restored checkpoint.
     ledger_sums, memory
-        Classes of the ledger of a scheme, and of the particle memory.
+    Class of the ledger of an integrator, and of the particle memory.
 
     Raises
     ------
     MalformedError
-        When it is none; the message names what is wrong.
+        If an entry is invalid; the message names it.
     """
     n, m = scenario.start.q.shape
     slack = 1e-9 * max(1.0, abs(scenario.start.t), abs(scenario.t_end))
     time = Real(scenario.start.t - slack, scenario.t_end + slack)
     row = And(Many(ANY), "have the fields of a row of the ledger", _is_ledger_row)
     plan = And(
-        Row([time, time, Integer(1), Integer()]), "lead forward",
+        Row([time, time, Integer(1), Integer()]), "advance in time",
         lambda x: bool(x[0] <= x[1] and x[3] <= x[2]),
     )  # fmt: skip
     sums = And(Names({}, dict.fromkeys(SUMS, ANY)), "hold all sums or none", lambda x: len(x) in (0, len(SUMS)))
@@ -147,7 +148,7 @@ def check_session(data: object, ledger_sums: type[object], memory: type[object],
 
 def _closest(n: int) -> Part[Closest]:
     pair = And(
-        Row([Integer(-1, n - 1)] * 2), "name two agents or none", lambda x: (x[0] < 0) == (x[1] < 0)
+        Row([Integer(-1, n - 1)] * 2), "contain two agents or none", lambda x: (x[0] < 0) == (x[1] < 0)
     )  # fmt: skip
     return Part(Closest, {"distance": ANY, "time": ANY, "pair": pair, "error": ANY})
 
@@ -164,12 +165,12 @@ def _instability(n: int, m: int) -> Form[Instability]:
                 "compared": Integer(), "early": ANY, "late": ANY, "turns": Integer(),
             },
         ),
-        "say which agents changed", lambda x: x.change is None or x.places is not None,
+        "contain the agents whose velocities changed", lambda x: x.change is None or x.places is not None,
     )  # fmt: skip
 
 
 def check_particles(fields: Mapping[str, object], particles: ParticleArrays) -> ParticleFields:
-    """The particle memory; what cannot be one is refused.
+    """Check the stored particle arrays.
 
     Parameters
     ----------
@@ -192,7 +193,7 @@ def check_particles(fields: Mapping[str, object], particles: ParticleArrays) -> 
             "count": Table("i4", (particles.tiles,), least=0),
         },
     )  # fmt: skip
-    # No tile has more rows than there are agents, and room grows by an eighth of what is needed.
+    # No tile has more rows than there are agents, and the capacity exceeds the need by an eighth.
     most_capacity = TILES_IN_CHUNK * n * 9 // 8 + 8
     Names(
         {
@@ -201,7 +202,7 @@ def check_particles(fields: Mapping[str, object], particles: ParticleArrays) -> 
             "each": Row([Table(kind, each.shape, least=0.0, finite=False) for each in particles.radii.each]),
             "A": Table(kind, particles.parameters.A.shape),
             "C": Table(kind, particles.displacement.velocity.shape, -large, large),
-            # Before the first rebuild there is none.
+            # Before the first rebuild there are no lists.
             "reference": Table(kind, particles.displacement.reference.shape, finite=False),
             "elapsed": Real(), "bound": POSITIVE, "skin": Real(least=0.0), "rebuilds": Integer(),
             "lists": Row([Maybe(lists)] * len(particles.spec.graphs)), "top_speed": POSITIVE, "_rounding": POSITIVE,
@@ -209,16 +210,16 @@ def check_particles(fields: Mapping[str, object], particles: ParticleArrays) -> 
             "rooms": Row([Table("i8", b.capacity.shape, least=0, most=most_capacity) for b in particles.builders]),
         }
     ).check(fields, "crowd")  # fmt: skip
-    # Every entry has been looked at.
+    # Every entry has been checked.
     checked = cast(ParticleFields, fields)
     ids = checked["ids"]
     present = np.zeros(n, dtype=bool)
     present[ids[:n]] = True
     if not present.all() or (ids[n:] != ids[n - 1]).any():
-        raise MalformedError("crowd: ids must name every agent once")
+        raise MalformedError("crowd: ids must contain every agent once")
     missing = [x is None for x in checked["lists"]]
     if any(missing) and (not all(missing) or checked["rebuilds"] or checked["bound"] < np.inf):
-        raise MalformedError("crowd: lists must be there, or be about to be built")
+        raise MalformedError("crowd: lists must be stored, or be due for a rebuild")
     for k, found in enumerate(checked["lists"]):
         if found is not None:
             _check_lists(found, n, particles.size, f"crowd: lists[{k}]")
@@ -226,7 +227,7 @@ def check_particles(fields: Mapping[str, object], particles: ParticleArrays) -> 
 
 
 def _check_lists(lists: TileLists, n: int, size: int, name: str) -> None:
-    """Every entry in use names an agent; what lies between the stretches of the tiles was never written."""
+    """Check that every entry in use is the index of an agent; rows between the tiles are uninitialized."""
     rows, first, end = lists.rows, lists.first, lists.first + lists.count
     if end.max(initial=0) > len(rows):
         raise MalformedError(f"{name} must end within its {len(rows)} rows")
@@ -234,16 +235,16 @@ def _check_lists(lists: TileLists, n: int, size: int, name: str) -> None:
     np.add.at(held, first, 1)
     np.add.at(held, end, -1)
     used = np.cumsum(held)[:-1] > 0
-    # The last tile has places for agents that there are not; whether those are linked says nothing.
+    # The last tile has padding lanes; their link bits have no meaning.
     last = slice(int(first[-1]), int(end[-1]))
     for begin in range(0, len(rows), ROWS_AT_ONCE):
         part = slice(begin, begin + ROWS_AT_ONCE)
         entries = rows[part][used[part]]
         if (entries & NUMBER).max(initial=0) >= size:
-            raise MalformedError(f"{name} must name agents that there are")
+            raise MalformedError(f"{name} must contain indices of existing agents")
         linked = (entries & LINKED).astype(bool) & ((entries & NUMBER) >= n)
         if linked.any():
             nobody = np.zeros((len(rows[part]), WIDTH), dtype=bool)
             nobody[max(0, last.start - begin) : max(0, last.stop - begin), n - size :] = n < size
             if (linked & ~nobody[used[part]]).any():
-                raise MalformedError(f"{name} must link agents that there are")
+                raise MalformedError(f"{name} must link existing agents")

@@ -1,4 +1,4 @@
-"""Checks after the fact: bad numbers, lost links, steps too large for what the agents met."""
+"""Checks after each step: values that are not finite, lost links, and steps that are too large."""
 
 from __future__ import annotations
 
@@ -19,48 +19,48 @@ from flocking.errors import LinkLost, NotFinite, OutOfPrecision
 from flocking.model.checks import NO_LESS
 
 COARSEST = 1e-2
-"""Largest share of the radius that the rounding of positions may take for most agents."""
+"""Largest rounding error of positions, relative to the radius, that is accepted for most agents."""
 
 UNSTABLE = 40.0
-"""A step so many times longer than one that resolves the start turns damped velocities round, to three times their
-size, and skips whole periods of its oscillations."""
+"""Largest accepted ratio of a given step to one that resolves the start. Beyond it a step reverses damped velocities,
+amplifies them up to three times, and exceeds the period of oscillations."""
 
 UNSTABLE_DESCENTS = {"euler": 80.0, "rk4": 11.2}
-"""The same for agents of order 1, by scheme: twice the limit of stability, 2 and 2.8, over `DESCENTS`, since the rate
-that a step resolves is a bound by sums, which the true one may be half of."""
+"""The same for agents of order 1, by integrator: twice the limit of stability (2 and 2.8) divided by `DESCENTS`. The
+factor 2 is there because the resolved rate is an upper bound from sums; the true rate may be half of it."""
 
 MOST_TILES = 4096
-"""Tiles whose pairs are measured one by one after a step, those with the closest pairs first: a bound on the time and
-the memory of a check, some 65,000 agents. A pair moves too far for its distance where distances are least."""
+"""Largest number of tiles whose pairs are checked one by one after a step, about 65,000 agents; limits the time and
+memory of a check. Tiles with the closest pairs come first, since those pairs approach fastest for their distance."""
 
 FARTHEST = 1e15
-"""Distances beyond it are those of no pair at all: what a kernel starts from that has not met one."""
+"""Larger distances are the initial value of a kernel that found no pair."""
 
 
 def after_step(
     particles: ParticleArrays, h: float, records: TilesRecorder, step: float, time: float, singular_reach: float | None
 ) -> None:
-    """What every step is checked for. The state before the step is still in ``particles.Y``.
+    """Run all checks of one step. The state before the step is still in ``particles.Y``.
 
     Parameters
     ----------
     h, step
-        The step just made, and the longest step.
+        The length of the step just taken, and the largest step.
     records
-        Take the closest pair.
+        Receives the closest pair.
     time
         Time before the step.
     singular_reach
-        Where a potential diverges at contact, the shortest radius of such a one; None where none does.
+        Shortest radius of a potential that diverges at contact; None if there is none.
 
     Raises
     ------
     NotFinite
-        When a position, a velocity or a force is no number.
+        If a position, a velocity or a force is not finite.
     LinkLost
-        When a link broke although its potential is infinite there.
+        If a link broke although its potential is infinite at the break radius.
     StepTooLarge
-        When a pair moved too far for its distance.
+    If a pair approached too far in one step for its distance.
     """
     _check_finite(particles, time)
     links_kept(particles, step, time)
@@ -75,13 +75,13 @@ def _check_finite(particles: ParticleArrays, time: float) -> None:
     if not len(bad):
         bad = np.array([int(np.argmax(np.abs(particles.X[particles.m :, : particles.n]).max(axis=0)))])
     raise NotFinite(
-        "Velocities or positions became infinite or NaN. Lower the step, or look at the potential there.",
+        "Velocities or positions became infinite or NaN. Lower the step, or check the potential there.",
         time=time, agents=tuple(sorted(int(i) for i in particles.ids[bad[:10]])),
     )  # fmt: skip
 
 
 def _closest_pair(particles: ParticleArrays, before: Closest, time: float) -> Closest:
-    """The closest listed pair until now, given that of all earlier steps."""
+    """The closest listed pair so far, given that of all earlier steps."""
     near = _nearest(particles)
     if not near < min(before.distance, FARTHEST):
         return before
@@ -96,7 +96,7 @@ def _nearest(particles: ParticleArrays) -> float:
 def _check_pair_motion(
     particles: ParticleArrays, h: float, step: float, time: float, singular_reach: float | None
 ) -> None:
-    """Whether a pair met where a formula has no value, or moved too far for its distance."""
+    """Check that no pair coincides where a formula is singular, or approached too far for its distance."""
     near = _nearest(particles)
     if near == 0.0:
         _check_contact(particles, time)
@@ -112,7 +112,7 @@ def _check_pair_motion(
 
 
 def _check_contact(particles: ParticleArrays, time: float) -> None:
-    """Whether a pair that coincided before the step is linked where a formula has no value for it."""
+    """Check that no pair that coincided before the step is linked where a formula is singular."""
     for number in singular_graphs(particles.spec.layout, particles.m, particles.parameters.P):
         lists = particles.lists[number]
         if lists is None:
@@ -123,20 +123,20 @@ def _check_contact(particles: ParticleArrays, time: float) -> None:
             pair = sorted((int(particles.ids[i[same[0]]]), int(particles.ids[j[same[0]]])))
             raise NotFinite(
                 "Two linked agents are at the same point, where their pair force or energy is infinite. "
-                "Start them apart, or take a potential that is finite at r = 0.",
+                "Start them apart, or use a potential that is finite at r = 0.",
                 time=time, agents=tuple(pair),
             )  # fmt: skip
 
 
 def stiff_start(step: float, resolves: float, scheme: str, order: int, time: float) -> None:
-    """Whether a step that no ledger will judge is beyond all stability at the start.
+    """Check a given step for gross instability at the start, for runs without a ledger.
 
     Parameters
     ----------
     step
         The longest step.
     resolves
-        A step that resolves the forces of the start.
+        A step that resolves the forces at the start.
     scheme
         Name of the integrator.
     order
@@ -145,16 +145,16 @@ def stiff_start(step: float, resolves: float, scheme: str, order: int, time: flo
     Raises
     ------
     StepTooLarge
-        When it is.
+    If the step is unstable.
     """
     unstable = UNSTABLE if order == 2 else UNSTABLE_DESCENTS[scheme]
     if scheme != "damped" and step > unstable * resolves:
-        why = f"it is {step / resolves:.3g} times one that resolves the forces of the start, and unstable"
+        why = f"it is {step / resolves:.3g} times one that resolves the forces at the start, and unstable"
         raise step_too_large(step, resolves, why, time=time)
 
 
 def links_kept(particles: ParticleArrays, step: float, time: float) -> None:
-    """Whether a link broke although its potential is infinite there.
+    """Check that no link broke whose potential is infinite at the break radius.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ def links_kept(particles: ParticleArrays, step: float, time: float) -> None:
     Raises
     ------
     LinkLost
-        When one did.
+        If one did.
     """
     if particles.lost is not None:
         raise LinkLost(
@@ -177,7 +177,7 @@ def links_kept(particles: ParticleArrays, step: float, time: float) -> None:
 
 
 def _listed(particles: ParticleArrays, tiles: Sequence[int] | Indices) -> tuple[Indices, Indices]:
-    """Places of all listed pairs of some tiles, over all graphs."""
+    """Positions in the arrays of all listed pairs of some tiles, over all graphs."""
     found = [tile_pairs(lists, tiles, particles.n) for lists in particles.lists if lists is not None]
     return np.concatenate([i for i, _ in found]), np.concatenate([j for _, j in found])
 
@@ -193,7 +193,7 @@ def _closest_in(particles: ParticleArrays, tile: int) -> tuple[int, int] | None:
 
 
 def _check_strides(particles: ParticleArrays, h: float, step: float, time: float) -> None:
-    """Whether some pair really moved too far for its distance; positions before the step are in ``Y``."""
+    """Check the approach of the closest pairs exactly; positions before the step are in ``Y``."""
     m = particles.m
     reach = (2.0 * particles.top_speed * h / STRIDE) ** 2
     tiles = np.flatnonzero(particles.tile_extremes[:, 1] < reach)
@@ -215,12 +215,12 @@ def _check_strides(particles: ParticleArrays, h: float, step: float, time: float
 
 
 def resolution(particles: ParticleArrays, q: Reals, time: float) -> None:
-    """Whether numbers can still tell the positions of most agents, shape (N, m), apart.
+    """Check that floating-point numbers resolve the positions of most agents, shape (N, m).
 
     Raises
     ------
     OutOfPrecision
-        When they cannot.
+        If they do not.
     """
     if not particles.moving:
         return
@@ -229,25 +229,25 @@ def resolution(particles: ParticleArrays, q: Reals, time: float) -> None:
     if spacing > COARSEST * max(particles.radii.cutoffs):
         wider = "use precision='float64', or s" if particles.dtype == np.float32 else "S"
         raise OutOfPrecision(
-            f"Most agents are so far out ({out:.3g}) that {particles.spec.precision} tells positions apart only by "
-            f"{spacing:.2g}, of a radius of {max(particles.radii.cutoffs):.3g}: {wider}tart near the origin.",
+            f"Most agents are so far from the origin ({out:.3g}) that {particles.spec.precision} resolves positions "
+            f"only to {spacing:.2g}, of a radius of {max(particles.radii.cutoffs):.3g}: {wider}tart near the origin.",
             time=time,
         )
 
 
 def ledger(records: TilesRecorder, scheme: Integrator, eps: float, step: float, time: float) -> None:
-    """Whether the energy ledger closes well enough.
+    """Check that the residual of the energy ledger is small enough.
 
     Parameters
     ----------
     records
         The rows of the ledger.
     scheme
-        The integrator, which holds the last sums.
+        The integrator, which has the last sums.
     eps
-        Rounding unit of the state.
+        Machine epsilon of the state's precision.
     step
-        The longest step.
+        The largest step.
     """
     first, trace = records.first, records.trace
     if first is None or trace[-1][0] == first[0]:

@@ -1,4 +1,4 @@
-"""The entry of the tiled engine."""
+"""Registration of the tiled engine."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flocking.model.law import Law, Scenario
 
 
 class TilesEngine(Engine):
-    """Fixed steps over neighbour lists, sixteen agents at a time."""
+    """Fixed-step integration over neighbour lists, sixteen agents at a time."""
 
     name = "tiles"
     summary = "fixed steps, for large groups"
@@ -23,7 +23,7 @@ class TilesEngine(Engine):
     command_line_options = {"observe": True}  # noqa: RUF012  never changed
 
     def check(self, scenario: Scenario, plant: Law | None = None) -> None:
-        """Refuse what has no tiled kernel."""
+        """Check that the scenario and the plant are supported."""
         check_supported(scenario)
         if plant is not None:
             check_plant("TilesSession", scenario.law, plant)
@@ -35,13 +35,13 @@ class TilesEngine(Engine):
         return TilesSession(scenario, options, plant=plant)
 
     def open_unrecorded(self, scenario: Scenario) -> Session:
-        """Start a session that keeps no frames; its steps fall on their times all the same."""
+        """Start a session that stores no frames; steps still end at the frame times."""
         return self.open(scenario, TilesOptions(keep_frames=False))
 
     def unpack(self, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:
-        """The session that was packed."""
+        """Restore a session from its packed form."""
         return TilesSession.unpack(packed, stored, changes)
 
 
 ENGINE = TilesEngine()
-"""The one entry."""
+"""The instance that is registered."""

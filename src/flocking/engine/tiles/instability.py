@@ -1,4 +1,4 @@
-"""Signs that a fixed step is unstable, read from the motion itself where no ledger tells."""
+"""Detection of an unstable time step from the motion, for runs without a ledger."""
 
 from __future__ import annotations
 
@@ -12,55 +12,57 @@ from flocking.engine.fixed_step.step_checks import step_too_large
 from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 
 GROWING, LONGEST, LARGEST = 1.25, 16, 1e4
-"""Speeds that grow by such a factor in every one of so many steps, and by so much in all, grow without bound. Under a
-force that sets in, even one that rises with the square of time, the factor of a step is smaller after nine steps."""
+"""A step is unstable if the largest speed grows by at least this factor in each of so many consecutive steps, and by so
+much in total. A force that sets in, even one that grows with the square of time, gives a smaller factor per step
+after nine steps."""
 
 WINDOW, PERIOD = 24, 256
-"""Steps for which changes of velocity are compared, and from the begin of one window to that of the next."""
+"""Length of a window in which changes of velocity are compared, and distance of the starts of two windows, in steps."""
 
 SAMPLE = 512
-"""Agents looked at."""
+"""Number of sampled agents."""
 
 FEWEST = 8
-"""Pairs of successive changes that tell something."""
+"""Smallest number of pairs of successive changes for a decision."""
 
 TURNS = 4
-"""So many successive changes that each turn the one before round, and are no smaller than it by much, tell it too."""
+"""A step is also unstable after this number of successive changes that each reverse the one before and are about as
+large."""
 
 ALTERNATING = -0.3
-"""Changes of velocity of successive steps that point against each other so much, and do not die away: a motion that
-the step resolves with fewer than four points a period."""
+"""Correlation of successive changes of velocity below which they alternate. Alternation that does not decay means fewer
+than four steps per period."""
 
 STILL = 30.0
-"""Agents that move by fewer roundings of their place a step show nothing but rounding."""
+"""Agents whose displacement per step is below this number of rounding units are ignored: it is rounding noise."""
 
 
 @dataclass
 class Instability:
-    """What is remembered of the last steps.
+    """Statistics of the last steps.
 
     Parameters
     ----------
     speed
         Largest speed after the last step.
     streak, grown
-        Number of steps for which it has grown without a pause, and its growth in that time.
+        Number of consecutive steps in which it has grown, and its total growth in them.
     rebuilds, places
-        Where the agents looked at lie since so many rebuilds.
+        Indices of the sampled agents in the arrays, valid for this number of rebuilds.
     change
         Their changes of velocity in the last step of the window.
     products
         Sum over the window of the scalar products of successive changes.
     sizes
-        The same of the products of their lengths.
+        Sum over the window of the products of their norms.
     compared
         Number of pairs of successive changes.
     early
         Mean square of the changes in the first half of the comparisons.
     late
-        The same of late, older ones with less and less weight.
+        Mean square of the recent changes, exponentially weighted.
     turns
-        Number of successive changes, the last ones, each of which turned the one before it round and was as large.
+        Number of most recent successive changes that each reversed the one before and were about as large.
     """
 
     speed: float = 0.0
@@ -77,7 +79,7 @@ class Instability:
     turns: int = 0
 
     def copy(self) -> Instability:
-        """A copy that shares nothing."""
+        """A deep copy."""
         same = Instability(**vars(self))
         for name in ("places", "change"):
             value = getattr(self, name)
@@ -87,21 +89,21 @@ class Instability:
     def look(
         self, particles: ParticleArrays, steps: int, h: float, longest: float, time: float, *, alternating: bool
     ) -> None:
-        """Look at a step just made; the state before it is still in ``particles.Y``.
+        """Update the statistics after a step; the state before it is still in ``particles.Y``.
 
         Parameters
         ----------
         steps
             Number of steps before it.
         h, longest
-            Its length, and that of the longest step.
+            Its length, and the largest step.
         alternating
-            Whether changes that alternate are a sign; a scheme that is stable for any damping has them.
+            Whether alternating changes count as unstable; integrators that are stable for any damping produce them.
 
         Raises
         ------
         StepTooLarge
-            When the step is unstable.
+            If the step is unstable.
         """
         factor = particles.top_speed / self.speed if self.speed > 0 else 0.0
         self.speed = particles.top_speed
@@ -119,7 +121,7 @@ class Instability:
             self._compare(particles)
             if self._alternates(particles, h, full_window=at == WINDOW - 1):
                 raise step_too_large(
-                    longest, 0.2 * h, "velocities change to and fro from step to step and do not calm down", time=time
+                    longest, 0.2 * h, "velocities alternate from step to step without decaying", time=time
                 )
 
     def _forget(self) -> None:
@@ -145,7 +147,7 @@ class Instability:
         self.change = change
 
     def _alternates(self, particles: ParticleArrays, h: float, *, full_window: bool) -> bool:
-        """Whether changes of velocity alternate: the last ones, or over the ``full_window`` all together."""
+        """Whether changes of velocity alternate: the most recent ones, or with ``full_window`` those of the window."""
         steadily = full_window and self.compared >= FEWEST and self.products < ALTERNATING * self.sizes
         if self.turns < TURNS and not (steadily and self.late >= 0.5 * self.early):
             return False

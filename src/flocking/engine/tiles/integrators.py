@@ -1,7 +1,7 @@
-"""Fixed-step schemes: what one step does to the crowd and to the integrals of the ledger.
+"""Fixed-step integrators: the update of the particle arrays and of the integrals of the ledger.
 
-Arrays of agents hold position and velocity. Agents of order 1 have no velocity of their own; theirs is that of the last
-step, which no formula reads: neighbour lists and checks do.
+Arrays of agents contain positions and velocities. For agents of order 1 the velocity is that of the last step; it is
+read by neighbour lists and checks, but by no formula.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 from flocking.formula.native.functions import native
 
 INTEGRATED = ("work", "dissipated", "supplied")
-"""Sums of the kernel that the ledger integrates over time."""
+"""Sums of the kernel that are integrated over time."""
 
 
 @dataclass
 class LedgerSums:
-    """The energy ledger of a crowd while it runs.
+    """Sums and integrals of the energy ledger.
 
     Parameters
     ----------
     integrals
-        Work, dissipation and supply until now.
+        Work, dissipation and supply so far.
     jumped
-        Energy that appeared or vanished where links switched.
+        Change of energy at switches of links so far.
     sums
-        Energies and powers at one moment, until which the integrals reach.
+        Energies and powers at the time up to which the integrals are computed.
     ahead
-        What a step integrated beyond that moment.
+        Integrals of the last step beyond that time.
     """
 
     integrals: Array = field(default_factory=lambda: np.zeros(3))
@@ -43,24 +43,24 @@ class LedgerSums:
     ahead: Array = field(default_factory=lambda: np.zeros(3))
 
     def copy(self) -> LedgerSums:
-        """A copy that shares nothing."""
+        """A deep copy."""
         return LedgerSums(self.integrals.copy(), self.jumped, dict(self.sums), self.ahead.copy())
 
     def catch_up(self) -> None:
-        """Count what a step has integrated beyond the time of the sums."""
+        """Add the integrals of the last step beyond the time of the sums."""
         self.integrals, self.ahead = self.integrals + self.ahead, np.zeros(3)
 
     def read(self, particles: ParticleArrays) -> Array:
-        """Take the sums of the last pass, in a fixed order of tiles; returns the three powers."""
+        """Add up the sums of the last pass in a fixed order of tiles; returns the three powers."""
         totals = particles.sums.sum(axis=0)
         self.sums = dict(zip(SUMS, (float(x) for x in totals), strict=False))
-        # Of velocities relative to the mean half a step ago; the mean has moved since.
+        # Velocities were taken relative to the mean of half a step before, which has changed since.
         self.sums["kinetic"] -= 0.5 * float((totals[len(SUMS) :] ** 2).sum()) / particles.parameters.mass
         return np.array([self.sums[name] for name in INTEGRATED])
 
 
 class IntegratorMemory(TypedDict):
-    """What a fixed-step integrator must know to go on: its last step, whether that is counted, and the ledger."""
+    """State of a fixed-step integrator: its last step, whether that is in the ledger, and the ledger."""
 
     last: float
     counted: bool
@@ -68,15 +68,15 @@ class IntegratorMemory(TypedDict):
 
 
 class Integrator(ABC):
-    """A fixed-step integrator of a crowd.
+    """Base class of the fixed-step integrators.
 
-    `begin` looks at the state of the present step (forces, energies, closest pair) without moving it;
-    `step` moves. Both leave the agents' velocities as `velocities_lag` says.
+    `look` evaluates forces, energies and the closest pair of the current state without changing it;
+    `step` advances it.
 
     Parameters
     ----------
     ledger
-        Whether energies are summed on the way.
+        Whether energies are summed.
     """
 
     order: int
@@ -94,10 +94,10 @@ class Integrator(ABC):
 
     @abstractmethod
     def look(self, particles: ParticleArrays, t: float, h: float) -> Reals:
-        """Velocities at the time of the positions, shape (m, size), and books up to date; ``h`` the coming step."""
+        """Velocities at the time of the positions, shape (m, size), with the ledger updated; ``h`` is the next step."""
 
     def _count(self, particles: ParticleArrays, duration: float) -> None:
-        """Add the powers of the pass just made to the ledger, once a step."""
+        """Add the powers of the last pass to the ledger, once per step."""
         if not self.ledger:
             return
         powers = self.ledger_sums.read(particles)
@@ -107,18 +107,18 @@ class Integrator(ABC):
         self.ledger_sums.jumped += self.ledger_sums.sums["jumped"]
 
     def memory(self) -> IntegratorMemory:
-        """What the scheme must know to go on."""
+        """The state of the integrator for a checkpoint."""
         return {"last": self.last, "counted": self.counted, "books": self.ledger_sums.copy()}
 
     def recall(self, memory: IntegratorMemory) -> None:
-        """Go back to ``memory``."""
+        """Restore the state from ``memory``."""
         ledger_sums = memory["books"]
         self.last, self.counted = memory["last"], memory["counted"]
         self.ledger_sums = ledger_sums.copy()
 
 
 class Verlet(Integrator):
-    """Half-step-velocity Verlet: velocities lie half a step behind positions, as in LAMMPS.
+    """Half-step-velocity Verlet: velocities lag half a step behind positions, as in LAMMPS.
 
     Order 2 where forces depend on positions alone, order 1 with velocity-dependent forces. With ``damped`` the
     agent's own damping (neighbours' velocities held) is integrated exactly: stable for any strength of damping.
@@ -127,7 +127,7 @@ class Verlet(Integrator):
     order = 1
 
     def step(self, particles: ParticleArrays, t: float, h: float) -> None:
-        """Kick by half the last and half the coming step, drift by the coming one."""
+        """Kick by half the last and half the next step, drift by the next step."""
         particles.require_lists(h)
         particles.move(t, keep=1.0, kick=0.5 * (self.last + h), drift=h, velocity_lag=0.5 * self.last)
         self._count(particles, self.last)
@@ -135,7 +135,7 @@ class Verlet(Integrator):
         self.last, self.counted = h, False
 
     def look(self, particles: ParticleArrays, t: float, h: float) -> Reals:
-        """Half a kick, without a drift, beside the state."""
+        """Half a kick without a drift; the state is not changed."""
         particles.require_lists(h)
         particles.move(t, keep=1.0, kick=0.5 * self.last, drift=0.0, velocity_lag=0.5 * self.last)
         self._count(particles, self.last)
@@ -145,13 +145,13 @@ class Verlet(Integrator):
 class Euler(Integrator):
     """The forward Euler method for agents of order 1: q' = q + h u(q). Links are held during a step.
 
-    Order 1. The ledger's integrals are taken by the same rule, and close to that order.
+    Order 1. The integrals of the ledger use the same rule and have the same order.
     """
 
     order = 1
 
     def step(self, particles: ParticleArrays, t: float, h: float) -> None:
-        """Drift by the control at the begin of the step."""
+        """Drift with the control at the start of the step."""
         particles.require_lists(h)
         self.ledger_sums.catch_up()
         particles.move(t, keep=0.0, kick=1.0, drift=h, exponential_damping=0.0)
@@ -162,13 +162,13 @@ class Euler(Integrator):
         self.last, self.counted = h, False
 
     def look(self, particles: ParticleArrays, t: float, h: float) -> Reals:
-        """One pass without a move; agents of order 1 have no velocity."""
+        """One pass that does not change the state; agents of order 1 have no velocity."""
         return _looked(self, particles, t, h)
 
 
 @native
 def _combine(first, last, base, gained, agents, slopes, weight, ahead, begin):  # type: ignore[no-untyped-def]
-    """Add a stage's slope (velocity of ``agents``, acceleration in ``slopes``) to the gain; set the next stage."""
+    """Add a stage's slope (velocity of ``agents``, acceleration in ``slopes``) to the sum; set the next stage."""
     m = agents.shape[1] // 2
     for i in range(first, last):
         for k in range(m):
@@ -185,7 +185,7 @@ def _combine(first, last, base, gained, agents, slopes, weight, ahead, begin):  
 
 @native
 def _combine_flow(first, last, base, gained, agents, slopes, weight, ahead, begin):  # type: ignore[no-untyped-def]
-    """The same for agents of order 1, whose velocity lies in ``slopes``."""
+    """The same for agents of order 1, whose velocity is in ``slopes``."""
     m = agents.shape[1] // 2
     for i in range(first, last):
         for k in range(m):
@@ -198,7 +198,7 @@ def _combine_flow(first, last, base, gained, agents, slopes, weight, ahead, begi
 
 
 def _looked(scheme: Integrator, particles: ParticleArrays, t: float, h: float) -> Reals:
-    """Velocities of agents after a pass that moves nobody, from which the ledger is brought up to date."""
+    """Velocities of agents after a pass that does not change the state; updates the ledger."""
     particles.require_lists(h)
     particles.move(t, keep=0.0, kick=1.0, drift=0.0, exponential_damping=0.0)
     if scheme.ledger:
@@ -212,15 +212,15 @@ def _looked(scheme: Integrator, particles: ParticleArrays, t: float, h: float) -
 class RungeKutta(Integrator):
     """Classical Runge-Kutta of order 4 with a fixed step, for agents of either order; links are held during a step.
 
-    Order 4 between switches; the ledger's integrals are taken by the same rule.
+    Order 4 between switches; the integrals of the ledger use the same rule.
     """
 
     order = 4
     _stages = ((1.0 / 6.0, 0.5, 0.0), (1.0 / 3.0, 0.5, 0.5), (1.0 / 3.0, 1.0, 0.5), (1.0 / 6.0, 0.0, 1.0))
-    """Weight, reach of the next stage, and time of each stage, in steps."""
+    """Weight, step to the next stage, and time of each stage, in units of the step."""
 
     def step(self, particles: ParticleArrays, t: float, h: float) -> None:
-        """Four passes; where a stage strays too far for the lists, they are rebuilt with a wider skin."""
+        """Four passes; if a stage leaves the range of the lists, they are rebuilt with a wider skin."""
         particles.require_lists(h)
         self.ledger_sums.catch_up()
         self._jumped = 0.0
@@ -240,7 +240,7 @@ class RungeKutta(Integrator):
                 else None
             )
             particles.rebuild(h, skin=wider)
-        raise FloatingPointError("stages stray further than any skin")
+        raise FloatingPointError("stages move agents beyond any skin")
 
     def _try(self, particles: ParticleArrays, t: float, h: float, base: Reals) -> bool:
         T = particles.dtype
@@ -253,7 +253,7 @@ class RungeKutta(Integrator):
                 if number == 0:
                     first = self.ledger_sums.read(particles)
                     powers += weight * first
-                    # A repeated step finds its links switched already.
+                    # In a repeated step the links have already switched.
                     self._jumped += self.ledger_sums.sums["jumped"]
                     sums_before = dict(self.ledger_sums.sums)
                 else:
@@ -292,17 +292,17 @@ class RungeKutta(Integrator):
         return True
 
     def look(self, particles: ParticleArrays, t: float, h: float) -> Reals:
-        """One pass without a move; velocities are those of the state, of agents of order 1 zero."""
+        """One pass that does not change the state; velocities are those of the state, zero for agents of order 1."""
         return _looked(self, particles, t, h)
 
 
 def integrator_named(name: str, ledger: bool) -> Integrator:
-    """The scheme of a name among the ``SCHEMES`` of `flocking.engine.tiles.kernels.spec`.
+    """The integrator with one of the names in ``SCHEMES`` of `flocking.engine.tiles.kernels.spec`.
 
     Parameters
     ----------
     ledger
-        Whether energies are summed on the way.
+        Whether energies are summed.
     """
     kinds: dict[str, type[Integrator]] = {"rk4": RungeKutta, "euler": Euler}
     return kinds.get(name, Verlet)(ledger)

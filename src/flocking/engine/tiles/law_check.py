@@ -1,4 +1,4 @@
-"""Compares forces and energy sums of some tiles with those of the declared law."""
+"""Comparison of forces and energy sums of sampled tiles with those of the declared law."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from flocking.errors import LawNotObeyed
 from flocking.model.law import Scenario
 
 TILES = 4
-"""Tiles looked at."""
+"""Number of tiles that are checked."""
 
 EDGE = 64.0
-"""Within so many roundings of a radius, whether a pair is linked is left to the engine."""
+"""Pairs within this number of rounding units of a radius may be linked or not."""
 
 
 @dataclass(frozen=True)
 class Moment:
-    """When a look is taken.
+    """Time of a check.
 
     Parameters
     ----------
     time
-        Time of the state that is judged.
+        Time of the state that is checked.
     gains_since
-        Time whose scheduled gains are in force.
+        Time whose scheduled gains apply.
     steps
         Number of steps before it.
     """
@@ -42,21 +42,21 @@ class Moment:
 
 
 class LawCheck:
-    """Holds a group against the law its scenario declares.
+    """Compares the motion of a group with the law that its scenario declares.
 
-    Where a step has one pass, the agents' own change of velocity and place during it is judged. Elsewhere the
-    accelerations, of agents of order 1 the velocities, of an extra pass over the state before the step are.
+    If a step has one pass, the changes of velocities and positions in it are checked. Otherwise the accelerations (for
+    agents of order 1 the velocities) of an extra pass over the state before the step are checked.
 
     Parameters
     ----------
     scenario
         The declared scenario.
     dtype
-        Type of the numbers of the state.
+        Data type of the state.
     motion
-        Whether a step has one pass, without damping within the kick: half-step velocities, and the Euler method.
+        Whether a step has one pass, without damping within the kick: half-step-velocity Verlet and the Euler method.
     refuses
-        Whether a law that is not obeyed is an error; where agents obey another law on purpose it is only recorded.
+        Whether a deviation from the law is an error; for a plant it is only recorded.
     """
 
     def __init__(
@@ -68,21 +68,21 @@ class LawCheck:
         self.declared = Declared(scenario, self.eps)
 
     def before_step(self, particles: ParticleArrays, moment: Moment, gaps: LawGaps) -> None:
-        """Judge what the law makes of the state before a step; the ledger and the links stay as they are.
+        """Check the accelerations of the state before a step; the ledger and the links do not change.
 
         Parameters
         ----------
         particles
-            The agents, whose neighbour lists are good.
+            The agents, with valid neighbour lists.
         moment
-            When the look is taken.
+            Time of the check.
         gaps
-            Takes what is found.
+            Receives the deviations.
 
         Raises
         ------
         LawNotObeyed
-            When they are not those of the declared law.
+            If they are not those of the declared law.
         """
         if self.motion:
             return
@@ -97,21 +97,21 @@ class LawCheck:
         self._require(found, moment, gaps)
 
     def after_step(self, particles: ParticleArrays, kick: float, h: float, moment: Moment, gaps: LawGaps) -> None:
-        """Judge the motion of a step of one pass. The state before it is still in ``particles.Y``.
+        """Check the motion of a step of one pass. The state before it is still in ``particles.Y``.
 
         Parameters
         ----------
         kick, h
-            Times for which forces acted on velocities, of agents of order 2 alone, and velocities on places.
+            Times for which forces acted on velocities (order 2 only), and velocities on positions.
         moment
-            When the look is taken.
+            Time of the check.
         gaps
-            Takes what is found.
+            Receives the deviations.
 
         Raises
         ------
         LawNotObeyed
-            When it is not that of the declared law.
+            If it is not that of the declared law.
         """
         if not self.motion:
             return
@@ -119,14 +119,14 @@ class LawCheck:
         before, after = (x[:, places].T.astype(np.float64) for x in (particles.Y, particles.X))
         mass = self._inertia(particles, places)
         if self.order == 1:
-            # The velocity of the step stands beside the place that it led to.
+            # The velocity of the step is stored with the position at its end.
             force, kick = after[:, m:].copy(), 1.0
             speed, rounding = np.abs(force).sum(axis=1), np.zeros(len(places))
         else:
             force = mass[:, None] * (after[:, m:] - before[:, m:]) / kick
             speed = np.maximum(np.abs(after[:, m:]).sum(axis=1), np.abs(before[:, m:]).sum(axis=1))
             rounding = 4.0 * self.eps * mass * speed / kick
-        # A place that is off counts as the force that would have put it there.
+        # An error of a position is converted to the force that would cause it.
         excess = np.sqrt(((after[:, :m] - before[:, :m] - h * after[:, m:]) ** 2).sum(axis=1))
         excess = np.maximum(excess - 4.0 * self.eps * (np.abs(after[:, :m]).sum(axis=1) + h * speed), 0.0)
         force += (mass * excess / (h * kick))[:, None]
@@ -136,9 +136,9 @@ class LawCheck:
         self._require(found, moment, gaps)
 
     def _places(self, particles: ParticleArrays, moment: Moment) -> Indices:
-        """Places of the judged agents: tiles spread evenly, other ones at every look, and the one of the closest pair.
+        """Indices of the checked agents: evenly spread tiles, others at every check, and that of the closest pair.
 
-        Whole tiles, since books are per tile.
+        All agents of a tile are taken, since sums are per tile.
         """
         count = min(TILES, particles.tiles)
         first = int(moment.steps * 0.6180339887498949 * particles.tiles / count) % particles.tiles
@@ -149,7 +149,7 @@ class LawCheck:
         return within
 
     def _inertia(self, particles: ParticleArrays, places: Indices) -> Array:
-        """By what rates of change are multiplied to be controls: masses, for agents of order 1 one."""
+        """Factor between rates of change and controls: the masses, and 1 for agents of order 1."""
         return self._mass(particles, places) if self.order == 2 else np.ones(len(places))
 
     def _mass(self, particles: ParticleArrays, places: Indices) -> Array:
@@ -160,9 +160,9 @@ class LawCheck:
         self, particles: ParticleArrays, state: tuple[Reals, Reals], places: Indices, force: Reals, rounding: Reals,
         moment: Moment, gaps: LawGaps, *, remembered: bool,
     ) -> tuple[int | None, str | None]:  # fmt: skip
-        """The agent whose force is not that of the law, and the name of a power that is not; None for none.
+        """The agent whose force deviates from the law, and the name of a power that does; None for none.
 
-        ``state`` has positions and velocities; those of agents of order 1 are what the law gave them.
+        ``state`` contains positions and velocities; for agents of order 1 the velocities are those of the law.
         """
         scenario = self.scenario
         q, p = state
@@ -192,16 +192,16 @@ class LawCheck:
             return
         what = "force" if agent is not None else {"pairs": "energy", "bodies": "energy"}.get(str(power), str(power))
         raise LawNotObeyed(
-            f"What acted on the agents is not what the declared law says: a {what} is off by {100 * gaps.gap:.3g} "
-            f"% of its parts, where rounding explains {100 * gaps.allowed:.2g} %. The engine is at fault, not the "
-            "step; use engine='exact', and report the law.",
+            f"The computed motion does not follow the declared law: the error of a {what} is {100 * gaps.gap:.3g} "
+            f"% of its terms, and rounding explains {100 * gaps.allowed:.2g} %. This is an error of the engine, not "
+            "of the step; use engine='exact', and report the law.",
             time=moment.time, agents=() if agent is None else (agent,),
         )  # fmt: skip
 
     def _pairs(
         self, particles: ParticleArrays, number: int, q: Reals, places: Indices, remembered: bool
     ) -> LinkedPairs:
-        """Linked pairs of the judged agents under a graph: number of the judged one, place of the other, certainty."""
+        """Linked pairs of the checked agents under a graph: number of the agent, index of the other, certainty."""
         lists, kind = particles.lists[number], particles.spec.graphs[number]
         assert lists is not None
         tile, lane = places // WIDTH, places % WIDTH

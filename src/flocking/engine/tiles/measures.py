@@ -1,4 +1,4 @@
-"""What is measured on a whole crowd: how far agents strayed, extremes over tiles, reaches and links of its graphs."""
+"""Quantities over all agents: displacements, extremes over tiles, cutoffs and links of the graphs."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from flocking.model.graphs.distance_graphs import Fixed, Graph
 
 @native
 def squared_displacements(first, last, agents, reference, shift, n, out):  # type: ignore[no-untyped-def]
-    """Largest squared distance of the agents of each tile from where they were at the rebuild, seen from the crowd.
+    """Largest squared displacement of the agents of each tile since the rebuild, in the frame of the group.
 
     Parameters
     ----------
     first, last
-        Tiles to look at, from the first to before the last.
+        Range of tiles, without the last.
     agents
-        Where and how fast the agents are, shape (size, 2 m).
+        Positions and velocities, shape (size, 2 m).
     reference
-        Where they were, shape (size, m).
+        Positions at the rebuild, shape (size, m).
     shift
-        How far the frame of the group has moved since, shape (m,).
+        Displacement of the frame of the group since then, shape (m,).
     out
-        Filled with one number a tile.
+        Receives one number per tile.
     """
     for tile in range(first, last):
         most = np.float64(0.0)
@@ -45,9 +45,9 @@ def extremes_of(tile_extremes, out):  # type: ignore[no-untyped-def]
     Parameters
     ----------
     tile_extremes
-        What each tile reported, shape (tiles, 3).
+        Results of each tile, shape (tiles, 3).
     out
-        Filled with the three numbers.
+    Receives the three numbers.
     """
     fast, near, broken = 0.0, np.inf, 0.0
     for tile in range(tile_extremes.shape[0]):
@@ -65,7 +65,7 @@ def cutoffs_of(graphs: tuple[Graph, ...], spec: KernelSpec) -> list[float]:
     graphs
         The graphs of a law.
     spec
-        What the kernel of that law is made for.
+        Specification of the kernel of that law.
     """
     return [
         0.0 if kind.fixed else float(np.max(np.maximum(graph.break_radius, graph.appear_radius)))
@@ -86,7 +86,7 @@ def sensed_offsets(graph: Fixed, n: int) -> tuple[Numbers, Numbers32]:
 def fastest(velocities: Reals) -> float:
     """Largest speed of agents relative to their mean velocity, from velocities of shape (N, m)."""
     mean = velocities.mean(axis=0, dtype=np.float64)
-    # In parts, so that a large group is not copied whole.
+    # In parts, so that a large group is never copied at once.
     parts = (velocities[k : k + 2**20] - mean for k in range(0, len(velocities), 2**20))
     with np.errstate(over="ignore"):
         return float(np.sqrt(max(float((part**2).sum(axis=1).max()) for part in parts)))

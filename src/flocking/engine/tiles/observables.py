@@ -1,4 +1,4 @@
-"""Quantities of a crowd at one moment, from its tiles: nothing of size N squared, nothing kept in memory."""
+"""Observables of a group at one time, computed from its tiles with memory of order N."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def _root(parent: NDArray[np.int32], i: int | np.int64) -> int | np.int64:
 
 @native
 def _survey(agents, n, rows, first, count, remembered, limit, each, parent):  # type: ignore[no-untyped-def]
-    """Join linked agents; returns links, sums of lengths and squared lengths, and the smallest square."""
+    """Join linked agents; returns the number of links, sums of lengths and squared lengths, and the smallest square."""
     links = 0
     lengths = 0.0
     squares = 0.0
@@ -63,7 +63,7 @@ def _flock_sizes(particles: ParticleArrays) -> tuple[Indices, tuple[int, float, 
     n = particles.n
     lists, graph = particles.lists[0], particles.radii.graphs[0]
     assert lists is not None
-    # Where links appear and break at one radius the positions tell them; otherwise the lists remember.
+    # If links appear and break at one radius, positions determine them; otherwise the lists store them.
     by_distance = bool(graph.moves and np.all(graph.appear_radius == graph.break_radius))
     parent = np.empty(n, np.int32)
     counted = _survey(
@@ -82,7 +82,7 @@ def _flock_sizes(particles: ParticleArrays) -> tuple[Indices, tuple[int, float, 
 
 
 def observe(particles: ParticleArrays, t: float, p: Reals) -> tuple[float, ...]:
-    """One row of `OBSERVED_FIELDS`; ``p`` are the velocities, shape (N, m). Lists must be valid."""
+    """One row of `OBSERVED_FIELDS`; ``p``: velocities, shape (N, m). The lists must be valid."""
     sizes, (links, lengths, squares, least) = _flock_sizes(particles)
     mean = lengths / links if links else np.nan
     deviation = float(np.sqrt(max(squares / links - mean**2, 0.0))) if links else np.nan

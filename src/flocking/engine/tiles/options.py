@@ -1,4 +1,4 @@
-"""How the tiled engine runs a scenario: its options, checked when they are given."""
+"""Options of the tiled engine."""
 
 from __future__ import annotations
 
@@ -10,42 +10,42 @@ from flocking.errors import InvalidInput
 from flocking.model.checks import integer, number
 
 MOST_THREADS = 1024
-"""More threads than any processor has; a larger number is taken for a mistake."""
+"""Largest number of threads; more than any processor has, so a larger number is probably a mistake."""
 
 
 @dataclass(frozen=True)
 class TilesOptions:
-    """How the tiled engine runs a scenario.
+    """Options of the tiled engine.
 
     Parameters
     ----------
     step
-        Time step; chosen from the start when absent. Steps are shortened a little so that frames fall on them.
+        Time step; chosen from the start by default. Steps are shortened slightly so that they end at frame times.
     scheme
-        For agents of order 2 ``"verlet"`` (half-step velocities, as LAMMPS), ``"damped"`` (the same with the agents'
-        own damping exact: for strong damping) or ``"rk4"``. For agents of order 1 ``"rk4"`` or ``"euler"``: order 4 and
-        1 between switches, in four passes a step and one. The first of these when absent: at equal cost Runge-Kutta
-        was about as accurate as the Euler method where links switch, far more so where forces are smooth, and closed
-        the ledger hundreds of times better.
+        For agents of order 2 ``"verlet"`` (half-step velocities, as in LAMMPS), ``"damped"`` (the same with exact
+        integration of the agents' own damping, for strong damping) or ``"rk4"``. For agents of order 1 ``"rk4"`` or
+        ``"euler"``: order 4 and 1 between switches, with four passes per step and one. The default is the first of
+        these: at equal cost Runge-Kutta was about as accurate as the Euler method where links switch, far more accurate
+        where forces are smooth, and its ledger residual was hundreds of times smaller.
     precision
         ``"float64"`` or ``"float32"``.
     threads
-        Number of threads; all processors when absent. Results do not depend on it.
+        Number of threads; all processors by default. Results do not depend on it.
     ledger
-        Keep the energy ledger at every step and check the step against it.
+        Whether the energy ledger is computed at every step and used to check the step.
     observe
-        Record order, flocks, density and closest pair at the frame times.
+        Whether order, flocks, density and closest pair are recorded at the frame times.
     keep_frames
-        Store positions and velocities at the frame times.
+        Whether positions and velocities are stored at the frame times.
     skin
-        Skin of the neighbour lists; chosen automatically when absent.
+        Skin of the neighbour lists; chosen automatically by default.
     memory_limit
-        Largest size of the neighbour lists in bytes; half the machine's memory when absent.
+        Largest size of the neighbour lists in bytes; half the machine's memory by default.
 
     Raises
     ------
     InvalidInput
-        When a value is out of range or unknown.
+        If a value is out of range or unknown.
     """
 
     step: float | None = None
@@ -74,7 +74,7 @@ class TilesOptions:
                 raise InvalidInput("TilesOptions", name, "must be True or False", getattr(self, name))
 
     def of_order(self, order: int) -> TilesOptions:
-        """These options with the scheme named that moves agents of an order.
+        """These options with the integrator for agents of an order.
 
         Parameters
         ----------
@@ -84,13 +84,13 @@ class TilesOptions:
         Raises
         ------
         InvalidInput
-            When the scheme is not for such agents.
+            If the integrator does not apply to such agents.
         """
         return replace(self, scheme=scheme_of(self.scheme, order))
 
     @property
     def lists_limit(self) -> float:
-        """Memory limit in bytes."""
+        """Memory limit of the neighbour lists in bytes."""
         if self.memory_limit is not None:
             return self.memory_limit
         return 0.5 * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")

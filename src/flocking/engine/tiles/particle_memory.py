@@ -1,4 +1,4 @@
-"""The part of the particle arrays from which another session goes on with the same bits."""
+"""The part of the particle arrays that a session needs to continue bit for bit."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ FIELDS = {
     "skin": "displacement.skin", "rebuilds": "rebuilds", "lists": "lists", "top_speed": "top_speed",
     "_rounding": "displacement.rounding", "_first_links": "_first_links", "lost": "lost",
 }  # fmt: skip
-"""What is remembered, by its name in a checkpoint: where the particle arrays have it."""
+"""Attribute of the particle arrays for each name in a checkpoint."""
 
 
 def _owner(particles: ParticleArrays, place: str) -> tuple[object, str]:
-    """The object that has what is remembered, and its name there."""
+    """The object with an attribute, and the name of the attribute."""
     *parts, name = place.split(".")
     owner: object = particles
     for part in parts:
@@ -31,7 +31,7 @@ def _owner(particles: ParticleArrays, place: str) -> tuple[object, str]:
 
 @dataclass
 class ParticleMemory:
-    """Copies of everything that fixes how the agents go on.
+    """Copies of all arrays that determine how the agents continue.
 
     Parameters
     ----------
@@ -43,18 +43,18 @@ class ParticleMemory:
 
     @classmethod
     def of(cls, particles: ParticleArrays, *, copied: bool) -> ParticleMemory:
-        """What fixes how ``particles`` goes on; not ``copied``, it changes as the agents go on."""
+        """The memory of ``particles``; if not ``copied``, it shares their arrays and changes with them."""
         fields: dict[str, object] = {name: getattr(*_owner(particles, place)) for name, place in FIELDS.items()}
         fields["rooms"] = [b.capacity for b in particles.builders]
         return cls(copy.deepcopy(fields) if copied else fields)
 
     def put_back(self, particles: ParticleArrays) -> None:
-        """Make ``particles`` go on from here.
+        """Restore the state of ``particles``.
 
         Raises
         ------
         MalformedError
-            When this is no memory of such agents.
+            If this is not a valid memory of such agents.
         """
         checked = check_particles(self.fields, particles)
         for name, place in FIELDS.items():

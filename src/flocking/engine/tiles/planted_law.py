@@ -1,4 +1,4 @@
-"""Agents that obey another law than the declared one, while the ledger goes on holding the declared law."""
+"""Simulation of a plant: agents follow another law than the declared one, which the ledger still uses."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ class PassArrays:
     agents, successor
         Positions and velocities before and after the pass, shape (size, 2m).
     ids
-        Which agent lies where, shape (size,).
+        Number of the agent at each index, shape (size,).
     n
         Number of agents.
     means
         Centre of mass and its velocity, shape (2m,).
     velocity
-        Velocity of the frame that neighbour lists are kept in, shape (m,).
+        Velocity of the frame of the neighbour lists, shape (m,).
     extremes
-        Largest squared speed, smallest squared distance and broken link of every tile, shape (tiles, 3).
+        Largest squared speed, smallest squared distance and indicator of a broken link of every tile, shape (tiles, 3).
     """
 
     agents: Reals
@@ -47,16 +47,16 @@ class PassArrays:
 
 
 class Planted:
-    """The kernel of the law that agents really obey, over the graphs of the declared one.
+    """The kernel of the plant, over the graphs of the declared law.
 
     Parameters
     ----------
     scenario
         The declared scenario.
     plant
-        The law that is obeyed.
+        The law that agents follow.
     spec
-        What the kernel of the declared law is made for.
+        Specification of the kernel of the declared law.
     """
 
     def __init__(self, scenario: Scenario, plant: Law, spec: KernelSpec) -> None:
@@ -68,24 +68,24 @@ class Planted:
         self._numbers: KernelNumbers | None = None
 
     def pass_switch_time(self, t: float) -> None:
-        """Take the values of scheduled gains from time ``t`` on."""
+        """Use the values of scheduled gains from time ``t`` on."""
         self._numbers = kernel_numbers(self._scenario, self.spec, t)
 
     def move(self, workers: Workers, arrays: PassArrays, begin: tuple[object, ...], lists: list[object]) -> None:
-        """Write the successor of the state under the plant; links and the ledger stay as they are.
+        """Compute the next state under the plant; links and the ledger do not change.
 
         Parameters
         ----------
         workers
             Threads to use.
         arrays
-            The state and where its successor goes.
+            The state and the array for the next state.
         begin
-            The kernel's first arguments, up to the factor of exponential damping.
+            First arguments of the kernel, up to the factor of exponential damping.
         lists
-            The kernel's lists.
+            Arguments of the kernel for the lists.
         """
-        assert self._numbers is not None, "pass_switch_time comes first"
+        assert self._numbers is not None, "call pass_switch_time first"
         P, rows, seeds, matrices = self._numbers
         tiles = len(arrays.extremes)
         A = np.zeros((len(rows), len(arrays.ids)), arrays.agents.dtype)

@@ -1,4 +1,4 @@
-"""What a tiled session writes down beyond others: ledger rows from its sums, of which the last is open."""
+"""Records of a tiled session: ledger rows from its sums, of which the last may still change."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from flocking.model.law import Scenario
 
 
 class RecordsMemory(TypedDict):
-    """What a checkpoint must hold beside the records on disk: the number of frames, and of the ledger the energy of
-    pairs without a link at the start, its first row and the row still open, and the closest linked pair.
+    """State of the records besides those on disk: the number of frames, the initial energy of pairs without a link,
+    the first and the last row of the ledger, and the closest linked pair.
     """
 
     count: int
@@ -35,11 +35,11 @@ class TilesRecorder(Recorder):
     keep_frames
         Whether positions and velocities are stored.
     observe
-        Whether observations are.
+        Whether observables are stored.
     """
 
     open_rows = 1
-    """A look at the same moment replaces the last row of the ledger."""
+    """A second row at the same time replaces the last row of the ledger."""
 
     def __init__(self, scenario: Scenario, precision: str, *, keep_frames: bool, observe: bool = False) -> None:
         super().__init__(scenario, precision=precision, keep_frames=keep_frames, observe=observe)
@@ -47,20 +47,20 @@ class TilesRecorder(Recorder):
         self.apart = 0.0
 
     def memory(self) -> RecordsMemory:
-        """What a checkpoint must hold beside the records on disk."""
+        """The state of the records for a checkpoint, besides the records on disk."""
         return {"count": self.count, "apart": self.apart, "first": None if self.first is None else (*self.first,),
                 "open": [(*row,) for row in self.trace[-1:]],
                 "closest": self.closest_linked}  # fmt: skip
 
     def recall_memory(self, memory: RecordsMemory, counts: Mapping[str, int], read: Callable[[], Run]) -> None:
-        """Go on after records that are on disk.
+        """Continue after the records on disk.
 
         Parameters
         ----------
         memory
-            What was kept of the records.
+            State of the records from `memory`.
         counts, read
-            As `recall` takes them.
+            As for `recall`.
         """
         self.recall(counts, read)
         self._skipped = memory["count"] - self.stored["time"]
@@ -68,19 +68,19 @@ class TilesRecorder(Recorder):
         self.trace = list(memory["open"])
         assert isinstance(self.closest_linked, Closest)
 
-    def book(self, t: float, ledger_sums: LedgerSums, n: int, unlinked: float) -> None:
+    def add_ledger_row(self, t: float, ledger_sums: LedgerSums, n: int, unlinked: float) -> None:
         """Add a row to the ledger; a second row of the same time replaces the first.
 
         Parameters
         ----------
         ledger_sums
-            Sums over the group and integrals so far.
+            Sums over all agents, and integrals so far.
         unlinked
             Energy of a pair without a link.
         """
         sums = ledger_sums.sums
         energy = sums["pairs"] + sums["bodies"] + sums["kinetic"]
-        # What pairs without a link carry changes by jumps alone.
+        # The energy of pairs without a link changes only by jumps.
         apart = 0.5 * (n * (n - 1.0) - sums["links"]) * unlinked
         if self.first is None:
             self.apart = apart

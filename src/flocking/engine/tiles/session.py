@@ -1,4 +1,4 @@
-"""A running simulation under the tiled engine: advance, look, snapshot, resume, replace."""
+"""Session of the tiled engine: advance, evaluate, snapshot, resume, replace."""
 
 from __future__ import annotations
 
@@ -41,32 +41,30 @@ from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 
 MOST_STEPS = 1e12
-"""Steps of a run at most: at a microsecond each they take eleven days, so that a larger number is taken for a
-mistake."""
+"""Largest number of steps of a run: eleven days at a microsecond per step; a larger number is probably a mistake."""
 Result = TypeVar("Result")
 
 
 class TilesSession(Session):
-    """A running simulation under the tiled engine. Its time is always on a step.
+    """Session of the tiled engine. Its time is always the end of a step.
 
     Parameters
     ----------
     scenario
-        What to simulate.
+        The scenario to simulate.
     options
-        Step, scheme, precision and the rest.
+        Options of the engine.
     plant
-        The law the agents really obey, over the graphs of the scenario's law; the ledger goes on holding the declared
-        law, so that a wrong plant shows.
+        The law that agents follow, over the graphs of the scenario's law. The ledger uses the declared law.
 
     Raises
     ------
     UnsupportedLaw
-        When a part of the scenario needs another engine.
+        If a part of the scenario is not supported.
     InvalidInput
-        When the frames would not fit in memory.
+    If the frames would not fit in memory.
     TooCrowded
-        When the neighbour lists would not.
+    If the neighbour lists would not fit in memory.
     """
 
     engine = "tiles"
@@ -125,7 +123,7 @@ class TilesSession(Session):
         return particles
 
     def _set_going(self) -> None:
-        """Let agents of order 1 have a velocity before their first step: its change tells of instability."""
+        """Initialize the velocities of agents of order 1; their changes are used to detect instability."""
         if self.scenario.agents.order == 1:
             self._guarded(lambda: self._particles.require_lists(0.0))
             self._particles.take_velocities(self.time)
@@ -136,7 +134,7 @@ class TilesSession(Session):
 
     @cached_property
     def singular_reach(self) -> float | None:
-        """Where a potential diverges at contact, the shortest radius of such a one; None where none does."""
+        """Shortest radius of a potential that diverges at contact; None if there is none."""
         law = self.scenario.law
         return singular_reach(law) if law.singular_at_zero() else None
 
@@ -147,17 +145,17 @@ class TilesSession(Session):
 
     @property
     def memory_in_use(self) -> int:
-        """Bytes of the session's own arrays."""
+        """Memory of the session's arrays in bytes."""
         return self._particles.nbytes
 
     @property
     def rebuilds(self) -> int:
-        """How often neighbour lists were built."""
+        """Number of rebuilds of the neighbour lists."""
         return self._particles.rebuilds
 
     @property
     def state(self) -> State:
-        """State at the session's time; with its link matrix in groups of at most 2,000 agents."""
+        """State at the session's time; includes the link matrix for at most 2,000 agents."""
         q, p = self._look()
         return State(q, p, self.time, self._links())
 
@@ -172,7 +170,7 @@ class TilesSession(Session):
         if n > MOST_LINKED or lists is None:
             return None
         kind, graph = self._particles.spec.graphs[0], self.scenario.law.graph
-        # Where links appear and break at one radius the positions tell them, whatever the kernel has looked at.
+        # If links appear and break at one radius, positions determine them, regardless of the last pass of the kernel.
         by_distance = bool(graph.moves and np.all(graph.appear_radius == graph.break_radius))
         i, j = listed_pairs(lists, n, linked=not by_distance)
         if by_distance:
@@ -185,14 +183,14 @@ class TilesSession(Session):
         return links
 
     def accelerations(self) -> Array:
-        """Acceleration, of agents of order 1 velocity, of every agent now, without moving; shape (N, m)."""
+        """Current acceleration (order 1: velocity) of every agent, shape (N, m); the state is not changed."""
         particles = self._particles
         self._guarded(lambda: particles.require_lists(self.step))
         particles.move(self.time, keep=0.0, kick=1.0, drift=0.0, exponential_damping=0.0, hold=True)
         return particles.in_order(particles.Y[particles.m :])
 
     def _guarded(self, action: Callable[[], Result]) -> Result:
-        """Run something that may rebuild lists; say it when they do not fit."""
+        """Call a function that may rebuild lists; raises TooCrowded if they do not fit."""
         try:
             return action()
         except TooManyNeighboursError as error:
@@ -204,7 +202,7 @@ class TilesSession(Session):
             ) from None  # fmt: skip
 
     def _next_stop(self) -> float:
-        """Next time on which a step must fall: a frame, a jump of a force, or the end."""
+        """Next time at which a step must end: a frame, a jump of a force, or the end."""
         now = self.time
         times = [self.scenario.t_end] * (now < self.scenario.t_end)
         times += [float(t) for t in self.scenario.frame_times if t > now][:1]
@@ -217,7 +215,7 @@ class TilesSession(Session):
         return self.time >= to - 1e-9 * self.step
 
     def advance(self, to: float, seconds: float = np.inf) -> None:
-        """Take steps until the session's time is ``to`` or just beyond it, or for ``seconds`` of wall time."""
+        """Take steps until the session's time is at or just beyond ``to``, or for ``seconds`` of wall time."""
         if not to >= self.time - self.step:
             raise InvalidInput("TilesSession", "to", f"must not be before the session's time, {self.time:g}", to)
         stop = time.monotonic() + seconds
@@ -253,7 +251,7 @@ class TilesSession(Session):
                 self._law_check.before_step(particles, moment, self.law_gaps)
             self._guarded(lambda: self._integrator.step(particles, self.time, h))
         except FloatingPointError:
-            why = "agents move further than the reach of their neighbour lists"
+            why = "agents move beyond the reach of their neighbour lists in one step"
             raise step_too_large(self.step, h, why, time=self.time) from None
         checks.after_step(particles, h, self.records, self.step, self.time, self.singular_reach)
         checks.stiff_start(self.step, resolves, self.scheme, particles.spec.order, self.time)
@@ -265,19 +263,19 @@ class TilesSession(Session):
             )  # fmt: skip
         self.farthest = max(self.farthest, 2.0 * particles.top_speed * h)
         if self.options.ledger:
-            self.records.book(self.time, self._integrator.ledger_sums, particles.n, self.scenario.energy.unlinked)
+            self._add_ledger_row()
         self.steps += 1
         self._plan = (start, end, count, index + 1)
         self.time = end if index + 1 == count else start + (end - start) * (index + 1) / count
 
     def _record(self) -> None:
-        """Store a frame where one is due."""
+        """Store a frame if one is due."""
         if not self.records.due(self.time):
             return
         if not (self.options.keep_frames or self.options.observe):
             self._guarded(lambda: self._integrator.look(self._particles, self.time, self.step))
             checks.links_kept(self._particles, self.step, self.time)
-            self._book()
+            self._update_ledger()
             self.records.skip()
             return
         q, p = self._look()
@@ -285,7 +283,7 @@ class TilesSession(Session):
             raise NotFinite("The state became infinite or NaN.", time=self.time)
         checks.links_kept(self._particles, self.step, self.time)
         checks.resolution(self._particles, q, self.time)
-        self._book()
+        self._update_ledger()
         observed = None
         if self.options.observe:
             from flocking.engine.tiles.observables import observe
@@ -293,12 +291,16 @@ class TilesSession(Session):
             observed = observe(self._particles, self.time, p)
         self.records.frame(self.time, q, p, self._links(), observed=observed)
 
-    def _book(self) -> None:
-        """Bring the ledger up to date, and check the step against it."""
+    def _add_ledger_row(self) -> None:
+        unlinked = self.scenario.energy.unlinked
+        self.records.add_ledger_row(self.time, self._integrator.ledger_sums, self._particles.n, unlinked)
+
+    def _update_ledger(self) -> None:
+        """Update the ledger, and check the step by its residual."""
         if self.options.ledger:
-            self.records.book(self.time, self._integrator.ledger_sums, self._particles.n, self.scenario.energy.unlinked)
+            self._add_ledger_row()
             if not self.steps and not np.isfinite(self.records.trace[-1][1]):
-                fix = "Two agents sit where the potential is infinite; move them apart or inside its range."
+                fix = "The potential of two agents is infinite; move them apart or inside its range."
                 if not np.isfinite(self.records.trace[-1][2]):
                     fix = f"Squares of the velocities overflow in {self.options.precision}."
                 raise InvalidInput("Scenario", "start", "must have a finite energy", self.records.trace[-1][1], fix)
@@ -306,10 +308,7 @@ class TilesSession(Session):
             checks.ledger(self.records, self._integrator, eps, self.step, self.time)
 
     def snapshot(self, *, copied: bool = True) -> TilesSnapshot:
-        """Everything needed to go on bit for bit: sort order, lists, link memory and rebuild reference included.
-
-        Not ``copied``, it is good only until the session goes on.
-        """
+        """Everything needed to continue bit for bit; if not ``copied``, valid only until the session continues."""
         return TilesSnapshot(
             self.scenario, self.options, self.step, self.time, self._plan,
             ParticleMemory.of(self._particles, copied=copied),
@@ -320,7 +319,7 @@ class TilesSession(Session):
 
     @classmethod
     def resume(cls, snapshot: TilesSnapshot, *, threads: int | None = None) -> TilesSession:
-        """A session that goes on exactly as the one the snapshot was taken of, with any number of threads."""
+        """A session that continues a snapshot bit for bit, with any number of threads."""
         session = cls.__new__(cls)
         session.scenario, session.options, session.plant = snapshot.scenario, snapshot.options, snapshot.plant
         session.workers = Workers(threads or snapshot.options.threads)
@@ -332,26 +331,25 @@ class TilesSession(Session):
         session.records, session._plan = snapshot.records.copy(), snapshot.plan
         session.farthest, session.law_gaps = snapshot.farthest, replace(snapshot.law_gaps)
         session.instability = snapshot.instability.copy()
-        # The plan's steps go on under the values that scheduled gains had when it was made.
+        # The planned steps use the values that scheduled gains had when they were planned.
         session._particles.pass_switch_time(session.scenario, snapshot.plan[0])
         return session
 
     def replace(self, *, law: Law | None = None, state: State | None = None) -> None:
-        """Put another law or state in force from the session's time on.
+        """Replace the law or the state from the session's time on.
 
-        Links are kept where the new law's graphs are of the old kinds and no state is given. The change of energy
-        counts as a jump of the ledger.
+        Links are kept if graphs have the same kinds and no state is given. The ledger records a jump of the energy.
 
         Raises
         ------
         InvalidInput
-            When law and state disagree.
+            If law and state do not fit together.
         UnsupportedLaw
-            When this engine cannot run the law.
+        If this engine cannot run the law.
         """
         particles = self._particles
         if self.plant is not None:
-            raise InvalidInput("TilesSession", "law", "cannot be replaced where agents obey a plant", law)
+            raise InvalidInput("TilesSession", "law", "cannot be replaced when agents follow a plant", law)
         velocities = self._guarded(lambda: self._integrator.look(particles, self.time, self.step))
         before = self._energy()
         scenario = self.scenario.with_(law=law or self.scenario.law, t_end=max(self.scenario.t_end, self.time))
@@ -380,29 +378,29 @@ class TilesSession(Session):
             jumped = self._integrator.ledger_sums.jumped
             self._look()
             self._integrator.ledger_sums.jumped = jumped + self._energy() - before
-            self.records.book(self.time, self._integrator.ledger_sums, particles.n, scenario.energy.unlinked)
+            self._add_ledger_row()
 
     def _energy(self) -> float:
         sums = self._integrator.ledger_sums.sums
         return sum(sums.get(name, 0.0) for name in ("pairs", "bodies", "kinetic"))
 
     def moment(self) -> Callable[[], Session]:
-        """The way back to this moment: a function that opens a session which stands as this one does now."""
+        """A function that opens a session in the current state of this one."""
         return partial(TilesSession.resume, self.snapshot())
 
     def pack(self) -> Packed:
-        """All that another session needs to go on bit for bit, but its scenario and the records on disk."""
+        """Everything needed to continue bit for bit, without the scenario and the records on disk."""
         return pack_tiles(self.snapshot(copied=False))
 
     @classmethod
     def unpack(cls, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> TilesSession:
-        """The session that was packed, with another number of ``threads`` where changes say so."""
+        """Restore a session from its packed form, with another number of ``threads`` if ``changes`` contains it."""
         threads = changes.get("threads")
         return cls.resume(restore_tiles(*packed, stored), threads=threads if isinstance(threads, int) else None)
 
     @property
     def about(self) -> dict[str, object]:
-        """Where the results come from, as the run's provenance says."""
+        """Entries of the run's provenance."""
         o = self.options
         return super().about | {
             "step": self.step, "scheme": self.scheme, "precision": o.precision,
@@ -412,7 +410,7 @@ class TilesSession(Session):
 
     @property
     def fidelity(self) -> Fidelity:
-        """Steps are fixed, switches are not located, and linked pairs are looked at once a step."""
+        """Steps are fixed, switches are not located, and linked pairs are checked once per step."""
         return Fidelity(
             self.engine, approaches=Approaches("linked", self.farthest), ledger=LedgerRule("share", RESIDUAL),
             fixed_step=self.step, law=self.law_gaps.agreement if self.options.ledger else None,

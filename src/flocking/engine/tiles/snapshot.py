@@ -1,4 +1,4 @@
-"""What a session of the tiled engine is at one moment."""
+"""Snapshot of a session of the tiled engine."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ from flocking.model.law import Law, Scenario
 
 @dataclass(frozen=True, eq=False)
 class TilesSnapshot:
-    """Everything a session of the tiled engine needs to go on bit for bit.
+    """Everything a session of the tiled engine needs to continue bit for bit.
 
     Parameters
     ----------
     step
         The largest time step.
     plan
-        Start, end and number of the equal steps under way, and which comes next.
+        Start, end and number of the planned equal steps, and the index of the next one.
     scheme
-        What the integrator remembers.
+        State of the integrator.
     records
         Frames and ledger so far.
     steps
         Number of steps so far.
     farthest
-        Bound on how much two agents have approached each other in one step.
+        Bound on the approach of two agents in one step.
     law_gaps
-        What was found where forces were held against the declared law.
+        Result of the comparisons of forces with the declared law.
     instability
-        What is watched where there is no ledger.
+        State of the detection of instability.
     plant
-        The law the agents really obey; the scenario's law when absent.
+        The law that agents follow; the scenario's law by default.
     """
 
     scenario: Scenario

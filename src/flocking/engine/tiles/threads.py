@@ -1,4 +1,4 @@
-"""Ranges of work shared among threads: kernels release the interpreter lock and own disjoint ranges."""
+"""Threads that run a kernel on disjoint ranges; kernels release the interpreter lock."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 SMALLEST_SHARE = 64
-"""Ranges shorter than this are not worth a second thread."""
+"""Shortest range that is given to a second thread."""
 
 
 class Workers:
-    """Calls kernels ``kernel(first, last, ...)`` on parts of a range, at the same time.
+    """Calls kernels ``kernel(first, last, ...)`` on parts of a range in parallel.
 
-    What a kernel computes for one element never depends on where the range is cut, so neither do results
-    on the number of threads.
+    The results of a kernel for one element do not depend on how the range is split, and therefore not on the number of
+    threads.
 
     Parameters
     ----------
     threads
-        Number of threads; all processors of this process when absent.
+        Number of threads; by default all processors available to this process.
     """
 
     def __init__(self, threads: int | None = None) -> None:
@@ -32,7 +32,7 @@ class Workers:
         self._split(kernel, count, parts, arguments)
 
     def each_large(self, kernel: Callable[..., object], count: int, *arguments: object) -> None:
-        """Run ``kernel`` over ``range(count)`` where every element is much work."""
+        """Run a ``kernel`` with much work per element over ``range(count)``, split even if ``count`` is small."""
         self._split(kernel, count, min(self.threads, count), arguments)
 
     def _split(self, kernel: Callable[..., object], count: int, parts: int, arguments: tuple[object, ...]) -> None:
@@ -46,6 +46,6 @@ class Workers:
             other.result()
 
     def close(self) -> None:
-        """Let the threads go."""
+        """Stop the threads."""
         if self._pool is not None:
             self._pool.shutdown(wait=False)

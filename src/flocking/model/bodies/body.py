@@ -46,7 +46,7 @@ class Column:
         if self.width is not None and (
             isinstance(self.width, bool) or not isinstance(self.width, int) or self.width < 1
         ):
-            raise InvalidInput("Column", "width", "must be a positive whole number, or None", self.width)
+            raise InvalidInput("Column", "width", "must be a positive integer, or None", self.width)
 
     def size(self, dimension: int) -> int:
         """How many numbers an agent has in ``dimension`` dimensions."""

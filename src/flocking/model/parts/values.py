@@ -125,7 +125,7 @@ def _length(value: object) -> float:
 def _integer(low: int, high: int) -> Callable[[object], int]:
     def check(value: object) -> int:
         if isinstance(value, bool) or not isinstance(value, int):
-            raise RefusedError("must be a whole number")
+            raise RefusedError("must be an integer")
         if not low <= value <= high:
             raise RefusedError(f"must be from {low} to {high}")
         return value
@@ -286,16 +286,16 @@ def number_from(low: float, high: float) -> Value:
 
 
 def integer_from(low: int, high: int) -> Value:
-    """A whole number from ``low`` to ``high``."""
+    """An integer from ``low`` to ``high``."""
     return Value(_integer(low, high), {"type": "integer", "minimum": low, "maximum": high}, "count")
 
 
 def integer_above(least: int) -> Value:
-    """A whole number of any size that is ``least`` or more."""
+    """An integer of any size that is ``least`` or more."""
 
     def check(value: object) -> int:
         if isinstance(value, bool) or not isinstance(value, int):
-            raise RefusedError("must be a whole number")
+            raise RefusedError("must be an integer")
         if value < least:
             raise RefusedError(f"must be at least {least}")
         return value

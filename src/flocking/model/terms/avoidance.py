@@ -78,14 +78,15 @@ class ObstacleTerm(BodyTerm):
     range: float
 
     @abstractmethod
-    def encounter(self, x: ObstacleSymbols) -> Sequence[sympy.Expr]:
+    def obstacle_force(self, x: ObstacleSymbols) -> Sequence[sympy.Expr]:
         """Force of one active obstacle on agent i, m expressions."""
 
-    def encounter_balance(self, x: ObstacleSymbols) -> tuple[sympy.Expr, sympy.Expr]:
+    def obstacle_balance(self, x: ObstacleSymbols) -> tuple[sympy.Expr, sympy.Expr]:
         """Power dissipated and power supplied by one active obstacle, in the frame that moves with ``x.frame_p``."""
         import sympy
 
-        power = sum((f * (v - w) for f, v, w in zip(self.encounter(x), x.p, x.frame_p, strict=True)), sympy.Integer(0))
+        force = self.obstacle_force(x)
+        power = sum((f * (v - w) for f, v, w in zip(force, x.p, x.frame_p, strict=True)), sympy.Integer(0))
         return sympy.Integer(0), power
 
     def kinks(self) -> tuple[float, ...]:
@@ -93,7 +94,7 @@ class ObstacleTerm(BodyTerm):
         return (0.0,)
 
     def force(self, x: BodySymbols) -> Sequence[sympy.Expr]:
-        """Nothing beside the encounters."""
+        """Zero: the forces of obstacles are in `obstacle_force`."""
         import sympy
 
         return [sympy.Integer(0)] * len(x.q)
@@ -251,12 +252,12 @@ class Avoid(ObstacleTerm):
             found = [f + pull * d / far for f, d in zip(found, away, strict=True)]
         return found
 
-    def encounter(self, x: ObstacleSymbols) -> Sequence[sympy.Expr]:
+    def obstacle_force(self, x: ObstacleSymbols) -> Sequence[sympy.Expr]:
         """(54)."""
         c4 = x.parameter("damping_gain")
         return [f + c4 * (w - v) for f, w, v in zip(self._forces(x), x.boundary, x.p, strict=True)]
 
-    def encounter_balance(self, x: ObstacleSymbols) -> tuple[sympy.Expr, sympy.Expr]:
+    def obstacle_balance(self, x: ObstacleSymbols) -> tuple[sympy.Expr, sympy.Expr]:
         """The damping dissipates c4 |phat - p|^2; all other power counts as supplied."""
         import sympy
 

@@ -125,16 +125,16 @@ def check_body_term(term: BodyTerm, dimension: int) -> None:
         rate = sum((sympy.diff(stored, s) * v for s, v in states.rates.items()), sympy.Integer(0))
         _check(type(term).__name__, Balance(_power(term.force(x), x), rate, *term.balance(x)), states)
         if isinstance(term, ObstacleTerm):
-            _check_encounter(term, dimension, moving)
+            _check_obstacle_term(term, dimension, moving)
 
 
-def _check_encounter(term: ObstacleTerm, dimension: int, moving: bool) -> None:
+def _check_obstacle_term(term: ObstacleTerm, dimension: int, moving: bool) -> None:
     import sympy
 
     for anchored in (False, True):
         states = BodyStates(term, dimension, moving)
         x = states.near_obstacle(anchored)
-        balance = Balance(_power(term.encounter(x), x), sympy.Integer(0), *term.encounter_balance(x))
+        balance = Balance(_power(term.obstacle_force(x), x), sympy.Integer(0), *term.obstacle_balance(x))
         _check(type(term).__name__, balance, states)
 
 

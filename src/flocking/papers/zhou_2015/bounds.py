@@ -17,7 +17,7 @@ def most_new_links(n: int) -> int:
     Raises
     ------
     InvalidInput
-        When n is no whole number from 1 on.
+        If n is not a positive integer.
     """
     count = integer("most_new_links", "n", n, least=1)
     return count * (count - 1) // 2 - (count - 1)

@@ -48,7 +48,7 @@ def integer_between(low: int, high: int) -> Value:
 
     def check(value: object) -> int:
         if isinstance(value, bool) or not isinstance(value, int):
-            raise RefusedError("must be a whole number")
+            raise RefusedError("must be an integer")
         if not low <= value <= high:
             raise RefusedError(f"must be from {low} to {high}")
         return value

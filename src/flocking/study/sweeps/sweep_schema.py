@@ -92,7 +92,7 @@ class Drawn:
     Parameters
     ----------
     low, high
-        Its ends; two whole numbers give whole numbers.
+        Its ends; two integers give integers.
     log
         Whether the logarithm is drawn evenly.
     """
@@ -175,7 +175,7 @@ SECTIONS = ("format", "name", "scenario", "options", "grid", "sample", "seeds", 
 REQUIRED = ("scenario",)
 
 _WORDS: dict[type, str] = {
-    int: "a whole number", str: "text in quotes", dict: "a table", list: "a list", bool: "true or false",
+    int: "an integer", str: "text in quotes", dict: "a table", list: "a list", bool: "true or false",
 }  # fmt: skip
 
 

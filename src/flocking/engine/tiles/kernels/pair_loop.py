@@ -19,13 +19,13 @@ def pair_loop(w: Writer, number: int, pair: PairFormulas, *, flow: bool = False)
     Parameters
     ----------
     w
-        Takes the formulas that are the same for all agents.
+        Collects the parts of the source.
     number
-        Number of the graph.
+        Index of the graph.
     pair
         Formulas of its pairs.
     flow
-        Whether the supply of agents of order 1 is summed, from their controls in the state beside, and nothing else.
+        Whether only the supply of agents of order 1 is summed, from their controls in the array ``Y``.
     """
     from flocking.engine.kernels.source_text import free_names
 
@@ -62,7 +62,7 @@ def pair_loop(w: Writer, number: int, pair: PairFormulas, *, flow: bool = False)
 
 
 def _neighbour_lines(w: Writer, number: int, *, needs_velocity: bool, flow: bool) -> list[str]:
-    """The neighbours in one row of a list, and where they are, seen from the agents of the tile."""
+    """Load the neighbours in one row of a list, with their positions relative to the agents of the tile."""
     kind, axes = w.spec.graphs[number], w.axes
     marked = kind.memory or kind.fixed
     lines = [
@@ -84,7 +84,7 @@ def _neighbour_lines(w: Writer, number: int, *, needs_velocity: bool, flow: bool
 
 
 def _link_lines(kind: GraphKind, number: int) -> list[str]:
-    """Which of the neighbours are linked; the entries of a graph with memory remember it."""
+    """Determine which neighbours are linked; entries of a graph with memory store it."""
     if kind.fixed:
         return ["linked = other"]
     leave = f"load(each{number}, base)" if kind.uneven else f"leave{number}"
@@ -101,7 +101,7 @@ def _link_lines(kind: GraphKind, number: int) -> list[str]:
 
 
 def _relative_motion_lines(w: Writer, names: frozenset[str], *, flow: bool) -> list[str]:
-    """Products of distances and velocities that the formulas of a pair read."""
+    """Products of distances and velocities in the formulas of a pair."""
     axes, lines = w.axes, []
     if "speed2" in names:
         lines += ["speed2 = " + " + ".join(f"v{k} * v{k}" for k in axes)]
@@ -116,7 +116,7 @@ def _relative_motion_lines(w: Writer, names: frozenset[str], *, flow: bool) -> l
 
 
 def _sum_lines(w: Writer, number: int, requested: dict[str, sympy.Expr], *, counts_links: bool) -> list[str]:
-    """What the neighbours in one row add to the forces and to the ledger."""
+    """Add the contributions of the neighbours in one row to the forces and to the ledger."""
     spec, lines = w.spec, []
     for k in w.axes:
         terms = []
@@ -142,7 +142,7 @@ def _sum_lines(w: Writer, number: int, requested: dict[str, sympy.Expr], *, coun
 
 
 def _at_contact(requested: dict[str, sympy.Expr]) -> dict[str, sympy.Expr]:
-    """Limits, where two agents coincide, of the formulas that depend on the distance and have one."""
+    """Limits at distance zero of the formulas that depend on the distance, where they exist."""
     from flocking.formula.contact import limit_at_contact
 
     still = {parameter("radial"): 0, parameter("push"): 0}

@@ -1,4 +1,4 @@
-"""The numbers of a law as its tiled kernel takes them."""
+"""The numbers of a law as arguments of its tiled kernel."""
 
 from __future__ import annotations
 

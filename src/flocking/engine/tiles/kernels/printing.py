@@ -1,4 +1,4 @@
-"""Formulas printed for vectorised loops: straight-line code of one precision, what is the same for all lifted out."""
+"""Printing of formulas for vectorised loops: code without branches in one precision, uniform parts computed first."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ _SIGNS = {"StrictLessThan": "<", "LessThan": "<=", "StrictGreaterThan": ">", "Gr
 _SELECT = {"<": "select_below", "<=": "select_most", ">": "select_above", ">=": "select_least"}
 _SELECT_SIGN = {name: sign for sign, name in _SELECT.items()}
 VECTOR_FUNCTIONS = {"sin": "fast_sin", "cos": "fast_cos", "exp": "fast_exp", "log": "fast_log"}
-"""Functions with a form that vectorises; the others call the mathematics library one number at a time."""
+"""Functions with a vectorised implementation; the others call the mathematics library for each lane."""
 _LIBRARY = {"tan", "atan", "sinh", "cosh", "tanh"}
 
 
 class Lifter:
-    """Replaces the largest parts of expressions that are the same for all agents by names.
+    """Replaces the largest subexpressions that have one value for all agents by names.
 
     Parameters
     ----------
     uniform
-        Tells whether the value of a symbol, by name, is the same for all agents.
+        Returns whether a symbol, by name, has one value for all agents.
     prefix
         Start of the new names.
     """
@@ -37,7 +37,7 @@ class Lifter:
 
     @property
     def definitions(self) -> dict[str, sympy.Expr]:
-        """What was lifted out, by name."""
+        """The replaced subexpressions by name."""
         return {symbol.name: value for value, symbol in self._names.items()}
 
     def _is_uniform(self, expression: sympy.Basic) -> bool:
@@ -79,7 +79,7 @@ class Lifter:
 
 
 def without_branches(expression: sympy.Basic) -> sympy.Basic:
-    """Every Piecewise turned into nested two-way selections, which common subexpressions may pass through.
+    """Replace every Piecewise by nested two-way selections, so that common subexpressions are found across branches.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ class _Printer(ExpressionVisitor[str]):
             self._under_root[name] = value.base
 
     def _inverse(self, base: sympy.Expr, exponent: sympy.Expr) -> list[str] | None:
-        """Factors of ``base`` to the power ``-exponent`` where a cheap inverse is at hand."""
+        """Factors of ``base`` to the power ``-exponent`` if an inverse of it is already computed."""
         import sympy
 
         half = exponent - sympy.floor(exponent)
@@ -221,7 +221,7 @@ class _Printer(ExpressionVisitor[str]):
         raise self.refusal(name, node)
 
     def refusal(self, name: str, node: sympy.Basic) -> Exception:
-        """The error for what the kernels have no form of."""
+        """The error for a function that kernels cannot compute."""
         return UnsupportedLaw(f"The tiled engine has no form of the function {name}. Use engine='exact'.")
 
     def _factor(self, e: sympy.Basic) -> str:
@@ -231,7 +231,7 @@ class _Printer(ExpressionVisitor[str]):
         return f"({text})" if isinstance(e, sympy.Add) or text.startswith("-") else text
 
     def product(self, node: sympy.Mul) -> str:
-        """Text of a product; negative powers are divided by, or are powers of an inverse at hand."""
+        """Text of a product; negative powers become divisions, or powers of an inverse that is already computed."""
         import sympy
 
         if node.could_extract_minus_sign():
@@ -282,7 +282,7 @@ class _Printer(ExpressionVisitor[str]):
 def vector_statements(
     results: Mapping[str, sympy.Basic], prefix: str, inverses: Mapping[str, str] | None = None
 ) -> list[str]:
-    """Assignments that compute all ``results``: common subexpressions once, selections without branches.
+    """Assignments that compute all ``results``, with common subexpressions computed once and without branches.
 
     Parameters
     ----------
@@ -291,7 +291,7 @@ def vector_statements(
     prefix
         Start of the names of common parts.
     inverses
-        Names that hold one over the value of a symbol, by the symbol's name.
+        Names of the reciprocals of symbols, by the symbol's name.
     """
     import sympy
 

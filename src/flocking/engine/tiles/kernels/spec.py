@@ -1,4 +1,4 @@
-"""What a tiled kernel is made for: law, dimension, precision, scheme; and what the engine refuses to run."""
+"""Specification of a tiled kernel (law, dimension, precision, integrator), and the check of supported scenarios."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flocking.model.graphs.weights import HashedWeights, MatrixWeights
 from flocking.model.law import Scenario
 
 SCHEMES = {2: ("verlet", "damped", "rk4"), 1: ("rk4", "euler")}
-"""Names of the integrators of agents of order 2 and 1, the usual one first: half-step-velocity Verlet (as LAMMPS), the
+"""Names of the integrators by the order of agents, the default one first: half-step-velocity Verlet (as in LAMMPS), the
 same with exponential damping, Runge-Kutta of order 4, and the forward Euler method."""
 
 PRECISIONS: dict[str, type[np.float32] | type[np.float64]] = {"float64": np.float64, "float32": np.float32}
@@ -26,18 +26,18 @@ MOST_AGENTS = 2**31 - 64
 
 @dataclass(frozen=True)
 class GraphKind:
-    """How the kernel treats one graph.
+    """Properties of a graph that the kernel depends on.
 
     Parameters
     ----------
     fixed
         Whether its links never change.
     memory
-        Whether entries remember if they are linked.
+        Whether entries of the lists store if the pair is linked.
     uneven
-        Whether every agent has its own radius.
+        Whether radii differ between agents.
     barrier
-        Whether a potential forbids its links to break.
+        Whether a potential is infinite at the break radius, so that links cannot break.
     """
 
     fixed: bool
@@ -48,7 +48,7 @@ class GraphKind:
 
 @dataclass(frozen=True, eq=False)
 class KernelSpec:
-    """Everything that fixes the source of a tiled kernel.
+    """Everything that determines the source of a tiled kernel.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class KernelSpec:
     precision
         ``"float64"`` or ``"float32"``.
     graphs
-        Treatment of each graph of the law.
+        Properties of each graph of the law.
     weights
         Kind of each pair weight: ``"hash"`` or ``"matrix"``.
     mass_each, damping_each
@@ -87,7 +87,7 @@ class KernelSpec:
 
     @property
     def kind(self) -> tuple[object, ...]:
-        """What fixes the source beside the formulas."""
+        """Everything besides the formulas that determines the source."""
         return (
             self.dimension, self.precision, self.graphs, self.weights, self.mass_each, self.damping_each, self.damped,
             self.ledger, tuple(self.layout.slots.items()),
@@ -95,7 +95,7 @@ class KernelSpec:
 
 
 def check_supported(scenario: Scenario) -> None:
-    """Refuse by name what this engine cannot run.
+    """Check that this engine can run a scenario.
 
     Raises
     ------
@@ -132,19 +132,19 @@ def check_supported(scenario: Scenario) -> None:
 
 
 def scheme_of(scheme: str | None, order: int) -> str:
-    """The integrator that was asked for, or the usual one of agents of that order.
+    """The requested integrator, or the default one for agents of an order.
 
     Parameters
     ----------
     scheme
-        Its name; None for the usual one.
+        Its name; None for the default one.
     order
         Order of the agents.
 
     Raises
     ------
     InvalidInput
-        When it does not integrate such agents.
+        If it does not integrate such agents.
     """
     names = SCHEMES[order]
     if scheme is None:
@@ -156,12 +156,12 @@ def scheme_of(scheme: str | None, order: int) -> str:
 
 
 def graph_kinds(scenario: Scenario, ledger: bool) -> tuple[GraphKind, ...]:
-    """Treatment of each graph of a scenario's law.
+    """Properties of each graph of a scenario's law.
 
     Parameters
     ----------
     ledger
-        Whether energies are summed on the way.
+        Whether energies are summed.
     """
     law = scenario.law
     return tuple(_kind(graph, law.has_barrier(graph) and graph.moves, ledger) for graph in law.graphs)
@@ -174,12 +174,12 @@ def _kind(graph: Graph, barrier: bool, ledger: bool) -> GraphKind:
 
 
 def only_numbers_differ(spec: KernelSpec, other: KernelSpec) -> bool:
-    """Whether two laws have one kernel, the same graphs and no obstacles, so that lists of neighbours serve both.
+    """Whether two laws share a kernel and neighbour lists: the same graphs, and no obstacles.
 
     Parameters
     ----------
     spec, other
-        What fixes their kernels.
+        Specifications of their kernels.
     """
     layout, changed = spec.layout, other.layout
     alike = changed.law.graphs == layout.law.graphs and not changed.obstacle_groups() and spec.kind == other.kind

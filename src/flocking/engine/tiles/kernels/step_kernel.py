@@ -1,12 +1,12 @@
-"""The one kernel of a law: pair sums over tiles, body terms and the move of the agents, in one pass.
+"""The kernel of one time step: pair sums over tiles, body terms and the update of the agents, in one pass.
 
-The same pass serves every scheme: with ``a`` the acceleration, it writes ``p' = keep p + kick a`` and
-``q' = q + drift p'`` beside the old state. keep 1, kick h, drift h is a step of half-step-velocity Verlet;
+The same pass serves every integrator. With the acceleration ``a`` it writes ``p' = keep p + kick a`` and
+``q' = q + drift p'`` to a second array. keep 1, kick h, drift h is a step of half-step-velocity Verlet;
 keep 0, kick 1, drift 0 gives the acceleration itself. For agents of order 1 ``a`` is their velocity, and keep 0,
 kick 1, drift h is a step of the forward Euler method. ``a`` is printed from the rates that the agents' body states.
 
-What changes the energy of agents of order 1 beside their descent may depend on the velocities of their neighbours,
-which are known only after the pass: a second kernel, ``flow``, adds it to the sums.
+The power supplied to agents of order 1 may depend on the velocities of their neighbours, which are known only after
+the pass. A second kernel, ``flow``, adds it to the sums.
 """
 
 from __future__ import annotations
@@ -30,22 +30,22 @@ if TYPE_CHECKING:
     from flocking.engine.kernels.obstacle_formulas import ObstacleFormulas
 
 GRAPH_ARGUMENTS = ("rows", "first", "count", "each", "limits")
-"""Arguments of ``move`` for each graph: its lists, and its squared radii per agent and for all."""
+"""Arguments of ``move`` for each graph: its lists, and its squared radii, per agent and common."""
 
 HUGE = 1e36
-"""Squared distance and squared speed above which numbers count as infinite: it fits into single precision (3.4e38),
-and so does the sum of three such squares."""
+"""Squared distance and squared speed above which numbers count as infinite: the sum of three such squares
+is below the largest number of single precision (3.4e38)."""
 
 
 def tile_kernels(spec: KernelSpec) -> ModuleType:
-    """Module with the kernels ``move`` and ``flow`` of a law; see the module's docstring and `_arguments`.
+    """Module with the kernels ``move`` and ``flow`` of a law; for their arguments see `_arguments`.
 
-    ``flow`` takes the same arguments after ``move`` and is None where nothing is left to be added.
+    ``flow`` is called after ``move`` with the same arguments; it is None if there is nothing to add.
 
     Parameters
     ----------
     spec
-        What fixes the kernels.
+        Specification of the kernels.
     """
     from flocking.engine.kernels.expressions import law_formulas
     from flocking.engine.kernels.flow_formulas import flow_formulas
@@ -64,13 +64,12 @@ def tile_kernels(spec: KernelSpec) -> ModuleType:
 def _arguments(spec: KernelSpec) -> list[str]:
     """Arguments of ``move``.
 
-    ``first_tile``, ``last_tile``; the time ``t``; ``keep``, ``kick``, ``drift``; ``velocity_lag`` (advances
-    velocities to those of the time of the positions) and ``exponential_damping`` (1 where velocities are damped
-    exponentially); ``hold``
-    (links stay as they are); state ``X`` and its successor ``Y``, shape (16 tiles, 2m); the number of agents ``n``;
-    per graph lists, squared radii per agent and for all; obstacles that each tile may meet; parameters ``P``, ``A``
-    and ``O``; identities ``ids``; hash seeds and matrices of pair weights; means of the group; velocity of the crowd
-    ``C``; results ``tile_extremes`` and ``sums`` per tile.
+    ``first_tile``, ``last_tile``; the time ``t``; ``keep``, ``kick``, ``drift``; ``velocity_lag`` (time by which
+    velocities are advanced to the time of the positions) and ``exponential_damping`` (1 if velocities are damped
+    exponentially); ``hold`` (links do not change); the state ``X`` and the next state ``Y``, shape (16 tiles, 2m); the
+    number of agents ``n``; for each graph the lists and the squared radii, per agent and common; the obstacles within
+    range of each tile; parameters ``P``, ``A`` and ``O``; identities ``ids``; hash seeds and matrices of pair weights;
+    means over the group; velocity ``C`` of the frame of the lists; results ``tile_extremes`` and ``sums`` per tile.
     """
     found = [
         "first_tile", "last_tile", "t", "keep", "kick", "drift", "velocity_lag", "exponential_damping", "hold", "X",
@@ -83,8 +82,8 @@ def _arguments(spec: KernelSpec) -> list[str]:
     return [*found, "P", "A", "O", "ids", "seeds", "matrices", "M", "C", "tile_extremes", "sums"]
 
 
-def _encounter_block(w: Writer, number: int, encounter: ObstacleFormulas) -> list[str]:
-    """Loop over the obstacles of one group that a tile may meet."""
+def _obstacle_block(w: Writer, number: int, obstacle_group: ObstacleFormulas) -> list[str]:
+    """Loop over the obstacles of one group within range of a tile."""
     from flocking.engine.tiles.kernels.printing import Lifter
     from flocking.formula.printing import code
 
@@ -93,7 +92,7 @@ def _encounter_block(w: Writer, number: int, encounter: ObstacleFormulas) -> lis
     body: list[str] = []
     powers = ("dissipation", "supply") if spec.ledger and spec.order == 2 else ()
     requested = {*(f"force{k}" for k in w.axes), *powers}
-    *geometry, last = encounter.stages()
+    *geometry, last = obstacle_group.stages()
     for k, stage in enumerate([*geometry, {f"meet_{n}": e for n, e in last.items() if n in requested}]):
         body += w.statements(stage, f"o{number}_{k}_")
     term, _ = spec.layout.obstacle_groups()[number]
@@ -106,26 +105,26 @@ def _encounter_block(w: Writer, number: int, encounter: ObstacleFormulas) -> lis
         body += ["met_dissipated = met_dissipated + select(close, meet_dissipation, T(0.0))"]
         body += ["met_supplied = met_supplied + select(close, meet_supply, T(0.0))"]
     definitions, w.lifter = w.lifter.definitions, outer
-    w.encounter_values += list(definitions.values())
+    w.obstacle_values += list(definitions.values())
     rows = sorted({s for e in definitions.values() for s in map(str, e.free_symbols) if re.fullmatch(r"O\d+", s)})
     head = [f"o = who{number}[at]"] + [f"{n} = O[{n[1:]}, o]" for n in rows]
     head += [f"{name} = T({code(value, arrays=False)})" for name, value in definitions.items()]
-    w.encounter_values += [parameter(reach)]
+    w.obstacle_values += [parameter(reach)]
     assert not free_names(definitions.values()).per_pair
     return [f"for at in range(begin{number}[tile], begin{number}[tile + 1]):", *("    " + x for x in [*head, *body])]
 
 
 def _tail_block(w: Writer) -> list[str]:
-    """What happens to the agents of one tile after the pair sums."""
+    """Update of the agents of one tile after the pair sums."""
     import sympy
 
     spec, axes, body = w.spec, w.axes, w.formulas.body
     mass, damping = sympy.Symbol("A0", real=True), sympy.Symbol("A1", real=True)
-    wanted = {sympy.Symbol(f"u{k}", real=True): sympy.Symbol(f"pull{k}", real=True) + body.force[k] for k in axes}
+    controls = {sympy.Symbol(f"u{k}", real=True): sympy.Symbol(f"pull{k}", real=True) + body.force[k] for k in axes}
     moved = "p" if spec.order == 2 else "q"
     results: dict[str, sympy.Expr] = {}
     for k in axes:
-        results[f"a{k}"] = body.motion.rates[f"rate_{moved}{k}"].xreplace(wanted)
+        results[f"a{k}"] = body.motion.rates[f"rate_{moved}{k}"].xreplace(controls)
         if spec.damped:
             slope = sympy.diff(body.force[k], sympy.Symbol(f"p{k}", real=True))
             results[f"rate{k}"] = (sympy.Symbol("dragged", real=True) + damping - slope) / mass
@@ -137,7 +136,7 @@ def _tail_block(w: Writer) -> list[str]:
     elif spec.ledger:
         moving = [sympy.Symbol(f"full{k}", real=True) - f for k, f in enumerate(body.frame)]
         kinetic = body.motion.kinetic.xreplace({sympy.Symbol(f"w{k}", real=True): v for k, v in enumerate(moving)})
-        powers = [u * sympy.Symbol(f"p{k}", real=True) for k, u in enumerate(wanted.values())]
+        powers = [u * sympy.Symbol(f"p{k}", real=True) for k, u in enumerate(controls.values())]
         ledger = {"bodies": body.storage, "kinetic": kinetic, "work": sum(powers)}
         ledger |= {"dissipated": body.dissipation, "supplied": body.supply}
         if len(sums_of(spec)) > len(SUMS):
@@ -157,7 +156,7 @@ def _tail_block(w: Writer) -> list[str]:
         lines += [f"c{k} = next{k} - C[{k}]"]
     lines += [f"store_agents(Y, base, ({', '.join([f'x{k}' for k in axes] + [f'next{k}' for k in axes])}))"]
     lines += ["square = " + " + ".join(f"c{k} * c{k}" for k in axes), "live = i < n"]
-    # A NaN fails the comparison, so that it shows as an infinite speed.
+    # The comparison is false for NaN, which therefore gives an infinite speed.
     lines += ["speed = select(square < huge, square, endless)"]
     lines += ["tile_extremes[tile, 0] = highest(select(live, speed, T(0.0)))", "tile_extremes[tile, 1] = lowest(near)"]
     lines += ["tile_extremes[tile, 2] = highest(broken)" if _has_barriers(spec) else "tile_extremes[tile, 2] = T(0.0)"]
@@ -174,7 +173,7 @@ def _tail_block(w: Writer) -> list[str]:
 
 
 def _flow_ledger(w: Writer) -> dict[str, sympy.Expr]:
-    """Energies and powers of an agent of order 1: a descent dissipates |u|^2; ``flow`` adds what else is supplied."""
+    """Energies and powers of an agent of order 1: gradient descent dissipates |u|^2; ``flow`` adds further supply."""
     import sympy
 
     body = w.formulas.body
@@ -195,7 +194,7 @@ def _has_barriers(spec: KernelSpec) -> bool:
 
 
 def _scratch(w: Writer) -> list[str]:
-    """Sums over the neighbours of a tile, which start at zero."""
+    """Initialization of the sums over the neighbours of a tile."""
     names = [f"pull{k}" for k in w.axes]
     if _has_barriers(w.spec):
         names += ["broken"]
@@ -213,7 +212,7 @@ def _source(spec: KernelSpec, formulas: LawFormulas) -> str:
 
     w = Writer(spec, formulas)
     pairs = [pair_loop(w, number, pair) for number, pair in enumerate(formulas.pairs)]
-    pairs += [_encounter_block(w, number, encounter) for number, encounter in enumerate(formulas.obstacles)]
+    pairs += [_obstacle_block(w, number, obstacle_group) for number, obstacle_group in enumerate(formulas.obstacles)]
     tail = _tail_block(w)
     frames: list[str] = []
     if spec.ledger:
@@ -221,7 +220,7 @@ def _source(spec: KernelSpec, formulas: LawFormulas) -> str:
     tile = [f"{name} = spread(T(0.0))" for name in _scratch(w)] + ["near = spread(huge)"]
     for block in pairs:
         tile += block
-    kernels = _kernel(w, "move", tile + tail, [*formulas.body.frame, *w.encounter_values], frames, "p")
+    kernels = _kernel(w, "move", tile + tail, [*formulas.body.frame, *w.obstacle_values], frames, "p")
     kernels += _flow_kernel(spec, formulas) if spec.order == 1 and spec.ledger else "\n\nflow = None\n"
     used = {name for name in ("fast_sin", "fast_cos", "fast_exp", "fast_log") if name + "(" in kernels}
     header = "import math\n\nimport numpy as np\n\n"
@@ -241,7 +240,7 @@ def _source(spec: KernelSpec, formulas: LawFormulas) -> str:
 def _kernel(
     w: Writer, name: str, tile: list[str], values: list[sympy.Expr], frames: list[str], mean: str
 ) -> str:  # fmt: skip
-    """One function over the tiles: what it takes from its arguments, then the lines of a tile."""
+    """One function over the tiles: unpacking of its arguments, then the lines for a tile."""
     from flocking.formula.printing import code
 
     spec, axes = w.spec, w.axes
@@ -260,9 +259,9 @@ def _kernel(
 
 
 def _flow_kernel(spec: KernelSpec, formulas: LawFormulas) -> str:
-    """Kernel that adds to the supply of agents of order 1 what reads the velocities of others, from the state beside.
+    """Kernel that adds the supply of agents of order 1 that depends on velocities of others, read from ``Y``.
 
-    It comes after ``move`` with kick 1, and reads links as that has left them.
+    It runs after ``move`` with kick 1 and uses the links of that pass.
     """
     w = Writer(spec, formulas)
     tile = ["total_supply = spread(T(0.0))"]
@@ -287,9 +286,9 @@ def _reads_mean_control(flow: sympy.Expr) -> bool:
 
 
 def _scalars(w: Writer, expressions: list[sympy.Expr], mean: str) -> list[str]:
-    """Unpack the run-time numbers that expressions use: parameters, then mass and damping, then ranges of hashes.
+    """Unpack the run-time numbers in expressions: parameters, then mass and damping, then ranges of hashed weights.
 
-    ``mean`` names what the second half of the means is of: velocities ``p`` or controls ``u``.
+    ``mean`` is the quantity in the second half of the means: velocities ``p`` or controls ``u``.
     """
     names = free_names(expressions)
     count = sum(1 for s in w.spec.layout.slots.values() if s.startswith("P"))

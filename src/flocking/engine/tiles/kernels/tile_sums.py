@@ -1,4 +1,4 @@
-"""What the kernel of a law sums up and reports of each tile."""
+"""Sums that the kernel of a law computes for each tile."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ SUMS = ("pairs", "bodies", "kinetic", "work", "dissipated", "supplied", "links",
 
 
 def sums_of(spec: KernelSpec) -> tuple[str, ...]:
-    """Sums that the kernel of a law writes: in the frame of the centre of mass also the momentum of whole velocities.
+    """Sums that the kernel of a law writes; in the frame of the centre of mass they include the momentum.
 
-    Velocities of the time of the positions are known only once all forces are, and so is their mean. Agents of order 1
-    have no kinetic energy to be corrected by it.
+    Velocities at the time of the positions, and their mean, are known only after all forces. Agents of order 1 have no
+    kinetic energy that depends on the mean.
 
     Parameters
     ----------
     spec
-        What fixes the kernel.
+        Specification of the kernel.
     """
     if spec.ledger and spec.order == 2 and spec.layout.energy.frame == "centre of mass":
         return (*SUMS, *(f"momentum{k}" for k in range(spec.dimension)))

@@ -1,4 +1,4 @@
-"""Parts of the source of a kernel, with what they read."""
+"""Parts of the source of a kernel, and the parameters that they read."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Writer:
     Parameters
     ----------
     spec
-        What fixes the kernel.
+        Specification of the kernel.
     formulas
         Formulas of the law.
     """
@@ -31,7 +31,7 @@ class Writer:
         self.axes = range(spec.dimension)
         self.lifter = Lifter(self.uniform)
         self.per_agent: set[str] = set()
-        self.encounter_values: list[sympy.Expr] = []
+        self.obstacle_values: list[sympy.Expr] = []
 
     def uniform(self, name: str) -> bool:
         """Whether a symbol, by name, has one value for all agents."""
@@ -42,7 +42,7 @@ class Writer:
     def statements(
         self, results: dict[str, sympy.Expr], prefix: str, inverses: dict[str, str] | None = None
     ) -> list[str]:
-        """Lines that compute ``results`` for one lane; notes which rows of A they read.
+        """Lines that compute ``results`` for one lane; records which rows of A they read.
 
         Parameters
         ----------
@@ -51,7 +51,7 @@ class Writer:
         prefix
             Start of the names of intermediate values.
         inverses
-            Names of what holds one over a symbol.
+            Names of the reciprocals of symbols.
         """
         from flocking.engine.kernels.source_text import free_names
         from flocking.engine.tiles.kernels.printing import vector_statements
@@ -71,7 +71,7 @@ class Writer:
         return f"{name} = narrow(gather(matrices[{number}], widen({mine}) * n + widen({theirs})), T(0.0))"
 
     def frame(self) -> list[str]:
-        """Velocity of the energy's frame, one name per axis."""
+        """Names of the velocity of the energy's frame, one per axis."""
         return [f"frame{k}" for k in self.axes]
 
 

@@ -1,7 +1,7 @@
-"""Agents sorted by cells of a grid that wraps around: a counting sort in two levels, in parallel and stable.
+"""Cell list: agents sorted by the cells of a grid that wraps around, by a stable parallel counting sort in two levels.
 
-The grid never holds more cells than agents call for. A group that is wider than the grid wraps around it:
-far places then share cells, which costs a few needless distance tests and nothing else.
+The number of cells is bounded by the number of agents. A group that is wider than the grid wraps around it: distant
+places then share cells, which costs some unnecessary distance tests and does not change the result.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from flocking.engine.tiles.threads import Workers
 from flocking.formula.native.functions import native
 
 MOST_BUCKETS = 4096
-"""Buckets of the first level of the sort: few enough for their counters to stay in the fast caches of a processor."""
+"""Largest number of buckets in the first level of the sort; their counters fit into the cache of a processor."""
 CHUNK = 16384
-"""Agents counted together; fixed, so that the order never depends on the number of threads."""
+"""Agents per chunk; fixed, so that the order does not depend on the number of threads."""
 
 ROUNDING = 1e-9
-"""Cells are wider than the reach by this fraction, so that rounding never hides a neighbour two cells away."""
+"""Cells are wider than the reach by this fraction, so that rounding never places a neighbour two cells away."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Grid:
     origin
         Lowest corner, three coordinates (the last is 0 in the plane).
     inverse
-        One over the width of a cell.
+        Reciprocal of the width of a cell.
     shape
         Cells along each axis, three numbers (the last is 1 in the plane); at least 3 along an axis in use.
     """
@@ -48,14 +48,14 @@ class Grid:
 
 
 def choose_grid(low: Vector, high: Vector, reach: float, n: int) -> Grid:
-    """A grid of cells of width ``reach`` over the box from ``low`` to ``high``, wrapped where it would be too large.
+    """A grid of cells of width ``reach`` over the box from ``low`` to ``high``, wrapped if it would be too large.
 
     Parameters
     ----------
     low, high
         Corners of the box, shape (m,).
     reach
-        Largest distance at which agents must find each other.
+        Largest distance of neighbours.
     n
         Number of agents: the grid has at most about 2 n cells.
     """
@@ -64,7 +64,7 @@ def choose_grid(low: Vector, high: Vector, reach: float, n: int) -> Grid:
     per_axis = np.maximum(np.floor((np.asarray(high) - np.asarray(low)) / width) + 1.0, 3.0)
     most = max(2.0 * n, 3.0**m)
     if per_axis.prod() > most:
-        # Shrink the longest axes first: a thin group keeps its own shape.
+        # Shrink the longest axes first, so that the grid of a thin group keeps its shape.
         order = np.argsort(per_axis)
         left, axes = most, m
         for axis in order:
@@ -83,7 +83,7 @@ def cell_of(x: float, origin: float, inverse: float, count: int) -> int:
     Parameters
     ----------
     origin, inverse, count
-        Where the cells begin, one over their width, and how many there are.
+        Origin of the cells, reciprocal of their width, and their number.
     """
     c = np.int64((np.float64(x) - origin) * inverse)
     return c if 0 <= c < count else c % count  # type: ignore[return-value]
@@ -170,7 +170,7 @@ def _arrange(first, last, order, agents, ids, target, target_ids, reference, pla
 
 @dataclass(frozen=True)
 class Survey:
-    """What the sort learns of a crowd on its way.
+    """Extent and mean velocity of a group, computed by the sort.
 
     Parameters
     ----------
@@ -186,7 +186,7 @@ class Survey:
 
 
 class Sorter:
-    """Buffers of the sort, kept from one rebuild to the next.
+    """The sort, with buffers that are reused at every rebuild.
 
     Parameters
     ----------
@@ -221,13 +221,13 @@ class Sorter:
     def sort(self, agents: Reals, seen: Survey, reach: float) -> None:
         """Sort agents, shape (at least n, 2m), into cells of width ``reach``: fills `order`, `start` and `crowding`.
 
-        `crowding` grows with the number of ordered pairs within reach: were the agents of a cell spread evenly over
-        2^m parts of it, so many of them would share a part.
+        `crowding` estimates the number of ordered pairs within reach: those in equal parts of cells, 2^m parts to a
+        cell, if the agents of every cell are spread evenly over its parts.
 
         Parameters
         ----------
         seen
-            Where the agents are.
+            Extent of the agents.
         """
         n = self.n
         grid = self.grid = choose_grid(seen.low, seen.high, reach, n)
@@ -259,14 +259,14 @@ class Sorter:
     def arrange(
         self, agents: Reals, ids: Numbers32, target: Reals, target_ids: Numbers32, reference: Reals
     ) -> Numbers32:
-        """Agents, identities and reference positions into the new order; returns the new place of each old one.
+        """Copy agents, identities and reference positions to the new order; returns the new index of each old one.
 
         Parameters
         ----------
         agents, ids
             Agents and identities in the old order.
         target, target_ids
-            Where they go.
+            The arrays in the new order, filled by this method.
         """
         place = self.key_buffer
         self.workers.each(_arrange, self.n, self.order, agents, ids, target, target_ids, reference, place)

@@ -1,4 +1,4 @@
-"""Pairs of agents read back from neighbour lists, for checks and for observation."""
+"""Pairs of agents read from neighbour lists, for checks and observables."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flocking.model.graphs.connectivity import Links
 
 
 def tile_pairs(lists: TileLists, tiles: Iterable[int], n: int) -> tuple[Numbers, Numbers]:
-    """Places of the ordered pairs that the lists of some tiles hold."""
+    """Indices of the ordered pairs in the lists of some tiles."""
     none = np.zeros(0, np.int64)
     found = [(none, none)]
     for tile in tiles:
@@ -26,7 +26,7 @@ def tile_pairs(lists: TileLists, tiles: Iterable[int], n: int) -> tuple[Numbers,
 
 
 def listed_pairs(lists: TileLists, n: int, *, linked: bool = False) -> tuple[Numbers, Numbers]:
-    """All ordered pairs of places in the lists, or only the linked ones, sorted by the sensing place."""
+    """Indices of all ordered pairs in the lists, or only of the linked ones, sorted by the sensing agent."""
     tile = np.repeat(np.arange(len(lists.count)), lists.count)
     row = np.arange(len(tile)) - np.repeat(np.cumsum(lists.count) - lists.count, lists.count)
     entries = lists.rows[np.repeat(lists.first, lists.count) + row]
@@ -43,7 +43,7 @@ def listed_pairs(lists: TileLists, n: int, *, linked: bool = False) -> tuple[Num
 def nearest_pair_beyond(
     square: float, neighbour_lists: Sequence[TileLists | None], tiles: Iterable[int], positions: Reals, n: int
 ) -> tuple[int, int]:
-    """Places of the nearest listed pair of some tiles at a squared distance of at least ``square``.
+    """Indices of the nearest listed pair of some tiles at a squared distance of at least ``square``.
 
     Parameters
     ----------
@@ -66,14 +66,14 @@ def nearest_pair_beyond(
 
 
 def remember_links(lists: TileLists, links: Links, ids: NDArray[np.int32]) -> None:
-    """Set the memory of links that neighbour lists keep.
+    """Set the link bits of neighbour lists.
 
     Parameters
     ----------
     links
         Link matrix by the numbers of the agents, shape (N, N).
     ids
-        Which agent lies at each place, shape (size,).
+        Number of the agent at each index, shape (size,).
     """
     tile = np.repeat(np.arange(len(lists.count)), lists.count)
     at = np.concatenate([np.arange(f, f + c) for f, c in zip(lists.first, lists.count, strict=True)]).astype(int)

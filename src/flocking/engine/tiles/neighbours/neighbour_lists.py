@@ -1,7 +1,7 @@
-"""Neighbour lists in tiles: 16 agents side by side, their neighbours in rows of 16, so that loops vectorise.
+"""Neighbour lists (Verlet lists) for tiles of 16 agents, with neighbours in rows of 16, so that loops vectorise.
 
-Row k of a tile holds the k-th neighbour of each of its agents; where an agent has fewer, its own number
-stands there and adds nothing. A graph with memory keeps whether a pair is linked in the top bit of the entry.
+Row k of a tile contains the k-th neighbour of each of its agents. An agent with fewer neighbours is padded with its own
+number, which contributes nothing. For a graph with memory the top bit of an entry says whether the pair is linked.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from flocking.formula.native.functions import native
 WIDTH = 16
 """Agents in a tile."""
 TILES_IN_CHUNK = 64
-"""Tiles that share one stretch of memory; fixed, so that lists never depend on the number of threads."""
+"""Tiles whose rows are contiguous in memory; fixed, so that lists do not depend on the number of threads."""
 LONGEST = 64
-"""Cells in a row that agents of a tile may span and still be looked after together."""
+"""Largest number of cells in a row that the agents of a tile may span to be searched together."""
 LINKED = np.uint32(1 << 31)
-"""Bit of an entry that says that the pair is linked."""
+"""Bit of an entry that is set if the pair is linked."""
 NUMBER = np.uint32((1 << 31) - 1)
-"""Bits of an entry that say who the neighbour is."""
+"""Bits of an entry with the number of the neighbour."""
 
 
 @dataclass
@@ -51,7 +51,7 @@ class TileLists:
     count: Numbers32
 
     def copy(self) -> TileLists:
-        """A copy that shares nothing."""
+        """A deep copy."""
         return TileLists(self.rows.copy(), self.first.copy(), self.count.copy())
 
     @property
@@ -72,7 +72,7 @@ class Cells(NamedTuple):
     origin, inverse, shape
         See `flocking.engine.tiles.neighbours.cell_list.Grid`, as arrays.
     start
-        Place of the first agent of each cell, and the number of agents, shape (cells + 1,).
+        Index of the first agent of each cell, and the number of agents, shape (cells + 1,).
     """
 
     agents: Reals
@@ -84,25 +84,25 @@ class Cells(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """Squared distance within which agents are listed, and that of each sensing agent where there is one for each."""
+    """Squared distance within which agents are listed, and that of each sensing agent if they differ."""
 
     square: np.floating
     each: Reals
 
 
 class ListRoom(NamedTuple):
-    """Where the lists of the chunks go.
+    """Memory for the lists of the chunks.
 
     Parameters
     ----------
     rows, first, many
-        See `TileLists`; ``many`` is its ``count``, a name that tuples have taken.
+        See `TileLists`; ``many`` is its ``count``, which is a method of tuples.
     stretch, capacity
-        First row of each chunk, and how many it has, shape (chunks,).
+        First row and number of rows of each chunk, shape (chunks,).
     need
-        Takes the number of rows that each chunk needs, shape (chunks,).
+        Receives the number of rows that each chunk needs, shape (chunks,).
     numbers
-        Room for the numbers of neighbours of a tile, shape (chunks, 16).
+        Work space for the numbers of neighbours of a tile, shape (chunks, 16).
     """
 
     rows: NDArray[np.uint32]
@@ -116,7 +116,7 @@ class ListRoom(NamedTuple):
 
 @native
 def _search(first_chunk: int, last_chunk: int, cells: Cells, reach: Reach, room: ListRoom) -> None:
-    """Neighbours of all agents of some chunks."""
+    """Find the neighbours of all agents of some chunks."""
     tiles = room.first.shape[0]
     for chunk in range(first_chunk, last_chunk):
         cursor = room.stretch[chunk]
@@ -146,13 +146,13 @@ def _search(first_chunk: int, last_chunk: int, cells: Cells, reach: Reach, room:
 def _search_tile(
     cells: Cells, reach: Reach, rows: NDArray[np.uint32], base: int, cursor: int, end: int, found: NDArray[np.uint32]
 ) -> None:
-    """Neighbours of the agents of one tile, from row ``cursor`` on; how many each has goes to ``found``."""
+    """Find the neighbours of the agents of one tile, from row ``cursor`` on; their numbers are written to ``found``."""
     agents, shape = cells.agents, cells.shape
     three = agents.shape[1] == 6
     many = min(WIDTH, cells.n - base)
     lane = 0
     while lane < many:
-        # Agents in one row of cells look at the same candidates.
+        # Agents in one row of cells have the same candidates.
         low, cy, cz = _cell(cells, base + lane)
         high = low
         last = lane + 1
@@ -167,7 +167,7 @@ def _search_tile(
             row = (cy + line % 3 - 1 + shape[1]) % shape[1]
             if three:
                 row += shape[1] * ((cz + line // 3 - 1 + shape[2]) % shape[2])
-            # Cells from low - 1 to high + 1 are one run of agents, or two where the row wraps.
+            # Cells from low - 1 to high + 1 are one range of agents, or two if the row wraps.
             a, b, c = low - 1, high + 2, 0
             if b - a >= shape[0]:
                 a, b = 0, shape[0]
@@ -184,7 +184,7 @@ def _search_tile(
 
 
 def _cell(cells: Cells, i: int) -> tuple[int, int, int]:
-    """Cell of an agent along each axis; 0 along an axis that there is not."""
+    """Cell of an agent along each axis; 0 along the third axis in two dimensions."""
     agents, origin, inverse, shape = cells.agents, cells.origin, cells.inverse, cells.shape
     x = cell_of(agents[i, 0], origin[0], inverse, shape[0])
     y = cell_of(agents[i, 1], origin[1], inverse, shape[1])
@@ -196,7 +196,7 @@ def _test_candidates(
     agents: Reals, reach: Reach, rows: NDArray[np.uint32], base: int, members: int, first: int, behind: int,
     cursor: int, end: int, found: NDArray[np.uint32],
 ) -> None:  # fmt: skip
-    """List those of a run of candidates that are within the reach of members of a tile, which are tested together."""
+    """List the candidates of a range within reach of some agents of a tile; these are tested together."""
     three = agents.shape[1] == 6
     own = numbers_from(base)
     own_x, own_y = column(agents, base, 0), column(agents, base, 1)
@@ -241,7 +241,7 @@ def _begin_links(first_tile, last_tile, agents, n, limits, rows, first, count): 
 def _carry_links(  # type: ignore[no-untyped-def]
     first_tile, last_tile, n, order, place, old_rows, old_first, old_count, rows, first, count, lost
 ):
-    """Link the pairs that were linked before the sort; a linked pair that is not listed any more is lost."""
+    """Link the pairs that were linked before the sort; report a linked pair that is no longer listed."""
     for tile in range(first_tile, last_tile):
         for lane in range(min(WIDTH, n - tile * WIDTH)):
             i = tile * WIDTH + lane
@@ -257,18 +257,18 @@ def _carry_links(  # type: ignore[no-untyped-def]
                         rows[row, lane] |= LINKED
                         here = True
                 if not here:
-                    # Say who, where the caller can see it.
+                    # Return the pair to the caller.
                     lost[0] = i
                     lost[1] = j
 
 
 class TooManyNeighboursError(Exception):
-    """The lists would exceed the memory allowed to them.
+    """The lists would exceed their memory limit.
 
     Parameters
     ----------
     bytes_needed
-        What they would take.
+        Memory that they would need.
     """
 
     def __init__(self, bytes_needed: float) -> None:
@@ -277,7 +277,7 @@ class TooManyNeighboursError(Exception):
 
 
 class ListBuilder:
-    """Builds the lists of one moving graph again and again, growing where they must.
+    """Builds the lists of one moving graph; reuses and enlarges their memory.
 
     Parameters
     ----------
@@ -300,32 +300,32 @@ class ListBuilder:
         self, agents: Reals, reach: float, each_reach: Reals, grid: Grid, start: Numbers32, old: TileLists | None,
         order: Numbers32, place: Numbers32, begin2: Reals | None, remember: bool,
     ) -> tuple[TileLists, tuple[int, int] | None]:  # fmt: skip
-        """Lists of all pairs closer than ``reach``, or than the sensing agent's entry of ``each_reach``.
+        """Build the lists of all pairs closer than ``reach``, or than the sensing agent's entry of ``each_reach``.
 
         Parameters
         ----------
         agents
             Positions and velocities in sorted order, shape (16 tiles, 2m).
         reach, each_reach
-            Distances; ``each_reach`` has length 1 where ``reach`` holds for all, else 16 tiles.
+            Distances; ``each_reach`` has length 1 if ``reach`` applies to all, else 16 tiles.
         grid, start
-            The sort's cells.
+            The cells of the sort.
         old, order, place
-            The lists before the sort, old place of each agent, and new place of each.
+            The lists before the sort, the old index of each agent, and the new index of each.
         begin2
-            Squared distance, or one per agent, below which pairs start linked; None where links are carried over.
+            Squared distance, or one per agent, below which pairs start linked; None if links are carried over.
         remember
-            Carry the links of ``old`` over.
+            Whether the links of ``old`` are carried over.
 
         Returns
         -------
         tuple
-            The lists, and a linked pair (new places) that has left the reach, or None.
+            The lists, and a linked pair (new indices) beyond the reach, or None.
 
         Raises
         ------
         TooManyNeighboursError
-            When the lists would exceed the memory limit.
+            If the lists would exceed the memory limit.
         """
         if not remember and old is not None:
             self.spare = old
@@ -341,7 +341,7 @@ class ListBuilder:
         return lists, (int(lost[0]), int(lost[1])) if lost[0] >= 0 else None
 
     def _searched(self, agents: Reals, reach: float, each_reach: Reals, grid: Grid, start: Numbers32) -> TileLists:
-        """Lists without links, with room enough."""
+        """Lists without links, with sufficient capacity."""
         dtype = agents.dtype.type
         limits = np.asarray(each_reach, dtype=dtype) ** 2
         cells = Cells(agents, self.n, np.array(grid.origin), grid.inverse, np.array(grid.shape), start)
@@ -387,18 +387,18 @@ def _fixed(first_tile, last_tile, n, ids, place, offsets, neighbours, rows, firs
 def fixed_lists(
     ids: Numbers32, place: Numbers32, offsets: Numbers, neighbours: Numbers32, workers: Workers
 ) -> TileLists:
-    """Lists of given links.
+    """Neighbour lists of a fixed graph.
 
     Parameters
     ----------
     ids
-        Identity of the agent in each place, shape (n or more,).
+        Identity of the agent at each index, shape (n or more,).
     place
-        Place of each identity, shape (n,).
+        Index of each identity, shape (n,).
     offsets, neighbours
         Sensed identities of identity i are ``neighbours[offsets[i] : offsets[i + 1]]``.
     workers
-        The threads that fill them.
+        Threads to use.
     """
     n = len(place)
     tiles = (n + WIDTH - 1) // WIDTH

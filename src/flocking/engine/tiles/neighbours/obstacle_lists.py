@@ -1,8 +1,8 @@
-"""Neighbour lists of obstacles: which the agents of a tile may meet while nobody has moved too far.
+"""Neighbour lists of obstacles: those within range of a tile until agents or obstacles have moved by a margin.
 
-The distance to an obstacle changes no faster than agent and obstacle move. An obstacle that is farther from
-the middle of a tile than its range, the tile's radius and a margin cannot be met until somebody has moved
-by the margin.
+The distance to an obstacle changes at most as fast as agent and obstacle move. If an obstacle is farther from the
+centre of a tile than the sum of its range, the radius of the tile and a margin, it stays out of range until the
+motion exceeds the margin.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from flocking.model.law import Law
 from flocking.model.leaders_and_obstacles.leaders import Sink, Velocity
 
 MOST_AT_ONCE = 2_000_000
-"""Distances computed at once."""
+"""Number of distances computed at once."""
 
 MARGIN = 0.5
 """Margin as a fraction of the longest range."""
 
 
 class ObstacleLists:
-    """Lists of the obstacles of a law that each tile may meet.
+    """Lists of the obstacles of a law within range of each tile.
 
     Parameters
     ----------
@@ -34,27 +34,33 @@ class ObstacleLists:
     """
 
     def __init__(self, law: Law, ranges: list[float]) -> None:
-        self.encounters = ObstacleDistances(law)
+        self.obstacle_distances = ObstacleDistances(law)
         self.ranges = ranges
         self.lists: list[tuple[Numbers, Numbers32]] = []
         self.used = np.inf
         self.margin = 0.0
         self.speed = 0.0
-        for group in self.encounters.groups:
+        for group in self.obstacle_distances.groups:
             for obstacle in group.obstacles:
                 mover = obstacle.mover
                 if mover is not None and type(mover) not in (Sink, Velocity):
-                    # Nothing bounds how fast it will move: every tile looks at every obstacle.
+                    # Its speed has no bound: every tile lists every obstacle.
                     self.speed = np.inf
                 elif type(mover) is Velocity:
                     self.speed = max(self.speed, float(np.linalg.norm(mover.value)))
 
     def moved(self, distance: float, duration: float) -> None:
-        """Somebody may have moved by ``distance`` within ``duration``."""
+        """Account for motion of agents by at most ``distance`` within ``duration``."""
         self.used += distance + (0.0 if np.isinf(self.speed) else self.speed * duration)
 
     def require(self, q: Reals, tiles: int, t: float, stride: float) -> None:
-        """Make sure that the lists are valid for positions ``q``, shape (m, 16 tiles); ``stride``: length of a step."""
+        """Rebuild the lists if they may be invalid for positions ``q``, shape (m, 16 tiles).
+
+        Parameters
+        ----------
+        stride
+            Largest motion in a step.
+        """
         if self.used <= self.margin:
             return
         self.margin = max(MARGIN * max(self.ranges), 10.0 * stride)
@@ -65,7 +71,7 @@ class ObstacleLists:
         self.used = 0.0
 
     def _near(self, group: int, centre: Array, radius: Array, t: float) -> tuple[Numbers, Numbers32]:
-        tiles, count = len(centre), len(self.encounters.groups[group].obstacles)
+        tiles, count = len(centre), len(self.obstacle_distances.groups[group].obstacles)
         begin = np.zeros(tiles + 1, np.int64)
         found = [np.zeros(0, np.int32)]
         share = max(1, MOST_AT_ONCE // count)
@@ -75,7 +81,7 @@ class ObstacleLists:
                 near = np.ones((part.stop - first, count), dtype=bool)
             else:
                 reach = self.ranges[group] + radius[part, None] * (1 + 1e-9) + self.margin
-                distance = self.encounters.distances(group, centre[part], t)
+                distance = self.obstacle_distances.distances(group, centre[part], t)
                 near = ~(distance > reach)
             begin[first + 1 : part.stop + 1] = near.sum(axis=1)
             found.append(np.nonzero(near)[1].astype(np.int32))

@@ -1,4 +1,4 @@
-"""A lower bound on the number of pairs within reach of each other, from the numbers of agents in cells."""
+"""Lower bound on the number of pairs within reach, from the numbers of agents in cells."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from flocking.arrays import Reals
 from flocking.engine.tiles.neighbours.neighbour_lists import TooManyNeighboursError
 
 PARTS = {1: 32, 2: 8, 3: 5}
-"""Parts of the reach that make the width of a box, by dimension: narrower boxes tell more and take longer."""
+"""Ratio of the reach to the width of a box, by dimension: narrower boxes give a sharper bound and take longer."""
 
 
 BALL_SHARE = {1: 2.0 / 3.0, 2: np.pi / 9.0, 3: 4.0 / 3.0 * np.pi / 27.0}
-"""Share of a cell and those around it that lies within one width of a point, by dimension."""
+"""Fraction of a cell and its neighbours that lies within one width of a point, by dimension."""
 
 
 ENTRY_BYTES = 4.0
@@ -23,7 +23,7 @@ ENTRY_BYTES = 4.0
 
 
 class PairCountBound:
-    """Refuses lists that cannot fit, before any pair is looked at.
+    """Checks before any search that neighbour lists fit into memory.
 
     Parameters
     ----------
@@ -36,21 +36,21 @@ class PairCountBound:
         self._passed = 0.0
 
     def check(self, crowding: float, q: Reals, reaches: Callable[[], Sequence[float]]) -> None:
-        """Check that lists may fit; agents that were found to fit are counted again when they are crowded more.
+        """Check that lists may fit; a new bound is computed only if the estimated number of pairs has grown.
 
         Parameters
         ----------
         crowding
-            What the sort has found.
+            Estimate of the sort, see `Sorter.sort`.
         q
             Positions, shape (N, m).
         reaches
-            Gives the distance within which every agent lists another, for each graph.
+            Returns the distance within which every agent lists another, for each graph.
 
         Raises
         ------
         TooManyNeighboursError
-            When the lists of a graph would exceed the limit.
+            If the lists of a graph would exceed the limit.
         """
         expected = ENTRY_BYTES * expected_pairs(crowding, *q.shape)
         if expected < max(0.5 * self._limit, 1.1 * self._passed):
@@ -64,12 +64,12 @@ class PairCountBound:
 
 
 def expected_pairs(crowding: float, n: int, m: int) -> float:
-    """About how many ordered pairs are within reach where agents are spread evenly over each cell and those around it.
+    """Estimated number of ordered pairs within reach if agents are spread evenly over each cell and its neighbours.
 
     Parameters
     ----------
     crowding
-        What the sort has found.
+        Estimate of the sort, see `Sorter.sort`.
     n
         Number of agents.
     m
@@ -79,10 +79,10 @@ def expected_pairs(crowding: float, n: int, m: int) -> float:
 
 
 def certain_pairs(q: Reals, reach: float) -> float:
-    """A lower bound of the number of ordered pairs within reach.
+    """A lower bound on the number of ordered pairs within reach.
 
-    Agents are counted in boxes narrower than the reach; two boxes whose farthest corners are within reach hold
-    pairs that are.
+    Agents are counted in boxes narrower than the reach. All pairs of two boxes are within reach if the farthest
+    corners of the boxes are.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def certain_pairs(q: Reals, reach: float) -> float:
     """
     m = q.shape[1]
     parts = PARTS[m]
-    # Rounding may put an agent into the next box: boxes are a little narrower than they count for.
+    # Rounding may put an agent into the next box, so boxes are slightly narrower than assumed.
     width = reach / parts * (1.0 - 1e-6)
     box = np.floor((q - q.min(axis=0)) / width).astype(np.int64)
     sizes = box.max(axis=0) + 2 * parts

@@ -1,7 +1,7 @@
-"""The Verlet skin of the neighbour lists: its cost in list rows against what it saves in rebuilds.
+"""Choice of the Verlet skin: the cost of longer lists against that of rebuilds.
 
-The length that lists would have with each skin is counted on a sample of tiles, not guessed from a density: in a
-lattice a wider skin costs nothing until it meets the next shell.
+The length of the lists with each skin is counted on a sample of tiles, not estimated from a density: in a lattice a
+wider skin costs nothing until it reaches the next shell.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ SKINS = tuple(0.04 * 1.25**k for k in range(15))
 """Skins tried, as fractions of the cutoff."""
 
 FIRST_SKIN = 0.25
-"""Skin for which agents are sorted when nothing is known."""
+"""Skin for the first sort, before any estimate exists, as a fraction of the cutoff."""
 
 SAMPLE = 16
-"""Tiles looked at."""
+"""Number of sampled tiles."""
 
 PASS_COST = 2.0
-"""Cost of a step besides its list rows, in rows. These costs are constants: results must not depend on a clock."""
+"""Cost of a step apart from its list rows, in rows. Costs are constants, so that results do not depend on timing."""
 REBUILD_COST, REBUILD_ROW_COST = 30.0, 6.0
 """Cost of a rebuild, per tile and per row, in rows of a step."""
 
 
 def _candidates(sorter: Sorter, q: Reals, far: float) -> tuple[Numbers, Numbers]:
-    """Agents in the cells within ``far`` cells of positions q, shape (k, m): whom each is near, and its place."""
+    """Agents within ``far`` cells of positions q, shape (k, m): index of the position, and index of the agent."""
     grid, m = sorter.grid, q.shape[1]
-    # As the sort does; wrapped axes show every cell once.
+    # As in the sort; on wrapped axes every cell is taken once.
     cells = np.floor((q.astype(np.float64) - grid.origin[:m]) * grid.inverse).astype(np.int64)
     steps = [np.arange(min(2 * far + 1, count)) - far for count in grid.shape[:m]]
     offsets = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, m)
@@ -46,7 +46,7 @@ def _candidates(sorter: Sorter, q: Reals, far: float) -> tuple[Numbers, Numbers]
 
 
 def _lengths(agents: Reals, sorter: Sorter, limits: Array) -> Array:
-    """Mean number of rows that the lists of the sampled tiles would have with each distance of ``limits``."""
+    """Mean number of rows of the lists of the sampled tiles for each distance of ``limits``."""
     m, n = agents.shape[1] // 2, sorter.n
     count = (n + WIDTH - 1) // WIDTH
     tiles = np.unique(np.linspace(0, count - 1, min(SAMPLE, count)).astype(np.int64))
@@ -66,20 +66,20 @@ def _lengths(agents: Reals, sorter: Sorter, limits: Array) -> Array:
 
 
 def best_skin(agents: Reals, sorter: Sorter, cutoff: float, stride: float) -> float:
-    """The skin that makes a step cheapest.
+    """The skin with the lowest cost per step.
 
     Parameters
     ----------
     agents
         Positions and velocities in the order before the sort, shape (at least n, 2m).
     sorter
-        Has just sorted them.
+        The sort, just applied to them.
     cutoff
         Largest distance of linked agents.
     stride
-        Share of the skin that two agents may use up in one step, as a length.
+        Largest change of the distance of two agents in one step.
     """
-    # The sample sees two cells far.
+    # The sample covers two cells in each direction.
     skins = np.array([s for s in SKINS if cutoff * (1.0 + s) * sorter.grid.inverse <= 2.0] or SKINS[:1]) * cutoff
     rows = _lengths(agents, sorter, cutoff + skins)
     steps = np.maximum(1.0, skins / max(stride, 1e-12 * cutoff))

@@ -1,4 +1,4 @@
-"""How far agents have moved since their neighbour lists were built: whether the Verlet skin still covers it."""
+"""Displacements since the last rebuild of the neighbour lists, as a bound for the Verlet skin."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from flocking.engine.tiles.neighbours.neighbour_lists import WIDTH
 from flocking.engine.tiles.threads import Workers
 
 CERTAIN = 0.999
-"""Share of half the skin that may be used up: the rest, a thousandth, is far above the rounding of the sum of some
-thousand displacements, each by 6e-8 in single precision."""
+"""Largest displacement relative to half the skin. The remaining thousandth is far above the rounding error of a sum of
+some thousand displacements, each with 6e-8 in single precision."""
 
 GROWTH = 1.0 + 1e-6
-"""Factor of the largest speed in the bound of a step's displacement: above the rounding of a speed that was computed in
-single precision from a square."""
+"""Factor of the largest speed in the bound of a step's displacement; covers the rounding error of a speed that is
+computed in single precision from a square."""
 
 ROUNDINGS = 4.0
-"""Units of rounding of the largest coordinate in a displacement: those of the two positions, of their difference, and
-of the motion of the group that is subtracted."""
+"""Rounding errors in a displacement, in units of the largest coordinate: of two positions, their difference, and the
+subtracted motion of the group."""
 
 
 class Displacement:
@@ -41,7 +41,7 @@ class Displacement:
         self.reference: Reals = np.empty((size, m), dtype)
         """Positions at the last rebuild, shape (size, m)."""
         self.elapsed = 0.0
-        """Time since then."""
+        """Time since the last rebuild."""
         self.bound = np.inf
         """Bound on the displacement of any agent."""
         self.skin = 0.0
@@ -80,11 +80,11 @@ class Displacement:
 
     @property
     def allowed(self) -> float:
-        """Up to which displacement no pair can be missing in the lists."""
+        """Largest displacement for which the lists contain every pair within the cutoff."""
         return 0.5 * CERTAIN * self.skin
 
     def measured(self, agents: Reals, n: int, workers: Workers) -> float:
-        """Bound on the displacement of any agent, from where they are.
+        """Bound on the displacement of any agent, computed from the positions.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Radii of the graphs of a law, as the kernels and neighbour lists of particle arrays read them."""
+"""Radii of the graphs of a law, in the form that kernels and neighbour lists use."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ class GraphRadii:
     graphs
         The graphs.
     spec
-        What the kernel of the law is made for.
+        Specification of the kernel of the law.
     ids
-        Number of the agent in each place, shape (size,).
+        Number of the agent at each index, shape (size,).
     n
         Number of agents.
     """
@@ -33,7 +33,7 @@ class GraphRadii:
         self.limits: list[Reals] = []
         """For each graph the squared radii at which links break and appear, and half the first radius, shape (3,)."""
         self.each: list[Reals] = []
-        """For each graph the squared radius of each agent, shape (size,); shape (1,) where one holds for all."""
+        """For each graph the squared radius of each agent, shape (size,); shape (1,) if it is common."""
         self.edges: list[tuple[Numbers, Numbers32] | None] = []
         """Links of fixed graphs, see `flocking.engine.tiles.measures.sensed_offsets`; None for the others."""
         for graph in graphs:
@@ -66,14 +66,14 @@ class GraphRadii:
         Parameters
         ----------
         order
-            Place before the sort of each agent, shape (n,).
+            Index of each agent before the sort, shape (n,).
         """
         for each, kind in zip(self.each, self._spec.graphs, strict=True):
             if kind.uneven:
                 each[: self._n] = each[order]
 
     def certain_reaches(self) -> list[float]:
-        """Distance within which every agent certainly lists another, of each moving graph."""
+        """Distance within which every agent lists another, for each moving graph."""
         return [
             float(np.sqrt(self.each[k][: self._n].min())) if kind.uneven else self.cutoffs[k]
             for k, kind in enumerate(self._spec.graphs)

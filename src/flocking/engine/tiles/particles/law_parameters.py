@@ -1,4 +1,4 @@
-"""Numbers of a law that the kernel of particle arrays reads, in the order of the agents."""
+"""Numbers of a law that the kernel reads, with values per agent in sorted order."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ class LawParameters:
     scenario
         Law, agents and energy.
     spec
-        What the kernel is made for.
+        Specification of the kernel.
     t
         The time.
     ids
-        Number of the agent in each place, shape (size,).
+        Number of the agent at each index, shape (size,).
     """
 
     def __init__(self, scenario: Scenario, spec: KernelSpec, t: float, ids: Numbers32) -> None:
@@ -31,10 +31,10 @@ class LawParameters:
         self.P, rows, self.seeds, self.matrices = kernel_numbers(scenario, spec, t)
         masses: Array = np.asarray(rows[0], dtype=np.float64)
         self.mass = float(masses.sum()) if masses.ndim else n * float(masses)
-        """Mass of all agents."""
+        """Total mass."""
         several = len(rows) > 2 or spec.mass_each or spec.damping_each
         self.A: Reals = np.zeros((len(rows) if several else 0, len(ids)), dtype)
-        """Numbers of each agent, shape (rows, size)."""
+        """Values per agent, shape (rows, size)."""
         for k, value in enumerate(rows if several else []):
             if np.ndim(value):
                 self.A[k, :n] = np.asarray(value, dtype=dtype)[ids[:n]]
@@ -43,18 +43,18 @@ class LawParameters:
         self.fill_pads()
 
     def reorder(self, order: Numbers32) -> None:
-        """Sort the numbers of each agent.
+        """Sort the values per agent.
 
         Parameters
         ----------
         order
-            Place before the sort of each agent, shape (n,).
+            Index of each agent before the sort, shape (n,).
         """
         for k in range(len(self.A)):
             self.A[k, : self._n] = self.A[k, order]
         self.fill_pads()
 
     def fill_pads(self) -> None:
-        """Give the places behind the last agent its numbers."""
+        """Fill the padding with the values of the last agent."""
         n = self._n
         self.A[:, n:] = self.A[:, n - 1 : n]

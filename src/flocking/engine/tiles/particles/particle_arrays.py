@@ -1,9 +1,9 @@
-"""Particle arrays: positions and velocities sorted by cell, their neighbour lists, and when those are rebuilt.
+"""Particle arrays: positions and velocities sorted by cell, their neighbour lists, and the rebuilds of those.
 
-Agents lie in the order of the cells of the last rebuild; `ids` says who lies where. Lists hold every pair
-that was within cutoff + skin then. While no agent has moved further than half the skin since (seen from a
-frame that moves with the group), no pair within the cutoff can be missing: a bound of how far anyone can
-have moved is kept at every step, and lists are rebuilt before it exceeds half the skin.
+Agents are in the order of the cells of the last rebuild; `ids` contains their numbers. Lists contain every pair that
+was within cutoff + skin at that time. While no agent has moved further than half the skin since (in a frame that moves
+with the group), they contain every pair within the cutoff. A bound on the displacement is updated at every step, and
+lists are rebuilt before it exceeds half the skin.
 """
 
 from __future__ import annotations
@@ -30,26 +30,26 @@ from flocking.model.law import Scenario
 from flocking.model.state import State
 
 SAME_CELLS = 0.9
-"""Share of the width of cells that must be needed for them to be kept: (1/0.9)^3 = 1.4 times the pairs at most."""
+"""Cells are reused if at least this fraction of their width is needed: at most (1/0.9)^3 = 1.4 times the pairs."""
 
 
 class ParticleArrays:
-    """Arrays and lists of a group under one law.
+    """Particle arrays and neighbour lists of a group under one law.
 
     Parameters
     ----------
     scenario
         Law, agents and energy.
     state
-        Positions, velocities and, where the law's graph has memory, links.
+        Positions, velocities and, if the law's graph has memory, links.
     spec
-        What the kernel is made for.
+        Specification of the kernel.
     workers
         Threads to use.
     memory_limit
         Largest size of the neighbour lists in bytes.
     skin
-        Skin of the lists; chosen at every rebuild when absent.
+        Skin of the lists; chosen at every rebuild by default.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class ParticleArrays:
         self._take_kernels(spec)
         self.given_skin = skin
         self.agents: Reals = np.empty((self.size, 2 * m), self.dtype)
-        # Of agents of order 1 the second half is the velocity of the last step, which no formula reads.
+        # For agents of order 1 the second half is the velocity of the last step, which no formula reads.
         self.agents[:n, :m], self.agents[:n, m:] = state.q, state.p if spec.order == 2 else 0.0
         self.successor: Reals = np.empty((self.size, 2 * m), self.dtype)
         self.ids: Numbers32 = np.zeros(self.size, np.int32)
@@ -101,7 +101,7 @@ class ParticleArrays:
 
     @property
     def Y(self) -> Reals:  # noqa: N802
-        """The state before or beside `X`, shape (2m, size)."""
+        """The previous or next state, shape (2m, size)."""
         return self.successor.T
 
     def _set_obstacles(self, scenario: Scenario) -> None:
@@ -117,7 +117,7 @@ class ParticleArrays:
         self.parameters = LawParameters(scenario, self.spec, t, self.ids)
 
     def pass_switch_time(self, scenario: Scenario, t: float) -> None:
-        """Take the values of scheduled gains from time ``t`` on."""
+        """Use the values of scheduled gains from time ``t`` on."""
         self._set_parameters(scenario, t)
         if self.planted is not None:
             self.planted.pass_switch_time(t)
@@ -129,13 +129,13 @@ class ParticleArrays:
 
     @property
     def place(self) -> Numbers32:
-        """Place of each identity, shape (n,)."""
+        """Index of each identity, shape (n,)."""
         found = np.empty(self.n, np.int32)
         found[self.ids[: self.n]] = np.arange(self.n, dtype=np.int32)
         return found
 
     def usable(self) -> bool:
-        """Whether the lists hold every pair within the cutoffs, whatever happened since the rebuild."""
+        """Whether the lists contain every pair within the cutoffs."""
         if not self.moving:
             return self.lists[0] is not None
         displacement = self.displacement
@@ -144,11 +144,11 @@ class ParticleArrays:
         return bool(displacement.bound <= displacement.allowed)
 
     def displacement_bound(self) -> float:
-        """How far an agent has moved since the rebuild at most, seen from the group."""
+        """Bound on the displacement of any agent since the rebuild, relative to the group."""
         return self.displacement.measured(self.agents, self.n, self.workers)
 
     def require_lists(self, step: float) -> None:
-        """Make sure that the lists hold every pair within the cutoffs.
+        """Rebuild the lists if they may lack a pair within the cutoffs.
 
         Parameters
         ----------
@@ -159,7 +159,7 @@ class ParticleArrays:
             self.rebuild(step)
 
     def _sort(self, step: float, skin: float | None) -> None:
-        """Sort the agents into cells for the skin that is given, wanted or best at the speed they have now."""
+        """Sort the agents into cells for the given skin, or else the best one at the current speed."""
         cutoff, sorter = max(self.radii.cutoffs), self.sorter
         seen = sorter.survey(self.agents)
         given = skin if skin is not None else self.given_skin
@@ -177,19 +177,19 @@ class ParticleArrays:
         self.displacement.begin(guess, seen.velocity, farthest)
 
     def rebuild(self, step: float, skin: float | None = None) -> None:
-        """Sort the agents and rebuild all lists, keeping the memory of links.
+        """Sort the agents and rebuild all lists; stored links are kept.
 
         Parameters
         ----------
         step
             The time step; the skin is chosen by it.
         skin
-            Width of the skin; chosen when absent.
+            Width of the skin; chosen by default.
 
         Raises
         ------
         TooManyNeighboursError
-            When the lists would exceed the memory limit; positions and links are kept.
+            If the lists would exceed the memory limit; positions and links are kept.
         """
         if not self.moving:
             self._build_fixed()
@@ -235,7 +235,7 @@ class ParticleArrays:
                 self.lists[number] = fixed_lists(self.ids, place, *edges, self.workers)
 
     def _take_links(self, links: Links) -> None:
-        """Set the memory of the law's graph from a link matrix given with the start."""
+        """Set the links of the law's graph from the link matrix of the start."""
         self._first_links = None
         lists = self.lists[0]
         if lists is not None and self.spec.graphs[0].memory:
@@ -245,20 +245,20 @@ class ParticleArrays:
         self, t: float, *, keep: float, kick: float, drift: float, velocity_lag: float = 0.0,
         exponential_damping: float = 1.0, hold: bool = False,
     ) -> None:  # fmt: skip
-        """One pass of the kernel from X into Y; the caller decides whether Y becomes the state.
+        """Run one pass of the kernel from X to Y; the caller decides whether Y becomes the state.
 
         Parameters
         ----------
         keep
             Factor on the old velocity.
         kick, drift
-            Times for which the control acts on velocities and velocities act on positions.
+            Times for which the control acts on velocities, and velocities on positions.
         velocity_lag
             Time by which velocities lag behind positions.
         exponential_damping
-            1 where damping of velocities is exponential within the kick, 0 where not.
+            1 if damping of velocities is exponential within the kick, else 0.
         hold
-            Whether links stay as they are.
+            Whether links do not change.
         """
         T = self.dtype
         if self.spec.layout.law.beyond_neighbours or (
@@ -281,7 +281,7 @@ class ParticleArrays:
         )  # fmt: skip
         self.workers.each(self.kernel, self.tiles, *begin, hold, *arguments)
         if self.flow_kernel is not None:
-            # Means of positions stay; those of velocities are now of what the pass has made.
+            # Means of positions are unchanged; those of velocities are recomputed from the result of the pass.
             self._fill_means(self.Y[self.m :], self.M[self.m :])
             self.workers.each(self.flow_kernel, self.tiles, *begin, True, *arguments)
         if self.planted is not None:
@@ -292,7 +292,7 @@ class ParticleArrays:
             self.lost = self._broken_pair()
 
     def _broken_pair(self) -> tuple[int, int]:
-        """The nearest pair beyond its radius in the tiles that report a broken link; numbers of the agents."""
+        """Numbers of the agents of the nearest pair beyond its radius, in the tiles with a broken link."""
         kinds = self.spec.graphs
         least = min(float(x[0]) for x, kind in zip(self.radii.limits, kinds, strict=True) if kind.barrier)
         tiles = np.flatnonzero(self.tile_extremes[:, 2] > 0)[:4]
@@ -300,7 +300,7 @@ class ParticleArrays:
         return int(self.ids[i]), int(self.ids[j])
 
     def read_tile_extremes(self) -> None:
-        """Take the extremes of what the tiles reported last."""
+        """Compute the extremes over the results of all tiles."""
         extremes_of(self.tile_extremes, self.extremes)
 
     def _fill_means(self, rows: Reals, out: Array) -> None:
@@ -313,7 +313,7 @@ class ParticleArrays:
             out[:] = rows[:, :n].mean(axis=1, dtype=np.float64)
 
     def take_velocities(self, t: float) -> None:
-        """Let agents of order 1 have the velocities of their first step; links stay as they are.
+        """Initialize the velocities of agents of order 1 with those of their first step; links do not change.
 
         Parameters
         ----------
@@ -336,12 +336,12 @@ class ParticleArrays:
         self.displacement.add(stride, self.top_speed)
 
     def adopt(self, scenario: Scenario, spec: KernelSpec, t: float) -> None:
-        """Obey another law over graphs of the same kinds from now on; links are kept.
+        """Replace the law by one over graphs of the same kinds; links are kept.
 
         Parameters
         ----------
         spec
-            What fixes the kernel of the other law.
+            Specification of the kernel of the new law.
         """
         before, self.spec = self.spec, spec
         if only_numbers_differ(before, spec):
@@ -359,14 +359,14 @@ class ParticleArrays:
             self.rebuild(0.0)
 
     def in_order(self, array: Reals) -> Array:
-        """Rows of ``array``, shape (k, size), as columns in the order of identities, float64; shape (n, k)."""
+        """Rows of ``array``, shape (k, size), as float64 columns in the order of identities, shape (n, k)."""
         out = np.empty((self.n, len(array)))
         out[self.ids[: self.n]] = array[:, : self.n].T
         return out
 
     @property
     def nbytes(self) -> int:
-        """Memory of all arrays."""
+        """Memory of all arrays in bytes."""
         arrays = [
             self.agents,
             self.successor,

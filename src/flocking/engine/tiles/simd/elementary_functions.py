@@ -1,7 +1,7 @@
-"""sin, cos, exp and log as short straight-line code that compilers vectorise; within a few units of rounding.
+"""Vectorisable sin, cos, exp and log without branches, accurate to a few units in the last place.
 
-Series are truncated where their remainder is below rounding for the precision asked for. Arguments are
-reduced with constants split in parts, good up to |x| of about 1e5 radians.
+Series are truncated where their remainder is below the rounding error of the precision. Arguments are reduced with
+constants split into parts, accurate up to |x| of about 1e5 radians.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ def _horner(coefficients: list[float], variable: str) -> str:
 
 
 def source(names: set[str], double: bool) -> str:
-    """Source of the wanted functions among fast_sin, fast_cos, fast_exp and fast_log, in terms of the type ``T``.
+    """Source of the requested functions among fast_sin, fast_cos, fast_exp and fast_log, with the type ``T``.
 
     Parameters
     ----------
     names
-        Which functions.
+        Names of the functions.
     double
         Whether numbers have 64 bits, else 32.
     """
@@ -54,12 +54,12 @@ def _wave(name: str, double: bool) -> str:
     nearest = f"floor_of(x * T(0.3183098861837907){' + T(0.5)' if name == 'fast_sin' else ''})"
     lines = [
         f"def {name}(x):",
-        f"    whole = {nearest}",
-        f"    k = whole{half}",
+        f"    nearest = {nearest}",
+        f"    k = nearest{half}",
         f"    r = ((x - k * T({pi[0]!r})) - k * T({pi[1]!r})) - k * T({pi[2]!r})",
         "    s = r * r",
         f"    value = r * {series}",
-        "    odd = whole - T(2.0) * floor_of(whole * T(0.5))",
+        "    odd = nearest - T(2.0) * floor_of(nearest * T(0.5))",
         f"    return value * ({'T(1.0) - T(2.0) * odd' if name == 'fast_sin' else 'T(2.0) * odd - T(1.0)'})",
     ]
     return "\n".join(lines) + "\n\n\n"

@@ -1,7 +1,7 @@
-"""Agents kept whole in memory, turned into lanes: all coordinates of one agent in one load, not one load each.
+"""Interleaved arrays: all coordinates of an agent are adjacent in memory, read by one load and transposed into lanes.
 
-An array of agents has shape (size, 2m): a row holds position and velocity of one agent. Sixteen rows, neighbours
-or scattered, become 2m vectors of 16 lanes by shuffles within the registers.
+An array of agents has shape (size, 2m); a row contains position and velocity of one agent. Sixteen rows, adjacent or
+scattered, become 2m vectors of 16 lanes by shuffles in registers.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _SHUFFLES_F4 = (
 
 
 def _joined(builder: ir.IRBuilder, parts: list[ir.Value]) -> ir.Value:
-    """Vectors of one length behind each other."""
+    """Concatenation of vectors of equal length."""
     while len(parts) > 1:
         width = parts[0].type.count
         mask = ir.Constant(ir.VectorType(_U4, 2 * width), list(range(2 * width)))
@@ -38,7 +38,7 @@ def _shuffled(builder: ir.IRBuilder, a: ir.Value, b: ir.Value, mask: list[int]) 
 
 
 def _columns_f4(builder: ir.IRBuilder, rows: list[ir.Value]) -> list[ir.Value]:
-    """Four lanes vectors from 16 rows of 4 single-precision numbers: 8 shuffles within 128-bit parts."""
+    """Four vectors of lanes from 16 rows of 4 single-precision numbers: 8 shuffles within 128-bit parts."""
     a = [_joined(builder, rows[k::4]) for k in range(4)]
     masks = [[[4 * g + e for g in range(4) for e in half] for half in halves] for halves in _SHUFFLES_F4]
     (low, high), (first, second) = masks
@@ -51,7 +51,7 @@ def _columns_f4(builder: ir.IRBuilder, rows: list[ir.Value]) -> list[ir.Value]:
 
 
 def _columns_f8(builder: ir.IRBuilder, rows: list[ir.Value]) -> list[ir.Value]:
-    """The same in double precision, 8 agents at a time; every shuffle moves whole 128-bit parts or stays within."""
+    """The same in double precision, 8 agents at a time; shuffles move complete 128-bit parts or stay within them."""
     low, high = [0, 8, 2, 10, 4, 12, 6, 14], [1, 9, 3, 11, 5, 13, 7, 15]
     even, odd = [0, 1, 4, 5, 8, 9, 12, 13], [2, 3, 6, 7, 10, 11, 14, 15]
     halves: list[list[ir.Value]] = []
@@ -64,7 +64,7 @@ def _columns_f8(builder: ir.IRBuilder, rows: list[ir.Value]) -> list[ir.Value]:
 
 
 def _rows_of(builder: ir.IRBuilder, data: ir.Value, starts: list[ir.Value], columns: int) -> list[ir.Value]:
-    """Lanes of every column, from the agents whose first numbers lie at the given offsets."""
+    """Lanes of every column, from the agents that start at the given offsets."""
     element = data.type.pointee
     four = ir.VectorType(element, 4)
     size = 4 if isinstance(element, ir.FloatType) else 8
@@ -133,12 +133,12 @@ def _several(agents: Array, codes: list[ir.Value]) -> Several:
 
 
 def _store_rows(builder: ir.IRBuilder, data: ir.Value, start: ir.Value, lanes: list[ir.Value]) -> None:
-    """Write 16 agents whole: every number takes its place in a run of 16 rows, 64 bytes or more at a time."""
+    """Write 16 agents: the lanes are transposed to 16 adjacent rows and stored 64 bytes or more at a time."""
     columns, element = len(lanes), data.type.pointee
     size = 4 if isinstance(element, ir.FloatType) else 8
     joined = _joined(builder, [*lanes, *([lanes[-1]] * ((4 if columns == 4 else 8) - columns))])
     for part in range(columns):
-        # Numbers 16 part ... 16 part + 15 of the run: number e is column e % columns of agent e // columns.
+        # Elements 16 part ... 16 part + 15 of the rows: element e is column e % columns of agent e // columns.
         mask = [(e % columns) * WIDTH + e // columns for e in range(WIDTH * part, WIDTH * (part + 1))]
         value = builder.shuffle_vector(joined, joined, ir.Constant(ir.VectorType(_U4, WIDTH), mask))
         at = builder.gep(data, [builder.add(start, ir.Constant(_U8, WIDTH * part))])
@@ -159,7 +159,7 @@ def _column(builder: ir.IRBuilder, agents: Value, base: Value, which: Value) -> 
 
 
 column = Primitive(_column)
-"""``column(agents, base, number)``: one column of agents base ... base + 15, for any number of columns."""
+"""``column(agents, base, number)``: lanes of one column of agents base ... base + 15, for any number of columns."""
 
 LOADERS = {columns: Primitive(_loader(columns)) for columns in (4, 6)}
 """By number of columns: ``load(agents, base)``, lanes of agents base ... base + 15, one per column."""

@@ -1,4 +1,4 @@
-"""One over the square root, the slowest part of most pair formulas: estimated, then refined to full precision."""
+"""Inverse square root, the slowest part of most pair formulas: an estimate refined to full precision."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _FUSED = ("contract",)
 
 
 def _estimates(builder: ir.IRBuilder, value: ir.Value) -> ir.Value:
-    """Inverse roots good to 14 bits, by an instruction of processors with AVX-512."""
+    """Inverse square roots with 14 correct bits, by an AVX-512 instruction."""
     element = value.type.element
     single = isinstance(element, ir.FloatType)
     count = 16 if single else 8
@@ -41,7 +41,7 @@ def _error(builder: ir.IRBuilder, value: ir.Value, estimate: ir.Value) -> ir.Val
 
 
 def _refined(builder: ir.IRBuilder, estimate: ir.Value, error: ir.Value) -> ir.Value:
-    """One step of Newton's method: e becomes e + e error / 2."""
+    """One step of Newton's method: replaces e by e + e error / 2."""
     half = builder.fmul(estimate, ir.Constant(estimate.type, [0.5] * WIDTH), flags=_FUSED)
     return builder.fadd(estimate, builder.fmul(half, error, flags=_FUSED), flags=_FUSED)
 
@@ -52,7 +52,7 @@ def _by_estimates(builder: ir.IRBuilder, value: ir.Value) -> ir.Value:
     found = _refined(builder, estimate, error)
     if isinstance(value.type.element, ir.DoubleType):
         found = _refined(builder, found, _error(builder, value, found))
-    # Zero, infinity and NaN have estimates that are exact, and no error that could refine them.
+    # The estimates of zero, infinity and NaN are exact; their errors are not finite.
     return builder.select(builder.fcmp_ordered("ord", error, error), found, estimate)
 
 
@@ -65,4 +65,4 @@ def _inverse_root(builder: ir.IRBuilder, value: Value) -> Number:
 
 
 inverse_root = Primitive(_inverse_root)
-"""One over the square root of lanes or of a number, to about two units of rounding."""
+"""Inverse square root of lanes or of a number, accurate to about two units in the last place."""

@@ -1,4 +1,4 @@
-"""What the numbers of one vector come to: sums and extremes in a fixed order, and masks as bits."""
+"""Reductions of one vector: sums and extremes in a fixed order, and masks as bits."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def _first_bit(builder: ir.IRBuilder, bits: Value) -> Number:
 
 
 def _halves(builder: ir.IRBuilder, value: ir.Value, join: _Join) -> ir.Value:
-    """The upper half of the lanes joined to the lower one until one is left: always in the same order."""
+    """Combine the upper half of the lanes with the lower one until one lane is left, always in the same order."""
     width = WIDTH
     while width > 1:
         width //= 2

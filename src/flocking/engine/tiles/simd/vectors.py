@@ -1,7 +1,7 @@
-"""Vectors of 16 numbers that native functions hold in registers: whether a loop vectorises is not left to luck.
+"""Vectors of 16 numbers in registers, for native functions whose loops are vectorised explicitly.
 
-``load``, ``store`` and ``gather`` move numbers from and to arrays, the operators work on each number of a vector and
-take single numbers too, ``select`` chooses for each.
+``load``, ``store`` and ``gather`` move numbers from and to arrays; operators work on each lane and also take single
+numbers; ``select`` chooses a value for each lane.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _U4 = ir.IntType(32)
 
 
 def vector(kind: Kind) -> Kind:
-    """Kind of 16 numbers of a kind; whole numbers count as unsigned."""
+    """Vector kind of 16 numbers of a kind; integers count as unsigned."""
     return Kind({"i4": "u4", "i8": "u8"}.get(kind.name, kind.name), WIDTH)
 
 
@@ -31,7 +31,7 @@ def array(value: Value) -> Array:
     Raises
     ------
     UntranslatableError
-        When it is none.
+        If it is not an array.
     """
     if not isinstance(value, Array):
         raise UntranslatableError(f"{value} where an array is needed")
@@ -39,7 +39,7 @@ def array(value: Value) -> Array:
 
 
 def index(builder: ir.IRBuilder, value: Value) -> ir.Value:
-    """An argument that says where in an array."""
+    """An argument that is an index of an array."""
     return converted(builder, number(value), I8).code
 
 
@@ -138,11 +138,11 @@ select = Primitive(_select)
 root = Primitive(_of_llvm("sqrt"))
 """Square root of lanes or of a number."""
 floor_of = Primitive(_of_llvm("floor"))
-"""Largest whole number not above, of lanes or of a number."""
+"""Largest integer not above the value, of lanes or of a number."""
 float_bits = Primitive(_cast("bitcast"))
 """Bits of floats as integers of their width."""
 float_of_bits = Primitive(_cast("bitcast"))
-"""Floats that have the given bits."""
+"""Floats with the given bits."""
 integer_of = Primitive(_cast("fptosi"))
 """Floats without fraction as integers of their width."""
 float_of = Primitive(_cast("sitofp"))
@@ -152,4 +152,4 @@ widen = Primitive(_cast("zext", {"u4": "u8", "i4": "u8"}))
 narrow = Primitive(_narrow)
 """``narrow(value, like)``: lanes of float64 in the precision of the number ``like``."""
 each_lane = Primitive(_each_lane)
-"""``each_lane(function, value)``: a function of the mathematics library of one lane after the other (slow)."""
+"""``each_lane(function, value)``: a function of the mathematics library applied to each lane in turn (slow)."""

@@ -1,4 +1,4 @@
-"""A law on whole states, as one rank holds them: its forces, energies and powers, by the exact engine's kernels."""
+"""Forces, energies and powers of a law on gathered states, by the kernels of the exact engine."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from flocking.model.state import State
 
 
 class LawOnStates:
-    """The law of a scenario with the gains of its start.
+    """The law of a scenario with the gains at its start.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class LawOnStates:
         self._scenario = scenario
         self._layout = Layout(scenario.law, scenario.energy, scenario.agents)
         self._slots = self._layout.values(scenario.agents, scenario.start.n, scenario.start.t)
-        self._encounters = ObstacleDistances(scenario.law)
+        self._obstacle_distances = ObstacleDistances(scenario.law)
 
     def pairs(self, state: State) -> list[tuple[Indices, Indices]]:
         """Ordered pairs of agents linked under each graph of the law."""
@@ -40,7 +40,7 @@ class LawOnStates:
     def evaluated(
         self, state: State, pairs: Sequence[tuple[Indices, Indices]]
     ) -> tuple[Forces, Array, tuple[float, float, float]]:
-        """Forces, shape (N, m), the powers of `RATES`, and the energies of links, of bodies and of motion.
+        """Forces, shape (N, m), the powers of `RATES`, and the energies of links, of body terms and of motion.
 
         Parameters
         ----------
@@ -49,9 +49,9 @@ class LawOnStates:
         """
         kernels = LawKernels(compiled_kernels(self._layout, state.dimension), self._scenario.agents.order)
         met, n = list(pairs), state.n
-        for level in self._encounters.levels:
+        for level in self._obstacle_distances.levels:
             if level.kind == "obstacle":
-                near = np.argwhere(self._encounters.within(level, state.q, state.t))
+                near = np.argwhere(self._obstacle_distances.within(level, state.q, state.t))
                 met.append((near[:, 0], near[:, 1]))
         offsets = np.cumsum([0, *(len(i) for i, _ in met)])
         senders, sensed = (np.concatenate([pair[k] for pair in met]).astype(np.int64) for k in (0, 1))
@@ -64,7 +64,7 @@ class LawOnStates:
 
 
 def velocities(scenario: Scenario, state: State) -> Array:
-    """How fast agents move in a state, shape (N, m): those of order 1 with the control.
+    """Velocities of agents in a state, shape (N, m): the control for agents of order 1.
 
     Parameters
     ----------
