@@ -184,16 +184,16 @@ def axes_of(value: Any) -> int:
         return -1
 
 
-def one_of(owner: str, parameter: str, value: object, words: Collection[object], rule: str = "") -> None:
-    """Check that ``value`` is one of some strings or integers.
+def one_of(owner: str, parameter: str, value: object, choices: Collection[object], rule: str = "") -> None:
+    """Check that ``value`` is one of ``choices``, which are strings or integers.
 
     Raises
     ------
     InvalidInput
         When it is not.
     """
-    if not isinstance(value, str | int) or isinstance(value, bool) or value not in words:
-        raise InvalidInput(owner, parameter, rule or f"must be one of {', '.join(map(str, words))}", value)
+    if not isinstance(value, str | int) or isinstance(value, bool) or value not in choices:
+        raise InvalidInput(owner, parameter, rule or f"must be one of {', '.join(map(str, choices))}", value)
 
 
 def truth(owner: str, parameter: str, value: object) -> bool:

@@ -49,7 +49,7 @@ def step_too_large(
 
 
 def check_stride(step: float, distance: float, moved: float, *, time: float, agents: tuple[int, ...]) -> None:
-    """Check that a pair did not move too far for its distance in one step.
+    """Check that the relative displacement ``moved`` of a pair in one step is small compared with its ``distance``.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def check_stride(step: float, distance: float, moved: float, *, time: float, age
     Raises
     ------
     StepTooLarge
-        If it did.
+        If it exceeds `STRIDE` times the distance.
     """
     share = moved / max(distance, NO_LESS)
     if share > STRIDE:
