@@ -348,8 +348,8 @@ class Scenario:
 
     @property
     def imperfections(self) -> str:
-        """What is not ideal about what agents know and when they act, in words; empty in the ideal world."""
-        found = [part.summary for part in (self.information, self.control) if not part.ideal]
+        """What is not ideal about what agents are, what they know and when they act; empty in the ideal world."""
+        found = [part.summary for part in (self.agents, self.information, self.control) if not part.ideal]
         return "; ".join(found)
 
     @property

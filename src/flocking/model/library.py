@@ -1,6 +1,8 @@
 """All parts of this library, and what parts of one's own are made of: importing this module registers them."""
 
 from flocking.model import starts as _starts  # noqa: F401
+from flocking.model.bodies.actuators import Lagged as Lagged
+from flocking.model.bodies.actuators import Limited as Limited
 from flocking.model.bodies.body import Body as Body
 from flocking.model.bodies.body import Column as Column
 from flocking.model.bodies.point_bodies import PointMass as PointMass

@@ -168,6 +168,11 @@ class Agents(Body):
         return self._body.structure
 
     @property
+    def summary(self) -> str:
+        """Empty."""
+        return ""
+
+    @property
     def homogeneous(self) -> bool:
         """True."""
         return True

@@ -117,17 +117,25 @@ def test_rates_that_do_not_fit_the_columns_are_refused():
         def rates(self, x):
             return {"p": list(x.u)}
 
+    with pytest.raises(fk.InvalidInput, match="Silent: rates must be those of"):
+        fk.simulate(fk.Scenario(LAW, START, 1.0, bodies=Silent()))
+
+
+def test_agents_of_order_1_may_move_otherwise_than_wanted():
     @dataclass(frozen=True, eq=False)
     class Slow(fk.SingleIntegrator):
         def rates(self, x):
             return {"q": [u / 2 for u in x.u]}
 
-    for body, says in (
-        (Silent(), "Silent: rates must be those of"),
-        (Slow(), "Slow: rates must move agents of order 1"),
-    ):
-        with pytest.raises(fk.InvalidInput, match=says):
-            fk.simulate(fk.Scenario(LAW, START, 1.0, bodies=body))
+    law = fk.Law(fk.Fixed.complete(3), [fk.Gradient(fk.Potential("r**2/2"))])
+    slow, fast = (
+        fk.simulate(fk.Scenario(law, START, t, bodies=body, tolerance=1e-11))
+        for t, body in ((1.0, Slow()), (0.5, fk.SingleIntegrator()))
+    )
+    assert slow.q[-1] == pytest.approx(fast.q[-1], abs=1e-9)
+    # Half of what the ideal run dissipates on the same way is missing.
+    assert slow.trace["departed"][-1] == pytest.approx(fast.trace["dissipated"][-1], abs=1e-9)
+    assert np.abs(slow.residual).max() < 1e-9
 
 
 def test_bodies_go_through_files():

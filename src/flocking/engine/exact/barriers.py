@@ -68,7 +68,7 @@ def jumps_barrier(dynamics: Dynamics, segment: Segment, ledger: LedgerState) -> 
 
 def _gap(dynamics: Dynamics, t: float, y: Array, ledger: LedgerState) -> float:
     """Residual of the ledger between the start of the step and ``y``, relative to the energies."""
-    _, dissipated, supplied = (y[dynamics.motion_size :] - ledger.tail)[:LEDGER]
+    _, dissipated, supplied = (y[dynamics.columns_size :] - ledger.tail)[dynamics.departs :][:LEDGER]
     energy, kinetic = dynamics.energy(t, y)
     gap = relative_gap(energy, kinetic, ledger.energy, ledger.kinetic, dissipated, supplied)
     return float(gap) if np.isfinite(gap) else np.inf

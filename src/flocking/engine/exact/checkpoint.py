@@ -40,6 +40,8 @@ def pack_exact(snapshot: Snapshot) -> tuple[dict[str, object], Arrays]:
         "slope": snapshot.stepper.slope,
         "coefficients": snapshot.segment.coefficients,
     }
+    if snapshot.limits is not None and len(snapshot.limits):
+        arrays["limits"] = snapshot.limits
     if snapshot.tolerance is not None:
         arrays["tolerance"] = snapshot.tolerance
     if snapshot.error is not None:
@@ -83,7 +85,7 @@ def restore_exact(numbers: Mapping[str, object], arrays: Arrays, stored: Stored)
         checked["energy"], checked["jumped"], checked["steps"],
         arrays.get("tolerance"),
         {(w, i, j): (time, speed, count) for w, i, j, time, speed, count in checked["sliding"]}, plant,
-        ErrorMemory(Difference(nodes, rate, lost), doubts),
+        ErrorMemory(Difference(nodes, rate, lost), doubts), arrays.get("limits"),
         origin=origin, momentum=np.array(checked["momentum"]),
     )  # fmt: skip
 

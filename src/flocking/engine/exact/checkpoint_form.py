@@ -31,6 +31,7 @@ from flocking.engine.exact.extremes import NAMES
 from flocking.engine.exact.integrator.method import DEGREE
 from flocking.engine.exact.origin import OriginData
 from flocking.engine.exact.uncertain_switches import DoubtMemory
+from flocking.engine.kernels.expressions import motion_formulas
 from flocking.engine.kernels.layout import Layout
 from flocking.engine.runs.columns import KINDS
 from flocking.engine.runs.run import DOUBT_FIELDS, DoubtRow
@@ -169,7 +170,10 @@ def _arrays(scenario: Scenario, plant: Law | None, links: LinkState, numbers: Ex
     laws = [plant or scenario.law] + ([] if plant is None else [scenario.law])
     places = sum(len(Layout(law, scenario.energy).places) for law in laws)
     further = sum(scenario.agents.widths(m).values())
-    size = n * (scenario.agents.order * m + further) + LEDGER + places
+    body = scenario.agents
+    departs = motion_formulas(Layout(scenario.law, scenario.energy, body, scenario.space), m).departs
+    size = n * (body.order * m + further) + departs + LEDGER + places
+    limits = len(body.held(m)) - len(body.drawn(0.0, n, m))
     crossing = {f"pending{k}": _pairs_within(*links.near[watch].shape) for k, watch in enumerate(numbers["pending"])}
     matrices: dict[str, Form[object]] = {f"links{k}": Table("?", x.shape) for k, x in enumerate(links.links)}
     matrices |= {f"near{k}": Table("?", x.shape) for k, x in enumerate(links.near)}
@@ -185,6 +189,7 @@ def _arrays(scenario: Scenario, plant: Law | None, links: LinkState, numbers: Ex
             "coefficients": Table("f8", (DEGREE + 1, size), -LARGEST, LARGEST),
             **matrices,
             **crossing,
+            **({"limits": Table("f8", (limits, n), 0.0, 1.0)} if limits else {}),
         },
         {
             "tolerance": Table("f8", (size,), least=float(np.finfo(float).tiny)),

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from flocking.arrays import Indices, Numbers
+from flocking.engine.exact.crossings.held_numbers import HeldNumbers
 from flocking.engine.exact.crossings.images import linked_paths
 from flocking.engine.exact.crossings.switching import LinkState
 from flocking.engine.exact.integrator.segment import Segment
@@ -35,9 +36,10 @@ _START = np.zeros(1), np.zeros((1, 1))
 
 
 class Dynamics:
-    """The right-hand side of the state vector [q, p, further columns, work, dissipated, supplied, places].
+    """The right-hand side of the state vector [q, p, further columns, departed, work, dissipated, supplied, places].
 
-    Places are the coordinates of leaders whose position has no closed form.
+    ``departed`` is there for bodies that may depart from the wanted motion, and ``supplied`` includes it. Places are
+    the coordinates of leaders whose position has no closed form.
 
     Parameters
     ----------
@@ -62,11 +64,19 @@ class Dynamics:
         bodies = scenario.agents
         self.order = bodies.order
         self.columns = bodies.widths(m)
-        self.motion_size = n * (bodies.order * m + sum(self.columns.values()))
         self.layout = Layout(law, scenario.energy, bodies, scenario.space)
         self._kernels = LawKernels(compiled_kernels(self.layout, m), self.order)
+        self.columns_size = n * (bodies.order * m + sum(self.columns.values()))
+        self.departs = int(self._kernels.departs)
+        self.motion_size = self.columns_size + self.departs
+        self.held = HeldNumbers(bodies, n, m, scenario.tolerance, base)
         self._declared: tuple[LawKernels, Layout] | None = None
         if plant is not None:
+            if self.departs:
+                raise InvalidInput(
+                    "ExactSession", "plant", "must not be given for bodies that depart from the wanted motion",
+                    type(bodies).__name__, "What departs is measured against the law that acts; leave the plant out.",
+                )  # fmt: skip
             if len(law.graphs) != len(scenario.law.graphs):
                 raise InvalidInput(
                     "ExactSession", "plant", "must have as many graphs as the declared law",
@@ -85,13 +95,47 @@ class Dynamics:
     def repack(self, t: float) -> None:
         """Take the parameters in force from time ``t`` on."""
         self._energies.clear()
+        self.held.draw(t)
         t = self._late(t)
         agents = self.scenario.agents
-        self._slots = Slots(*self.layout.values(agents, self.n, t))
+        self._slots = self._with_held(Slots(*self.layout.values(agents, self.n, t)))
         self._ledger = None
         if self._declared is not None:
             module, layout = self._declared
-            self._ledger = (module, Slots(*layout.values(agents, self.n, t)))
+            self._ledger = (module, self._with_held(Slots(*layout.values(agents, self.n, t))))
+
+    def _with_held(self, slots: Slots) -> Slots:
+        return slots._replace(A=np.concatenate([slots.A, self.held.rows])) if self.held.names else slots
+
+    def _put_held(self) -> None:
+        """Write the numbers held between events where the kernels read them."""
+        for slots in (self._slots, *(() if self._ledger is None else (self._ledger[1],))):
+            slots.A[len(slots.A) - len(self.held.rows) :] = self.held.rows
+
+    def recall_limits(self, acting: Array | None) -> None:
+        """Take the limits that act from a session that was saved.
+
+        Parameters
+        ----------
+        acting
+            1 where they act, shape (limits, N); None where nothing was saved of them.
+        """
+        if acting is None or not self.held.limits:
+            return
+        self.held.rows[self.held.limits] = acting
+        self._put_held()
+
+    def follow_limits(self, t: float, y: Array) -> bool:
+        """Let limits of the bodies begin and end to act as a state vector ``y`` says; whether one did."""
+        return bool(self.held.limits) and self.held.follow(self._limit_signs, t, y, self._put_held)
+
+    def first_bite(self, segment: Segment) -> float | None:
+        """The fraction of a segment at which the first limit begins or ends to act; None if none does."""
+        return self.held.first_bite(self._limit_signs, segment)
+
+    def _limit_signs(self, t: float, y: Array) -> Array:
+        self._locate(y)
+        return self._kernels.limit_signs(t + self.base, y, self._in_force(), len(self.held.limits))
 
     def _late(self, own: float) -> float:
         """The time at the session's own time, and not before a switch that falls on it."""
@@ -189,6 +233,7 @@ class Dynamics:
             return None
         found = copy(self)
         found.scenario, found.layout, found._energies, found._reading = scenario, layout, {}, Reading()
+        found.held = self.held.copy()
         found._places = list(layout.places)
         found._judge_contacts()
         return found
@@ -218,10 +263,11 @@ class Dynamics:
     def compiled(self) -> CompiledLaw | None:
         """The law in force for native functions.
 
-        None for leaders without a closed form, the ledger of another law, or obstacles whose potentials have narrow
-        features.
+        None for leaders without a closed form, the ledger of another law, obstacles whose potentials have narrow
+        features, or bodies with limits.
         """
-        if self._places or self._ledger is not None or any(map(len, self._obstacle_zones)):
+        special = self._places or self.held.limits or self._ledger is not None
+        if special or any(map(len, self._obstacle_zones)):
             return None
         return self._in_force()
 
@@ -327,7 +373,14 @@ class Dynamics:
         count = self.n * self.m
         q = y[:count].reshape(self.n, self.m)
         p = y[count : 2 * count].reshape(self.n, self.m) if self.order == 2 else np.zeros_like(q)
-        return q, p, y[self.motion_size :]
+        return q, p, y[self.columns_size :]
+
+    def integrals(self, y: Array, work: float, supplied: float) -> tuple[float, float, float, float]:
+        """Work, dissipation, supply and departure of a state vector ``y``, with ``work`` and ``supplied`` added."""
+        first = self.motion_size
+        departed = float(y[first - 1]) if self.departs else 0.0
+        worked, lost, given = map(float, y[first : first + LEDGER] + np.array([work, 0.0, supplied]))
+        return worked, lost, given - departed if self.departs else given, departed
 
     def further(self, y: Array) -> dict[str, Array]:
         """Further columns of a state vector ``y`` by name, shape (N, width) each; views."""
@@ -343,7 +396,7 @@ class Dynamics:
         Parameters
         ----------
         integrated
-            Quantities of the ledger, then positions of leaders that have no closed form.
+            Departure of bodies that depart, quantities of the ledger, positions of leaders that have no closed form.
         """
         parts = [state.q.ravel(), state.p.ravel()] if self.order == 2 else [state.q.ravel()]
         further = (state.columns[name].ravel() for name in self.columns)
@@ -361,5 +414,5 @@ class Dynamics:
         for name, width in self.columns.items():
             size = float(np.abs(state.columns[name]).max(initial=0.0))
             parts.append(np.full(self.n * width, tolerance * max(1.0, size)))
-        parts.append(np.full(LEDGER, tolerance * max(1.0, abs(energy))))
+        parts.append(np.full(self.departs + LEDGER, tolerance * max(1.0, abs(energy))))
         return np.concatenate([*parts, np.full(len(self._places), tolerance * max(1.0, spread))])

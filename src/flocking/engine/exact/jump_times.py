@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.engine.exact.origin import Origin
+from flocking.model.bodies.body import Body
 from flocking.model.law import Law
 
 
 class JumpTimes:
-    """The session's own times at which terms of a law switch by themselves.
+    """The session's own times at which terms of a law switch by themselves, or bodies change by the clock.
 
     Parameters
     ----------
@@ -17,9 +18,12 @@ class JumpTimes:
         Origin of the session's own time.
     end
         End of the run, in the user's time; a session that goes on beyond it has no end.
+    bodies
+        What the agents are: some of their numbers are set by the clock.
     """
 
-    def __init__(self, law: Law, origin: Origin, end: float) -> None:
+    def __init__(self, law: Law, origin: Origin, end: float, bodies: Body) -> None:
+        self._bodies = bodies
         self._law, self._end = law, origin.own_time(end)
         self._origin = origin
         self._next = -np.inf
@@ -30,7 +34,7 @@ class JumpTimes:
             terms = self._law.body_terms
             times = [s for term in terms for s in term.switch_times(self._origin.time_at(now), np.inf)]
             later = [s for s in times if self._origin.own_time(s) > now]
-            self._next = self._origin.own_time(min(later, default=np.inf))
+            self._next = min(self._origin.own_time(min(later, default=np.inf)), self._bodies.drawn_until(now))
         return self._next
 
     def bound(self, now: float) -> float:

@@ -14,7 +14,7 @@ from flocking.engine.exact.blocks.block import StepBlock, take_block
 from flocking.engine.exact.checkpoint import pack_exact, restore_exact
 from flocking.engine.exact.crossings.switching import Crossing, LinkState
 from flocking.engine.exact.dynamics import LEDGER, Dynamics
-from flocking.engine.exact.failures import infinite_at_once, sliding
+from flocking.engine.exact.failures import infinite_at_once, infinite_at_start, sliding
 from flocking.engine.exact.integrator.segment import Segment
 from flocking.engine.exact.integrator.step_lengths import Shrunk, StepLengths
 from flocking.engine.exact.integrator.stepper import Stepper, StepperMemory
@@ -71,8 +71,8 @@ class ExactSession(Session):
         self.records = ExactRecorder(scenario, fine=self.options.fine)
         self.steps = 0
         self.jumped = 0.0
-        self._tail = np.zeros(LEDGER)
         self._prepare(start.n, start.dimension)
+        self._tail = np.zeros(self._dynamics.departs + LEDGER)
         own = self._origin.inwards(start)
         law, headings = plant or scenario.law, scenario.agents.headings
         self._begin(own, LinkState(law, own.q, own.links, own.t, headings, self._origin.time, scenario.space))
@@ -83,7 +83,7 @@ class ExactSession(Session):
         """Kernels and parameters: all that depends on the law but not on the state."""
         self.n, self.m = n, m
         self._dynamics = dynamics or Dynamics(self.scenario, self.plant, n, m, self._origin.time)
-        self._jumps = JumpTimes(self._dynamics.layout.law, self._origin, self.scenario.t_end)
+        self._jumps = JumpTimes(self._dynamics.layout.law, self._origin, self.scenario.t_end, self.scenario.agents)
         self._lengths = StepLengths(self.scenario.t_end - self.scenario.start.t)
 
     def _begin(self, state: State, links: LinkState, *, same_pairs: bool = False) -> None:
@@ -96,14 +96,11 @@ class ExactSession(Session):
             dynamics.keep_pairs()
         else:
             dynamics.relink(links)
-        self._tail = np.concatenate([self._tail[:LEDGER], dynamics.places(state.t)])
-        y = dynamics.join(state, self._tail)
+        self._tail = np.concatenate([self._tail[: dynamics.departs + LEDGER], dynamics.places(state.t)])
+        dynamics.follow_limits(state.t, y := dynamics.join(state, self._tail))
         self.energy, self.kinetic = dynamics.energy(state.t, y)
         if not np.isfinite(self.energy):
-            raise InvalidInput(
-                "Scenario", "start", "must have a finite energy", self.energy,
-                "Two agents sit where the potential is infinite; move them apart or inside its range.",
-            )  # fmt: skip
+            raise infinite_at_start(self.energy)
         memory = StepperMemory(state.t, y, dynamics.slope(state.t, y), 0.0)
         if not np.isfinite(memory.slope).all():
             raise NotFinite("The control at the start is infinite or NaN.", time=self._origin.time_at(state.t))
@@ -195,7 +192,7 @@ class ExactSession(Session):
             self._lengths.add(row[3])
         if found.recorded:
             own, self.energy, self.kinetic, _ = steps[found.recorded - 1]
-            self._tail = found.states[-1][dynamics.motion_size :]
+            self._tail = found.states[-1][dynamics.columns_size :]
             self.time = origin.time_at(own)
             self._segment = Segment.resting(own, found.states[-1])
         if found.segment is not None:
@@ -208,9 +205,8 @@ class ExactSession(Session):
         before, known = self._stepper.memory, self._error.difference
         try:
             ledger = LedgerState(self._tail, self.energy, self.kinetic) if self.plant is None else None
-            segment, pending = found_step(
-                self._stepper, self._links, self._dynamics, self._jumps.bound(self._segment.t1), ledger, tried
-            )
+            bound = self._jumps.bound(self._segment.t1)
+            segment, pending = found_step(self._stepper, self._links, self._dynamics, bound, ledger, tried)
             self._precision.check(segment.t1, segment.coefficients[-1])
             self._error.follow(segment)
         except BaseException:
@@ -228,7 +224,7 @@ class ExactSession(Session):
         if t > segment.t0:
             self._error.leave(segment, self._links, self._origin)
             self.records.sample(segment, self._dynamics.split, self._origin)
-            self._tail = np.array(y[self._dynamics.motion_size :])
+            self._tail = np.array(y[self._dynamics.columns_size :])
             self.energy, self.kinetic = self._dynamics.energy(t, y)
             self.time = self._origin.time_at(t)
             self._record_frames(t)
@@ -242,6 +238,8 @@ class ExactSession(Session):
             self.energy, self.kinetic = self._dynamics.energy(t, y)
             self.jumped += self.energy - before
             self._stepper.restart(t, y)
+        if self._dynamics.follow_limits(t, y) or (self._dynamics.held.limits and self._stepper.memory.t != t):
+            self._stepper.restart(t, np.array(y))
         self._segment = Segment.resting(t, y)
         if error is not None:
             raise error
@@ -287,15 +285,15 @@ class ExactSession(Session):
             self.records.frame_at(own, t, y, self._dynamics, self._links.links[0], found, self._origin)
 
     def _record_trace(self) -> None:
-        y = self._segment.coefficients[-1]
-        self.records.trace.append(self._trace_row(self._segment.t1, self.energy, self.kinetic, y))
+        t, y = self._segment.t1, self._segment.coefficients[-1]
+        self.records.trace.append(self._trace_row(t, self.energy, self.kinetic, y))
 
     def _trace_row(self, own: float, energy: float, kinetic: float, y: Array) -> LedgerRow:
         """The row of the ledger at the session's own time, when ``y`` is the state vector."""
         more, work, supplied = self._added(y)
-        first = self._dynamics.motion_size
-        worked, lost, given = map(float, y[first : first + LEDGER] + np.array([work, 0.0, supplied]))
-        return LedgerRow(self._origin.time_at(own), energy + more, kinetic + more, worked, lost, given, self.jumped)
+        worked, lost, given, departed = self._dynamics.integrals(y, work, supplied)
+        t, energies = self._origin.time_at(own), (energy + more, kinetic + more)
+        return LedgerRow(t, *energies, worked, lost, given, self.jumped, departed)
 
     def _added(self, y: Array) -> tuple[float, float, float]:
         """Differences of kinetic energy, work and supply in the user's coordinates from those in the session's."""
@@ -308,6 +306,7 @@ class ExactSession(Session):
             self.scenario, self.time, self._stepper.memory, self._segment, list(self._pending),
             self._links.memory(), recorder, self.energy, self.jumped, self.steps, self._stepper.tolerance,
             dict(self._links.sliding), self.plant, self._error.memory, origin=self._origin, momentum=self._momentum,
+            limits=self._dynamics.held.acting,
         )  # fmt: skip
 
     @classmethod
@@ -330,6 +329,7 @@ class ExactSession(Session):
             base=session._origin.time, space=scenario.space,
         )  # fmt: skip
         session._dynamics.repack(snapshot.segment.t1)
+        session._dynamics.recall_limits(snapshot.limits)
         session._links.recall(snapshot.links)
         session._links.sliding = dict(snapshot.sliding)
         session._dynamics.divide(session._links)
@@ -368,8 +368,8 @@ class ExactSession(Session):
         saved = dict(vars(self))
         try:
             self.plant, self.scenario, self._origin = new.plant, new.scenario, new.origin
-            self._tail = np.array(y[self._dynamics.motion_size :])
-            self._tail[:LEDGER] += (work, 0.0, supplied)
+            self._tail = np.array(y[self._dynamics.columns_size :])
+            self._tail[self._dynamics.departs :][:LEDGER] += (work, 0.0, supplied)
             self._prepare(self.n, self.m, new.dynamics)
             self._begin(new.begin, new.links, same_pairs=new.dynamics is not None)
         except Exception:

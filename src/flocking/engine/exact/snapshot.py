@@ -41,6 +41,8 @@ class Snapshot:
         For each pair that crosses repeatedly, by watch and pair: time and speed of the last crossing, and their number.
     error
         State of the error estimate.
+    limits
+        Which limits of the bodies act on which agents on that step, shape (limits, N).
     """
 
     scenario: Scenario
@@ -57,5 +59,6 @@ class Snapshot:
     sliding: dict[tuple[int, int, int], tuple[float, float, int]] = field(default_factory=dict)
     plant: Law | None = None
     error: ErrorMemory | None = None
+    limits: Array | None = None
     origin: Origin = field(kw_only=True)
     momentum: Array = field(kw_only=True)

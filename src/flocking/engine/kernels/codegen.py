@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from flocking.engine.kernels.displacements import displacement_lines
 from flocking.engine.kernels.layout import Layout
-from flocking.engine.kernels.motion_source import RATES, motion_source, motion_values, point_source
+from flocking.engine.kernels.motion_source import RATES, limits_source, motion_source, motion_values, point_source
 from flocking.engine.kernels.obstacle_formulas import obstacle_function, obstacle_loop, obstacle_slot
 from flocking.engine.kernels.pieces import held, piece_lines
 from flocking.engine.kernels.source_text import free_names, indented, nonzero, unpack
@@ -35,8 +35,8 @@ def compiled_kernels(layout: Layout, dimension: int) -> ModuleType:
 
     Functions of the module: ``control(t, q, p, senders, sensed, offsets, pieces, spans, P, A, W, S, u, rates)`` fills
     the forces and `RATES`; for first-order agents ``flow`` does with velocities u that are given; ``slope(t, z,
-    senders, ..., S, q, p, u, out)`` fills the slope of a state vector, which
-    holds the columns of the bodies one after another and then `RATES`; ``energies(t, q, p, ...)`` gives pair storage,
+    senders, ..., S, q, p, u, out)`` fills the slope of a state vector, see `motion_source`; of bodies with limits
+    ``limit_signs`` takes the same and fills what `limits_source` says; ``energies(t, q, p, ...)`` gives pair storage,
     body storage and kinetic energy in the frame of the energy, see `flocking.engine.kernels.law_kernels`. Row
     ``pieces[e]`` of ``spans`` says which piece of a piecewise formula is in force for pair ``e``, see `limits`;
     ``shape0(r, side, reach, P, A, W)``... are those formulas of each graph in plain Python, ``shape_obstacles0``...
@@ -75,7 +75,7 @@ def known_kernels(layout: Layout, dimension: int, degree: int) -> ModuleType:
     known = KnownNeighbours(degree, dimension)
     return generated_module(
         ("known", degree, dimension), layout.structure, layout.parts, lambda: law_formulas(layout, dimension),
-        lambda stated: _HEADER.format(arguments=ARGUMENTS) + _control_source(stated, layout.bodies.order, known),
+        lambda stated: _header(stated) + _control_source(stated, layout.bodies.order, known),
     )  # fmt: skip
 
 
@@ -147,13 +147,17 @@ _HEADER = """import math
 from flocking.formula.native.functions import native_of
 
 ARGUMENTS = {arguments!r}
+DEPARTS = {departs!r}
 
 """
 
 
+def _header(formulas: LawFormulas) -> str:
+    return _HEADER.format(arguments=ARGUMENTS, departs=formulas.body.motion.departs)
+
+
 def _scalar_module(formulas: LawFormulas, order: int) -> str:
-    header = _HEADER.format(arguments=ARGUMENTS)
-    return header + _control_source(formulas, order) + _energies_source(formulas) + _shapes_source(formulas)
+    return _header(formulas) + _control_source(formulas, order) + _energies_source(formulas) + _shapes_source(formulas)
 
 
 def _shapes_source(formulas: LawFormulas) -> str:
@@ -312,7 +316,12 @@ def _control_source(
         return control
     if order == 1:
         control += "\n\n" + _given_flow_source(formulas, everything)
-    return control + "\n\n" + slope + count + point_source(m, order) + source + motion_source(formulas) + "\n\n"
+    given = count + point_source(m, order) + source
+    flow = _flow_source(formulas) if order == 1 else ""
+    control += "\n\n" + slope + given + motion_source(formulas, flow) + "\n\n"
+    if formulas.body.motion.limits:
+        control += "\n" + slope.replace("def slope(", "def limit_signs(") + given + limits_source(formulas) + "\n\n"
+    return control
 
 
 def _given_flow_source(formulas: LawFormulas, everything: list[sympy.Expr]) -> str:

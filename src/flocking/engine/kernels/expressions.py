@@ -68,7 +68,11 @@ class MotionFormulas:
     kinetic
         Kinetic energy, in terms of ``w0...``, the velocity relative to the frame of the energy.
     departure
-        Power that the body adds to that of the wanted force and the damping; it counts as supplied.
+        Power that a body of order 2 adds to that of the wanted force and the damping.
+    departs
+        Whether the point that the law sees may move otherwise than an ideal body under the wanted force.
+    limits
+        Where each limit begins and ends to act, ``begins_0``, ``ends_0`` and so on, in the order of `Body.limits`.
     """
 
     columns: tuple[tuple[str, int], ...]
@@ -76,6 +80,8 @@ class MotionFormulas:
     rates: dict[str, sympy.Expr]
     kinetic: sympy.Expr
     departure: sympy.Expr
+    departs: bool
+    limits: dict[str, sympy.Expr]
 
 
 @dataclass(frozen=True)
@@ -302,10 +308,11 @@ def motion_formulas(layout: Layout, dimension: int) -> MotionFormulas:
     second = body.order == 2
     q, p, u, w = (_vector(name, dimension) for name in "qpuw")
     own = tuple(body.widths(dimension).items())
+    rows = layout.held_rows(dimension)
     x = MotionSymbols(
         q, p if second else [zero] * dimension, u, _symbol("t"), _symbol(MASS), _symbol(DAMPING),
         {name: _vector(f"column_{name}_", size) for name, size in own}, _parameters(layout, BODIES),
-        lambda name: _symbol(f"let_{name}"),
+        lambda name: _symbol(f"let_{name}"), lambda name: _symbol(f"A{rows[name]}"),
     )  # fmt: skip
     lets = {f"let_{name}": sympy.sympify(e) for name, e in body.lets(x).items()}
     stated = {name: [sympy.sympify(rate) for rate in rates] for name, rates in body.rates(x).items()}
@@ -314,19 +321,20 @@ def motion_formulas(layout: Layout, dimension: int) -> MotionFormulas:
     found = {name: len(rates) for name, rates in moving.items()}
     if found != dict(columns):
         raise InvalidInput(type(body).__name__, "rates", f"must be those of {dict(columns)}", str(found))
-    if not second and any(rate - wanted != 0 for rate, wanted in zip(moving["q"], u, strict=True)):
-        raise InvalidInput(
-            type(body).__name__, "rates", "must move agents of order 1 with the wanted velocity u", str(moving["q"]),
-            "Declare a body of order 2, with a velocity of its own.",
-        )  # fmt: skip
+    departs = not second and any(rate - wanted != 0 for rate, wanted in zip(moving["q"], u, strict=True))
     kinetic, departure = sympy.sympify(body.kinetic(x, w)), zero
     if second:
         rates = moving["p"]
-        stored = sum((sympy.diff(kinetic, a) * rate for a, rate in zip(w, rates, strict=True)), zero)
-        wanted = sum(((a - x.damping * b) * c for a, b, c in zip(u, p, w, strict=True)), zero)
-        departure = stored - wanted
+        slopes, wanted = [sympy.diff(kinetic, a) for a in w], [a - x.damping * b for a, b in zip(u, p, strict=True)]
+        # Written so that it is exactly zero where a rate is exactly the wanted one.
+        departure = sum((s * (r - f / x.mass) for s, r, f in zip(slopes, rates, wanted, strict=True)), zero)
+        departure += sum((f * (s / x.mass - c) for s, f, c in zip(slopes, wanted, w, strict=True)), zero)
         for name, e in reversed(lets.items()):
             departure = departure.xreplace({_symbol(name): e})
         departure = nothing_or_itself(departure)
+        departs = departure != 0
+    limits: dict[str, sympy.Expr] = {}
+    for k, limit in enumerate(body.limits(x).values()):
+        limits |= {f"begins_{k}": sympy.sympify(limit.begins), f"ends_{k}": sympy.sympify(limit.ends)}
     named = {f"rate_{name}{k}": rate for name, _ in columns for k, rate in enumerate(moving[name])}
-    return MotionFormulas(columns, lets, named, kinetic, departure)
+    return MotionFormulas(columns, lets, named, kinetic, departure, departs, limits)

@@ -159,6 +159,8 @@ class LawKernels:
         self.module = module
         self.order = order
         self.name = module.__name__
+        self.departs = bool(module.DEPARTS)
+        """Whether the state vector holds what bodies depart from the wanted motion."""
 
     @cached_property
     def _addresses(self) -> tuple[int, int]:
@@ -205,6 +207,23 @@ class LawKernels:
         """
         found: tuple[float, float, float] = self.module.energies(t, q, p, *pairs, *slots, functionals)
         return found
+
+    def limit_signs(self, t: float, y: Array, law: CompiledLaw, count: int) -> Array:
+        """Expressions that are positive where limits of the bodies begin and end to act, shape (limits, 2, N).
+
+        Parameters
+        ----------
+        t, y
+            Time and state vector.
+        law
+            The law in force.
+        count
+            Number of limits.
+        """
+        found, (n, m) = np.empty(2 * count * law.n), (law.n, law.m)
+        q, p, u = np.empty((n, m)), np.zeros((n, m)), np.empty((n, m))
+        self.module.limit_signs(t, y, *law.pairs, *law.slots, law.functionals, q, p, u, found)
+        return found.reshape(count, 2, n)
 
     def shape(self, name: str) -> Callable[..., Sequence[float]] | None:
         """Formulas, in plain Python, of a graph (``"shape0"``...) or of obstacles (``"shape_obstacles0"``...)."""

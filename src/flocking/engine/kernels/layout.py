@@ -126,6 +126,11 @@ class Layout:
                 counts[kind] += 1
         return found
 
+    def held_rows(self, dimension: int) -> dict[str, int]:
+        """Rows of A, after those of `values`, of the numbers of the bodies that are held between events, by name."""
+        first = 2 + sum(slot[0] == "A" for slot in self.slots.values())
+        return {name: first + k for k, name in enumerate(self.bodies.held(dimension))}
+
     @property
     def counts(self) -> tuple[int, int]:
         """Numbers of slots for single numbers and for rows of obstacles."""

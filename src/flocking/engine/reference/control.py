@@ -11,7 +11,9 @@ import numpy as np
 from flocking.arrays import Indices
 from flocking.engine.kernels.codegen import array_kernels
 from flocking.engine.kernels.layout import Layout
+from flocking.engine.reference.evaluation import Evaluation
 from flocking.engine.reference.finite_forces import check_finite, check_neighbours
+from flocking.engine.reference.motion import motion_of
 from flocking.errors import InvalidInput
 from flocking.model.bodies.body import Body
 from flocking.model.checks import Array, array, listed
@@ -26,35 +28,6 @@ from flocking.model.state import Agents, State
 from flocking.model.terms.schedules import Schedule
 
 __all__ = ["Agent", "Evaluation", "control", "control_of", "evaluate"]
-
-
-@dataclass(frozen=True)
-class Evaluation:
-    """Control, energies and powers of a law in one state.
-
-    First-order agents move with velocity u and have no kinetic energy; their dissipation is that of a gradient flow,
-    the sum of |u_i|^2.
-
-    Parameters
-    ----------
-    u
-        Forces, shape (N, m).
-    storage
-        Energy stored in links and by agents.
-    kinetic
-        Kinetic energy in the frame of the energy.
-    dissipation, supply
-        Powers of the ledger.
-    pair_force_sum
-        Sum over ordered pairs of the absolute pair forces, shape (N,): the scale of rounding errors.
-    """
-
-    u: Array
-    storage: float
-    kinetic: float
-    dissipation: float
-    supply: float
-    pair_force_sum: Array
 
 
 def graph_links(law: Law, state: State, headings: Array | None = None, space: Space = OPEN) -> list[Links]:
@@ -172,24 +145,28 @@ def _evaluated(
         supply += float(values["supply"].sum())
     u += np.stack([body[f"force{k}"] for k in range(m)], axis=1)
     storage += float(body["storage"].sum())
+    moving = motion_of(layout, module, state, P, given, u, frame)
     if agents.order == 1:
-        moving = {f"u{k}": u[:, k] for k in range(m)} | {f"mean_u{k}": v for k, v in enumerate(A[0] @ u / A[0].sum())}
-        supply = float(np.sum(module.body_flow(P, given | moving)["supply"] * np.ones(n)))
-        for number, (i, j) in enumerate(pairs):
-            seen = _pair_values(displacements(space, state.q, (i, j)), u, (i, j), (A, W), np.zeros(m))
-            flow = getattr(module, f"pair_flow{number}")(P, seen)["supply"]
-            supply += 0.5 * float(np.sum(flow * np.ones(len(i))))
-        for i, values in near:
-            supply += float(sum((values[f"force{k}"] * u[i, k]).sum() for k in range(m)))
-        return Evaluation(u, storage, 0.0, float((u**2).sum()), supply, force_sum)
-    given |= {f"u{k}": u[:, k] for k in range(m)} | {f"w{k}": state.p[:, k] - frame[k] for k in range(m)}
-    columns = {**state.columns, **agents.missing_columns(state.columns, state.q, state.p)}
-    given |= {f"column_{name}_{k}": x for name, values in columns.items() for k, x in enumerate(values.T)}
-    moving = module.motion(P, given)
-    kinetic = float(np.sum(moving["kinetic"] * np.ones(n)))
-    supply += float(np.sum(moving["departure"] * np.ones(n)))
+
+        def flow(v: Array) -> float:
+            """What is supplied to agents that move with velocities ``v``."""
+            means = {f"mean_u{k}": x for k, x in enumerate(A[0] @ v / A[0].sum())}
+            named = given | {f"u{k}": v[:, k] for k in range(m)} | means
+            found = float(np.sum(module.body_flow(P, named)["supply"] * np.ones(n)))
+            for number, (i, j) in enumerate(pairs):
+                seen = _pair_values(displacements(space, state.q, (i, j)), v, (i, j), (A, W), np.zeros(m))
+                power = getattr(module, f"pair_flow{number}")(P, seen)["supply"]
+                found += 0.5 * float(np.sum(power * np.ones(len(i))))
+            return found + sum(
+                float(sum((values[f"force{k}"] * v[i, k]).sum() for k in range(m))) for i, values in near
+            )
+
+        wanted, own = float((u**2).sum()), np.stack([moving[f"rate_q{k}"] for k in range(m)], axis=1)
+        departure = 0.0 if (own == u).all() else wanted - flow(u) - float((u * own).sum()) + flow(own)
+        return Evaluation(u, storage, 0.0, wanted, flow(u), force_sum, departure)
+    kinetic, departure = float(moving["kinetic"].sum()), float(moving["departure"].sum())
     dissipation, supply = dissipation + float(body["dissipation"].sum()), supply + float(body["supply"].sum())
-    return Evaluation(u, storage, kinetic, dissipation, supply, force_sum)
+    return Evaluation(u, storage, kinetic, dissipation, supply, force_sum, departure)
 
 
 def obstacles_met(

@@ -54,6 +54,24 @@ class Column:
 
 
 @dataclass(frozen=True)
+class Limit:
+    """When something in a body begins and ceases to act on an agent.
+
+    A number of the agent, see `Body.held`, is 0 before it acts and 1 while it does.
+
+    Parameters
+    ----------
+    begins
+        Expression that is positive where it acts on an agent on which it did not act.
+    ends
+        Expression that is positive where it does not act any more.
+    """
+
+    begins: sympy.Expr
+    ends: sympy.Expr
+
+
+@dataclass(frozen=True)
 class MotionSymbols:
     """What a body may use about agent i.
 
@@ -71,6 +89,8 @@ class MotionSymbols:
         Symbol of one of the body's own parameters, by name.
     let
         Symbol of one of the expressions of `Body.lets`, by name.
+    held
+        Symbol of one of the numbers of `Body.held`, by name.
     """
 
     q: Sequence[sympy.Expr]
@@ -82,6 +102,7 @@ class MotionSymbols:
     columns: Mapping[str, Sequence[sympy.Expr]]
     parameter: Callable[[str], sympy.Expr]
     let: Callable[[str], sympy.Expr]
+    held: Callable[[str], sympy.Expr]
 
 
 class Body(ABC):
@@ -171,6 +192,41 @@ class Body(ABC):
             Its positions and velocities, shape (N, m).
         """
         return {c.name: self.start(c.name, q, p) for c in self.columns if c.name not in given}
+
+    def held(self, dimension: int) -> tuple[str, ...]:
+        """Names of numbers of each agent that stay as they are until something happens: none.
+
+        Those that `limits` names are 0 or 1, the others are those of `drawn`.
+        """
+        return ()
+
+    def limits(self, x: MotionSymbols) -> dict[str, Limit]:
+        """What acts only at times, by the name of the number that says whether it does."""
+        return {}
+
+    def drawn(self, elapsed: float, n: int, dimension: int) -> dict[str, Array]:
+        """Numbers of ``n`` agents that are set by the clock, shape (n,) each, by name.
+
+        Parameters
+        ----------
+        elapsed
+            Time since the start of the run.
+        """
+        return {}
+
+    def drawn_until(self, elapsed: float) -> float:
+        """The first time since the start after ``elapsed`` at which `drawn` changes; infinite if it never does."""
+        return np.inf
+
+    @property
+    def summary(self) -> str:
+        """What agents do other than to exert the wanted force as points, in a few words; empty where nothing is."""
+        return f"agents are {type(self).__name__}"
+
+    @property
+    def ideal(self) -> bool:
+        """Whether the point that the law sees moves as that of an ideal body of the same order does."""
+        return not self.summary
 
     @property
     def homogeneous(self) -> bool:

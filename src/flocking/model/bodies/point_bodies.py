@@ -55,6 +55,11 @@ class PointMass(Body):
         return {"p": [(u - x.damping * p) / x.mass for u, p in zip(x.u, x.p, strict=True)]}
 
     @property
+    def summary(self) -> str:
+        """Empty."""
+        return ""
+
+    @property
     def homogeneous(self) -> bool:
         """True."""
         return True
@@ -108,6 +113,11 @@ class SingleIntegrator(Body):
     def rates(self, x: MotionSymbols) -> dict[str, Sequence[sympy.Expr]]:
         """Velocity u."""
         return {"q": list(x.u)}
+
+    @property
+    def summary(self) -> str:
+        """Empty."""
+        return ""
 
     @property
     def homogeneous(self) -> bool:

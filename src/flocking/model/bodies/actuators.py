@@ -1,0 +1,233 @@
+"""What keeps agents from exerting the wanted force at once and in full: actuators with a lag and with limits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.model.bodies.body import Column, Limit, MotionSymbols
+from flocking.model.bodies.wrapped import WrappedBody
+from flocking.model.checks import Array, one_of, scalar_or_each
+from flocking.model.parts import values
+from flocking.model.parts.registration import register_part
+
+if TYPE_CHECKING:
+    import sympy
+
+APPLIED = "applied"
+"""Column of a lagged body: the force that it exerts, or its velocity where it is of order 1."""
+
+SHAPES = ("ball", "box")
+"""How a force that is too large is scaled back: as a vector, or along each axis by itself."""
+
+ACTING = 0.5
+"""Held numbers of limits are 0 or 1; those above this one act."""
+
+
+@register_part("lagged")
+@dataclass(frozen=True, eq=False)
+class Lagged(WrappedBody):
+    """A first-order actuator: what a body exerts follows what is wanted, tau_i df_i/dt = u_i - f_i.
+
+    The column ``applied`` holds f, a force for bodies of order 2 and a velocity for those of order 1. It begins at zero
+    where a start does not give it.
+
+    Parameters
+    ----------
+    body
+        What moves under the force f.
+    time_constant
+        Time constant tau, one for all agents or one for each; positive.
+
+    Raises
+    ------
+    InvalidInput
+        When a time constant is not positive, or the body is none or lagged already.
+
+    Examples
+    --------
+    >>> import flocking as fk
+    >>> fk.Lagged(fk.PointMass(), 0.2).summary
+    'actuators lag by 0.2'
+    """
+
+    time_constant: float | Array
+
+    def __post_init__(self) -> None:
+        tau = scalar_or_each("Lagged", "time_constant", self.time_constant, above=0.0)
+        object.__setattr__(self, "time_constant", tau)
+        self.check_inner()
+
+    @property
+    def own_columns(self) -> tuple[Column, ...]:
+        """The applied force."""
+        return (Column(APPLIED),)
+
+    @property
+    def own_parameters(self) -> dict[str, float | Array]:
+        """The time constant."""
+        return {"time_constant": self.time_constant}
+
+    def passed(self, x: MotionSymbols) -> Sequence[sympy.Expr]:
+        """The applied force."""
+        return x.columns[APPLIED]
+
+    def own_rates(self, x: MotionSymbols) -> dict[str, Sequence[sympy.Expr]]:
+        """Rate of the applied force, (u - f)/tau."""
+        tau = x.parameter("time_constant")
+        return {APPLIED: [(u - f) / tau for u, f in zip(x.u, x.columns[APPLIED], strict=True)]}
+
+    @property
+    def own_summary(self) -> str:
+        """``actuators lag by`` the longest time constant."""
+        return f"actuators lag by {float(np.max(self.time_constant)):g}"
+
+
+@register_part("limited")
+@dataclass(frozen=True, eq=False)
+class Limited(WrappedBody):
+    """A body that exerts no force, moves at no speed, or changes its force at no rate above a limit.
+
+    A wanted force above ``force`` is scaled back to it, as a vector or along each axis by itself. At the largest speed
+    what would make a body of order 2 faster is taken from its acceleration, the component along its velocity; one of
+    order 1 moves with its velocity scaled back. At the largest ``rate`` the rate of a lagged force is scaled back.
+    Times at which a limit begins or ceases to act are located, and integration steps end there. One that would act for
+    less than an eighth of a step may be missed: the force then exceeds the limit for that long.
+
+    Parameters
+    ----------
+    body
+        What is limited.
+    force
+        Largest force that the body is asked for, one for all agents or one for each; positive. None: no limit.
+    speed
+        Largest speed; positive. None: no limit. An agent that starts faster does not get faster.
+    rate
+        Largest rate of the applied force of a `Lagged` body; positive. None: no limit.
+    shape
+        ``"ball"`` limits the length of the force, ``"box"`` its component along each axis.
+
+    Raises
+    ------
+    InvalidInput
+        When a limit is not positive, there is none, or the body has nothing that it could limit.
+
+    Examples
+    --------
+    >>> import flocking as fk
+    >>> fk.Limited(fk.PointMass(), force=2.0).summary
+    'force at most 2'
+    """
+
+    force: float | Array | None = None
+    speed: float | Array | None = None
+    rate: float | Array | None = None
+    shape: Annotated[str, values.choice(*SHAPES)] = "ball"
+
+    def __post_init__(self) -> None:
+        self.check_inner()
+        for name in ("force", "speed", "rate"):
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, scalar_or_each("Limited", name, value, above=0.0))
+        one_of("Limited", "shape", self.shape, SHAPES)
+        if not self.own_parameters:
+            raise InvalidInput("Limited", "force", "must be given where neither speed nor rate is", None)
+        if self.order == 1 and self.force is not None:
+            raise InvalidInput(
+                "Limited", "force", "must not be given for a body of order 1", self.force,
+                "It exerts no force; give speed.",
+            )  # fmt: skip
+        if self.rate is not None and APPLIED not in {c.name for c in self.body.columns}:
+            raise InvalidInput(
+                "Limited", "rate", "must be given for a lagged body alone", type(self.body).__name__,
+                "A force that jumps has no rate: use Limited(Lagged(...), rate=...).",
+            )  # fmt: skip
+
+    @property
+    def own_parameters(self) -> dict[str, float | Array]:
+        """The limits that there are."""
+        found = {"force": self.force, "speed": self.speed, "rate": self.rate}
+        return {name: value for name, value in found.items() if value is not None}
+
+    @property
+    def own_structure(self) -> tuple[object, ...]:
+        """Which limits there are, and of which shape."""
+        return (tuple(self.own_parameters), self.shape)
+
+    def own_held(self, dimension: int) -> tuple[str, ...]:
+        """Whether each limit acts."""
+        axes = [f"force_{k}" for k in range(dimension)] if self.shape == "box" else ["force"]
+        forces = axes if self.force is not None else []
+        return (*forces, *(name for name in ("speed", "rate") if getattr(self, name) is not None))
+
+    def own_limits(self, x: MotionSymbols) -> dict[str, Limit]:
+        """Where each limit begins and ends to act."""
+        import sympy
+
+        found, inside = {}, self.body.rates(self.inner(x))
+        if self.force is not None:
+            forces = {f"force_{k}": [u] for k, u in enumerate(x.u)} if self.shape == "box" else {"force": x.u}
+            for name, parts in forces.items():
+                found[name] = _beyond(parts, x.parameter("force"))
+        if self.speed is not None:
+            if self.order == 1:
+                found["speed"] = _beyond(inside["q"], x.parameter("speed"))
+            else:
+                faster, excess = _along(inside["p"], x.p), _beyond(x.p, x.parameter("speed")).begins
+                found["speed"] = Limit(sympy.Piecewise((excess, excess < faster), (faster, True)), -faster)
+        if self.rate is not None:
+            found["rate"] = _beyond(inside[APPLIED], x.parameter("rate"))
+        return found
+
+    def passed(self, x: MotionSymbols) -> Sequence[sympy.Expr]:
+        """The wanted force, scaled back where it is too large."""
+        if self.force is None:
+            return x.u
+        if self.shape == "ball":
+            return _scaled(x.u, x.parameter("force"), x.held("force"))
+        return [_scaled([u], x.parameter("force"), x.held(f"force_{k}"))[0] for k, u in enumerate(x.u)]
+
+    def rates(self, x: MotionSymbols) -> dict[str, Sequence[sympy.Expr]]:
+        """Those of the inner body, limited."""
+        import sympy
+
+        found = dict(self.body.rates(self.inner(x)))
+        if self.rate is not None:
+            found[APPLIED] = _scaled(found[APPLIED], x.parameter("rate"), x.held("rate"))
+        if self.speed is not None and self.order == 1:
+            found["q"] = _scaled(found["q"], x.parameter("speed"), x.held("speed"))
+        elif self.speed is not None:
+            along = _along(found["p"], x.p) / _along(x.p, x.p)
+            taken = sympy.Piecewise((along, x.held("speed") > ACTING), (0, True))
+            found["p"] = [a - taken * v for a, v in zip(found["p"], x.p, strict=True)]
+        return found
+
+    @property
+    def own_summary(self) -> str:
+        """The smallest limit of each kind."""
+        return ", ".join(f"{name} at most {float(np.min(value)):g}" for name, value in self.own_parameters.items())
+
+
+def _along(a: Sequence[sympy.Expr], b: Sequence[sympy.Expr]) -> sympy.Expr:
+    import sympy
+
+    return sum((x * y for x, y in zip(a, b, strict=True)), sympy.Integer(0))
+
+
+def _beyond(vector: Sequence[sympy.Expr], most: sympy.Expr) -> Limit:
+    """A limit that acts where a vector is longer than ``most``."""
+    excess = _along(vector, vector) - most**2
+    return Limit(excess, -excess)
+
+
+def _scaled(vector: Sequence[sympy.Expr], most: sympy.Expr, acts: sympy.Expr) -> list[sympy.Expr]:
+    """A vector scaled to the length ``most`` where a limit acts."""
+    import sympy
+
+    scale = sympy.Piecewise((most / sympy.sqrt(_along(vector, vector)), acts > ACTING), (1, True))
+    return [scale * c for c in vector]
