@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from typing import Annotated
 
 import numpy as np
@@ -43,6 +44,22 @@ class Space(ABC):
                 # The remainder of a small negative number is the length itself.
                 found[..., k] = np.where((r := found[..., k] % length) < length, r, 0.0)
         return found
+
+    def lattice(self, reach: float, dimension: int) -> Array:
+        """Vectors from a point to its images, those from which a point may be nearer than ``reach``; shape (K, m).
+
+        Parameters
+        ----------
+        reach
+            Distance from the image to a point whose nearest image is the one moved by zero.
+        dimension
+            Number of axes m.
+        """
+        lengths = self.lengths or (np.inf,) * dimension
+        # A component of the nearest displacement is at most half a length: n lengths further it is at least n - 1/2.
+        counts = [int(reach / length + 0.5) if np.isfinite(length) else 0 for length in lengths]
+        cells = product(*(range(-count, count + 1) for count in counts))
+        return np.array([[n * x if n else 0.0 for n, x in zip(cell, lengths, strict=True)] for cell in cells])
 
     @property
     def structure(self) -> tuple[object, ...]:

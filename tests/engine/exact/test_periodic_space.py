@@ -222,7 +222,7 @@ def test_two_agents_at_images_of_one_point_are_refused_under_a_singular_potentia
         periodic(fk.Proximity(2.5), [fk.Gradient(psi)], fk.State([[1.0, 1.0], [7.0, -6.0]]))
 
 
-@pytest.mark.parametrize("engine", ["tiles", "lammps"])
+@pytest.mark.parametrize("engine", ["lammps"])
 def test_engines_without_it_refuse_it_by_name(engine):
     with pytest.raises((UnsupportedLaw, InvalidInput), match="Periodic"):
         fk.simulate(periodic(fk.Proximity(2.0), [IDLE], group()), engine=engine, progress=False)

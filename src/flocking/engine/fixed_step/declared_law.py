@@ -30,6 +30,9 @@ SAFETY = 64.0
 NEAR_OBSTACLES = 4096.0
 """The same for forces of obstacles: their formulas have several stages, of which the geometry is not measured."""
 
+BLUR = 2.0
+"""Roundings of a difference of positions, and of the lengths of space in it, in a displacement to an image."""
+
 POWERS = ("pairs", "bodies", "work", "dissipated", "supplied")
 """Energies and powers that are compared, by the names of the kernels' sums."""
 
@@ -99,7 +102,7 @@ class Declared:
 
     def __init__(self, scenario: Scenario, rounding: float) -> None:
         self.scenario, self.rounding = scenario, rounding
-        self._layout = Layout(scenario.law, scenario.energy, scenario.agents)
+        self._layout = Layout(scenario.law, scenario.energy, scenario.agents, scenario.space)
         self._module = array_kernels(self._layout, scenario.start.dimension)
 
     def _slots(self, since: float) -> tuple[Array, list[float | Array], list[PairWeights]]:
@@ -148,7 +151,7 @@ class Declared:
         for number, (k, j, certain) in enumerate(pairs):
             if not len(k):
                 continue
-            d = np.asarray(group.q[j], dtype=np.float64) - q[k]
+            d = self._displacement(group.q[j], q[k])[0]
             # In the formulas of the flow, controls take the place of velocities.
             given = _pair_values(d, np.asarray(group.p[j], dtype=np.float64) - u[k], u[k])
             given |= {f"A{x}": row[k] for x, row in enumerate(A)}
@@ -192,7 +195,7 @@ class Declared:
         for number, (k, j, certain) in enumerate(pairs):
             if not len(k):
                 continue
-            d = np.asarray(group.q[j], dtype=np.float64) - q[k]
+            d, blur = self._displacement(group.q[j], q[k])
             v = np.asarray(group.p[j], dtype=np.float64) - p[k]
             given = _pair_values(d, v, p[k] - group.frame)
             given |= {f"A{x}": row[k] for x, row in enumerate(A)}
@@ -204,6 +207,9 @@ class Declared:
             one = along[:, None] * direction + found["drag"][:, None] * v
             v_size = np.sqrt((v**2).sum(axis=1))
             magnitude = np.where(r > 0, sizes["along"], 0.0) + sizes["drag"] * v_size
+            if blur is not None:
+                self._blurred((f"pair{number}", P, given, len(k)), found, off, blur)
+                off["along"] += np.abs(found["along"]) * blur / np.where(r > 0, r, 1.0)
             doubt = np.where(r > 0, off["along"], 0.0) + off["drag"] * v_size + np.where(certain, 0.0, magnitude)
             # Differences of rounded numbers; the velocities themselves are exact, like the positions.
             for axis in range(m):
@@ -254,6 +260,31 @@ class Declared:
             for column, name in ((3, "dissipation"), (4, "supply")):
                 np.add.at(powers[:, column], i, values[name])
                 np.add.at(errors[:, column], i, NEAR_OBSTACLES * self.rounding * np.abs(values[name]))
+
+    def _displacement(self, there: AnyArray, here: Array) -> tuple[Array, Array | None]:
+        """Displacements of pairs, shape (K, m), and how far rounding may lead an engine from their lengths.
+
+        Differences of neighbouring numbers are exact, those of numbers a length of space apart are not.
+        """
+        space, difference = self.scenario.space, np.asarray(there, dtype=np.float64) - here
+        if space.is_open:
+            return difference, None
+        d = space.displacement(difference)
+        return d, BLUR * self.rounding * (np.abs(difference) + np.abs(d - difference)).sum(axis=1)
+
+    def _blurred(
+        self, call: tuple[str, Array, dict[str, Array], int], found: Mapping[str, Array], off: dict[str, Array],
+        blur: Array,
+    ) -> None:  # fmt: skip
+        """Add to bounds on rounding what a blurred distance does to the values of a function."""
+        name, P, given, count = call
+        for sign in (-1.0, 1.0):
+            moved = {**given, "r": np.maximum(given["r"] + sign * blur, 0.0)}
+            with np.errstate(all="ignore"):
+                other = {key: v * np.ones(count) for key, v in getattr(self._module, name)(P, moved).items()}
+            for key, value in found.items():
+                gap = np.abs(other[key] - value)
+                off[key] = off[key] + np.where(np.isfinite(gap), gap, np.abs(value))
 
     def _sizes(self, name: str, P: Array, given: Mapping[str, object], count: int) -> dict[str, Array]:
         """Sums of the absolute values of the terms of each formula; 0 if there are none."""

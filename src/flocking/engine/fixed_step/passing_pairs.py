@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from flocking.arrays import Array
 from flocking.engine.fixed_step.step_checks import STRIDE, check_stride
 from flocking.model.law import Law
+from flocking.model.space import OPEN, Space
 from flocking.model.terms.pair_terms import Gradient
 
 
@@ -27,7 +28,8 @@ def singular_reach(law: Law) -> float:
 
 
 def check_passing(
-    q: Array, moved: Array, reach: float, step: float, *, time: float, ids: NDArray[np.integer] | None = None
+    q: Array, moved: Array, reach: float, step: float, *, time: float, ids: NDArray[np.integer] | None = None,
+    space: Space = OPEN,
 ) -> None:  # fmt: skip
     """Check that no pair comes within ``reach`` on its straight path while it moves too far for its distance.
 
@@ -45,6 +47,8 @@ def check_passing(
         The time step.
     ids
         Numbers of the agents, if they are not in order.
+    space
+        Where they live.
 
     Raises
     ------
@@ -59,12 +63,17 @@ def check_passing(
     from scipy.spatial import cKDTree
 
     middle = q + 0.5 * moved
-    tree = cKDTree(middle)
+    sides = [length if np.isfinite(length) else 0.0 for length in space.lengths]
+    middle = space.wrapped(middle)
+    tree = cKDTree(middle, boxsize=sides or None)  # type: ignore[arg-type]  # its stub knows no box
     for i in fast[np.argsort(-length[fast], kind="stable")]:
         # Pairs with a faster agent have already been checked.
         others = np.array(tree.query_ball_point(middle[i], reach + length[i]), dtype=np.int64)
         others = others[others != i]
-        apart, displacement = q[others] - q[i], moved[others] - moved[i]
+        shifts = space.lattice(2.0 * (reach + float(length[i])), q.shape[1])
+        apart = (space.displacement(q[others] - q[i])[:, None] + shifts).reshape(-1, q.shape[1])
+        others = np.repeat(others, len(shifts))
+        displacement = moved[others] - moved[i]
         distance, square = np.sqrt((apart**2).sum(axis=1)), np.maximum((displacement**2).sum(axis=1), 1e-300)
         share = np.clip(-(apart * displacement).sum(axis=1) / square, 0.0, 1.0)
         nearest = np.sqrt(((apart + share[:, None] * displacement) ** 2).sum(axis=1))

@@ -29,3 +29,24 @@ def displacement_lines(periods: Periods, neighbour: Callable[[int], str] = lambd
         for k, period in enumerate(periods)
         if period is not None
     ]
+
+
+def period_lines(k: int, period: str) -> list[str]:
+    """Lines before the loops of a vectorised kernel, in its precision ``T``, see `nearest_image_line`.
+
+    Parameters
+    ----------
+    k
+        Number of the axis.
+    period
+        Name of the length after which it repeats.
+    """
+    return [f"period{k} = T({period})", f"per_period{k} = T(1.0 / {period})"]
+
+
+def nearest_image_line(k: int) -> str:
+    """Line of a vectorised kernel that moves a difference of positions along axis ``k`` to the nearest image.
+
+    A tie at half a length goes up, in both directions: no link is so long.
+    """
+    return f"d{k} = d{k} - period{k} * floor_of(d{k} * per_period{k} + T(0.5))"

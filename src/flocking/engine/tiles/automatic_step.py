@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from flocking.arrays import Array
 from flocking.engine.fixed_step.automatic_step import SAMPLE, SampledPairs, largest_step, resolving_step
 from flocking.engine.tiles.neighbours.listed_pairs import tile_pairs
 from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
@@ -45,10 +44,7 @@ def _sampled(particles: ParticleArrays, number: int, agents: int = SAMPLE) -> Sa
         return None
     i, j = tile_pairs(lists, range(0, particles.tiles, max(1, particles.n // agents)), particles.n)
 
-    def length(rows: slice) -> Array:
-        square: Array = ((particles.X[rows, j] - particles.X[rows, i]).astype(np.float64) ** 2).sum(axis=0)
-        return np.sqrt(square)
-
-    distance, speed = length(slice(m)), length(slice(m, 2 * m))
+    distance = particles.distances(i, j)
+    speed = np.sqrt(((particles.X[m:, j] - particles.X[m:, i]).astype(np.float64) ** 2).sum(axis=0))
     inside = distance < (particles.radii.cutoffs[number] or np.inf)
     return SampledPairs(i[inside], distance[inside], speed[inside])

@@ -108,7 +108,7 @@ def _check_pair_motion(
     if top > STRIDE * singular_reach:
         q = particles.Y[: particles.m, : particles.n].T.astype(np.float64)
         moved = particles.X[: particles.m, : particles.n].T - q
-        check_passing(q, moved, singular_reach, step, time=time, ids=particles.ids)
+        check_passing(q, moved, singular_reach, step, time=time, ids=particles.ids, space=particles.space)
 
 
 def _check_contact(particles: ParticleArrays, time: float) -> None:
@@ -118,7 +118,8 @@ def _check_contact(particles: ParticleArrays, time: float) -> None:
         if lists is None:
             continue
         i, j = tile_pairs(lists, np.flatnonzero(particles.tile_extremes[:, 1] == 0.0), particles.n)
-        same = np.flatnonzero((particles.Y[: particles.m, i] == particles.Y[: particles.m, j]).all(axis=0))
+        apart = particles.space.displacement((particles.Y[: particles.m, j] - particles.Y[: particles.m, i]).T)
+        same = np.flatnonzero((apart == 0.0).all(axis=1))
         if len(same):
             pair = sorted((int(particles.ids[i[same[0]]]), int(particles.ids[j[same[0]]])))
             raise NotFinite(
@@ -186,7 +187,8 @@ def _closest_in(particles: ParticleArrays, tile: int) -> tuple[int, int] | None:
     i, j = _listed(particles, [tile])
     if not len(i):
         return None
-    square = ((particles.Y[: particles.m, j] - particles.Y[: particles.m, i]) ** 2).sum(axis=0)
+    apart = particles.Y[: particles.m, j] - particles.Y[: particles.m, i]
+    square = (particles.space.displacement(apart.T) ** 2).sum(axis=1)
     k = int(np.argmin(square))
     a, b = int(particles.ids[i[k]]), int(particles.ids[j[k]])
     return (min(a, b), max(a, b))
@@ -202,7 +204,7 @@ def _check_strides(particles: ParticleArrays, h: float, step: float, time: float
     i, j = _listed(particles, tiles)
     if not len(i):
         return
-    distance = np.sqrt(((particles.Y[:m, j] - particles.Y[:m, i]) ** 2).sum(axis=0))
+    distance = np.sqrt((particles.space.displacement((particles.Y[:m, j] - particles.Y[:m, i]).T) ** 2).sum(axis=1))
     moved = np.sqrt(
         ((particles.X[:m, j] - particles.X[:m, i] - particles.Y[:m, j] + particles.Y[:m, i]) ** 2).sum(axis=0)
     )

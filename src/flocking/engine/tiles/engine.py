@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.reference.plants import check_plant
-from flocking.engine.tiles.kernels.spec import check_supported
+from flocking.engine.tiles.kernels.spec import SPACES, check_supported
 from flocking.engine.tiles.options import TilesOptions
 from flocking.engine.tiles.session import TilesSession
 from flocking.model.law import Law, Scenario
@@ -19,6 +19,7 @@ class TilesEngine(Engine):
     name = "tiles"
     summary = "fixed steps, for large groups"
     options = TilesOptions
+    spaces = SPACES
     free_options = frozenset({"threads"})
     command_line_options = {"observe": True}  # noqa: RUF012  never changed
 

@@ -219,7 +219,8 @@ class LawCheck:
         j, bit = j[k, column], entries[k, column] > NUMBER
         if kind.fixed:
             return k, j, np.ones(len(k), dtype=bool)
-        d = q[j].astype(np.float64) - q[places[k]].astype(np.float64)
+        difference = q[j].astype(np.float64) - q[places[k]].astype(np.float64)
+        d = particles.space.displacement(difference)
         r = np.sqrt((d**2).sum(axis=1))
         graph = particles.radii.graphs[number]
         who = particles.ids[places[k]]
@@ -227,7 +228,8 @@ class LawCheck:
             np.broadcast_to(np.asarray(x, dtype=np.float64), particles.n)[who]
             for x in (graph.break_radius, graph.appear_radius)
         )
-        slack = EDGE * self.eps * leave
+        # Displacements to an image are no more certain than the positions.
+        slack = EDGE * self.eps * (leave + np.abs(d - difference).sum(axis=1))
         certain = (np.abs(r - leave) > slack) & (np.abs(r - enter) > slack)
         linked = bit if remembered else np.where(r < enter - slack, True, np.where(r > leave + slack, False, bit))
         return k[linked], j[linked], certain[linked] | remembered

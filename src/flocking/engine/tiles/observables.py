@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from flocking.arrays import Indices, Reals
 from flocking.engine.runs.observation import observation
 from flocking.engine.runs.run import OBSERVED_FIELDS as OBSERVED_FIELDS
+from flocking.engine.tiles.neighbours.nearest_image import to_nearest
 from flocking.engine.tiles.neighbours.neighbour_lists import LINKED, NUMBER
 from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 from flocking.formula.native.functions import native
@@ -21,7 +22,7 @@ def _root(parent: NDArray[np.int32], i: int | np.int64) -> int | np.int64:
 
 
 @native
-def _survey(agents, n, rows, first, count, remembered, limit, each, parent):  # type: ignore[no-untyped-def]
+def _survey(agents, n, box, rows, first, count, remembered, limit, each, parent):  # type: ignore[no-untyped-def]
     """Join linked agents; returns the number of links, sums of lengths and squared lengths, and the smallest square."""
     links = 0
     lengths = 0.0
@@ -40,6 +41,8 @@ def _survey(agents, n, rows, first, count, remembered, limit, each, parent):  # 
             s = 0.0
             for k in range(agents.shape[1] // 2):
                 d = np.float64(agents[j, k]) - np.float64(agents[i, k])
+                if box.shape[0]:
+                    d = np.float64(to_nearest(d, box, k, agents.shape[1] // 2))
                 s += d * d
             if remembered:
                 if entry < LINKED:
@@ -69,6 +72,7 @@ def _flock_sizes(particles: ParticleArrays) -> tuple[Indices, tuple[int, float, 
     counted = _survey(
         particles.agents,
         n,
+        particles.box,
         lists.rows,
         lists.first,
         lists.count,

@@ -61,7 +61,7 @@ class Planted:
 
     def __init__(self, scenario: Scenario, plant: Law, spec: KernelSpec) -> None:
         self._scenario = scenario.with_(law=plant)
-        layout = Layout(plant, scenario.energy, scenario.agents)
+        layout = Layout(plant, scenario.energy, scenario.agents, scenario.space)
         self.spec = replace(spec, layout=layout, weights=layout.weight_kinds())
         self._move = tile_kernels(self.spec).move
         self._O = layout.obstacle_rows()

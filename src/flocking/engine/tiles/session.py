@@ -107,7 +107,7 @@ class TilesSession(Session):
 
     def _spec(self, scenario: Scenario) -> KernelSpec:
         agents, options = scenario.agents, self.options
-        layout = Layout(scenario.law, scenario.energy, agents)
+        layout = Layout(scenario.law, scenario.energy, agents, scenario.space)
         return KernelSpec(
             layout, scenario.start.dimension, options.precision, graph_kinds(scenario, options.ledger),
             layout.weight_kinds(), np.ndim(agents.masses) > 0, np.ndim(agents.damping) > 0, self.scheme == "damped",
@@ -175,7 +175,7 @@ class TilesSession(Session):
         i, j = listed_pairs(lists, n, linked=not by_distance)
         if by_distance:
             q = self._particles.X[: self._particles.m]
-            square = sum((row[j] - row[i]) ** 2 for row in q)
+            square = (self.scenario.space.displacement((q[:, j] - q[:, i]).T) ** 2).sum(axis=1)
             near = square < (self._particles.radii.each[0][i] if kind.uneven else self._particles.radii.limits[0][0])
             i, j = i[near], j[near]
         links = np.zeros((n, n), dtype=bool)

@@ -8,7 +8,6 @@ second, moved by a vector of the lattice. No image that can get there is left ou
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,11 +140,7 @@ def reachable(space: Space, B: Array, pairs: Links, reach: Array) -> Iterator[tu
     difference = B[0, j] - B[0, i]
     nearest = nearest_shift(space, difference)
     near, far = difference + nearest, reach[i, j] * (1.0 + MARGIN)
-    lengths = np.asarray(space.lengths)
-    # A component of the nearest displacement is at most half a length: n lengths further it is at least n - 1/2.
-    counts = [int(far.max() / length + 0.5) if np.isfinite(length) else 0 for length in lengths]
-    for cell in product(*(range(-count, count + 1) for count in counts)):
-        step = np.array([number * length if number else 0.0 for number, length in zip(cell, lengths, strict=True)])
+    for step in space.lattice(float(far.max()), B.shape[2]):
         chosen = ((near + step) ** 2).sum(axis=1) <= far**2
         if chosen.any():
             yield i[chosen], j[chosen], (nearest + step)[chosen]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from flocking.engine.kernels.displacements import nearest_image_line
 from flocking.engine.tiles.kernels.spec import GraphKind
 from flocking.engine.tiles.kernels.writer import Writer, distance, parameter
 
@@ -77,6 +78,7 @@ def _neighbour_lines(w: Writer, number: int, *, needs_velocity: bool, flow: bool
         beside = [f"{letter}{k}_there" for letter in "xu" for k in axes]
         lines += [f"{', '.join(beside)} = gather_agents(Y, {found})"] * needs_velocity
     lines += [f"d{k} = q{k}_there - q{k}" for k in axes]
+    lines += [nearest_image_line(k) for k, slot in enumerate(w.periods) if slot is not None]
     if needs_velocity:
         letter = "u" if flow else "p"
         lines += [f"v{k} = {letter}{k}_there - {letter}{k}" for k in axes]

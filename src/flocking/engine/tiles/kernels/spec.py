@@ -13,12 +13,16 @@ from flocking.formula.origins import library_states_all
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.weights import HashedWeights, MatrixWeights
 from flocking.model.law import Scenario
+from flocking.model.space import Open, Periodic
 
 SCHEMES = {2: ("verlet", "damped", "rk4"), 1: ("rk4", "euler")}
 """Names of the integrators by the order of agents, the default one first: half-step-velocity Verlet (as in LAMMPS), the
 same with exponential damping, Runge-Kutta of order 4, and the forward Euler method."""
 
 PRECISIONS: dict[str, type[np.float32] | type[np.float64]] = {"float64": np.float64, "float32": np.float32}
+
+SPACES = (Open, Periodic)
+"""Kinds of space whose displacements kernels compute."""
 
 MOST_AGENTS = 2**31 - 64
 """Largest number of agents: entries of neighbour lists have 31 bits for it, and the last tile is padded."""
@@ -108,8 +112,8 @@ def check_supported(scenario: Scenario) -> None:
     def refuse(what: str) -> UnsupportedLaw:
         return UnsupportedLaw(f"The tiled engine cannot run {what}. Use engine='exact'.")
 
-    if not scenario.space.is_open:
-        raise refuse(f"{type(scenario.space).__name__} space, only open space")
+    if not isinstance(scenario.space, SPACES):
+        raise refuse(f"{type(scenario.space).__name__} space")
     if body := refused_body(agents):
         raise refuse(body)
     if dimension not in (2, 3):

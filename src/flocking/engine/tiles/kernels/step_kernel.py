@@ -15,6 +15,7 @@ import re
 from types import ModuleType
 from typing import TYPE_CHECKING
 
+from flocking.engine.kernels.displacements import period_lines
 from flocking.engine.kernels.source_text import free_names, indented
 from flocking.engine.tiles.kernels.pair_loop import pair_loop
 from flocking.engine.tiles.kernels.spec import KernelSpec
@@ -245,7 +246,9 @@ def _kernel(
 
     spec, axes = w.spec, w.axes
     uniform = [f"{name} = T({code(value, arrays=False)})" for name, value in w.lifter.definitions.items()]
-    scalars = _scalars(w, [*w.lifter.definitions.values(), *values], mean)
+    repeated = [(k, slot) for k, slot in enumerate(w.periods) if slot is not None]
+    scalars = _scalars(w, [*w.lifter.definitions.values(), *values, *(parameter(slot) for _, slot in repeated)], mean)
+    frames = frames + [line for k, slot in repeated for line in period_lines(k, slot)]
     top = [f"huge = T({HUGE!r})", f"{ENDLESS} = T(np.inf)", *scalars, *frames, *uniform]
     for number, kind in enumerate(spec.graphs):
         top += [f"safe{number} = limits{number}[2]"]

@@ -29,6 +29,7 @@ class Writer:
 
         self.spec, self.formulas = spec, formulas
         self.axes = range(spec.dimension)
+        self.periods = spec.layout.period_slots(spec.dimension)
         self.lifter = Lifter(self.uniform)
         self.per_agent: set[str] = set()
         self.obstacle_values: list[sympy.Expr] = []

@@ -6,6 +6,7 @@ places then share cells, which costs some unnecessary distance tests and does no
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +23,10 @@ CHUNK = 16384
 ROUNDING = 1e-9
 """Cells are wider than the reach by this fraction, so that rounding never places a neighbour two cells away."""
 
+PERIODIC_ROUNDING = 8.0 * float(np.finfo(np.float64).eps)
+"""The same on an axis that repeats, as a share of the extent of the group, which may be many lengths: four roundings of
+a coordinate in cells, twice."""
+
 
 @dataclass(frozen=True)
 class Grid:
@@ -32,13 +37,14 @@ class Grid:
     origin
         Lowest corner, three coordinates (the last is 0 in the plane).
     inverse
-        Reciprocal of the width of a cell.
+        Reciprocal of the width of a cell along each axis. Cells are as wide as the reach, unless there are 3
+        along an axis, which are all neighbours of each other.
     shape
         Cells along each axis, three numbers (the last is 1 in the plane); at least 3 along an axis in use.
     """
 
     origin: tuple[float, float, float]
-    inverse: float
+    inverse: tuple[float, float, float]
     shape: tuple[int, int, int]
 
     @property
@@ -47,7 +53,7 @@ class Grid:
         return self.shape[0] * self.shape[1] * self.shape[2]
 
 
-def choose_grid(low: Vector, high: Vector, reach: float, n: int) -> Grid:
+def choose_grid(low: Vector, high: Vector, reach: float, n: int, lengths: Sequence[float] = ()) -> Grid:
     """A grid of cells of width ``reach`` over the box from ``low`` to ``high``, wrapped if it would be too large.
 
     Parameters
@@ -58,10 +64,17 @@ def choose_grid(low: Vector, high: Vector, reach: float, n: int) -> Grid:
         Largest distance of neighbours.
     n
         Number of agents: the grid has at most about 2 n cells.
+    lengths
+        Length after which each axis repeats, infinite where it does not; empty where none does. Along an axis that
+        repeats whole cells fill the length, so that the grid wraps around as space does.
     """
     m = len(low)
     width = reach * (1.0 + ROUNDING)
-    per_axis = np.maximum(np.floor((np.asarray(high) - np.asarray(low)) / width) + 1.0, 3.0)
+    extent = np.asarray(high) - np.asarray(low)
+    per_axis = np.maximum(np.floor(extent / width) + 1.0, 3.0)
+    repeats = [k for k, length in enumerate(lengths) if np.isfinite(length)]
+    for k in repeats:
+        per_axis[k] = max(np.floor(lengths[k] / (width + PERIODIC_ROUNDING * extent[k])), 3.0)
     most = max(2.0 * n, 3.0**m)
     if per_axis.prod() > most:
         # Shrink the longest axes first, so that the grid of a thin group keeps its shape.
@@ -74,7 +87,8 @@ def choose_grid(low: Vector, high: Vector, reach: float, n: int) -> Grid:
             axes -= 1
     shape = [int(k) for k in per_axis] + [1] * (3 - m)
     origin = [float(x) for x in low] + [0.0] * (3 - m)
-    return Grid((origin[0], origin[1], origin[2]), 1.0 / width, (shape[0], shape[1], shape[2]))
+    inverse = [shape[k] / lengths[k] if k in repeats else 1.0 / width for k in range(3)]
+    return Grid((origin[0], origin[1], origin[2]), (inverse[0], inverse[1], inverse[2]), (shape[0], shape[1], shape[2]))
 
 
 def cell_of(x: float, origin: float, inverse: float, count: int) -> int:
@@ -111,10 +125,10 @@ def _count(first, last, agents, n, origin, inverse, shape, shift, key, counts): 
         for bucket in range(counts.shape[1]):
             counts[chunk, bucket] = 0
         for i in range(chunk * CHUNK, min((chunk + 1) * CHUNK, n)):
-            k = cell_of(agents[i, 1], origin[1], inverse, shape[1])
+            k = cell_of(agents[i, 1], origin[1], inverse[1], shape[1])
             if three:
-                k += shape[1] * cell_of(agents[i, 2], origin[2], inverse, shape[2])
-            k = k * shape[0] + cell_of(agents[i, 0], origin[0], inverse, shape[0])
+                k += shape[1] * cell_of(agents[i, 2], origin[2], inverse[2], shape[2])
+            k = k * shape[0] + cell_of(agents[i, 0], origin[0], inverse[0], shape[0])
             key[i] = k
             counts[chunk, k >> shift] += 1
 
@@ -194,16 +208,18 @@ class Sorter:
         Number of agents.
     workers
         Threads to use.
+    lengths
+        As for `choose_grid`.
     """
 
-    def __init__(self, n: int, workers: Workers) -> None:
-        self.n, self.workers = n, workers
+    def __init__(self, n: int, workers: Workers, lengths: Sequence[float] = ()) -> None:
+        self.n, self.workers, self.lengths = n, workers, lengths
         self.key = np.empty(n, np.int32)
         self.key_buffer = np.empty(n, np.int32)
         self.index_buffer = np.empty(n, np.int32)
         self.order: Numbers32 = np.empty(n, np.int32)
         self.start: Numbers32 = np.empty(1, np.int32)
-        self.grid = Grid((0.0, 0.0, 0.0), 1.0, (3, 3, 1))
+        self.grid = Grid((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (3, 3, 1))
         self.crowding = 0.0
 
     @property
@@ -230,7 +246,7 @@ class Sorter:
             Extent of the agents.
         """
         n = self.n
-        grid = self.grid = choose_grid(seen.low, seen.high, reach, n)
+        grid = self.grid = choose_grid(seen.low, seen.high, reach, n, self.lengths)
         cells = grid.cells
         shift = 0
         while (cells >> shift) >= MOST_BUCKETS:
@@ -239,8 +255,8 @@ class Sorter:
         chunks = self.chunks
         counts = np.empty((chunks, buckets), np.int32)
         each = self.workers.each_large
-        origin, shape = np.array(grid.origin), np.array(grid.shape)
-        each(_count, chunks, agents, n, origin, grid.inverse, shape, shift, self.key, counts)
+        origin, inverse, shape = np.array(grid.origin), np.array(grid.inverse), np.array(grid.shape)
+        each(_count, chunks, agents, n, origin, inverse, shape, shift, self.key, counts)
         ends = np.cumsum(counts.T.ravel(), dtype=np.int64)
         places = np.ascontiguousarray((ends - counts.T.ravel()).reshape(buckets, chunks).T)
         begins = np.append(places[0], n)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from flocking.arrays import Numbers, Reals
 from flocking.engine.tiles.neighbours.neighbour_lists import LINKED, NUMBER, WIDTH, TileLists
 from flocking.model.graphs.connectivity import Links
+from flocking.model.space import OPEN, Space
 
 
 def tile_pairs(lists: TileLists, tiles: Iterable[int], n: int) -> tuple[Numbers, Numbers]:
@@ -41,8 +42,9 @@ def listed_pairs(lists: TileLists, n: int, *, linked: bool = False) -> tuple[Num
 
 
 def nearest_pair_beyond(
-    square: float, neighbour_lists: Sequence[TileLists | None], tiles: Iterable[int], positions: Reals, n: int
-) -> tuple[int, int]:
+    square: float, neighbour_lists: Sequence[TileLists | None], tiles: Iterable[int], positions: Reals, n: int,
+    space: Space = OPEN,
+) -> tuple[int, int]:  # fmt: skip
     """Indices of the nearest listed pair of some tiles at a squared distance of at least ``square``.
 
     Parameters
@@ -57,10 +59,12 @@ def nearest_pair_beyond(
         Positions, shape (m, size).
     n
         Number of agents.
+    space
+        Where they live.
     """
     pairs = [tile_pairs(lists, tiles, n) for lists in neighbour_lists if lists is not None]
     i, j = (np.concatenate(x) for x in zip(*pairs, strict=True))
-    squares = ((positions[:, j] - positions[:, i]) ** 2).sum(axis=0)
+    squares = (space.displacement((positions[:, j] - positions[:, i]).T) ** 2).sum(axis=1)
     k = int(np.argmin(np.where(squares >= square, squares, np.inf)))
     return int(i[k]), int(j[k])
 

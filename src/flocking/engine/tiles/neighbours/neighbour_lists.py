@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from flocking.arrays import Array, Numbers, Numbers32, Reals
 from flocking.engine.tiles.neighbours.cell_list import Grid, cell_of
+from flocking.engine.tiles.neighbours.nearest_image import to_nearest
 from flocking.engine.tiles.simd.interleaved_arrays import column
 from flocking.engine.tiles.simd.reductions import bits_of, first_bit, highest
 from flocking.engine.tiles.simd.vectors import load, numbers_from, select, spread, store
@@ -73,14 +74,17 @@ class Cells(NamedTuple):
         See `flocking.engine.tiles.neighbours.cell_list.Grid`, as arrays.
     start
         Index of the first agent of each cell, and the number of agents, shape (cells + 1,).
+    box
+        See `flocking.engine.tiles.neighbours.nearest_image.box_of`.
     """
 
     agents: Reals
     n: int
     origin: Array
-    inverse: float
+    inverse: Array
     shape: Numbers
     start: Numbers32
+    box: Reals
 
 
 class Reach(NamedTuple):
@@ -179,22 +183,22 @@ def _search_tile(
                 if part:
                     a, b = (shape[0] - 1, shape[0]) if c == 1 else (0, 1)
                 first, behind = cells.start[row * shape[0] + a], cells.start[row * shape[0] + b]
-                _test_candidates(agents, reach, rows, base, members, first, behind, cursor, end, found)
+                _test_candidates(agents, cells.box, reach, rows, base, members, first, behind, cursor, end, found)
         lane = last
 
 
 def _cell(cells: Cells, i: int) -> tuple[int, int, int]:
     """Cell of an agent along each axis; 0 along the third axis in two dimensions."""
     agents, origin, inverse, shape = cells.agents, cells.origin, cells.inverse, cells.shape
-    x = cell_of(agents[i, 0], origin[0], inverse, shape[0])
-    y = cell_of(agents[i, 1], origin[1], inverse, shape[1])
-    z = cell_of(agents[i, 2], origin[2], inverse, shape[2]) if agents.shape[1] == 6 else 0
+    x = cell_of(agents[i, 0], origin[0], inverse[0], shape[0])
+    y = cell_of(agents[i, 1], origin[1], inverse[1], shape[1])
+    z = cell_of(agents[i, 2], origin[2], inverse[2], shape[2]) if agents.shape[1] == 6 else 0
     return x, y, z
 
 
 def _test_candidates(
-    agents: Reals, reach: Reach, rows: NDArray[np.uint32], base: int, members: int, first: int, behind: int,
-    cursor: int, end: int, found: NDArray[np.uint32],
+    agents: Reals, box: Reals, reach: Reach, rows: NDArray[np.uint32], base: int, members: int, first: int,
+    behind: int, cursor: int, end: int, found: NDArray[np.uint32],
 ) -> None:  # fmt: skip
     """List the candidates of a range within reach of some agents of a tile; these are tested together."""
     three = agents.shape[1] == 6
@@ -205,9 +209,13 @@ def _test_candidates(
     for j in range(first, behind):
         dx = agents[j, 0] - own_x
         dy = agents[j, 1] - own_y
+        if box.shape[0]:
+            dx, dy = to_nearest(dx, box, 0, agents.shape[1] // 2), to_nearest(dy, box, 1, agents.shape[1] // 2)
         s = dx * dx + dy * dy
         if three:
             dz = agents[j, 2] - own_z
+            if box.shape[0]:
+                dz = to_nearest(dz, box, 2, 3)
             s = s + dz * dz
         bits = bits_of((s < limit) & (own != np.uint32(j))) & members
         while bits:
@@ -220,7 +228,7 @@ def _test_candidates(
 
 
 @native
-def _begin_links(first_tile, last_tile, agents, n, limits, rows, first, count):  # type: ignore[no-untyped-def]
+def _begin_links(first_tile, last_tile, agents, n, box, limits, rows, first, count):  # type: ignore[no-untyped-def]
     """Link all listed pairs closer than the limit of the sensing agent."""
     m = agents.shape[1] // 2
     for tile in range(first_tile, last_tile):
@@ -232,6 +240,8 @@ def _begin_links(first_tile, last_tile, agents, n, limits, rows, first, count): 
                 s = agents[i, 0] * 0
                 for k in range(m):
                     d = agents[j, k] - agents[i, k]
+                    if box.shape[0]:
+                        d = to_nearest(d, box, k, m)
                     s += d * d
                 if s < limits[i if limits.shape[0] > 1 else 0]:
                     rows[row, lane] |= LINKED
@@ -287,10 +297,12 @@ class ListBuilder:
         Largest size of the lists in bytes.
     workers
         Threads to use.
+    box
+        See `flocking.engine.tiles.neighbours.nearest_image.box_of`.
     """
 
-    def __init__(self, n: int, memory_limit: float, workers: Workers) -> None:
-        self.n, self.workers, self.memory_limit = n, workers, memory_limit
+    def __init__(self, n: int, memory_limit: float, workers: Workers, box: Reals) -> None:
+        self.n, self.workers, self.memory_limit, self.box = n, workers, memory_limit, box
         self.tiles = (n + WIDTH - 1) // WIDTH
         self.chunks = (self.tiles + TILES_IN_CHUNK - 1) // TILES_IN_CHUNK
         self.capacity = np.zeros(self.chunks, np.int64)
@@ -333,7 +345,7 @@ class ListBuilder:
         lost = np.full(2, -1, np.int64)
         here = (lists.rows, lists.first, lists.count)
         if begin2 is not None:
-            self.workers.each(_begin_links, self.tiles, agents, self.n, begin2, *here)
+            self.workers.each(_begin_links, self.tiles, agents, self.n, self.box, begin2, *here)
         elif remember and old is not None:
             before = (old.rows, old.first, old.count)
             self.workers.each(_carry_links, self.tiles, self.n, order, place, *before, *here, lost)
@@ -344,7 +356,8 @@ class ListBuilder:
         """Lists without links, with sufficient capacity."""
         dtype = agents.dtype.type
         limits = np.asarray(each_reach, dtype=dtype) ** 2
-        cells = Cells(agents, self.n, np.array(grid.origin), grid.inverse, np.array(grid.shape), start)
+        places = np.array(grid.origin), np.array(grid.inverse), np.array(grid.shape)
+        cells = Cells(agents, self.n, *places, start, self.box)
         distances = Reach(dtype(reach) ** 2, limits)
         numbers = np.empty((self.chunks, WIDTH), np.uint32)
         while True:
@@ -368,44 +381,3 @@ class ListBuilder:
         return TileLists(
             np.empty((max(total, 1), WIDTH), np.uint32), np.zeros(self.tiles, np.int64), np.zeros(self.tiles, np.int32)
         )
-
-
-@native
-def _fixed(first_tile, last_tile, n, ids, place, offsets, neighbours, rows, first, count):  # type: ignore[no-untyped-def]
-    for tile in range(first_tile, last_tile):
-        for lane in range(WIDTH):
-            i = tile * WIDTH + lane
-            k = 0
-            if i < n:
-                for at in range(offsets[ids[i]], offsets[ids[i] + 1]):
-                    rows[first[tile] + k, lane] = np.uint32(place[neighbours[at]]) | LINKED
-                    k += 1
-            for rest in range(k, count[tile]):
-                rows[first[tile] + rest, lane] = np.uint32(i)
-
-
-def fixed_lists(
-    ids: Numbers32, place: Numbers32, offsets: Numbers, neighbours: Numbers32, workers: Workers
-) -> TileLists:
-    """Neighbour lists of a fixed graph.
-
-    Parameters
-    ----------
-    ids
-        Identity of the agent at each index, shape (n or more,).
-    place
-        Index of each identity, shape (n,).
-    offsets, neighbours
-        Sensed identities of identity i are ``neighbours[offsets[i] : offsets[i + 1]]``.
-    workers
-        Threads to use.
-    """
-    n = len(place)
-    tiles = (n + WIDTH - 1) // WIDTH
-    degree = np.zeros(tiles * WIDTH, np.int64)
-    degree[:n] = np.diff(offsets)[ids[:n]]
-    count = degree.reshape(tiles, WIDTH).max(axis=1).astype(np.int32)
-    first = (np.cumsum(count) - count).astype(np.int64)
-    lists = TileLists(np.empty((max(int(count.sum()), 1), WIDTH), np.uint32), first, count)
-    workers.each(_fixed, tiles, n, ids, place, offsets, neighbours, lists.rows, first, count)
-    return lists

@@ -11,6 +11,7 @@ import numpy as np
 from flocking.arrays import Array, Numbers, Reals
 from flocking.engine.tiles.neighbours.cell_list import Sorter
 from flocking.engine.tiles.simd.vectors import WIDTH
+from flocking.model.space import OPEN, Space
 
 SKINS = tuple(0.04 * 1.25**k for k in range(15))
 """Skins tried, as fractions of the cutoff."""
@@ -31,7 +32,7 @@ def _candidates(sorter: Sorter, q: Reals, far: float) -> tuple[Numbers, Numbers]
     """Agents within ``far`` cells of positions q, shape (k, m): index of the position, and index of the agent."""
     grid, m = sorter.grid, q.shape[1]
     # As in the sort; on wrapped axes every cell is taken once.
-    cells = np.floor((q.astype(np.float64) - grid.origin[:m]) * grid.inverse).astype(np.int64)
+    cells = np.floor((q.astype(np.float64) - grid.origin[:m]) * np.array(grid.inverse[:m])).astype(np.int64)
     steps = [np.arange(min(2 * far + 1, count)) - far for count in grid.shape[:m]]
     offsets = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, m)
     near = (cells[:, None] + offsets) % np.array(grid.shape[:m])
@@ -45,7 +46,7 @@ def _candidates(sorter: Sorter, q: Reals, far: float) -> tuple[Numbers, Numbers]
     return whose, np.arange(len(whose)) + np.repeat(first - (ends - many), many)
 
 
-def _lengths(agents: Reals, sorter: Sorter, limits: Array) -> Array:
+def _lengths(agents: Reals, sorter: Sorter, limits: Array, space: Space = OPEN) -> Array:
     """Mean number of rows of the lists of the sampled tiles for each distance of ``limits``."""
     m, n = agents.shape[1] // 2, sorter.n
     count = (n + WIDTH - 1) // WIDTH
@@ -56,7 +57,7 @@ def _lengths(agents: Reals, sorter: Sorter, limits: Array) -> Array:
         part = part[part < n]
         q = agents[sorter.order[part], :m]
         whose, there = _candidates(sorter, q, 2)
-        square = ((agents[sorter.order[there], :m] - q[whose]) ** 2).sum(axis=1)
+        square = (space.displacement(agents[sorter.order[there], :m] - q[whose]) ** 2).sum(axis=1)
         inside = np.searchsorted(limits**2, square, side="right")
         own = np.bincount(whose * (len(limits) + 1) + inside, minlength=len(part) * (len(limits) + 1))
         within = np.cumsum(own.reshape(len(part), -1)[:, :-1], axis=1) - 1
@@ -65,7 +66,7 @@ def _lengths(agents: Reals, sorter: Sorter, limits: Array) -> Array:
     return rows / len(tiles)
 
 
-def best_skin(agents: Reals, sorter: Sorter, cutoff: float, stride: float) -> float:
+def best_skin(agents: Reals, sorter: Sorter, cutoff: float, stride: float, space: Space = OPEN) -> float:
     """The skin with the lowest cost per step.
 
     Parameters
@@ -78,10 +79,15 @@ def best_skin(agents: Reals, sorter: Sorter, cutoff: float, stride: float) -> fl
         Largest distance of linked agents.
     stride
         Largest change of the distance of two agents in one step.
+    space
+        Where they live.
     """
-    # The sample covers two cells in each direction.
-    skins = np.array([s for s in SKINS if cutoff * (1.0 + s) * sorter.grid.inverse <= 2.0] or SKINS[:1]) * cutoff
-    rows = _lengths(agents, sorter, cutoff + skins)
+    # The sample covers two cells in each direction, and all of an axis of at most five.
+    m, grid = agents.shape[1] // 2, sorter.grid
+    axes = zip(grid.inverse[:m], grid.shape, space.lengths or (np.inf,) * m, strict=False)
+    inverse = max((x for x, count, length in axes if count > 5 or not np.isfinite(length)), default=0.0)
+    skins = np.array([s for s in SKINS if cutoff * (1.0 + s) * inverse <= 2.0] or SKINS[:1]) * cutoff
+    rows = _lengths(agents, sorter, cutoff + skins, space)
     steps = np.maximum(1.0, skins / max(stride, 1e-12 * cutoff))
     cost = PASS_COST + rows + (REBUILD_COST + REBUILD_ROW_COST * rows) / steps
     return float(skins[np.argmin(cost)])

@@ -10,14 +10,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from flocking.arrays import Array, Links, Numbers32, Reals
+from flocking.arrays import Array, Indices, Links, Numbers32, Reals
 from flocking.engine.tiles.kernels.spec import PRECISIONS, KernelSpec, only_numbers_differ
 from flocking.engine.tiles.kernels.step_kernel import tile_kernels
 from flocking.engine.tiles.kernels.tile_sums import sums_of
 from flocking.engine.tiles.measures import extremes_of, fastest
 from flocking.engine.tiles.neighbours.cell_list import Sorter
+from flocking.engine.tiles.neighbours.fixed_lists import fixed_lists
 from flocking.engine.tiles.neighbours.listed_pairs import nearest_pair_beyond, remember_links
-from flocking.engine.tiles.neighbours.neighbour_lists import WIDTH, ListBuilder, TileLists, fixed_lists
+from flocking.engine.tiles.neighbours.nearest_image import box_of
+from flocking.engine.tiles.neighbours.neighbour_lists import WIDTH, ListBuilder, TileLists
 from flocking.engine.tiles.neighbours.obstacle_lists import ObstacleLists
 from flocking.engine.tiles.neighbours.pair_count_bound import PairCountBound
 from flocking.engine.tiles.neighbours.verlet_skin import FIRST_SKIN, best_skin
@@ -77,9 +79,11 @@ class ParticleArrays:
         self.moving = any(not kind.fixed for kind in spec.graphs)
         self._fill_pads()
         self.radii = GraphRadii(scenario.law.graphs, spec, self.ids, n)
-        self.sorter = Sorter(n if self.moving else 1, workers)
+        self.space = scenario.space
+        self.box: Reals = box_of(self.space, m, self.dtype)
+        self.sorter = Sorter(n if self.moving else 1, workers, self.space.lengths)
         self.pair_count_bound = PairCountBound(memory_limit)
-        self.builders = [ListBuilder(n, memory_limit, workers) for _ in scenario.law.graphs]
+        self.builders = [ListBuilder(n, memory_limit, workers, self.box) for _ in scenario.law.graphs]
         self._set_parameters(scenario, state.t)
         self.M: Array = np.zeros(2 * m, np.float64)
         self.displacement = Displacement(self.size if self.moving else 0, m, self.dtype)
@@ -165,16 +169,28 @@ class ParticleArrays:
         given = skin if skin is not None else self.given_skin
         guess = float(given if given is not None else self.displacement.skin or FIRST_SKIN * cutoff)
         sorter.sort(self.agents, seen, cutoff + guess)
-        self.pair_count_bound.check(sorter.crowding, self.agents[: self.n, : self.m], self.radii.certain_reaches)
+        self._check_count()
         if given is None:
-            guess, sorted_for = best_skin(self.agents, sorter, cutoff, 2.0 * self.top_speed * step / CERTAIN), guess
+            stride = 2.0 * self.top_speed * step / CERTAIN
+            guess, sorted_for = best_skin(self.agents, sorter, cutoff, stride, self.space), guess
             if not SAME_CELLS * (cutoff + sorted_for) <= cutoff + guess <= cutoff + sorted_for:
                 sorter.sort(self.agents, seen, cutoff + guess)
-                self.pair_count_bound.check(
-                    sorter.crowding, self.agents[: self.n, : self.m], self.radii.certain_reaches
-                )
+                self._check_count()
         farthest = max(float(np.abs(seen.low).max()), float(np.abs(seen.high).max()))
         self.displacement.begin(guess, seen.velocity, farthest)
+
+    def _check_count(self) -> None:
+        q: Reals = self.agents[: self.n, : self.m]
+        if not self.space.is_open:
+            q = self.space.wrapped(q.astype(np.float64))
+        self.pair_count_bound.check(self.sorter.crowding, q, self.radii.certain_reaches)
+
+    def distances(self, i: Indices, j: Indices) -> Array:
+        """Distances of pairs of agents, by their places."""
+        x = self.X[: self.m]
+        apart = self.space.displacement((x[:, j] - x[:, i]).astype(np.float64).T)
+        square: Array = (apart**2).sum(axis=1)
+        return np.sqrt(square)
 
     def rebuild(self, step: float, skin: float | None = None) -> None:
         """Sort the agents and rebuild all lists; stored links are kept.
@@ -296,7 +312,7 @@ class ParticleArrays:
         kinds = self.spec.graphs
         least = min(float(x[0]) for x, kind in zip(self.radii.limits, kinds, strict=True) if kind.barrier)
         tiles = np.flatnonzero(self.tile_extremes[:, 2] > 0)[:4]
-        i, j = nearest_pair_beyond(least, self.lists, tiles, self.X[: self.m], self.n)
+        i, j = nearest_pair_beyond(least, self.lists, tiles, self.X[: self.m], self.n, self.space)
         return int(self.ids[i]), int(self.ids[j])
 
     def read_tile_extremes(self) -> None:
