@@ -35,7 +35,7 @@ def draw_tile(path: Path) -> None:
 
     def place(axes: Any) -> None:
         lines: dict[str, Any] = {"color": GREY, "lw": 0.5, "zorder": 0}
-        edges = [np.array(grid.origin[k]) + np.arange(grid.shape[k] + 1) / grid.inverse for k in range(2)]
+        edges = [np.array(grid.origin[k]) + np.arange(grid.shape[k] + 1) / grid.inverse[k] for k in range(2)]
         axes.vlines(edges[0], edges[1][0], edges[1][-1], **lines)
         axes.hlines(edges[1], edges[0][0], edges[0][-1], **lines)
         axes.plot(*q, "-", color=GREY, lw=0.4, alpha=0.6, label="order in memory")
