@@ -71,6 +71,41 @@ def test_a_signal_while_worker_processes_begin_waits_until_they_have() -> None:
     assert (found.returncode, found.stdout, found.stderr) == (0, 2 * "begun\ninterrupted\n", "")
 
 
+IMPORTED = """
+import os, signal, sys, time
+from flocking.apps.signal_handlers import ended_by_signals
+said = []
+with ended_by_signals():
+    try:
+        import struck
+        said.append("went on")
+        time.sleep(1.0)
+    except KeyboardInterrupt:
+        print("interrupted", *said, *sorted(name for name in sys.modules if name.startswith("struck")), sys.gettrace())
+"""
+
+STRUCK = """
+import os, signal, time
+os.kill(os.getpid(), signal.{number})
+begin = time.monotonic()
+while time.monotonic() < begin + 0.05:
+    pass
+import struck_too
+"""
+
+
+@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM"])
+def test_a_signal_amid_an_import_ends_right_after_it(tmp_path: Path, number: str) -> None:
+    """However long the next import takes to begin: no later moment has to be found."""
+    (tmp_path / "struck.py").write_text(STRUCK.format(number=number))
+    (tmp_path / "struck_too.py").write_text("")
+    found = subprocess.run(
+        [sys.executable, "-c", IMPORTED], capture_output=True, text=True, check=False,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *filter(None, sys.path)])},
+    )  # fmt: skip
+    assert (found.returncode, found.stdout, found.stderr) == (0, "interrupted struck struck_too None\n", "")
+
+
 HALF = """
 import signal, sys
 from flocking.apps.signal_handlers import ended_by_signals

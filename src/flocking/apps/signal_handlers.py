@@ -66,10 +66,14 @@ class SignalHandlers:
             signal.raise_signal(number)
         if self._for_good and not self.begun:
             end_now(number, frame)
-        self._waits = _importing(frame)
-        if self._waits:
+        importing, outside = _imports(frame)
+        self._waits = importing
+        if importing:
             # Imports swallow interrupts, or leave a library incomplete.
-            self._send_soon(number)
+            if outside is None or sys.gettrace() is not None:
+                self._send_soon(number)
+            else:
+                self._answer_in(outside, number)
             return
         if number == signal.SIGTERM and interruption.note():
             signal.signal(number, signal.SIG_DFL)
@@ -97,6 +101,22 @@ class SignalHandlers:
         for number in self._before:
             signal.signal(number, self._answer)
         self._send_soon(next(iter(self._before)))
+
+    def _answer_in(self, frame: FrameType, number: int) -> None:
+        """Answer a signal as soon as a frame that is called further goes on itself."""
+
+        def trace(current: FrameType, _event: str, _value: object) -> None:
+            if current is not frame:
+                return
+            sys.settrace(None)
+            frame.f_trace = None
+            handler = signal.getsignal(number)
+            if not self._removed and callable(handler):
+                self._sent_again = True
+                handler(number, frame)
+
+        frame.f_trace = trace
+        sys.settrace(trace)
 
     def _send_soon(self, number: int) -> None:
         def send() -> None:
@@ -137,13 +157,14 @@ def ended_by_signals(*, for_good: bool = False) -> Iterator[SignalHandlers]:
             exec("")
 
 
-def _importing(frame: FrameType | None) -> bool:
-    """Whether a module is being imported."""
+def _imports(frame: FrameType | None) -> tuple[bool, FrameType | None]:
+    """Whether a module is being imported, and the frame that asked for the outermost import."""
+    found, outside = False, None
     while frame is not None:
         if frame.f_code.co_filename.startswith("<frozen importlib"):
-            return True
+            found, outside = True, frame.f_back
         frame = frame.f_back
-    return False
+    return found, outside
 
 
 def _end_silently(number: int, frame: FrameType | None) -> None:

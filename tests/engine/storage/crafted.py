@@ -46,8 +46,27 @@ def scenario(engine: str) -> fk.Scenario:
         return fk.Scenario(
             zhou(1.2, 0.1), fk.start.hexagonal(40, spacing=0.9, noise=0.02, speed=0.5, seed=2), t_end=0.5
         )
+    if engine == "sampled":
+        return fk.Scenario(
+            fk.Law(fk.Hysteresis(4.0, 0.3), [fk.Gradient(fk.Potential("(r - 3)^2")), fk.Consensus(1.0)]),
+            fk.start.hexagonal(8, spacing=3.6, noise=0.2, speed=4.0, seed=29), t_end=0.5, frames=6,
+            agents=fk.PointMass(damping=0.5), control=fk.Held(np.linspace(0.02, 0.03, 8), latency=0.04),
+            information=fk.Messages(
+                0.02, delay=0.05, jitter=0.01, loss=fk.DistanceLoss(6.0), noise=fk.OrnsteinUhlenbeck(0.01, 0.01),
+                predict=True, seed=5,
+            ),
+        )  # fmt: skip
     begin = fk.start.hexagonal(8, spacing=3.6, noise=0.2, speed=1.0, seed=5)
     return fk.Scenario(zhou(), begin, t_end=0.5, frames=6)
+
+
+@cache
+def records(engine: str) -> fk.Run:
+    """What that group had recorded by then."""
+    session = fk.start(scenario(engine))
+    if engine == "sampled":
+        session.advance(0.25)
+    return session.run("unfinished")
 
 
 @cache

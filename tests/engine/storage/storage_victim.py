@@ -72,6 +72,26 @@ def tiles(folder: Path) -> None:
     fk.simulate(particles(), save=folder, progress=False, **CROWDED)
 
 
+@cache
+def held() -> fk.Scenario:
+    """Twenty agents with links that switch, held control, and messages that are late, lost and wrong."""
+    law = fk.Law(fk.Hysteresis(radius=4, gap=0.1), [fk.Gradient(fk.Potential("(r - 3)^2")), fk.Consensus(0.1)])
+    return fk.Scenario(
+        law, fk.start.box(20, side=12, speed=4, seed=1), t_end=3.0, frames=31, name="held", seed=1,
+        control=fk.Held(0.02, latency=0.03),
+        information=fk.Messages(
+            0.05, delay=0.02, jitter=0.05, loss=fk.DistanceLoss(6.0), noise=fk.OrnsteinUhlenbeck(0.01, 0.01),
+            expires=1.0, predict=True, seed=7,
+        ),
+    )  # fmt: skip
+
+
+def sampled(folder: Path) -> None:
+    """Run these with a commit at every stop."""
+    saving.COMMIT_SECONDS = 0.0
+    fk.simulate(held(), save=folder, progress=False)
+
+
 def main() -> None:
     """Answer until the input ends."""
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)
@@ -79,7 +99,7 @@ def main() -> None:
         what, folder = json.loads(line)
         child = os.fork()
         if child == 0:
-            {"frames": write_frames, "simulate": simulate, "tiles": tiles}[what](Path(folder))
+            {"frames": write_frames, "simulate": simulate, "tiles": tiles, "sampled": sampled}[what](Path(folder))
             os._exit(0)
         print(child, flush=True)
 

@@ -14,7 +14,7 @@ from flocking.engine.lammps.restart import unpacked
 from flocking.engine.protocol.session import Stored
 from flocking.errors import FlockingError, StorageError
 from tests.counting import count
-from tests.engine.storage.crafted import checkpoint, contents, crafted, scenario, written
+from tests.engine.storage.crafted import checkpoint, contents, crafted, records, scenario, written
 from tests.engine.storage.stored_runs import unpack
 from tests.fuzz.guard import interrupted_after
 
@@ -38,8 +38,7 @@ def gone_on(data: bytes, engine: str) -> bool:
     if engine == "lammps":
         restored(ReadsRestarts(), read_checkpoint(data, engine, WHERE), STORED(made), WHERE, {})
         return True
-    records = fk.start(made).run("unfinished")
-    session = unpack(data, records, None, WHERE, name=engine, threads=1)
+    session = unpack(data, records(engine), None, WHERE, name=engine, threads=1)
     try:
         session.advance(min(made.t_end, session.time + 0.03))
     except StorageError:
@@ -59,7 +58,7 @@ def refused(data: bytes, engine: str) -> str:
     return message
 
 
-@pytest.mark.parametrize("engine", ["exact", "tiles", "lammps"])
+@pytest.mark.parametrize("engine", ["exact", "sampled", "tiles", "lammps"])
 def test_an_untouched_checkpoint_is_one(engine: str) -> None:
     assert gone_on(checkpoint(engine), engine)
     assert gone_on(written(*contents(checkpoint(engine))), engine)
@@ -112,6 +111,85 @@ def test_crossings_name_agents_that_there_are() -> None:
         assert "pending0 must" in refused(changed, "exact")
 
 
+def test_the_checkpoint_of_the_sampled_engine_has_something_everywhere() -> None:
+    numbers, arrays = contents(checkpoint("sampled"))
+    assert [name for name, x in arrays.items() if not x.size or not x.any()] == []
+    assert len(arrays) == 20
+    assert len(numbers) == 9
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "said"),
+    [
+        ("ticked", lambda x: x + 1, "ticked must be as often as the scenario says"),
+        ("applied", lambda x: x - 1, "applied must be as often as the scenario says"),
+        ("taken", lambda x: x - 1, "taken must be as often as the scenario says"),
+        ("taken", lambda x: x + 2**60, "taken must be as often as the scenario says"),
+        ("waiting_time", lambda x: x + 1, "waiting_time must be a latency after the ticks"),
+        ("waiting_time", lambda x: x[1:], "waiting_time must be one for each force that waits"),
+        ("waiting_agent", lambda x: x[::-1].copy(), "waiting_agent must be whose ticks they are"),
+        ("waiting_force", lambda x: x * 1e300, "waiting_force must not hold values"),
+        ("begin", lambda x: x + 1, "begin must be when the pieces of motion began"),
+        ("force", lambda x: x + 1.0, "coefficients must be those of the motion under the force"),
+        ("coefficients", lambda x: x * 1e6, "must "),
+        ("coefficients", lambda x: x[:-1], "coefficients must have the shape"),
+        ("links", np.logical_not, "links.0. must be links of a Hysteresis graph"),
+        ("links", lambda x: x & False, "links must fit the distances of the agents"),
+        ("links", lambda x: x | ~np.eye(8, dtype=bool), "must (fit the distances|be when a pair is)"),
+        ("known_links", np.logical_not, "known_links.0. must be links"),
+        ("crossing", lambda x: x[:, [1, 0, 2]].copy(), "crossing must name pairs whose links switch"),
+        ("crossing", lambda x: x * 0 + [0, 8, 0], "crossing must not hold values above 7"),
+        ("crossing", lambda x: x * 0 + [0, 1, 1], "crossing must name agents and graphs that there are"),
+        ("crossing_time", lambda x: x * 0.99, "crossing_time must "),
+        ("crossing_time", lambda x: x + 1e-3, "crossing_time must "),
+        ("closest", lambda x: x + 0.5, "closest must name a pair"),
+        ("closest", lambda x: x * np.nan, "closest must name a pair"),
+        ("newest", lambda x: x - 1, "newest must "),
+        ("newest", lambda x: np.minimum(x, 0), "newest must "),
+        ("newest", lambda x: x + 1, "newest must "),
+        ("sample_rows", lambda x: x[:3].copy(), "sample_rows must have room"),
+        ("sample_distances", lambda x: x[:2].copy(), "sample_distances must have as much room"),
+        ("sample_distances", lambda x: -x - 1.0, "sample_distances must not hold values below 0"),
+        ("errors", lambda x: -x - 1.0, "errors must not hold values below 0"),
+    ],
+)
+def test_wrong_arrays_of_the_sampled_engine(name: str, change: Any, said: str) -> None:
+    numbers, arrays = contents(checkpoint("sampled"))
+    with pytest.raises(StorageError, match=said):
+        gone_on(written(numbers, {**arrays, name: change(arrays[name])}), "sampled")
+
+
+@pytest.mark.parametrize("name", ["crossing", "noise"])
+def test_what_is_left_out_of_the_sampled_engine(name: str) -> None:
+    """Crossings with their times, so that their number fits; errors without a trace."""
+    numbers, arrays = contents(checkpoint("sampled"))
+    fewer = {k: x[:0] for k, x in arrays.items() if k.startswith(name)}
+    others = {k: x for k, x in arrays.items() if k not in fewer}
+    with pytest.raises(StorageError, match=f"{name} must "):
+        gone_on(written(numbers, others if name == "noise" else {**others, **fewer}), "sampled")
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("time", 7.0, "time must lie between 0 and 0.5"),
+        ("time", 0.26, "ticked must be as often"),
+        ("time", 0.24, "accounted must not lie after the time"),
+        ("steps", 10.5, "steps must be a whole number"),
+        ("steps", 0, "steps must be the number of times"),
+        ("accounted", 0.3, "accounted must not lie after the time"),
+        ("accounted", 0.1, "closest must name a pair"),
+        ("largest_power", -1.0, "largest_power must lie between"),
+        ("ledger_ends", float("nan"), "ledger_ends must not be NaN"),
+        ("ledger_ends", 0.3, "ledger_ends must not lie after the time"),
+    ],
+)
+def test_wrong_numbers_of_the_sampled_engine(key: str, value: object, said: str) -> None:
+    numbers, arrays = contents(checkpoint("sampled"))
+    with pytest.raises(StorageError, match=said):
+        gone_on(written({**numbers, key: value}, arrays), "sampled")
+
+
 def test_wrong_lists_of_the_tiled_engine() -> None:
     numbers, arrays = contents(checkpoint("tiles"))
     named = {
@@ -145,7 +223,7 @@ def test_another_runs_restart_of_lammps() -> None:
     assert unpacked(changed, arrays, scenario("lammps"))[1].keep_log is None
 
 
-@pytest.mark.parametrize("engine", ["exact", "tiles", "lammps"])
+@pytest.mark.parametrize("engine", ["exact", "sampled", "tiles", "lammps"])
 @pytest.mark.parametrize("cases", [24, pytest.param(170, marks=pytest.mark.slow)])
 def test_crafted_checkpoints(engine: str, cases: int) -> None:
     """Whatever is changed, going on works or is refused in one sentence; nothing else ever happens."""

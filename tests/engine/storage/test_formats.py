@@ -13,6 +13,7 @@ import flocking as fk
 from flocking.engine.runs.run import Run
 from flocking.engine.storage.record import FORMAT
 from flocking.engine.storage.stored_runs import read_run, stored_facts
+from flocking.model.serial import to_data
 
 FORMATS = Path(__file__).parent / "formats"
 
@@ -48,3 +49,40 @@ def test_a_run_of_every_format_opens(version: int, tmp_path: Path) -> None:
     # Runs of these formats gave no account of themselves yet: what is derived is what their engine says now.
     assert run.fidelity == computed().fidelity
     assert fk.resume(tmp_path / "run", progress=False).t.tolist() == run.t.tolist()
+
+
+@cache
+def held() -> fk.Scenario:
+    """Four agents whose control is held, on messages that are late, lost and wrong."""
+    law = fk.Law(fk.Hysteresis(radius=4, gap=0.1), [fk.Gradient(fk.Potential("(r - 3)^2")), fk.Consensus(1.0)])
+    begin = computed().scenario.start
+    return fk.Scenario(
+        law, fk.State(begin.q, 3.0 * begin.p), t_end=2.0, frames=5, name="stored run", seed=3,
+        control=fk.Held([0.1, 0.12, 0.1, 0.11], latency=0.15),
+        information=fk.Messages(
+            0.05, delay=0.02, jitter=0.05, loss=fk.GilbertElliott(0.2, 0.5),
+            noise=fk.OrnsteinUhlenbeck(0.01, 0.02, 0.5), resolution=0.001, expires=1.0, predict=True,
+            self_known="measured", seed=7,
+        ),
+    )  # fmt: skip
+
+
+def test_a_stopped_run_of_held_control_opens_and_goes_on(tmp_path: Path) -> None:
+    """The run of `held` was stored by 0.1.0, and stopped after its frame at t = 1."""
+    with zipfile.ZipFile(FORMATS / "format2-held.zip") as file:
+        file.extractall(tmp_path / "run")
+    assert stored_facts(tmp_path / "run")["format"] == 2
+    part, whole = read_run(tmp_path / "run"), fk.simulate(held(), progress=False)
+    assert to_data(part.scenario) == to_data(held())
+    assert part.t.tolist() == [0.0, 0.5, 1.0]
+    assert len(whole.switches) > len(part.switches) > 0
+    # Other processors round in another way, and links multiply it.
+    for run in (part, fk.resume(tmp_path / "run", progress=False)):
+        np.testing.assert_allclose(run.q, whole.q[: len(run.t)], rtol=0, atol=1e-9)
+        np.testing.assert_allclose(run.p, whole.p[: len(run.t)], rtol=0, atol=1e-9)
+        assert (
+            run.switches[["i", "j", "kind"]].tolist()
+            == whole.switches[["i", "j", "kind"]].tolist()[: len(run.switches)]
+        )
+    assert run.finished
+    np.testing.assert_allclose(run.trace["departed"][-1], whole.trace["departed"][-1], rtol=1e-6)

@@ -135,21 +135,23 @@ def kill_while_frames_are_written(start: Start, place: Path, instants: int, seed
     return found
 
 
-def kill_while_a_session_runs(start: Start, place: Path, instants: int, seed: int) -> list[int]:
+def kill_while_a_session_runs(
+    start: Start, place: Path, instants: int, seed: int, what: str = "simulate", end: Run | None = None
+) -> list[int]:
     """Kill so many simulations and go on with each; how many frames each had committed."""
-    rng, longest = np.random.default_rng(seed), 1.5
+    rng, longest, end = np.random.default_rng(seed), 1.5, end or finished()
     found = []
     for k in range(instants):
         folder = place / f"session{k}"
-        longest = killed_on_its_way(start, "simulate", folder, longest, rng)
+        longest = killed_on_its_way(start, what, folder, longest, rng)
         stored = read_run(folder)
         for name in ("t", "q", "p", "links", "switches", "trace"):
-            part, whole = getattr(stored, name), getattr(finished(), name)
+            part, whole = getattr(stored, name), getattr(end, name)
             assert part.tobytes() == whole[: len(part)].tobytes(), name
         tell("runs on disk: committed frames checked", len(stored.t))
         found.append(len(stored.t))
-        assert_same(fk.resume(folder, progress=False), finished())
-        assert_same(read_run(folder), finished())
+        assert_same(fk.resume(folder, progress=False), end)
+        assert_same(read_run(folder), end)
     return found
 
 
@@ -210,6 +212,23 @@ def test_killed_while_writing_at_10_instants(start: Start, tmp_path: Path) -> No
 
 def test_killed_simulations_go_on(start: Start, tmp_path: Path) -> None:
     kill_while_a_session_runs(start, tmp_path, 2, seed=12)
+
+
+@pytest.fixture(scope="module")
+def held() -> Run:
+    """The run of held control, to its end in memory."""
+    return fk.simulate(storage_victim.held(), progress=False)
+
+
+def test_killed_runs_of_held_control_go_on(start: Start, held: Run, tmp_path: Path) -> None:
+    assert len(held.switches) > 20
+    found = kill_while_a_session_runs(start, tmp_path, 3, 17, "sampled", held)
+    assert min(found) < 31
+
+
+@pytest.mark.slow
+def test_50_killed_runs_of_held_control_go_on(start: Start, held: Run, tmp_path: Path) -> None:
+    assert len(set(kill_while_a_session_runs(start, tmp_path, 50, 18, "sampled", held))) > 5
 
 
 def test_killed_crowds_go_on_at_4_instants(start: Start, whole: Run, tmp_path: Path) -> None:

@@ -138,6 +138,11 @@ class Knowledge:
         return loss is not None and loss.reads_distance
 
     @property
+    def draws_errors(self) -> bool:
+        """Whether samples have errors."""
+        return self.messages is not None and self.messages.noise is not None and not self.messages.noise.ideal
+
+    @property
     def next_sample(self) -> Instants:
         """When each agent takes its next sample, in nanoseconds; nobody does without messages."""
         assert self.schedule is not None
@@ -190,14 +195,29 @@ class Knowledge:
         open_ = np.flatnonzero((number > self.newest[receiver, sender]) & (receiver != sender))
         while open_.size:
             i, j, k = receiver[open_], sender[open_], number[open_]
-            arrived = ~self._lost(j, i, k)
-            if self._jitter:
-                late = uniform(self.messages.seed, Purpose.JITTER, j, i, k) * self._jitter
-                arrived &= self.schedule.at(j, k) + self._delay + np.rint(late).astype(np.int64) <= time
+            arrived = self.has_arrived(i, j, k, time)
             self.newest[i[arrived], j[arrived]] = k[arrived]
             open_ = open_[~arrived]
             number[open_] -= 1
             open_ = open_[number[open_] > self.newest[receiver[open_], sender[open_]]]
+
+    def has_arrived(
+        self, receiver: NDArray[np.int64], sender: NDArray[np.int64], k: Instants, time: int | Instants
+    ) -> NDArray[np.bool_]:
+        """Whether the messages about samples ``k`` are not lost and have arrived by ``time`` nanoseconds.
+
+        Parameters
+        ----------
+        receiver, sender
+            The agents, arrays of the shape of ``k``.
+        """
+        assert self.messages is not None
+        assert self.schedule is not None
+        arrives = self.schedule.at(sender, k) + self._delay
+        if self._jitter:
+            late = uniform(self.messages.seed, Purpose.JITTER, sender, receiver, k) * self._jitter
+            arrives += np.rint(late).astype(np.int64)
+        return np.asarray(~self._lost(sender, receiver, k) & (arrives <= time))
 
     def _lost(self, sender: NDArray[np.int64], receiver: NDArray[np.int64], k: NDArray[np.int64]) -> NDArray[np.bool_]:
         assert self.messages is not None

@@ -61,18 +61,31 @@ class Motion:
         self.force = np.zeros(q.shape)
         self._restart(np.arange(n), np.asarray(q, dtype=np.float64), np.asarray(p, dtype=np.float64))
 
+    def piece(self, agents: Indices, q: Array, p: Array, force: Array) -> Array:
+        """Taylor coefficients of the motion of ``agents``, shape (degree + 1, agents, m).
+
+        Parameters
+        ----------
+        q, p
+            Positions and velocities at the beginning, shape (agents, m).
+        force
+            The force that acts, shape (agents, m).
+        """
+        C = np.empty((self.degree + 1, *q.shape))
+        C[0] = q
+        if self.order == 1:
+            C[1] = force
+            return C
+        C[1] = p
+        rate = self.rate[agents]
+        C[2] = 0.5 * (force / self.masses[agents] - rate * p)
+        for k in range(3, self.degree + 1):
+            C[k] = -rate / k * C[k - 1]
+        return C
+
     def _restart(self, agents: Indices, q: Array, p: Array) -> None:
         """Take up new pieces of ``agents`` at positions and velocities, under the force that acts."""
-        C, u = self.coefficients, self.force[agents]
-        C[0, agents] = q
-        if self.order == 1:
-            C[1, agents] = u
-            return
-        C[1, agents] = p
-        rate = self.rate[agents]
-        C[2, agents] = 0.5 * (u / self.masses[agents] - rate * p)
-        for k in range(3, self.degree + 1):
-            C[k, agents] = -rate / k * C[k - 1, agents]
+        self.coefficients[:, agents] = self.piece(agents, q, p, self.force[agents])
 
     def ends(self) -> Instants:
         """When each agent's polynomial is no longer exact to rounding, in nanoseconds, shape (N,)."""

@@ -16,12 +16,13 @@ from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
 from flocking.engine.runs.recorder import Recorder
 from flocking.engine.runs.run import Closest, LedgerRow, is_tangential
-from flocking.engine.sampled.checkpoint import NUMBERS, SampledMemory, packed_memory, unpacked_memory
+from flocking.engine.sampled.checkpoint import packed_memory, unpacked_memory
 from flocking.engine.sampled.knowledge import Knowledge
 from flocking.engine.sampled.law_in_force import SampledLaw
 from flocking.engine.sampled.motion import Motion
 from flocking.engine.sampled.pair_polynomials import ROUNDING, closest_pairs, pair_events
 from flocking.engine.sampled.powers import integrated
+from flocking.engine.sampled.snapshot import NUMBERS, SampledMemory, link_rules
 from flocking.errors import InvalidInput, NotFinite, SimulationError, UnsupportedLaw
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
@@ -88,10 +89,7 @@ class SampledSession(Session):
         """What depends on the law."""
         self._law = SampledLaw(self.scenario, self.knowledge.degree)
         graphs = self.scenario.law.graphs
-        levels = [[np.broadcast_to(np.asarray(x, dtype=np.float64), self.n) for x in (g.appear_radius, g.break_radius)]
-                  for g in graphs]  # fmt: skip
-        self._levels = np.array([a for a, _ in levels]), np.array([b for _, b in levels])
-        self._ways = np.array([(2 if g.directed else 1) if g.moves else 0 for g in graphs], dtype=np.int64)
+        self._rules = link_rules(graphs, self.n)
 
     def relink(self) -> None:
         """Take the true links as they are now."""
@@ -165,7 +163,7 @@ class SampledSession(Session):
         if acting.size:
             knowledge.hear(instant, acting)
             known = knowledge.known(instant, acting, *motion.at(seconds))
-            knowledge.relink(known, self._ways > 0, self._levels)
+            knowledge.relink(known, self._rules.ways > 0, self._rules[1:])
             force = self._law.forces(self._base + seconds, known, knowledge)
             if not np.isfinite(force).all():
                 bad = int(acting[np.flatnonzero(~np.isfinite(force).all(axis=1))[0]])
@@ -197,7 +195,7 @@ class SampledSession(Session):
         length = (ends - instant) * NANOSECOND
         S = self.motion.shifted(seconds)
         size = float(np.abs(S[0]).max())
-        rows = pair_events(S, length, changed, self.links, self._ways, self._levels, size)
+        rows = pair_events(S, length, changed, self.links, self._rules.ways, self._rules[1:], size)
         for s, i, j, graph in rows:
             heapq.heappush(self.crossings, (float(seconds + s), int(i), int(j), int(graph)))
 
@@ -214,7 +212,7 @@ class SampledSession(Session):
         self._account(seconds)
         self._record_row(seconds)
         self.links[graph, i, j] = not breaks
-        if self._ways[graph] == 1:
+        if self._rules.ways[graph] == 1:
             self.links[graph, j, i] = not breaks
         self.relink()
         before = self.energy
@@ -245,12 +243,13 @@ class SampledSession(Session):
         self.accounted = seconds
         self.energy, self.kinetic = self._energy(seconds)
 
-    def _record_row(self, seconds: float) -> None:
-        if self._base + seconds > self.ledger_ends:
-            return
+    def _row(self, seconds: float) -> LedgerRow:
         work, lost, supplied, departed = map(float, self.sums)
-        row = LedgerRow(self._base + seconds, self.energy, self.kinetic, work, lost, supplied, self.jumped, departed)
-        self.records.trace.append(row)
+        return LedgerRow(self._base + seconds, self.energy, self.kinetic, work, lost, supplied, self.jumped, departed)
+
+    def _record_row(self, seconds: float) -> None:
+        if self._base + seconds <= self.ledger_ends:
+            self.records.trace.append(self._row(seconds))
 
     def _record_frames(self, until: float) -> None:
         """Frames that are due before an event, or at the time reached."""

@@ -1,0 +1,261 @@
+"""The form of a checkpoint of held control for a given scenario.
+
+Beside types, shapes and ranges: all that follows from the scenario and the time reached, such as how often agents have
+acted, which forces wait, which samples have arrived and where links switch.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import cast
+
+import numpy as np
+
+from flocking.arrays import Array, Indices, Links
+from flocking.engine.archives.archive import Arrays
+from flocking.engine.archives.data_checks import And, Form, MalformedError, Names, Real, Table, squarable
+from flocking.engine.sampled.knowledge import FIRST_ROOM, START, Knowledge
+from flocking.engine.sampled.motion import Motion
+from flocking.engine.sampled.snapshot import NUMBERS, LinkRules, SampledMemory, link_rules
+from flocking.model.graphs.distance_graphs import Graph
+from flocking.model.law import Scenario
+from flocking.model.world.control import Held
+from flocking.model.world.times import NANOSECOND, PER_SECOND, Instants, PeriodicTimes
+
+LARGEST = squarable("f8")
+"""Bound on positions, velocities and forces."""
+
+MOST_COUNT = 2**61
+"""Largest count or nanosecond in a checkpoint, so that sums of two stay within 64 bits."""
+
+ROUNDED = 1e-14
+"""Largest relative difference of two representations of one time."""
+
+NEAR = 1e-6
+"""By how much a distance may differ from one that it must have, relative to it and to the size of the coordinates."""
+
+MOST_NEWER = 32
+"""Newer samples of each sender that are looked at: none of them may have arrived."""
+
+
+def _must(fits: object, name: str, rule: str) -> None:
+    if not fits:
+        raise MalformedError(f"{name} must {rule}")
+
+
+def check_sampled(data: object, arrays: Arrays, scenario: Scenario, fresh: SampledMemory) -> dict[str, float]:
+    """The numbers of a checkpoint of a session of this scenario, after all checks.
+
+    Parameters
+    ----------
+    data, arrays
+        What was read.
+    fresh
+        Memory of a session of the scenario at its start.
+
+    Raises
+    ------
+    MalformedError
+        When something is wrong; the message names it.
+    """
+    n, m = scenario.start.q.shape
+    graphs, base = len(scenario.law.graphs), scenario.start.t
+    numbers = _numbers(data, base, scenario.t_end)
+    _forms(n, m, graphs, fresh).check(arrays, "")
+    now, accounted = numbers["time"] - base, numbers["accounted"]
+    slack = ROUNDED * (abs(base) + abs(numbers["time"]))
+    _must(accounted <= now + slack, "accounted", "not lie after the time")
+    ends = numbers["ledger_ends"]
+    _must(math.isinf(ends) or ends <= base + accounted + slack, "ledger_ends", "not lie after the time")
+    earliest, latest = (now - slack) * PER_SECOND - 2.0, (now + slack) * PER_SECOND + 2.0
+    control = scenario.control
+    assert isinstance(control, Held)
+    ticks, latency = control.schedule(n), control.latency_in_nanoseconds
+    for name, schedule, late in (
+        ("ticked", ticks, 0), ("applied", ticks, latency), ("taken", fresh.knowledge.schedule, 0),
+    ):  # fmt: skip
+        counts = np.zeros(n) if schedule is None else arrays[name]
+        least, most = (
+            np.zeros(n) if schedule is None else schedule.count_until(int(at) - late) for at in (earliest, latest)
+        )
+        _must(((least <= counts) & (counts <= most) & (counts == arrays[name])).all(), name,
+              "be as often as the scenario says until the time")  # fmt: skip
+    ticked, applied = arrays["ticked"], arrays["applied"]
+    _must(numbers["steps"] == int(numbers["steps"]), "steps", "be a whole number")
+    _must(ticked.max() <= numbers["steps"] <= ticked.sum(), "steps", "be the number of times at which agents acted")
+    _check_waiting(arrays, ticks, latency)
+    began = np.where(applied > 0, ticks.at(np.arange(n), applied - 1) + latency, 0)
+    _check_motion(arrays, fresh.motion, began, (earliest, latest))
+    rules = link_rules(scenario.law.graphs, n)
+    _check_links(arrays, scenario.law.graphs, scenario.agents.headings, fresh.links)
+    pieces = np.minimum(ticks.at(np.arange(n), applied) + latency, arrays["begin"] + fresh.motion.longest)
+    _check_crossings(arrays, rules, now, (slack, pieces * NANOSECOND))
+    _check_closest(arrays["closest"], n, accounted)
+    _check_knowledge(arrays, fresh.knowledge, ticks)
+    return numbers
+
+
+def _numbers(data: object, base: float, t_end: float) -> dict[str, float]:
+    ends = And(Real(least=base, finite=False), "not be NaN", lambda x: not math.isnan(x))
+    free, positive = Real(finite=False), Real(least=0.0, finite=False)
+    forms: dict[str, Form[object]] = {
+        "time": Real(base, t_end), "steps": Real(0.0, float(MOST_COUNT)), "accounted": Real(0.0),
+        "largest_power": positive, "ledger_ends": ends,
+    }  # fmt: skip
+    return cast(dict[str, float], Names({name: forms.get(name, free) for name in NUMBERS}).check(data, ""))
+
+
+def _forms(n: int, m: int, graphs: int, fresh: SampledMemory) -> Names:
+    room, waiting = None, None
+    count = Table("i8", (n,), least=0, most=MOST_COUNT)
+    agent = Table("i8", (None,), least=0, most=n - 1)
+    links = Table("?", (graphs, n, n))
+    shown = n if fresh.knowledge.reads_distances else 0
+
+    def vectors(*shape: int | None) -> Table:
+        return Table("f8", shape, least=-LARGEST, most=LARGEST)
+
+    noise = {"noise": vectors(n, 2 * m)} if fresh.knowledge.draws_errors else {}
+    return Names({
+        "ticked": count, "applied": count, "taken": count, "begin": count, "links": links, "known_links": links,
+        "coefficients": vectors(fresh.motion.degree + 1, n, m), "force": vectors(n, m),
+        "waiting_time": Table("i8", (waiting,), least=0, most=MOST_COUNT), "waiting_agent": agent,
+        "waiting_force": vectors(waiting, m), "crossing_time": Table("f8", (None,), least=0.0),
+        "crossing": Table("i8", (None, 3), least=0, most=max(n, graphs) - 1),
+        "closest": Table("f8", (2, 4), finite=False), "sums": Table("f8", (4,), finite=False),
+        "errors": Table("f8", (4,), least=0.0, finite=False),
+        "newest": Table("i8", (n, n), least=START, most=MOST_COUNT), "sample_rows": vectors(room, n, 2 * m),
+        "sample_distances": Table("f8", (room, shown, shown), least=0.0, most=LARGEST),
+    }, noise)  # fmt: skip
+
+
+def _check_waiting(arrays: Arrays, ticks: PeriodicTimes, latency: int) -> None:
+    """What waits are the forces of the ticks that have been and do not act yet."""
+    ticked, applied = arrays["ticked"], arrays["applied"]
+    number = ticked - applied
+    lengths = {len(arrays[f"waiting_{name}"]) for name in ("time", "agent", "force")}
+    _must((number >= 0).all() and lengths == {int(number.sum())}, "waiting_time", "be one for each force that waits")
+    agents = np.repeat(np.arange(len(number)), number)
+    k = applied[agents] + np.arange(len(agents)) - np.repeat(np.cumsum(number) - number, number)
+    times = ticks.at(agents, k) + latency
+    order = np.lexsort((agents, times))
+    _must((arrays["waiting_time"] == times[order]).all(), "waiting_time", "be a latency after the ticks")
+    _must((arrays["waiting_agent"] == agents[order]).all(), "waiting_agent", "be whose ticks they are")
+
+
+def _check_motion(arrays: Arrays, motion: Motion, began: Instants, now: tuple[float, float]) -> None:
+    """Pieces begin where forces change or the last piece ends, and follow from the force that acts."""
+    begin, C, force = arrays["begin"], arrays["coefficients"], arrays["force"]
+    age = begin - began
+    fits = (age >= 0) & (age % motion.longest == 0) & (begin <= now[1])
+    fits &= np.minimum(begin, MOST_COUNT - motion.longest) + motion.longest >= min(now[0], float(MOST_COUNT))
+    _must(fits.all(), "begin", "be when the pieces of motion began")
+    _must(not force[arrays["applied"] == 0].any(), "force", "be zero until a force acts")
+    first, everyone = begin == 0, np.arange(len(begin))
+    given = C[: motion.order]
+    _must((given == motion.coefficients[: motion.order])[:, first].all(), "coefficients", "begin at the start")
+    with np.errstate(over="ignore", invalid="ignore"):
+        again = motion.piece(everyone, given[0], given[-1], force)
+        size = np.abs(motion.piece(everyone, given[0], -np.abs(given[-1]), np.abs(force)))
+        _must((np.abs(again - C) <= ROUNDED * size).all(), "coefficients", "be those of the motion under the force")
+        span = np.minimum(motion.longest, now[1] - begin + PER_SECOND) * NANOSECOND
+        reach = sum(np.abs(C[k]) * span[:, None] ** k for k in range(len(C)))
+    _must((np.asarray(reach) <= LARGEST).all(), "coefficients", "keep the agents within numbers that can be squared")
+
+
+def _check_links(arrays: Arrays, graphs: Sequence[Graph], headings: Array | None, start: Links) -> None:
+    for name in ("links", "known_links"):
+        for k, (graph, links) in enumerate(zip(graphs, arrays[name], strict=True)):
+            rule, where = f"be links of a {type(graph).__name__} graph", f"{name}[{k}]"
+            _must(not links.diagonal().any(), where, rule)
+            _must(graph.moves or (links == start[k]).all(), where, rule)
+            _must(graph.directed or name == "known_links" or (links == links.T).all(), where, rule)
+            allowed = graph.allowed(headings)
+            _must(allowed is None or not (links & ~allowed).any(), where, rule)
+
+
+def _check_crossings(arrays: Arrays, rules: LinkRules, now: float, spans: tuple[float, Array]) -> None:
+    """Crossings are ahead, at their distances, and leave every link such as the distance at the end of a piece says."""
+    slack, ends = spans
+    time, rows = arrays["crossing_time"], arrays["crossing"]
+    _must(len(time) == len(rows), "crossing", "have as many rows as crossing_time")
+    _must((rows[:, 2] < len(rules.ways)).all() and (rows[:, :2] < len(ends)).all(), "crossing",
+          "name agents and graphs that there are")  # fmt: skip
+    i, j, graph = rows.T
+    ways = rules.ways[graph]
+    _must(((ways > 0) & (i != j) & ((i < j) | (ways == 2))).all(), "crossing", "name pairs whose links switch")
+    late = np.minimum(ends[i], ends[j])
+    early = (time >= now - slack - 2.0 * NANOSECOND) & (time <= late + slack + 2.0 * NANOSECOND)
+    _must(early.all(), "crossing_time", "lie between now and the end of a piece of motion")
+    order = list(zip(time.tolist(), *rows.T.tolist(), strict=True))
+    _must(order == sorted(set(order)), "crossing", "be in order")
+    begin, C = arrays["begin"] * NANOSECOND, arrays["coefficients"]
+
+    def places(agents: Indices, at: Array) -> Array:
+        """Positions of agents at times, shape (..., m)."""
+        s: Array = (at - begin[agents])[..., None]
+        found: Array = C[-1][agents]
+        for k in range(len(C) - 2, -1, -1):
+            found = found * s + C[k][agents]
+        return found
+
+    links = arrays["links"].copy()
+    everyone = np.arange(len(ends))
+    size = NEAR * float(np.abs(places(everyone, np.full(len(ends), now))).max())
+    from_, to = places(i, time), places(j, time)
+    distance = np.linalg.norm(to - from_, axis=-1)
+    for row in range(len(time)):
+        a, b, k = rows[row].tolist()
+        level = (rules.break_ if links[k, a, b] else rules.appear)[k, a]
+        _must(abs(distance[row] - level) <= NEAR * level + size, "crossing_time", "be when a pair is at its distance")
+        links[k, a, b] = not links[k, a, b]
+        if rules.ways[k] == 1:
+            links[k, b, a] = links[k, a, b]
+    until = np.minimum(ends[:, None], ends[None])
+    for name, at, there in (
+        ("links", np.full(until.shape, now), arrays["links"]), ("crossing", np.maximum(until, now), links),
+    ):  # fmt: skip
+        pairs = np.broadcast_to(everyone[:, None], at.shape)
+        apart = np.linalg.norm(places(pairs.T, at) - places(pairs, at), axis=-1)
+        for k in np.flatnonzero(rules.ways).tolist():
+            appear, break_ = rules.appear[k][:, None], rules.break_[k][:, None]
+            fits = np.where(there[k], apart <= break_ * (1.0 + NEAR) + size, apart >= appear * (1.0 - NEAR) - size)
+            np.fill_diagonal(fits, True)
+            _must(fits.all(), name, "fit the distances of the agents")
+
+
+def _check_closest(closest: Array, n: int, accounted: float) -> None:
+    for square, time, i, j in closest.tolist():
+        nobody = square == math.inf and math.isnan(time) and i == j == -1.0
+        pair = square >= 0.0 and 0.0 <= time <= accounted and i in range(n) and j in range(n) and i < j
+        _must(nobody or pair, "closest", "name a pair, its squared distance and a time until now, or nobody")
+
+
+def _check_knowledge(arrays: Arrays, fresh: Knowledge, ticks: PeriodicTimes) -> None:
+    """Everyone has of everyone the newest sample that has arrived, and all samples that are in use are kept."""
+    newest, taken, n = arrays["newest"], arrays["taken"], fresh.n
+    room = len(arrays["sample_rows"])
+    whole = room >= FIRST_ROOM and room & (room - 1) == 0
+    _must(whole, "sample_rows", f"have room for {FIRST_ROOM} times a power of 2")
+    _must(len(arrays["sample_distances"]) == room, "sample_distances", "have as much room as sample_rows")
+    others = ~np.eye(n, dtype=bool)
+    _must((newest[~others] == START).all(), "newest", "hold no samples of an agent itself")
+    _must((newest < np.maximum(taken, 0)[None]).all(), "newest", "name samples that were taken")
+    oldest = np.where(others, newest, taken).min(axis=0)
+    _must((taken - 1 - np.maximum(oldest, 0) < room).all(), "newest", "name samples that are kept")
+    _must(("noise" in arrays) == (fresh.draws_errors and bool(taken.any())), "noise",
+          "be there where samples have errors")  # fmt: skip
+    if fresh.messages is None:
+        return
+    acted = np.flatnonzero(arrays["ticked"])
+    _must((np.delete(newest, acted, axis=0) == START).all(), "newest", "name no samples before an agent acts")
+    last = ticks.at(acted, arrays["ticked"][acted] - 1)
+    receiver, sender = (x.ravel() for x in np.broadcast_arrays(acted[:, None], np.arange(n)))
+    time, known = np.repeat(last, n), newest[acted].ravel()
+    fresh.samples.distances = arrays["sample_distances"]
+    for further in range(MOST_NEWER):
+        k = known + further
+        asked = np.flatnonzero((receiver != sender) & (k > START) & (k < taken[sender]))
+        arrived = fresh.has_arrived(receiver[asked], sender[asked], k[asked], time[asked])
+        _must((arrived == (further == 0)).all(), "newest", "name the newest samples that have arrived")
