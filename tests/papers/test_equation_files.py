@@ -13,7 +13,7 @@ PACKAGE, KEY = "flocking.papers.tanner_2003_fixed", "tanner-2003-fixed"
 PLAIN = {"number": "(1)", "kind": "equation", "title": "t", "home": "flocking.model.law.Law",
          "example": "examples.energy_of"}  # fmt: skip
 WRONG = {
-    "statement (1): unknown key titel; known are": {**PLAIN, "titel": "t"},
+    "statement (1): unknown key titel; the keys are": {**PLAIN, "titel": "t"},
     "statement (1): lacks home": {k: v for k, v in PLAIN.items() if k != "home"},
     "statement without a number: lacks number": {k: v for k, v in PLAIN.items() if k != "number"},
     "statement (1): title must be text": {**PLAIN, "title": 1},
@@ -22,7 +22,7 @@ WRONG = {
     "statement (1): no function counterexamples.nothing for counterexample": {
         **PLAIN, "counterexample": "counterexamples.nothing", "reading": "so",
     },
-    "statement (1): same_reading_as names (0), which must stand before it": {**PLAIN, "same_reading_as": "(0)"},
+    "statement (1): same_reading_as is (0), which must be an earlier": {**PLAIN, "same_reading_as": "(0)"},
     "'wrong' is not a valid Fault": {**PLAIN, "fault": "wrong", "reading": "so"},
     "(1): a false statement needs a counter-example": {**PLAIN, "fault": "false statement", "reading": "so"},
 }  # fmt: skip

@@ -117,7 +117,7 @@ def test_what_is_kept_survives_the_disk(tmp_path):
     assert np.array_equal(back.arrays["x"], summary.arrays["x"])
     (tmp_path / "broken.npz").write_bytes((tmp_path / "deep" / "kept.npz").read_bytes()[:100])
     for name in ("none.npz", "broken.npz"):
-        with pytest.raises(InvalidInput, match="must hold a kept run"):
+        with pytest.raises(InvalidInput, match="must contain the summary of a run"):
             StoredSummary.read(tmp_path / name)
 
 
@@ -248,7 +248,7 @@ def test_a_smaller_run_is_made_and_kept(tmp_path):
     again = one.run(tmp_path / "run", scenario, progress=False)
     assert np.array_equal(again.q, run.q)
     for other in (one.scenario(agents=401, until=10.0), one.scenario(agents=400, until=11.0)):
-        with pytest.raises(InvalidInput, match="must hold no other run"):
+        with pytest.raises(InvalidInput, match="must not contain another run"):
             one.run(tmp_path / "run", other, progress=False)
     summary = one.summary_of(run, fk.audit(run))
     assert summary.facts["views"] == [10.0]

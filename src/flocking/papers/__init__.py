@@ -21,17 +21,17 @@ def keys() -> tuple[str, ...]:
 
 
 def add_paper(paper: Paper) -> None:
-    """Make a paper from outside known: to audits, to the lists of scenarios, and to reproduction.
+    """Register a paper of another package for audits, lists of scenarios, and reproduction.
 
     Parameters
     ----------
     paper
-        The paper, with the dotted name of its package as ``home``.
+        The paper; ``home`` is the dotted name of its package.
 
     Raises
     ------
     InvalidInput
-        When the library has a paper with its key, or its scenarios do not begin with the key.
+        If the library has a paper with its key, or names of its scenarios do not begin with the key.
     """
     from flocking.errors import InvalidInput
 
@@ -48,7 +48,7 @@ def paper(key: str) -> Paper:
     Raises
     ------
     InvalidInput
-        When there is no such paper.
+        If there is no such paper.
     """
     if key in _added:
         return _added[key]
@@ -65,7 +65,7 @@ def _package(key: str) -> ModuleType:
 
 
 def paper_of(scenario: str) -> str:
-    """Key of the paper a scenario belongs to by its name; empty when it belongs to none."""
+    """Key of the paper of a scenario, by its name; empty if there is none."""
     return max((key for key in keys() if scenario == key or scenario.startswith(f"{key}-")), key=len, default="")
 
 

@@ -1,4 +1,4 @@
-"""Audits that know the papers: a run of a paper's scenario is held against that paper's claims."""
+"""Audits with the claims of the papers: a run of a paper's scenario is checked against that paper's claims."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from flocking.study.evidence import Evidence
 
 
 def audit(run: Run, claims: Sequence[Claim] | None = None) -> Report:
-    """Hold claims against a run.
+    """Check claims on a run.
 
     Parameters
     ----------
     run
         The run.
     claims
-        The claims. When absent: those of the paper whose scenario the run has by name, else those that make
-        sense for any law; each says why it does not apply where it does not.
+        The claims. By default those of the paper of the run's scenario, by its name, else the general claims, which
+        apply to any law. A claim that does not apply states the reason.
     """
     return audit_claims(run, paper_claims(run.scenario.name) if claims is None and isinstance(run, Run) else claims)
 
 
 def _of_point_masses(claim: Claim) -> Claim:
-    """A claim of a paper, whose theorems assume that agents move as point masses do, in open space."""
+    """A claim of a paper with the additional hypothesis of point masses in open space without world."""
 
     @wraps(claim.hypothesis)
     def hypothesis(e: Evidence) -> Measure:
@@ -47,7 +47,7 @@ def _of_point_masses(claim: Claim) -> Claim:
 
 
 def paper_claims(scenario: str) -> tuple[Claim, ...] | None:
-    """Claims about a paper's scenario by its name; None for any other name. All are about point masses."""
+    """Claims about a paper's scenario by its name; None for any other name. All assume point masses."""
     key = paper_of(scenario)
     if not key or scenario not in paper(key).scenarios():
         return None

@@ -1,4 +1,4 @@
-"""What a paper is to the library: who wrote it, its scenarios, claims, statements, figures and studies."""
+"""Description of a paper: citation, scenarios, claims, statements, figures and studies."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class ClaimsOf(Protocol):
-    """Claims about one of a paper's scenarios, about its first where no name is given."""
+    """Claims about one of a paper's scenarios, by default the first."""
 
     def __call__(self, scenario: str = ...) -> Sequence[Claim]:
         """Claims about the scenario of this name."""
@@ -32,28 +32,28 @@ class ClaimsOf(Protocol):
 class Paper:
     """A paper.
 
-    Names that are not listed here are those of the paper's package: its own functions and modules.
+    Other attributes are the functions and modules of the paper's package.
 
     Parameters
     ----------
     key
         Its key, for example ``"zhou-2015"``.
     title, authors, year, venue
-        What a citation names: ``venue`` is the journal, the conference or the institution.
+        Citation; ``venue`` is the journal, the conference or the institution.
     scenario
-        Makes a scenario of the paper; its parameters are the paper's own, ``figure`` and ``seed`` among them.
+        Makes a scenario of the paper; its parameters depend on the paper and include ``figure`` and ``seed``.
     scenarios
         Scenarios by name, each a function of the seed; the first is the paper's main one.
     claims
-        Claims about a scenario by its name, each with what its expected verdict rests on.
+        Claims about a scenario by its name, each with the ground of its expected verdict.
     figures
         Figures by number.
     studies
-        Names of the sweeps of its scenarios that come with the library.
+        Names of the sweeps of its scenarios in the library.
     home
-        Dotted name of its package, where it is not one of the library.
+        Dotted name of its package, if it is not part of the library.
     potential_definition
-        Its definition of what counts as a potential, where it has one.
+        Its definition of a potential, if it has one.
     """
 
     key: str
@@ -76,7 +76,7 @@ class Paper:
 
     @property
     def package(self) -> str:
-        """Dotted name of the package that holds its parts."""
+        """Dotted name of its package."""
         return self.home or f"flocking.papers.{self.key.replace('-', '_')}"
 
     @cached_property
@@ -101,15 +101,15 @@ class Paper:
         number
             Its number.
         run
-            A run of the scenario it shows; of any scenario where it shows no run.
+            A run of the scenario it shows; any run if it shows none.
         beside
             Runs of the further scenarios it shows, in their order.
 
         Raises
         ------
         InvalidInput
-            When there is no such figure, it shows another number of scenarios, or a scenario with a leader and the run
-            has none, or the reverse.
+            If there is no such figure, the number of runs is wrong, or the run and the figure's scenario differ in
+            having a leader.
         """
         shown = {str(name): figure for name, figure in self.figures().items()}.get(str(number))
         names = shown.scenarios("") if shown is not None and len(shown.beside) == len(beside) else ()

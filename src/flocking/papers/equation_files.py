@@ -1,18 +1,18 @@
-"""Reads the equation tables, one ``equations.toml`` in the folder of each paper.
+"""Reading of the equation tables, one ``equations.toml`` in the folder of each paper.
 
 A table is a list of ``[[statement]]``, each with these keys:
 
 ``number``, ``kind``, ``title``, ``home``, ``also``
     As in `flocking.papers.equation_table.Row`.
 ``example``
-    The function that gives `Row.build`, as ``"module.function"`` of the paper's package. With ``example_arguments`` it
-    is called with them first, and returns the builder.
+    The function for `Row.build`, as ``"module.function"`` of the paper's package. With ``example_arguments`` it is
+    first called with them and returns the builder.
 ``reading``, ``note``, ``fault``
-    As in `Row`; a fault in the words of `flocking.papers.equation_table.Fault`.
+    As in `Row`; a fault is a value of `flocking.papers.equation_table.Fault`.
 ``same_reading_as``, ``same_note_as``
-    Number of the statement that has the same reading or note, written there.
+    Number of an earlier statement with the same reading or note.
 ``counterexample``
-    The function that gives `Row.demonstration`, with ``counterexample_arguments`` as above.
+    The function for `Row.demonstration`, with ``counterexample_arguments`` as above.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ KEYS = {*TEXTS, *ARGUMENTS, "also"}
 
 
 class Statement(TypedDict):
-    """One statement as the file has it, checked by `checked`."""
+    """One statement of the file, validated by `checked`."""
 
     number: str
     kind: str
@@ -70,8 +70,8 @@ def read_statements(package: str, key: str) -> tuple[Row, ...]:
     Raises
     ------
     ValueError
-        When a statement has an unknown key or lacks one, names a function or a statement that is not there, or its
-        fault, reading and counter-example do not go together.
+        If a statement has an unknown key or lacks one, refers to a function or a statement that does not exist, or
+        its fault, reading and counter-example are inconsistent.
     """
     text = files(package).joinpath(FILE).read_text(encoding="utf-8")
     return rows_of(tomllib.loads(text)["statement"], package, key)
@@ -104,7 +104,7 @@ def rows_of(statements: list[dict[str, object]], package: str, key: str) -> tupl
 
 
 def checked(statement: Mapping[str, object], key: str) -> Statement:
-    """A statement, whose keys and the types of their values are checked.
+    """Check the keys of a statement and the types of their values.
 
     Parameters
     ----------
@@ -116,12 +116,12 @@ def checked(statement: Mapping[str, object], key: str) -> Statement:
     Raises
     ------
     ValueError
-        When a key is unknown, missing, or holds a value of another type.
+        If a key is unknown, missing, or has a value of another type.
     """
     where = f"{key}/{FILE}, statement {statement.get('number', 'without a number')}"
     unknown = ", ".join(sorted(set(statement) - KEYS))
     if unknown:
-        raise ValueError(f"{where}: unknown key {unknown}; known are {', '.join(sorted(KEYS))}")
+        raise ValueError(f"{where}: unknown key {unknown}; the keys are {', '.join(sorted(KEYS))}")
     missing = ", ".join(name for name in REQUIRED if name not in statement)
     if missing:
         raise ValueError(f"{where}: lacks {missing}")
@@ -131,7 +131,7 @@ def checked(statement: Mapping[str, object], key: str) -> Statement:
         wrong.append("also")
     if wrong:
         raise ValueError(f"{where}: {', '.join(wrong)} must be text, arguments a table, also a list of texts")
-    # Every key has been looked at.
+    # Every key has been checked.
     return cast(Statement, statement)
 
 
@@ -165,7 +165,7 @@ def _words(statement: Statement, name: Literal["reading", "note"], known: Mappin
         return statement.get(name, "")
     if name in statement or name not in known.get(other, ()):
         raise ValueError(
-            f"{key}/{FILE}, statement {statement['number']}: same_{name}_as names {other}, which must stand before it "
-            f"and have a {name}, and the statement has none of its own"
+            f"{key}/{FILE}, statement {statement['number']}: same_{name}_as is {other}, which must be an earlier "
+            f"statement with a {name}, and the statement must not have one"
         )
     return known[other][name]

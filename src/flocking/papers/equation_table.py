@@ -1,4 +1,4 @@
-"""The equation table: every numbered statement of a paper, where it lives, and how it is read."""
+"""The equation table: every numbered statement of a paper, its object in the code, and its reading."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from typing import TypedDict
 
 KINDS = ("equation", "definition", "assumption", "lemma", "proposition", "theorem", "corollary", "remark", "example",
          "figure", "table", "problem", "protocol", "consequence")  # fmt: skip
-"""Kinds of rows; a consequence answers a question of our own from what a paper prints: its fault is `Fault.OWN`."""
+"""Kinds of rows; a consequence is derived here from statements of a paper, its fault is `Fault.OWN`."""
 
 
 class Fault(StrEnum):
-    """What is the matter with a printed statement, where it is not read as printed; or that it is not printed."""
+    """Fault of a printed statement that is not read as printed, or the mark of a statement that is not printed."""
 
     NONE = "as printed"
     READING = "ambiguity or missing value"
@@ -25,7 +25,7 @@ class Fault(StrEnum):
 
 
 class DemonstrationData(TypedDict):
-    """A counter-example as plain data; infinities are text."""
+    """A counter-example as plain data; infinities are strings."""
 
     printed: float | str
     true: float | str
@@ -54,13 +54,13 @@ class Demonstration:
     Parameters
     ----------
     printed
-        What the printed statement gives for the example.
+        Value by the printed statement for the example.
     true
-        What is really the case, computed independently.
+    True value, computed independently.
     tolerance
-        Difference that would still be rounding.
+    Difference that rounding may explain.
     example
-        The example in words.
+    Description of the example.
     """
 
     printed: float
@@ -76,7 +76,7 @@ class Demonstration:
         return abs(self.printed - self.true) > self.tolerance
 
     def as_dict(self) -> DemonstrationData:
-        """Plain data for JSON; infinities as text."""
+        """Plain data for JSON; infinities as strings."""
         return {"printed": _plain(self.printed), "true": _plain(self.true), "example": self.example}
 
 
@@ -97,29 +97,29 @@ class Row:
     kind
         One of `KINDS`.
     title
-        What it states, in a few words.
+        Short description of its content.
     home
-        Dotted name of the object that carries it.
+        Dotted name of the object that implements it.
     build
-        The object, with its decisive number multiplied by the argument: the test of the row passes for 1 and
-        goes red for 1.01.
+        Function of a factor on the number that determines the object: the test of the row passes for 1 and fails for
+        1.01.
     reading
-        How it is read, where the printed form cannot be meant; empty when it is read as printed.
+        The reading, if the printed form cannot be meant; empty if it is read as printed.
     demonstration
-        Computes a counter-example to the printed form, where that cannot be meant or is wrong.
+        Computes a counter-example to the printed form, if that cannot be meant or is wrong.
     fault
-        What is the matter with the printed form. A reading alone means an ambiguity or a missing value, unless it says
-        `Fault.MISPRINT`: one sensible reading of a slip, under which the paper's argument stands. `Fault.FALSE` is a
-        statement that stays wrong under every sensible reading, and needs a counter-example.
+        Fault of the printed form. A reading without a fault means an ambiguity or a missing value. `Fault.MISPRINT`
+        has one sensible reading under which the paper's argument is valid. `Fault.FALSE` is a statement that is wrong
+        under every sensible reading, and needs a counter-example.
     note
-        A remark that finds no fault: what else is known of the statement, or what it does not say.
+        A remark without a fault.
     also
-        Further numbers of the paper that the row states.
+        Further numbers of the paper that the row covers.
 
     Raises
     ------
     ValueError
-        When fault, reading and demonstration do not go together.
+        If fault, reading and demonstration are inconsistent.
     """
 
     paper: str
@@ -138,24 +138,24 @@ class Row:
         if self.kind == "consequence":
             object.__setattr__(self, "fault", Fault.OWN)
             if self.reading or self.demonstration is not None:
-                raise ValueError(f"{self.paper} {self.number}: what is not printed has no fault")
+                raise ValueError(f"{self.paper} {self.number}: a statement that is not printed has no fault")
             return
         if self.fault is Fault.NONE and self.reading and self.demonstration is None:
             object.__setattr__(self, "fault", Fault.READING)
         if (self.fault is Fault.NONE) == bool(self.reading) or self.fault is Fault.OWN:
-            raise ValueError(f"{self.paper} {self.number}: a fault comes with a reading, and a reading with a fault")
+            raise ValueError(f"{self.paper} {self.number}: a fault needs a reading, and a reading a fault")
         if self.fault is Fault.FALSE and self.demonstration is None:
             raise ValueError(f"{self.paper} {self.number}: a false statement needs a counter-example")
 
     @property
     def test(self) -> str:
-        """Name of the test that shows it."""
+        """Name of its test."""
         return f"tests/papers/test_equations.py::test_row[{self.paper} {self.number}]"
 
     def verdict(self) -> tuple[Fault, Demonstration | None]:
-        """The row's fault with its counter-example, which is computed now.
+        """The fault of the row and its counter-example, which is computed.
 
-        A fault whose counter-example refutes nothing is no more than a reading.
+        A fault whose counter-example does not refute the statement is reduced to a reading.
         """
         if self.demonstration is None:
             return self.fault, None
@@ -188,11 +188,11 @@ class Erratum:
     statement
         Number and content of the statement.
     reading
-        What is wrong, and how it is read.
+        The error, and the reading.
     demonstration
-        Computes a counter-example; None for a misprint that is read off the page.
+        Computes a counter-example; None for an obvious misprint.
     fault
-        Which of the two it is.
+        `Fault.FALSE` or `Fault.MISPRINT`.
     """
 
     statement: str
@@ -218,6 +218,6 @@ def errata_of(rows: Sequence[Row]) -> list[Erratum]:
 
 
 def fault_counts(rows: Sequence[Row]) -> dict[Fault, int]:
-    """How many rows have each fault, all faults named."""
+    """Number of rows with each fault, including zeros."""
     found = Counter(row.fault for row in rows)
     return {fault: found[fault] for fault in Fault}

@@ -1,4 +1,4 @@
-"""Small computations that several papers' equation tables share: each depends on one decisive number."""
+"""Computations shared by the equation tables of several papers."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ if TYPE_CHECKING:
     from flocking.show.contents import PanelContents
 
 STEP = 1e-5
-"""Duration of the motions from which rates are read."""
+"""Duration of the motions from which rates are computed."""
 
 SEEDS = range(6)
 """Seeds of the runs behind the rows of theorems."""
 
 
 def example_state(n: int = 5, *, spread: float = 1.5, seed: int = 7) -> State:
-    """Agents in general position.
+    """Positions and velocities in general position.
 
     Parameters
     ----------
     n
-        How many.
+        Number of agents.
     spread
         Standard deviation of each coordinate.
     seed
@@ -49,14 +49,14 @@ def example_state(n: int = 5, *, spread: float = 1.5, seed: int = 7) -> State:
 
 
 def balanced_square(potential: Potential, best: float = 1.0) -> Array:
-    """Four agents in a square, all linked, at the side for which sides and diagonals balance; shape (4, 2).
+    """Four linked agents in a square whose sides and diagonals balance; shape (4, 2).
 
     Parameters
     ----------
     potential
         Potential of every pair.
     best
-        Distance at which it is least: below it repels, above it attracts.
+        Distance of its minimum.
     """
     from scipy.optimize import brentq
 
@@ -68,50 +68,50 @@ def balanced_square(potential: Potential, best: float = 1.0) -> Array:
 
 
 def check_figure(figure: int | None, last: int) -> None:
-    """Check that a paper with figures 1 to ``last`` has this one.
+    """Check that a figure is one of 1 to ``last``.
 
     Parameters
     ----------
     figure
-        Number that was asked for; any will do when None.
+        The number, or None.
 
     Raises
     ------
     InvalidInput
-        When it has not.
+        If it is not.
     """
     if figure is not None and integer("scenario", "figure", figure, least=1) > last:
         raise InvalidInput("scenario", "figure", f"must be at most {last}", figure)
 
 
 def displacement(scenario: Scenario, duration: float) -> Array:
-    """How far the agents of a scenario move within ``duration``, shape (N, m)."""
+    """Displacements of the agents of a scenario within ``duration``, shape (N, m)."""
     run = simulate(scenario.with_(t_end=duration, frames=(0.0, duration), name=""), progress=False)
     return np.asarray(run.q[-1] - run.q[0])
 
 
 def velocity_change(scenario: Scenario, mass: float) -> Array:
-    """How much the velocities of a scenario change within that time when the agents have ``mass``."""
+    """Changes of the velocities of a scenario within that time if agents have ``mass``."""
     run = simulate(scenario.with_(t_end=STEP, frames=(0.0, STEP), name="", agents=Agents(masses=mass)), progress=False)
     return np.asarray(run.p[-1] - run.p[0])
 
 
 @lru_cache(maxsize=16)
 def shown(make: Callable[[], Scenario]) -> Run:
-    """The run of a scenario that figures show."""
+    """The run of a scenario for its figures."""
     return simulate(make(), progress=False)
 
 
 @dataclass(frozen=True, eq=False)
 class Pictured:
-    """A figure as it is drawn.
+    """Content of a drawn figure.
 
     Parameters
     ----------
     run
         The run it shows; None for figures of no run.
     panels
-        What it holds.
+        Its panels.
     declared
         Number, caption and scenarios of every figure of the paper, by number.
     """
@@ -127,7 +127,7 @@ def pictured(
     make: Callable[[], Scenario] | None = None,
     *beside: Callable[[], Scenario],
 ) -> Callable[[float], Pictured]:
-    """Builder of what a figure shows, everything horizontal scaled.
+    """Builder of the content of a figure with scaled horizontal values.
 
     Parameters
     ----------
@@ -136,9 +136,9 @@ def pictured(
     number
         Number of the figure.
     make
-        The scenario whose run it shows; absent for figures of no run.
+        The scenario whose run it shows; None for figures without a run.
     beside
-        The further scenarios whose runs it shows.
+        Further scenarios whose runs it shows.
     """
 
     def build(scale: float) -> Pictured:
@@ -154,14 +154,14 @@ def pictured(
 
 
 def meets(key: str, radius: float | None, *potentials: Potential) -> tuple[tuple[bool | None, ...], ...]:
-    """For each potential: whether it meets each item of a paper's definition of one.
+    """For each potential: whether it satisfies each item of a paper's definition of one.
 
     Parameters
     ----------
     key
         Key of the paper.
     radius
-        Radius they are held against; absent where the definition has none.
+        Radius in the definition; None if the definition has none.
     potentials
         The potentials.
     """
@@ -175,14 +175,14 @@ def judged(
     claims: Sequence[Claim],
     seeds: Sequence[int] = SEEDS,
 ) -> dict[str, Judgement]:
-    """Claims about runs whose agents obey a plant instead of the declared law, by the claims' keys.
+    """Judgements of claims about runs with a plant instead of the declared law, by the keys of the claims.
 
     Parameters
     ----------
     make
         Scenario of a seed.
     plant
-        The law the agents really obey, from the scenario.
+        Returns the law that agents follow, given the scenario.
     claims
         The claims.
     seeds
@@ -197,7 +197,7 @@ def judged(
 
 
 def _with_counterexample(found: Judgement) -> Judgement:
-    """The judgement, with the result of the claim's counter-example where it names one."""
+    """The judgement with the result of the claim's counter-example, if it has one."""
     make = found.claim.counterexample
     if make is None:
         return found

@@ -1,4 +1,4 @@
-"""What the expected verdicts of a paper's claims rest on: proofs, counter-examples, or nothing but observation."""
+"""Grounds of the expected verdicts of a paper's claims: proofs, counter-examples, or observation only."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from flocking.study.claims.claim import Basis, Claim
 
 @dataclass(frozen=True)
 class Ground:
-    """What the expected verdict of a claim rests on.
+    """Ground of the expected verdict of a claim.
 
     Parameters
     ----------
     basis
-        Which kind of ground it is.
+        Kind of the ground.
     proof
-        The proof or the theorem in a few words.
+        Short form of the proof or the theorem.
     counterexample
         Makes a scenario that refutes the claim.
     """
@@ -29,7 +29,7 @@ class Ground:
 
 
 OBSERVED = Ground(Basis.OBSERVATION)
-"""No proof backs it: over many seeds it has a rate."""
+"""Ground of a verdict without a proof: observation over many seeds."""
 
 
 def proved(proof: str) -> Ground:
@@ -38,13 +38,13 @@ def proved(proof: str) -> Ground:
     Parameters
     ----------
     proof
-        The proof, or the theorem that is cited, in a few words.
+        Short form of the proof, or the cited theorem.
     """
     return Ground(Basis.PROOF, proof)
 
 
 def refuted(counterexample: Callable[[], Scenario]) -> Ground:
-    """The claim fails, by one counter-example.
+    """The claim fails by a counter-example.
 
     Parameters
     ----------
@@ -55,19 +55,19 @@ def refuted(counterexample: Callable[[], Scenario]) -> Ground:
 
 
 def grounded(claims: Sequence[Claim], grounds: Mapping[str, Ground]) -> tuple[Claim, ...]:
-    """Claims with what their expected verdicts rest on.
+    """Claims with the grounds of their expected verdicts.
 
     Parameters
     ----------
     claims
         The claims of one scenario.
     grounds
-        By the key of the claim; every claim needs one.
+        Grounds by the key of the claim; every claim needs one.
 
     Raises
     ------
     KeyError
-        When a claim has no ground.
+        If a claim has no ground.
     """
     found = []
     for claim in claims:

@@ -1,4 +1,4 @@
-"""Which claim catches which mutant, on the papers' own systems."""
+"""Mutation tests of the claims on the systems of the papers."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from flocking.study.mutants import MUTATIONS, coarse_step, mutated_run
 from flocking.study.trajectory import run_from_samples
 
 SAMPLES = 2001
-"""Frames of a run whose claims are judged under a wrong law."""
+"""Number of frames of a run of a mutant."""
 
 
 @dataclass(frozen=True)
 class Caught:
-    """What an audit says of a mutant.
+    """Result of the audit of a mutant.
 
     Parameters
     ----------
@@ -30,9 +30,9 @@ class Caught:
     scenario
         The scenario that was declared.
     truth
-        Claims that hold for the right system, from the same kind of samples.
+        Claims that hold for the correct system with the same frames.
     fails, unresolved
-        Claims that hold for the right system and fail, or are left open, for the mutant.
+        Claims that hold for the correct system and fail, or are not resolved, for the mutant.
     """
 
     mutant: str
@@ -43,19 +43,19 @@ class Caught:
 
     @property
     def caught(self) -> bool:
-        """Whether a claim that holds for the right system fails for the mutant."""
+        """Whether a claim that holds for the correct system fails for the mutant."""
         return bool(self.fails)
 
 
 def declared(name: str, key: str, t_end: float) -> Scenario:
-    """A paper's scenario, cut short and densely sampled.
+    """A paper's scenario with an earlier end and more frames.
 
     Parameters
     ----------
     key
         Key of the paper.
     t_end
-        When the scenario ends.
+        End of the scenario.
     """
     scenario: Scenario = paper(key).scenarios()[name](0)
     return scenario.with_(t_end=t_end, frames=SAMPLES)
@@ -71,11 +71,11 @@ CASES: dict[str, tuple[str, str, float]] = {
     "swapped obstacle velocity": ("olfati-saber-2003", "olfati-saber-2003", 14.0),
     "wrong mass": ("shi-2009-uniform", "shi-2009", 10.0),
 }
-"""For each mutant the scenario, its paper and the time over which the motion is judged."""
+"""For each mutant the scenario, its paper and the duration."""
 
 
 def catch(mutant: str) -> Caught:
-    """Run one mutant and the right system, and hold both against the declared law.
+    """Run one mutant and the correct system, and check both against the declared law.
 
     Parameters
     ----------

@@ -2,8 +2,8 @@
 
 The lists were collected by reading the texts from the first page to the appendix: every number at the right margin of
 a formula, and every numbered definition, assumption, lemma, proposition, theorem, corollary, remark, note, example,
-problem, figure and table in the order of its kind. They are not made from the rows. Numbers of cited works are left
-out, among them Corollary 6.2.27 that Shi, Wang, Chu cite.
+problem, figure and table in the order of its kind. They are independent of the rows. Numbers of cited works are not
+included, such as Corollary 6.2.27 that Shi, Wang, Chu cite.
 """
 
 from __future__ import annotations
@@ -48,10 +48,10 @@ NUMBERED: dict[str, tuple[str, ...]] = {
 
 
 def index(key: str) -> dict[str, tuple[Row, ...]]:
-    """Rows of every numbered statement of a paper, in the order of `NUMBERED`; no rows where none states it.
+    """Rows of every numbered statement of a paper, in the order of `NUMBERED`; empty if there is none.
 
-    A statement belongs to the row of its number, to rows of its parts, as ``"Proposition 2 i)"``, and to a row that
-    names it in `Row.also`.
+    The rows of a statement are that of its number, those of its parts, such as ``"Proposition 2 i)"``, and rows with
+    its number in `Row.also`.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def index(key: str) -> dict[str, tuple[Row, ...]]:
     Raises
     ------
     InvalidInput
-        When the key is unknown.
+        If the key is unknown.
     """
     rows = paper(key).equations()
     return {

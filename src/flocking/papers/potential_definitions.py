@@ -1,4 +1,4 @@
-"""Potentials held against the papers' definitions of what counts as one."""
+"""Check of potentials against the definitions of a potential in the papers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from flocking.study.potentials.potential_check import Definition, PotentialRepor
 
 
 def definitions() -> dict[str, Definition]:
-    """The definitions of the papers that have one, by the paper's key, the oldest paper first."""
+    """Definitions of a potential by the key of the paper, the oldest paper first."""
     papers = sorted(map(paper, keys()), key=lambda p: p.year)
     return {p.key: p.potential_definition for p in papers if p.potential_definition is not None}
 
@@ -18,7 +18,7 @@ def definitions() -> dict[str, Definition]:
 def check_potential(
     potential: Potential | str, *, radius: float | None = None, definition: str | None = None
 ) -> PotentialReport:
-    """Find the properties of a potential, and which papers' definitions of a potential it meets.
+    """Find the properties of a potential, and the papers whose definitions of a potential it satisfies.
 
     See `flocking.study.potentials.potential_check.check_potential`.
 
@@ -27,10 +27,10 @@ def check_potential(
     potential
         The potential, or its formula.
     radius
-        Sensing radius R; the first distance where the potential is infinite when absent.
+        Sensing radius R; by default the first distance at which the potential is infinite.
     definition
         Key of the one paper whose definition is used: ``"tanner-2003-fixed"``, ``"tanner-2003-dynamic"``,
-        ``"shi-2009"`` or ``"zhou-2015"``; all when absent.
+        ``"shi-2009"`` or ``"zhou-2015"``; all by default.
 
     Returns
     -------
@@ -40,7 +40,7 @@ def check_potential(
     Raises
     ------
     InvalidInput
-        When the radius is not positive, the definition is unknown, or the formula is not in the grammar.
+        If the radius is not positive, the definition is unknown, or the formula is not in the grammar.
 
     Examples
     --------

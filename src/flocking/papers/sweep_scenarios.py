@@ -1,4 +1,4 @@
-"""The papers' scenarios as families whose options a sweep file may vary."""
+"""The papers' scenarios with options that a sweep file may vary."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from flocking.study.evidence import Evidence
 from flocking.study.sweeps.parametrised_scenarios import ParametrisedScenario, integer_between, number_between
 
 OBSTACLE_AREA = 3200.0
-"""Area of the start region of Olfati-Saber's task 1: the shape varies, the density does not."""
+"""Area of the start region of Olfati-Saber's task 1; the shape is varied at constant density."""
 MOST_AGENTS = 1000
-"""Agents of a scenario of the papers in a file, a bound on the work that a file may ask for."""
+"""Largest number of agents of a paper's scenario in a sweep file; limits the work of a file."""
 
 
 class _FixedOptions(TypedDict, total=False):
@@ -70,7 +70,7 @@ def _shi(seed: int, *, name: str, **options: Unpack[_ShiOptions]) -> Scenario:
 
 
 def _obstacles(seed: int, *, length: float | None = None, **options: Unpack[_ObstacleOptions]) -> Scenario:
-    """Task 1 of Olfati-Saber from a region of one area, ending and centred where the paper's is."""
+    """Task 1 of Olfati-Saber with a start region of constant area and the right edge and centre line of the paper's."""
     from flocking.papers.olfati_saber_2003.system import START_BOX, obstacle_scenario
 
     (x, y), (long, wide) = START_BOX
@@ -81,20 +81,20 @@ def _obstacles(seed: int, *, length: float | None = None, **options: Unpack[_Obs
 
 
 def _certified_zhou(e: Evidence) -> float:
-    """Distance at which one pair alone would hold the largest energy of (16)-(18)."""
+    """Distance at which a single pair stores the largest energy of (16)-(18)."""
     from flocking.papers.zhou_2015.theorems import energy_limit
 
     return _distance_holding(e, energy_limit(e))
 
 
 def _certified_by_start(e: Evidence) -> float:
-    """Distance at which one pair alone would hold the energy of the start and of the links made since."""
+    """Distance at which a single pair stores the initial energy and that of the links created since."""
     trace = e.trace
     return _distance_holding(e, float(trace["energy"][0] + trace["jumped"].max()))
 
 
 def _distance_holding(e: Evidence, most: float) -> float:
-    """Smallest distance a linked pair can have when it stores no more than ``most``."""
+    """Smallest distance of a linked pair that stores at most ``most``."""
     import numpy as np
 
     from flocking.study.claims.potential_minimum import distance_of, smallest_value
@@ -115,13 +115,13 @@ def _energy_bound(e: Evidence) -> float:
 ZHOU_MEASURES = {
     "energy_bound": ("largest energy that (16)-(18) allow", _energy_bound),
     "certified_closest": ("distance below which (16)-(18) allow no linked pair", _certified_zhou),
-    "certified_by_links": ("the same with the links that were made, not all that could be", _certified_by_start),
+    "certified_by_links": ("the same for the created links instead of all possible ones", _certified_by_start),
 }
 
 
 @cache
 def sweep_scenarios() -> dict[str, ParametrisedScenario]:
-    """Families by name: those of the papers' scenarios that have something to vary."""
+    """Parametrised scenarios by name: those of the papers' scenarios with options."""
     from flocking.papers.shi_2009.system import AGENTS, SETTINGS
 
     speed = number_between(0.0, 100.0)

@@ -1,4 +1,4 @@
-"""Equation tables of several papers, put together."""
+"""Combined equation tables of several papers."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ def equation_table(keys: Sequence[str] | None = None) -> list[Row]:
     Parameters
     ----------
     keys
-        Keys of the papers; all when absent.
+        Keys of the papers; all by default.
 
     Raises
     ------
     InvalidInput
-        When a key is unknown.
+        If a key is unknown.
     """
     return [row for key in (all_keys() if keys is None else keys) for row in paper(key).equations()]

@@ -1,1 +1,1 @@
-"""Pictures: nets in the plane, time series, animations, in one style. Draws runs, knows no paper."""
+"""Pictures: nets in the plane, time series, animations, in one style; independent of the papers."""

@@ -24,7 +24,7 @@ FASTEST = 240
 """Largest number of pictures per second."""
 
 MOST_PICTURES = 100_000
-"""Largest number of pictures of a film unless told otherwise."""
+"""Default limit on the number of pictures of a film."""
 
 
 def animate(
@@ -47,14 +47,14 @@ def animate(
     run
         The run.
     path
-        Where to: ``.mp4`` needs ffmpeg (see `ffmpeg`), ``.gif`` does not; without a suffix the better one at hand is
-        chosen.
+        The file: ``.mp4`` needs ffmpeg (see `ffmpeg`), ``.gif`` does not; without a suffix MP4 is chosen if ffmpeg is
+        available.
     fps
         Pictures per second of the film, at most `FASTEST`.
     seconds
-        Length of the film: frames are left out or shown again to fit; every frame once when absent.
+        Length of the film: frames are omitted or repeated to fit; every frame once by default.
     follow
-        Let the picture move with the centre of the group.
+        Whether the picture moves with the centre of the group.
     size
         Width and height in inches.
     dpi
@@ -62,7 +62,7 @@ def animate(
     theme
         ``"light"`` or ``"dark"``.
     most_pictures
-        Largest number of pictures, against slips of the hand.
+        Largest number of pictures, which guards against mistakes.
     options
         Further options of `flocking.show.plane.net`, such as ``trails=True``.
 
@@ -74,7 +74,7 @@ def animate(
     Raises
     ------
     InvalidInput
-        When the suffix is unknown, ffmpeg is needed and missing or fails, or a number is out of range.
+        If the suffix is unknown, ffmpeg is needed and missing or fails, or a number is out of range.
     """
     fps = integer("animate", "fps", fps, least=1)
     if fps > FASTEST:
@@ -99,7 +99,7 @@ def animate(
         target.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InvalidInput("animate", "path", f"must be writable ({error.strerror})", str(path)) from None
-    # The ending says to writers what to write.
+    # Writers determine the format by the suffix.
     partial = target.with_name(f".{target.stem}.{os.getpid()}.partial{target.suffix}")
     try:
         with themed(theme):
@@ -107,7 +107,7 @@ def animate(
         os.replace(partial, target)
     except Exception as error:
         if interrupted(error):
-            # The writer could not finish a film without pictures.
+            # The writer fails on a film without pictures.
             raise KeyboardInterrupt from None
         if not isinstance(error, CalledProcessError | OSError):
             raise
@@ -121,7 +121,7 @@ def animate(
 
 
 def ffmpeg() -> str | None:
-    """The ffmpeg that writes MP4: the one of the machine, else that of the extra ``film``, else None."""
+    """Path of ffmpeg: the installed one, else that of the extra ``film``, else None."""
     import shutil
     from importlib.util import find_spec
 
@@ -135,17 +135,17 @@ def ffmpeg() -> str | None:
 
     try:
         return str(get_ffmpeg_exe())
-    except RuntimeError:  # there is none for this machine in the package
+    except RuntimeError:  # The package has none for this machine.
         return None
 
 
 def film_path(path: str | Path) -> Path:
-    """Where a film of that name goes.
+    """Path of a film, with a suffix.
 
     Raises
     ------
     InvalidInput
-        When the suffix is unknown, or ffmpeg is needed and missing.
+        If the suffix is unknown, or ffmpeg is needed and missing.
     """
     path = Path(path)
     if path.suffix == "":
@@ -170,8 +170,8 @@ def _film(
 
     made = figure(size, size)
     if path.suffix == ".mp4":
-        matplotlib.rcParams["animation.ffmpeg_path"] = ffmpeg()  # put back with the style
-        # The table of contents goes first, so that a browser can begin before the end has come.
+        matplotlib.rcParams["animation.ffmpeg_path"] = ffmpeg()  # Restored with the style.
+        # The index is written first, so that a browser can start before the file is complete.
         writer: FFMpegWriter | PillowWriter = FFMpegWriter(fps=fps, extra_args=["-movflags", "+faststart"])
     else:
         writer = PillowWriter(fps=fps)
@@ -182,7 +182,7 @@ def _film(
         canvas.draw()
         target.write(canvas.buffer_rgba())
 
-    # Saving a figure draws it twice, once to measure what lies around it; the places of a film are known.
+    # Saving a figure draws it twice, once to measure its extent; the extent of a film is known.
     setattr(made, "savefig", save)  # noqa: B010  the type checker refuses to replace a method
     space = run.q.shape[2] == 3
     limits = None if "limits" in options else _limits(run, follow)
@@ -190,20 +190,20 @@ def _film(
     def draw(k: int) -> None:
         if len(made.axes) == 1 and not space:
             (axes,) = made.axes
-            # Clearing the axes would make all ticks anew.
+            # Clearing the axes would create all ticks again.
             for artist in [*axes.lines, *axes.collections, *axes.patches, *axes.texts, *axes.images]:
                 artist.remove()
             axes.set_prop_cycle(None)
         else:
             made.clear()
             axes = made.add_subplot(projection="3d" if space else None)
-        # A picture that breathes with every frame hides the motion: the window is fixed before the first.
+        # Limits that change with every frame hide the motion, so the window is fixed before the first.
         window: NetOptions = {} if limits is None else {"limits": (limits[0, k].tolist(), limits[1, k].tolist())}
         look: NetOptions = {**window, **options}
         net(run, frame=k, axes=axes, **look)
 
-    # The layout is solved once, for the frame with the longest tick labels: solving it for each takes half the time
-    # of a film and makes the axes tremble.
+    # The layout is computed once, for the frame with the longest tick labels: for each frame it would take half the
+    # time of a film and make the axes jitter.
     draw(int(frames[0] if limits is None else frames[np.abs(limits[:, frames]).max(axis=(0, 2)).argmax()]))
     made.draw_without_rendering()
     places = [axes.get_position() for axes in made.axes]

@@ -1,4 +1,4 @@
-"""What a drawn figure shows, as numbers and words: limits, labels, lines, dots, arrows and areas of every panel."""
+"""Contents of a drawn figure as data: limits, labels, lines, dots, arrows and areas of every panel."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ class Mark:
     Parameters
     ----------
     kind
-        ``"line"``, ``"dots"``, ``"arrows"`` or ``"area"``. Each line of a collection is a mark of its own.
+        ``"line"``, ``"dots"``, ``"arrows"`` or ``"area"``. Each line of a collection is a separate mark.
     name
-        Its group (gid), for example ``"agents"`` or ``"links"``; ``"pointer"`` for an arrow from one place to another
-        that is an annotation; empty where it has none.
+        Its group (gid), for example ``"agents"`` or ``"links"``; ``"pointer"`` for the arrow of an
+        annotation; empty if it has none.
     label
-        Its text in the legend; empty where it has none.
+        Its text in the legend; empty if it has none.
     points
-        Points of a line or outline, places of dots, bases of arrows, shape (K, 2).
+        Points of a line or outline, positions of dots, bases of arrows, shape (K, 2).
     way
         From base to tip of every arrow, shape (K, 2); empty for other marks.
     color
-        Its first colour, ``#rrggbb``; empty where it has none.
+        Its first colour, ``#rrggbb``; empty if it has none.
     style
         ``"-"`` for solid lines and marks without lines, else ``"--"``, ``":"``, ``"-."`` or ``"None"``.
     """
@@ -57,19 +57,19 @@ class PanelContents:
     Parameters
     ----------
     title, letter
-        Title in the middle and at the left.
+        Title at the centre and at the left.
     horizontal, vertical
         Labels of the axes.
     horizontal_limits, vertical_limits
-        What the axes span.
+        Limits of the axes.
     even
         Whether both axes have the same unit.
     legend
         Texts of the legend.
     notes
-        Texts at places in data coordinates; None where a note has another place.
+        Texts with their positions in data coordinates; None for a position in other coordinates.
     marks
-        All that is drawn.
+        All drawn marks.
     """
 
     title: str
@@ -84,7 +84,7 @@ class PanelContents:
     marks: tuple[Mark, ...]
 
     def of(self, name: str, kind: str = "") -> list[Mark]:
-        """Marks of a group, and of a kind where one is given."""
+        """Marks of a group, and of a kind if one is given."""
         return [m for m in self.marks if m.name == name and kind in ("", m.kind)]
 
     def named(self, label: str) -> Mark:
@@ -98,7 +98,7 @@ class PanelContents:
         Raises
         ------
         InvalidInput
-            When no mark or more than one has it.
+            If no mark or more than one has it.
         """
         found = [m for m in self.marks if m.label == label]
         if len(found) != 1:
@@ -107,14 +107,14 @@ class PanelContents:
 
 
 def contents(figure: Figure, stretched: float = 1.0) -> tuple[PanelContents, ...]:
-    """What every set of axes in the plane shows, in the order they were made.
+    """Contents of all two-dimensional axes, in the order of their creation.
 
     Parameters
     ----------
     figure
         A drawn figure.
     stretched
-        Factor on everything horizontal.
+        Factor on all horizontal values.
     """
     return tuple(_panel(axes, stretched) for axes in figure.axes if axes.name != "3d")
 

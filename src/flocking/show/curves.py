@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SAMPLES = 1200
-"""Points of a curve: more than the pixels of its width."""
+"""Number of points of a curve: more than the pixels of its width."""
 
 
 @in_style
@@ -40,15 +40,15 @@ def curve(
     Parameters
     ----------
     function
-        Takes an array and gives one of the same shape.
+        Maps an array to one of the same shape.
     lower, upper
         Ends of the interval.
     axes
-        Where to draw; a new figure when absent.
+        Axes to draw on; a new figure by default.
     breaks
-        Points at which the function may jump: the line is interrupted there.
+        Points at which the function may jump; the line is interrupted there.
     focus
-        Values beyond this point decide the vertical limits; all when absent.
+        Values beyond this point determine the vertical limits; all by default.
     marks
         Points marked by a dotted vertical line, by their labels.
     variable, label
@@ -59,7 +59,7 @@ def curve(
     Raises
     ------
     InvalidInput
-        When the interval is empty or the function is nowhere finite on it.
+        If the interval is empty or the function is nowhere finite on it.
     """
     lower = number("curve", "lower", lower)
     upper = number("curve", "upper", upper, above=lower)
@@ -89,7 +89,7 @@ def curve(
 
 
 class PotentialOptions(TypedDict, total=False):
-    """Options of `potential` beside the potential and the axes, with the meanings they have there."""
+    """Options of `potential` besides the potential and the axes, see there."""
 
     radius: float | None
     outside: float | None
@@ -109,28 +109,27 @@ def potential(
     slope: bool = True,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw a potential as the papers do, with its slope on a second axis.
+    """Draw a potential as in the papers, with its slope on a second axis.
 
     Parameters
     ----------
     psi
         The potential.
     radius
-        Where interaction ends; the formula is drawn up to here.
+        Radius of interaction; the formula is drawn up to it.
     outside
-        Constant value of a pair farther apart than ``radius``; a jump to it is marked. Nothing is drawn there
-        when absent.
+        Constant value for distances above ``radius``; a jump to it is marked. Nothing is drawn there by default.
     lower, upper
-        Ends of the interval; chosen from the radius, kinks and minimum when absent.
+        Ends of the interval; by default chosen from the radius, kinks and minimum.
     slope
-        Draw psi' as well.
+        Whether to draw psi' as well.
     axes
-        Where to draw; a new figure when absent.
+        Axes to draw on; a new figure by default.
 
     Raises
     ------
     InvalidInput
-        When the interval is empty, or the formula is nowhere finite on it.
+        If the interval is empty, or the formula is nowhere finite on it.
     """
     if not isinstance(psi, Potential):
         raise InvalidInput("potential", "psi", "must be a Potential", psi)
@@ -146,7 +145,7 @@ def potential(
     marks = {} if lowest is None or lowest >= end else {f"$r = {lowest:.4g}$": lowest}
     if radius is not None and radius <= end:
         marks[f"$R = {radius:.4g}$"] = radius
-    # Left of here a singular potential only climbs, and would flatten the well.
+    # Further left a singular potential only increases, which would flatten the well.
     focus = None if lowest is None or lowest >= end else 0.55 * lowest
     axes = curve(
         psi, low, inside, axes=axes, breaks=kinks, focus=focus, marks=marks, variable="$r$", label=r"$\psi(r)$"
@@ -221,7 +220,7 @@ def _mark_outside(axes: Axes, psi: Potential, inside: float, end: float, outside
 
 
 def _slopes_in_view(psi: Potential, axes: Axes, low: float, high: float) -> tuple[float, float]:
-    """Limits for the slope that cover it wherever the potential itself is seen."""
+    """Limits that cover the slope wherever the potential is visible."""
     r = np.linspace(low, high, SAMPLES)[1:-1]
     values, slopes = psi(r), psi.slope(r)
     bottom, top = axes.get_ylim()
@@ -234,7 +233,7 @@ def _slopes_in_view(psi: Potential, axes: Axes, low: float, high: float) -> tupl
 
 
 def _window(values: Array) -> tuple[float, float]:
-    """Vertical limits that cover the curve but not the last of its poles."""
+    """Vertical limits that cover the curve except near its poles."""
     finite = values[np.isfinite(values)]
     low, high = (float(x) for x in np.quantile(finite, [0.0, 1.0]))
     inner_low, inner_high = (float(x) for x in np.quantile(finite, [0.06, 0.94]))

@@ -1,4 +1,4 @@
-"""Figures of papers as data: a number, a caption, and what to draw from a run."""
+"""Declarations of figures of papers: a number, a caption, and a drawing function of a run."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Picture
 
 Draw = Callable[..., "Picture"]
-"""What draws a figure from a run, or from the runs of several scenarios in turn."""
+"""Function that draws a figure from a run, or from the runs of several scenarios."""
 
 
 @dataclass(frozen=True)
@@ -29,18 +29,18 @@ class Figure:
     number
         Its number in the paper, for example ``"4"`` or ``"7a"``.
     caption
-        What it shows, in the project's own words.
+        Its caption.
     draw
         Draws it from a run, and from the runs of the scenarios ``beside``, in this order.
     scenario
-        Name of the paper's scenario it shows. Empty for drawings that show no run: they are drawn from any.
+        Name of the paper's scenario it shows. Empty for drawings that show no run.
     beside
         Names of further scenarios it shows.
 
     Raises
     ------
     InvalidInput
-        When number or caption is no text, or ``draw`` cannot be called.
+        If number or caption is not a string, or ``draw`` is not callable.
     """
 
     number: str
@@ -63,7 +63,7 @@ class Figure:
         Parameters
         ----------
         otherwise
-            Name of the scenario that drawings which show no run are drawn from.
+            Name of the scenario for drawings that show no run.
         """
         return (self.scenario or otherwise, *self.beside)
 
@@ -73,12 +73,12 @@ Figures = Mapping[int, Figure] | Mapping[str, Figure]
 
 
 def snapshot(time: float | None = None, **options: Unpack[plane.NetOptions]) -> Draw:
-    """The net at one time, the last when absent; options are those of `flocking.show.plane.net`."""
+    """The net at one time, by default the last; options are those of `flocking.show.plane.net`."""
     return lambda run: figure_of(plane.net(run, time=time, **options))
 
 
 def snapshots(times: Sequence[float], columns: int = 2, **options: object) -> Draw:
-    """The net at several times on one sheet of so many ``columns``, read row by row."""
+    """The net at several times on one sheet with a number of ``columns``, in row order."""
     chosen = tuple(float(t) for t in times)
     return lambda run: sheet([panel(plane.net, run, time=t, **options) for t in chosen], columns=columns)
 
@@ -114,7 +114,7 @@ def final(**options: Unpack[plane.NetOptions]) -> Draw:
 
 
 def paths_and_final(**options: Unpack[plane.NetOptions]) -> Draw:
-    """The net at the last frame with the dotted paths that led there."""
+    """The net at the last frame with the paths as dotted lines."""
     look: plane.NetOptions = {"trails": True, **options}
     return lambda run: figure_of(plane.net(run, frame=-1, **look))
 
@@ -148,7 +148,7 @@ def drawn_figure(known: Figures, number: int | str, run: Run, *beside: Run) -> P
     Raises
     ------
     InvalidInput
-        When there is no such figure, or it shows another number of scenarios.
+        If there is no such figure, or it shows another number of scenarios.
     """
     for name, shown in known.items():
         if str(name) == str(number):

@@ -1,4 +1,4 @@
-"""Large flocks as shades: how densely agents stand, on a logarithmic scale."""
+"""Density maps of large flocks on a logarithmic scale."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ if TYPE_CHECKING:
 
 COLORS = "inferno"
 GROUND = "#000004"
-"""The lowest colour of the map: where nobody is."""
+"""The lowest colour of the map, for cells without agents."""
 STONE, STONE_EDGE = "#4E6B78", "#A9C0CA"
 """Obstacles."""
 SPAN = (0.3, 8.0)
-"""Lowest and highest density shown, in terms of the reference."""
+"""Default range of densities relative to the reference."""
 CELLS = 480
-"""Cells along the longer side of a picture, unless told otherwise."""
+"""Default number of cells along the longer side of a picture."""
 MARGIN = 0.04
-"""Empty share of the side around the group."""
+"""Margin around the group as a fraction of the side."""
 
 
 @in_style
@@ -53,28 +53,28 @@ def density(
     title: str | bool = True,
     bar: bool = True,
 ) -> Axes:
-    """Draw how densely agents stand in the plane.
+    """Draw the density of agents in the plane.
 
     Parameters
     ----------
     what
-        A run, a state, or a map made before.
+        A run, a state, or a density map.
     time, frame
-        Which stored frame of a run: the one nearest to ``time``, or its number; the last when both are absent.
+        Which stored frame of a run: the one nearest to ``time``, or its number; the last by default.
     axes
-        Where to draw; a new figure when absent.
+        Axes to draw on; a new figure by default.
     unit, unit_name
-        Length that the axes count in, and what they call it, such as ``"r"``.
+        Unit of length of the axes, and its name, such as ``"r"``.
     reference
-        Density that counts as 1; the median of what the agents stand in when absent.
+        Unit of density; by default the median of the densities at the agents.
     span
-        Lowest and highest density shown, in terms of the reference.
+        Lowest and highest density shown, relative to the reference.
     limits
-        Lowest and highest corner of the picture; everything when absent.
+        Lowest and highest corner of the picture; everything by default.
     cell, blur
-        Side of a cell of the map, and standard deviation of its smoothing; chosen from the picture's size when absent.
+        Side of a cell of the map, and standard deviation of its smoothing; by default chosen from the picture's size.
     obstacles
-        Objects with a method ``outline(count)``; those of the run's law where they are at that time when absent.
+        Objects with a method ``outline(count)``; by default those of the run's law at that time.
     title
         True for the time of a run or state, a text, or False for none.
     bar
@@ -88,13 +88,13 @@ def density(
     Raises
     ------
     InvalidInput
-        When the frame does not exist, agents do not live in the plane, space is not open, or a number is out of range.
+        If the frame does not exist, agents do not live in the plane, space is not open, or a number is out of range.
     """
     from matplotlib.colors import LogNorm
 
     if isinstance(what, Run) and not what.scenario.space.is_open:
         raise InvalidInput(
-            "density", "what", "must be a run in open space: the map does not know where space repeats",
+            "density", "what", "must be a run in open space: density maps do not support periodic space",
             type(what.scenario.space).__name__, "Draw the net of a frame instead.",
         )  # fmt: skip
     unit = number("density", "unit", unit, above=0.0)
@@ -133,20 +133,20 @@ def scale(
     high: float,
     label: str = "density",
 ) -> Colorbar:
-    """Draw the scale of colours beside axes, with few plain numbers.
+    """Draw the colour bar beside axes, with few tick labels.
 
     Parameters
     ----------
     figure
         The figure.
     shades
-        What `density` drew.
+        The mappable of `density`.
     axes
-        Axes beside which it stands, one or several.
+        Axes beside which it is drawn, one or several.
     low, high
         Ends of the scale.
     label
-        What it says.
+        Its label.
     """
     from matplotlib.ticker import NullFormatter
 
@@ -165,11 +165,11 @@ def _mapped(
     cell: float | None,
     blur: float | None,
 ) -> tuple[DensityMap, State, str]:
-    """The map, the state it was made of (an empty one for a map made before), and what its title says."""
+    """The map, its state (an empty one for a given map), and its title."""
     if isinstance(what, DensityMap):
         for word, value in (("time", time), ("frame", frame), ("limits", limits), ("cell", cell), ("blur", blur)):
             if value is not None:
-                raise InvalidInput("density", word, "must be absent for a map made before", value)
+                raise InvalidInput("density", word, "must be absent for a density map", value)
         return what, State(np.zeros((1, 2)), np.zeros((1, 2))), ""
     if isinstance(what, Run):
         state = what.state(frame_at(what, time, frame))
@@ -184,14 +184,14 @@ def _mapped(
         margin = MARGIN * float((high - low).max()) or 1.0
         low, high = low - margin, high + margin
     size = float((high - low).max()) / CELLS if cell is None else cell
-    # A few agents a spot: less shows single agents, more hides what is narrow.
+    # A few agents per spot: a smaller blur shows single agents, a larger one hides narrow structures.
     area = float(np.prod(np.maximum(np.ptp(state.q, axis=0), 1e-12)))
     width = max(size, float(np.sqrt(area / state.n))) if blur is None else blur
     return density_map(state.q, low=low, high=high, cell=size, blur=width), state, f"$t = {state.t:.6g}$"
 
 
 def _typical(made: DensityMap) -> float:
-    """The density that half of the agents stand in more densely."""
+    """Median of the densities at the agents."""
     values = np.sort(made.values.ravel())
     total = np.cumsum(values)
     return float(values[np.searchsorted(total, total[-1] / 2)]) if total[-1] > 0 else 1.0

@@ -1,4 +1,4 @@
-"""Which stored frame a picture shows, and where the leader is at its time."""
+"""Choice of a stored frame, and the leader at its time."""
 
 from __future__ import annotations
 
@@ -11,30 +11,30 @@ from flocking.model.leaders_and_obstacles.leaders import Leader
 
 
 def frame_at(run: Run, time: float | None = None, frame: int | None = None) -> int:
-    """Number of the stored frame nearest to ``time``, or of ``frame`` counted from the end when negative.
+    """Number of the stored frame nearest to ``time``, or ``frame``, counted from the end if negative.
 
     Parameters
     ----------
     run
         The run.
     time, frame
-        At most one of the two; the last frame when both are absent.
+        At most one of the two; the last frame by default.
 
     Raises
     ------
     InvalidInput
-        When both are given, the run has no frame, or the frame or time lies outside the run.
+        If both are given, the run has no frame, or the frame or time lies outside the run.
     """
     count = len(run.t)
     if count == 0:
-        raise InvalidInput("show", "run", "must hold at least one frame", run.status)
+        raise InvalidInput("show", "run", "must contain at least one frame", run.status)
     if time is not None and frame is not None:
-        raise InvalidInput("show", "frame", "must be absent where a time is given", frame)
+        raise InvalidInput("show", "frame", "must be absent if a time is given", frame)
     if time is not None:
         time = number("show", "time", time)
         slack = 1e-9 * max(1.0, abs(time))
         if not run.t[0] - slack <= time <= run.t[-1] + slack:
-            raise InvalidInput("show", "time", f"must lie in the run, from {run.t[0]:g} to {run.t[-1]:g}", time)
+            raise InvalidInput("show", "time", f"must be in the run, from {run.t[0]:g} to {run.t[-1]:g}", time)
         return int(np.argmin(np.abs(run.t - time)))
     frame = -1 if frame is None else frame
     if not -count <= frame < count:
@@ -55,17 +55,17 @@ def leader_track(leader: Leader, times: Array) -> tuple[Array, Array]:
 
 
 def dimension_name(axis: int) -> str:
-    """Letter of an axis: x, y, z, then x_4 and on."""
+    """Name of an axis: x, y, z, then x_4 and so on."""
     return "xyz"[axis] if axis < 3 else f"x_{{{axis + 1}}}"
 
 
 def checked_axis(run: Run, axis: int) -> int:
-    """``axis``, when the run has it.
+    """Check that a run has an ``axis``, and return it.
 
     Raises
     ------
     InvalidInput
-        When it has not.
+        If it has not.
     """
     m = run.q.shape[2]
     if isinstance(axis, bool) or not isinstance(axis, int | np.integer) or not 0 <= axis < m:

@@ -1,4 +1,4 @@
-"""Numbers of the whole group over time: spread of velocities, connectivity, closest pair, links made and lost."""
+"""Quantities of the group over time: spread of velocities, connectivity, closest pair, links created and lost."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ MOST_FOR_SPECTRUM = 600
 """Largest group whose algebraic connectivity is computed for a picture."""
 
 FEW = 100
-"""Largest group all of whose pairs are compared where the closest is sought; a tree is faster in larger ones."""
+"""Largest group whose closest pair is found by comparing all pairs; a tree is faster for larger ones."""
 
 AT_ONCE = 1_000_000
-"""Pairs compared at once: what their offsets need stays in the caches of a processor."""
+"""Number of pairs compared at once; their offsets fit into the cache of a processor."""
 
 
 @in_style
@@ -38,12 +38,12 @@ def spread(run: Run, *, axes: Axes | None = None) -> Axes:
     run
         The run.
     axes
-        Where to draw; a new figure when absent.
+        Axes to draw on; a new figure by default.
     """
     motion = motion_of(run)
     away = np.linalg.norm(motion.p - motion.p.mean(axis=1, keepdims=True), axis=2)
     axes = axes_or_new(axes)
-    # A logarithm has no place for an exact zero.
+    # A logarithmic axis cannot show zero.
     curves = [(away.max(axis=1), BLUE, "largest"), (np.sqrt((away**2).mean(axis=1)), ORANGE, "root mean square")]
     for values, color, label in curves:
         t, shown = thinned(motion.t, values)
@@ -64,7 +64,7 @@ def connectivity(run: Run, *, axes: Axes | None = None) -> Axes:
     run
         The run. One-way links count half; beyond 600 agents only the flocks are counted.
     axes
-        Where to draw; a new figure when absent.
+        Axes to draw on; a new figure by default.
     """
     axes = axes_or_new(axes)
     matrices = [run.links_at(k) for k in range(len(run.t))]
@@ -91,12 +91,12 @@ def closest(run: Run, *, axes: Axes | None = None) -> Axes:
     run
         The run; at least two agents.
     axes
-        Where to draw; a new figure when absent.
+        Axes to draw on; a new figure by default.
 
     Raises
     ------
     InvalidInput
-        When there is only one agent.
+        If there is only one agent.
     """
     if run.n < 2:
         raise InvalidInput("closest", "run", "must have at least two agents", run.n)
@@ -118,14 +118,14 @@ def closest(run: Run, *, axes: Axes | None = None) -> Axes:
 
 @in_style
 def links(run: Run, *, axes: Axes | None = None) -> Axes:
-    """Number of links over the frames, with a rug of the links made and lost between them.
+    """Number of links over the frames, with marks for links created and lost between them.
 
     Parameters
     ----------
     run
         The run.
     axes
-        Where to draw; a new figure when absent.
+        Axes to draw on; a new figure by default.
     """
     axes = axes_or_new(axes)
     counts = [len(pairs_of(run.links_at(k))) for k in range(len(run.t))]
@@ -144,14 +144,14 @@ def links(run: Run, *, axes: Axes | None = None) -> Axes:
 
 @in_style
 def energy(run: Run, *, axes: Axes | None = None) -> Axes:
-    """The energy ledger over time, with what it leaves unexplained on an axis of its own below.
+    """The energy ledger over time, with its residual on a separate axis below.
 
     Parameters
     ----------
     run
         The run.
     axes
-        Where to draw; a new figure when absent. The residual is drawn on the figure's next axes.
+        Axes to draw on; a new figure by default. The residual is drawn on the figure's next axes.
     """
     axes = axes_or_new(axes, width=COLUMN, height=0.9 * COLUMN)
     trace = run.trace
@@ -183,7 +183,7 @@ def energy(run: Run, *, axes: Axes | None = None) -> Axes:
 
 
 def _axes_below(axes: Axes) -> Axes:
-    """New axes under given ones, within the place that those had."""
+    """New axes below given ones, within the area of those."""
     place = axes.get_subplotspec()
     if place is None:
         return axes.inset_axes((0.0, -0.42, 1.0, 0.3))
@@ -199,7 +199,7 @@ def _integer_locator() -> Locator:
 
 
 def _switch_times(run: Run, kind: str) -> Array:
-    """Times and pairs of the switches of a kind of the law's own graph, each pair once, shape (K, 3)."""
+    """Times and pairs of the switches of a kind of the law's graph, each pair once, shape (K, 3)."""
     chosen = run.switches[(run.switches["kind"] == kind) & (run.switches["graph"] == 0)]
     first, second = np.minimum(chosen["i"], chosen["j"]), np.maximum(chosen["i"], chosen["j"])
     return np.stack([chosen["time"], first, second], axis=1).astype(np.float64)

@@ -1,4 +1,4 @@
-"""Pictures of lattice orientation: a hue for each direction, dark where there is no lattice, so that grains show."""
+"""Colours of lattice orientation, which make grains visible: hue by direction, dark where there is no lattice."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 LIGHTNESS, CHROMA = 0.72, 0.118
-"""Of a perfect lattice, in Oklab: as much chroma as the screen has for every hue."""
+"""Lightness and chroma of a perfect lattice in Oklab: the largest chroma that exists for every hue."""
 TURN = 0.08
-"""Hue of a lattice along x, as a share of the circle."""
+"""Hue of a lattice along x, as a fraction of the circle."""
 
 _TO_CUBES = np.array(
     [
@@ -31,13 +31,13 @@ _TO_LIGHT = np.array(
         [-0.0041960863, -0.7034186147, 1.7076147010],
     ]
 )
-"""From Oklab to linear light of a screen (Ottosson 2020)."""
+"""Conversion from Oklab to linear sRGB (Ottosson 2020)."""
 
 
 def lattice_colors(order: NDArray[np.complex128]) -> Array:
     """Colours of hexatic orders, shape (..., 3): hue from the direction of the lattice, brightness from its quality.
 
-    Hues of equal distance look equally far apart, and none is brighter than another.
+    Hues are perceptually uniform and equally bright.
 
     Parameters
     ----------
@@ -52,14 +52,14 @@ def lattice_colors(order: NDArray[np.complex128]) -> Array:
 
 
 def wheel(axes: Axes, color: str) -> Axes:
-    """Draw into a corner of axes which hue is which direction: a row of a lattice along each.
+    """Draw the legend of hues in a corner of axes: a row of a lattice along each direction.
 
     Parameters
     ----------
     axes
         The axes.
     color
-        Colour of the words.
+        Colour of the text.
     """
     from matplotlib.collections import PolyCollection
 

@@ -1,4 +1,4 @@
-"""The motion that curves are drawn from: the solution between frames where a run keeps it, else its frames."""
+"""Data of curves: fine samples of the solution if a run has them, else its frames."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from flocking.arrays import Array, Reals
 from flocking.engine.runs.run import FineSamples, Run
 
 BINS = 800
-"""Columns into which a curve is divided: of more than four points in a column only four are drawn."""
+"""Number of columns of a curve; at most four points are drawn in each."""
 
 
 def motion_of(run: Run) -> FineSamples:
-    """Times, positions and velocities that curves are drawn from.
+    """Times, positions and velocities for curves.
 
     Parameters
     ----------
     run
-        The run. With ``simulate(..., fine=True)`` it holds several samples of every step, so that no extremum of the
-        solution is missed; otherwise only its frames are known.
+        The run. With ``simulate(..., fine=True)`` it contains several samples of every step, so that no extremum of the
+        solution is missed; otherwise only its frames are available.
     """
     return run.fine if run.fine is not None else FineSamples(run.t, run.q, run.p)
 
 
 def thinned(t: Array, values: Reals) -> tuple[Array, Reals]:
-    """The points of a curve that can be seen: of each column the first, lowest, highest and last.
+    """The visible points of a curve: the first, lowest, highest and last of each column.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def thinned(t: Array, values: Reals) -> tuple[Array, Reals]:
     Returns
     -------
     tuple of Array
-        The chosen times and values: what a picture shows of them is what it would show of all.
+        The chosen times and values; their picture equals that of all points.
     """
     if len(t) <= 4 * BINS or not np.isfinite(values).all():
         return t, values
@@ -56,7 +56,7 @@ def thinned_path(points: Reals, step: float) -> Reals:
     points
         Points along the path.
     step
-        Smallest distance of two points that are kept, except for the last.
+        Smallest distance of two returned points, except for the last.
     """
     if len(points) < 3:
         return points

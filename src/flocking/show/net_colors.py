@@ -1,4 +1,4 @@
-"""Colours of the agents of a net: one for all, by flock, by speed or by heading."""
+"""Colours of the agents of a net: uniform, by flock, by speed or by heading."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ class _Look(TypedDict, total=False):
 
 
 def net_colors(axes: Axes, q: Reals, p: Reals, links: Links | None, choice: str, size: float) -> None:
-    """Draw the agents' dots in the colours of ``choice``, with a colour bar where they are numbers.
+    """Draw the agents' dots in the colours of ``choice``, with a colour bar for numerical values.
 
     Parameters
     ----------
     axes
-        Where to draw.
+        Axes to draw on.
     q, p
         Positions and velocities, shape (N, 2) or (N, 3).
     links
@@ -45,7 +45,7 @@ def net_colors(axes: Axes, q: Reals, p: Reals, links: Links | None, choice: str,
     Raises
     ------
     InvalidInput
-        When the choice is unknown, or flocks are asked for without links.
+        If the choice is unknown, or flocks are requested without links.
     """
     if choice not in CHOICES:
         raise InvalidInput("net", "color", f"must be one of {', '.join(CHOICES)}", choice)
@@ -71,22 +71,22 @@ def net_colors(axes: Axes, q: Reals, p: Reals, links: Links | None, choice: str,
 
 
 def _wheel() -> Colormap:
-    """A closed circle of hues, none of which is pale enough to vanish on a light ground."""
+    """A cyclic colour map whose hues are all visible on a light background."""
     from matplotlib.colors import LinearSegmentedColormap
 
     return LinearSegmentedColormap.from_list("heading", [BLUE, GREEN, ORANGE, VERMILION, PURPLE, BLUE])
 
 
 def flock_colors(links: Links | None) -> list[str]:
-    """One colour per agent: flocks by size, largest first; agents alone are grey.
+    """One colour per agent: flocks by size, largest first; single agents are grey.
 
     Raises
     ------
     InvalidInput
-        When there are no links.
+        If there are no links.
     """
     if links is None:
-        raise InvalidInput("net", "color", "can be 'flock' only where links are known", None, "Draw a run.")
+        raise InvalidInput("net", "color", "can be 'flock' only if links are known", None, "Draw a run.")
     labels = components(links)
     sizes = np.bincount(labels)
     place = np.empty(len(sizes), dtype=np.intp)

@@ -1,4 +1,4 @@
-"""Phase portrait of one pair: its distance and how fast it changes, above the potential it moves in."""
+"""Phase portrait of one pair: its distance and its rate, with the potential."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ if TYPE_CHECKING:
 
 @in_style
 def phase(run: Run, pair: tuple[int, int] | None = None, *, axes: Axes | None = None) -> Axes:
-    """Draw (r, dr/dt) of a pair, with the shape of the law's potential behind it.
+    """Draw (r, dr/dt) of a pair, with the law's potential in the background.
 
     Parameters
     ----------
     run
         The run; at least two agents.
     pair
-        The two agents; the pair that came closest among the linked when absent.
+        The two agents; by default the closest linked pair.
     axes
-        Where to draw; a new figure when absent. Values of the potential are on its twin axis.
+        Axes to draw on; a new figure by default. Values of the potential are on its twin axis.
 
     Raises
     ------
     InvalidInput
-        When there is no such pair.
+        If there is no such pair.
     """
     i, j = _checked_pair(run, pair)
     motion = motion_of(run)

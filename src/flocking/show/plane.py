@@ -27,27 +27,27 @@ if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
 
 LINK_BUDGET, ARROW_BUDGET, TRAIL_BUDGET = 20_000, 2_500, 400
-"""Most links, arrows and trails drawn; of more, an even selection is drawn and the axes say so."""
+"""Largest numbers of links, arrows and trails drawn; of more, an even selection is drawn and noted on the axes."""
 
 TRAIL_STEPS = 1000
-"""A path keeps points this share of the picture's span apart."""
+"""Smallest distance of the points of a path, relative to the span of the picture."""
 
 ARROW_SHARE = 0.14
-"""Length of the fastest arrow as a share of the picture's span; of a crowd, the spacing of its agents."""
+"""Length of the longest arrow, relative to the span of the picture, or for large groups to the spacing of agents."""
 
 REST_SHARE = 0.04
-"""Below this share of the run's highest speed arrows shrink."""
+"""Fraction of the run's highest speed below which arrows become shorter."""
 
 
 class Outlined(Protocol):
-    """Anything with an outline: an obstacle."""
+    """An object with an outline, such as an obstacle."""
 
     def outline(self, count: int) -> Array:
-        """Points around it, shape (count, 2)."""
+        """Points of the outline, shape (count, 2)."""
 
 
 class NetOptions(TypedDict, total=False):
-    """Options of `net` that do not say what is drawn where, with the meanings they have there."""
+    """Options of `net` besides the run, the frame and the axes, see there."""
 
     links: bool
     arrows: bool
@@ -104,15 +104,15 @@ def net(
     what
         A run, or a single state.
     time, frame
-        Which stored frame of a run: the one nearest to ``time``, or its number; the last when both are absent.
+        Which stored frame of a run: the one nearest to ``time``, or its number; the last by default.
     axes
-        Where to draw; a new figure when absent. Agents in space need axes with ``projection="3d"``.
+        Axes to draw on; a new figure by default. Agents in space need axes with ``projection="3d"``.
     links, arrows, trails
-        Draw links, velocities, and the paths travelled up to that frame. In a run in periodic space agents are drawn
-        in the box, links in two halves, and no paths.
+        Whether to draw links, velocities, and the paths up to that frame. In periodic space agents are drawn in the
+        box, links in two halves, and no paths.
     obstacles
-        Objects with a method ``outline(count)`` that gives points of shape (count, 2); drawn in the plane only. Those
-        of the run's law where they are at that time when absent; these do not widen the picture.
+        Objects with a method ``outline(count)`` that gives points of shape (count, 2); drawn only in the plane. By
+        default those of the run's law at that time, which do not extend the picture.
     leader
         True to draw the leaders of the run's law, a leader to draw that one, False for none.
     color
@@ -120,11 +120,11 @@ def net(
     title
         True for the time, a text, or False for none.
     limits
-        Lowest and highest corner of the picture; everything drawn when absent.
+        Lowest and highest corner of the picture; by default they contain everything drawn.
     seconds_per_arrow
-        An arrow is the way travelled in this time; chosen from the frame's highest speed when absent.
+        Time whose displacement an arrow shows; by default chosen from the highest speed of the frame.
     budget
-        Most links to draw.
+        Largest number of links to draw.
 
     Returns
     -------
@@ -134,7 +134,7 @@ def net(
     Raises
     ------
     InvalidInput
-        When the frame does not exist, agents live in more than three dimensions, or axes do not fit.
+        If the frame does not exist, agents live in more than three dimensions, or axes do not fit.
     """
     state, past, top_speed = _choose(what, time, frame)
     m = state.dimension
@@ -150,7 +150,7 @@ def net(
     followed = _leaders(what, state, leader)
     top_speed = max([top_speed, *(float(np.linalg.norm(v)) for _, v in followed)])
 
-    # A path that leaves the box would be drawn across all of it.
+    # A path that leaves the box would be drawn across the box.
     paths = _lift(past) if trails and len(past) > 1 and lives.is_open else None
     given = obstacles if obstacles is not None else ()
     outlines = [] if space else [np.asarray(o.outline(181), dtype=np.float64) for o in given]
@@ -191,7 +191,7 @@ def net(
 
 
 def pairs_of(links: Links) -> NDArray[np.intp]:
-    """Linked pairs (i, j) with i < j, each once whichever way it is linked, shape (K, 2)."""
+    """Pairs (i, j), i < j, that are linked in either direction, each once, shape (K, 2)."""
     i, j = links.nonzero()
     n = links.shape[0]
     keys = np.unique(np.minimum(i, j).astype(np.int64) * n + np.maximum(i, j))
@@ -207,7 +207,7 @@ def _choose(what: Run | State, time: float | None, frame: int | None) -> tuple[S
         raise InvalidInput("net", "what", "must be a Run or a State", what)
     k = frame_at(what, time, frame)
     speeds = np.sqrt((what.p**2).sum(axis=-1))
-    # Slow agents keep a visible arrow, but what is nearly at rest does not look fast.
+    # Slow agents have a visible arrow, but agents nearly at rest do not appear fast.
     return (
         what.state(k),
         motion_of(what.until(float(what.t[k]))).q,
@@ -216,12 +216,12 @@ def _choose(what: Run | State, time: float | None, frame: int | None) -> tuple[S
 
 
 def _lift(x: Reals) -> Reals:
-    """Agents on a line are drawn on the horizontal axis."""
+    """Two-dimensional positions: agents on a line are drawn on the horizontal axis."""
     return x if x.shape[-1] > 1 else np.concatenate([x, np.zeros_like(x)], axis=-1)
 
 
 def own_outlines(what: Run | State, state: State) -> list[Array]:
-    """Outlines of the obstacles a run's law meets, each once, where they are at the time of a state.
+    """Outlines of the obstacles in a run's law, each once, at the time of a state.
 
     Parameters
     ----------
@@ -284,7 +284,7 @@ def _draw_links(axes: Axes, q: Reals, links: Links, space: Space, budget: int, n
 
 
 def _link_lines(q: Reals, pairs: NDArray[np.intp], space: Space) -> Reals:
-    """Ends of the lines of links, shape (K, 2, m); in space that repeats each agent draws its half of the link."""
+    """Ends of the lines of links, shape (K, 2, m); in periodic space one half at each agent."""
     if space.is_open:
         return q[pairs]
     i, j = pairs.T
@@ -369,7 +369,7 @@ def _frame_axes(axes: Axes, points: Sequence[Reals], limits: tuple[Sequence[floa
 
 
 def _even(low: Reals, high: Reals) -> tuple[Reals, Reals]:
-    """The same window made square, or at least half as high as wide where the net is long and thin."""
+    """The same window made square, or at least half as high as wide for a long net."""
     size = high - low
     size = np.maximum(size, size.max() * (1.0 if size.min() > 0.55 * size.max() else 0.5))
     middle = (low + high) / 2

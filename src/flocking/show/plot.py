@@ -1,4 +1,4 @@
-"""One entry to the pictures of a run."""
+"""Common function for all pictures of a run."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _PER_AXIS: dict[str, Callable[..., Axes]] = {
 }
 
 KINDS = (*_SINGLE, *_PER_AXIS, "series")
-"""What `plot` can draw."""
+"""Kinds of pictures that `plot` can draw."""
 
 
 def plot(
@@ -49,10 +49,10 @@ def plot(
     kind
         ``"net"`` at one time, ``"density"`` of a large flock, ``"energy"`` (the ledger), ``"velocities"``,
         ``"positions"`` or ``"errors"`` (one panel per axis, or ``axis=``), ``"phase"`` of a pair, ``"spread"`` of
-        velocities, ``"connectivity"``, ``"closest"`` pair, ``"links"`` made and lost, or ``"series"``, which puts the
-        last four, the velocities and the ledger on one sheet.
+        velocities, ``"connectivity"``, ``"closest"`` pair, ``"links"`` created and lost, or
+        ``"series"``: a sheet of the last four, the velocities and the ledger.
     save_as
-        Path without suffix to write as SVG and PNG; nothing is written when absent.
+        Path without suffix for SVG and PNG files; nothing is written by default.
     theme
         ``"light"`` or ``"dark"``.
     options
@@ -66,7 +66,7 @@ def plot(
     Raises
     ------
     InvalidInput
-        When the kind is unknown, or an option does not fit it.
+        If the kind is unknown, or an option does not fit it.
 
     Examples
     --------

@@ -36,7 +36,7 @@ def velocities(
     axis
         Which component.
     axes
-        Where to draw; a new figure when absent.
+        Axes to draw on; a new figure by default.
     leader
         Line of the leader, where the law has one: ``"dashed"``, ``"solid"`` or ``"none"``.
     agents
@@ -45,7 +45,7 @@ def velocities(
     Raises
     ------
     InvalidInput
-        When the run has no such axis or the line is unknown.
+        If the run has no such axis or the line is unknown.
     """
     axis = checked_axis(run, axis)
     label = f"$p_{{{dimension_name(axis)}}}$"
@@ -65,7 +65,7 @@ def positions(
     axis
         Which component.
     axes
-        Where to draw; a new figure when absent.
+        Axes to draw on; a new figure by default.
     leader
         Line of the leader, where the law has one: ``"dashed"``, ``"solid"`` or ``"none"``.
     agents
@@ -74,7 +74,7 @@ def positions(
     Raises
     ------
     InvalidInput
-        When the run has no such axis or the line is unknown.
+        If the run has no such axis or the line is unknown.
     """
     axis = checked_axis(run, axis)
     label = f"$q_{{{dimension_name(axis)}}}$"
@@ -92,14 +92,14 @@ def velocity_errors(run: Run, axis: int = 0, *, about: str | None = None, axes: 
     axis
         Which component.
     about
-        ``"leader"``, or ``"mean"`` for the centre of mass; the leader where the law has one when absent.
+        ``"leader"``, or ``"mean"`` for the centre of mass; by default the leader if the law has one.
     axes
-        Where to draw; a new figure when absent.
+        Axes to draw on; a new figure by default.
 
     Raises
     ------
     InvalidInput
-        When the run has no such axis, or no leader.
+        If the run has no such axis, or no leader.
     """
     axis = checked_axis(run, axis)
     about = about if about is not None else ("mean" if only_leader(run) is None else "leader")
@@ -123,25 +123,25 @@ def centre_errors(run: Run, *, quantity: str = "velocity", axes: Axes | None = N
     quantity
         ``"velocity"`` or ``"position"``.
     axes
-        Where to draw; a new figure when absent.
+        Axes to draw on; a new figure by default.
 
     Raises
     ------
     InvalidInput
-        When the run has no leader, the leader no position in closed form, or the quantity is unknown.
+        If the run has no leader, the leader no position in closed form, or the quantity is unknown.
     """
     if quantity not in ("velocity", "position"):
         raise InvalidInput("centre_errors", "quantity", "must be 'velocity' or 'position'", quantity)
     which = int(quantity == "velocity")
     error = _reference(run, "mean")[which] - _reference(run, "leader")[which]
     if not np.isfinite(error).all():
-        raise InvalidInput("centre_errors", "quantity", "can be 'position' only where the leader's is known", quantity)
+        raise InvalidInput("centre_errors", "quantity", "can be 'position' only if the leader's is known", quantity)
     axes = axes_or_new(axes)
     axes.axhline(0.0, color=theme().ink, lw=0.7, ls=LEADER_LINES["dashed"], gid="zero")
     t = motion_of(run).t
     for k in range(error.shape[1]):
         axes.plot(*thinned(t, error[:, k]), color=PALETTE[k % len(PALETTE)], label=f"${dimension_name(k)}$")
-    # Above the axes: no place inside is free of curves for every run.
+    # Above the axes, since curves may cover any place inside.
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=error.shape[1], borderaxespad=0.1)
     axes.set_ylabel(r"$\bar{p} - v_0$" if which else r"$\bar{q} - q_0$")
     return time_axis(axes, t)
@@ -159,13 +159,13 @@ def agent_lines(
     line
         ``"solid"`` or ``"dotted"``.
     palette
-        Colours that a handful of agents take in turn.
+        Colours of the agents of a small group.
     """
     from matplotlib.collections import LineCollection
 
     n = values.shape[1]
     lines = [np.stack(thinned(t, values[:, k]), axis=1) for k in range(n)]
-    # A handful of agents can be told apart by hue; of a crowd only the density matters.
+    # A few agents can be distinguished by hue; for a large group only the density is visible.
     few = n <= 3 * len(PALETTE)
     colors = [palette[k % len(palette)] for k in range(n)] if few else theme().agent
     axes.add_collection(
@@ -181,7 +181,7 @@ def agent_lines(
 
 
 def time_axis(axes: Axes, t: Array) -> Axes:
-    """Label the horizontal axis as time and let it span the run."""
+    """Label the horizontal axis as time and set its limits to the run."""
     low, high = float(t[0]), float(t[-1])
     axes.set_xlim(low, high if high > low else low + 1.0)
     axes.set_xlabel("$t$")
@@ -202,7 +202,7 @@ def _components(
         raise InvalidInput("show", "leader", f"must be one of {', '.join(LEADER_LINES)}", line)
     t = motion_of(run).t
     leader = only_leader(run) if line != "none" else None
-    # No agent's line looks like the leader's.
+    # The style of the leader's line differs from that of agents.
     palette = PALETTE if leader is None else tuple(color for color in PALETTE if color != VERMILION)
     axes = agent_lines(axes_or_new(axes), t, values, label, agents, palette)
     if leader is None:
@@ -218,7 +218,7 @@ def _components(
 def _cover(axes: Axes, values: Reals) -> None:
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
-    # Rounding must not be blown up into a picture.
+    # The limits must not magnify rounding errors.
     margin = max(0.05 * (high - low), 1e-9 * max(abs(low), abs(high)), 1e-12)
     if high - low < 1e-9 * max(1.0, abs(low), abs(high)):
         margin = 0.5
@@ -235,5 +235,5 @@ def _reference(run: Run, about: str) -> tuple[Array, Array]:
         return np.einsum("i,fik->fk", share, motion.q), np.einsum("i,fik->fk", share, motion.p)
     leader = only_leader(run)
     if leader is None:
-        raise InvalidInput("show", "about", "can be 'leader' only where the law has one", about, "Use about='mean'.")
+        raise InvalidInput("show", "about", "can be 'leader' only if the law has one", about, "Use about='mean'.")
     return leader_track(leader, motion.t)

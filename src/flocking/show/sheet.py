@@ -25,7 +25,7 @@ class Panel:
     Parameters
     ----------
     draw
-        Draws on the axes it is given.
+        Function that draws on axes.
     space
         Whether it needs axes in three dimensions.
     """
@@ -35,7 +35,7 @@ class Panel:
 
 
 def panel(function: Callable[..., object], run: Run, *args: object, **options: object) -> Panel:
-    """Panel that calls a drawing function of this floor on a run.
+    """Panel that calls a drawing function of this package on a run.
 
     Parameters
     ----------
@@ -66,24 +66,24 @@ def sheet(
     Parameters
     ----------
     panels
-        What to draw: panels, or functions of the axes.
+        Panels, or functions of the axes.
     columns
-        How many stand side by side.
+        Number of columns.
     width
         Width of the figure in inches.
     ratio
         Height of a panel over its width.
     letters
-        Put (a), (b), ... before the panels.
+        Whether to label the panels (a), (b), ...
 
     Raises
     ------
     InvalidInput
-        When there is no panel or no column.
+        If there is no panel or no column.
     """
     columns = integer("sheet", "columns", columns, least=1)
     if len(panels) == 0:
-        raise InvalidInput("sheet", "panels", "must hold at least one panel", panels)
+        raise InvalidInput("sheet", "panels", "must contain at least one panel", panels)
     columns = min(columns, len(panels))
     rows = -(-len(panels) // columns)
     made = figure(width, rows * ratio * width / columns)

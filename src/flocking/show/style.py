@@ -1,4 +1,4 @@
-"""The one style sheet: colours safe for colour-blind readers, sizes fit for print, a light and a dark theme."""
+"""The style sheet: colours for colour-blind readers, sizes for print, a light and a dark theme."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ BLUE, VERMILION, GREEN, ORANGE = "#0072B2", "#D55E00", "#009E73", "#E69F00"
 SKY, PURPLE, GREY = "#56B4E9", "#CC79A7", "#7F7F7F"
 
 RED = "#C8102E"
-"""Leaders' lines."""
+"""Colour of leaders' lines."""
 
 PALETTE = (BLUE, VERMILION, GREEN, ORANGE, SKY, PURPLE)
-"""Hues of Okabe and Ito without yellow and black, each of which vanishes on one of the two grounds."""
+"""Hues of Okabe and Ito without yellow and black, which are invisible on one of the two backgrounds."""
 
 COLUMN, PAGE = 3.4, 7.0
 """Widths in inches of one column and of a full page of a journal."""
@@ -37,18 +37,18 @@ FORMATS = ("svg", "png", "pdf")
 
 @dataclass(frozen=True)
 class Theme:
-    """Colours that depend on the ground.
+    """Colours that depend on the background.
 
     Parameters
     ----------
     ground
-        Colour behind everything.
+        Background colour.
     ink
         Text, axes and outlines.
     faint
-        Links, grids and other things that stay behind.
+        Links, grids and other elements in the background.
     agent
-        Dots of agents that carry no other meaning in their colour.
+        Default colour of agents.
     """
 
     ground: str
@@ -66,13 +66,13 @@ _current: ContextVar[str] = ContextVar("flocking_theme", default="light")
 
 
 def theme() -> Theme:
-    """Theme that pictures are drawn in."""
+    """The current theme."""
     return THEMES[_current.get()]
 
 
 @contextmanager
 def themed(name: str) -> Iterator[Theme]:
-    """Draw in another theme for as long as the context lasts.
+    """Use another theme within the context.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def themed(name: str) -> Iterator[Theme]:
     Raises
     ------
     InvalidInput
-        When there is no such theme.
+        If there is no such theme.
     """
     if name not in THEMES:
         raise InvalidInput("style", "theme", f"must be one of {', '.join(THEMES)}", name)
@@ -118,7 +118,7 @@ def settings() -> dict[str, object]:
 
 @contextmanager
 def styled() -> Iterator[Theme]:
-    """Matplotlib settings of the style sheet, put back on leaving."""
+    """Matplotlib settings of the style sheet, restored on exit."""
     import matplotlib
 
     with matplotlib.rc_context(settings()):
@@ -130,7 +130,7 @@ T = TypeVar("T")
 
 
 def in_style(function: Callable[P, T]) -> Callable[P, T]:
-    """Run a drawing function under the style sheet."""
+    """Decorator that runs a drawing function with the style sheet."""
 
     @wraps(function)
     def drawing(*args: P.args, **kwargs: P.kwargs) -> T:
@@ -142,17 +142,17 @@ def in_style(function: Callable[P, T]) -> Callable[P, T]:
 
 @in_style
 def figure(width: float = COLUMN, height: float | None = None) -> Figure:
-    """An empty figure in the style, outside any global list of figures.
+    """An empty figure in the style, not registered with pyplot.
 
     Parameters
     ----------
     width, height
-        Size in inches; 0.72 of the width high when no height is given.
+        Size in inches; the default height is 0.72 of the width.
 
     Raises
     ------
     InvalidInput
-        When a size is not positive.
+        If a size is not positive.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -168,14 +168,14 @@ def figure(width: float = COLUMN, height: float | None = None) -> Figure:
 def axes_or_new(
     axes: Axes | None, *, width: float = COLUMN, height: float | None = None, projection: str | None = None
 ) -> Axes:
-    """``axes``, or those of a new figure of that ``width``, ``height`` and ``projection`` when there are none."""
+    """``axes``, or by default those of a new figure with a ``width``, ``height`` and ``projection``."""
     if axes is not None:
         return axes
     return figure(width, height).add_subplot(projection=projection)
 
 
 def figure_of(axes: Axes) -> Figure:
-    """The figure that axes are drawn in, the whole one where they are part of a smaller one."""
+    """The top-level figure of axes, also if they are in a subfigure."""
     from matplotlib.figure import Figure
 
     made = axes.figure
@@ -183,19 +183,19 @@ def figure_of(axes: Axes) -> Figure:
 
 
 def check_writable(owner: str, path: Path) -> None:
-    """Refuse a place where no file can be made, before anything is drawn for it.
+    """Check that a file can be written, before anything is drawn.
 
     Parameters
     ----------
     owner
-        Who would write.
+        Name of the caller for the error message.
     path
-        What would be written; a folder of it that is missing counts as the one above.
+    The file; a missing folder counts as its parent.
 
     Raises
     ------
     InvalidInput
-        When no file can be made there.
+        If no file can be written there.
     """
     folder = next(above for above in path.absolute().parents if above.is_dir())
     try:
@@ -218,7 +218,7 @@ def save(picture: Figure, path: str | Path, formats: Sequence[str] = ("svg", "pn
     picture
         Figure to write.
     path
-        Where to, without a suffix; missing folders are made.
+        Path without a suffix; missing folders are created.
     formats
         Any of ``"svg"``, ``"png"`` and ``"pdf"``.
 
@@ -230,7 +230,7 @@ def save(picture: Figure, path: str | Path, formats: Sequence[str] = ("svg", "pn
     Raises
     ------
     InvalidInput
-        When a format is unknown or the folder cannot be written.
+        If a format is unknown or the folder cannot be written.
     """
     import matplotlib as mpl
 
@@ -247,7 +247,7 @@ def save(picture: Figure, path: str | Path, formats: Sequence[str] = ("svg", "pn
     written = tuple(base.parent / f"{base.name}.{name}" for name in formats)
     layout = picture.get_layout_engine()
     try:
-        # Found once for all formats: Matplotlib finds the layout anew for each, and draws everything once more for it.
+        # Computed once for all formats: Matplotlib would compute the layout for each, which draws everything twice.
         with mpl.rc_context({"figure.autolayout": False, "figure.constrained_layout.use": False}):
             if layout is not None:
                 if picture.axes:

@@ -1,4 +1,4 @@
-"""Pictures of sweeps: shares as a map, means with their intervals as curves, one measure against another."""
+"""Pictures of sweeps: fractions as a map, means with confidence intervals as curves, one measure against another."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from flocking.study.sweeps.table import SweepTable
 
 MOST_TICKS = 8
-"""Values of an axis up to which each has a tick; the labels of more would overlap."""
+"""Largest number of values of an axis with a tick each; more labels would overlap."""
 
 
 def _need_grid(table: SweepTable, *names: str) -> None:
@@ -27,8 +27,8 @@ def _need_grid(table: SweepTable, *names: str) -> None:
             raise InvalidInput("sweep picture", "axis", f"must be one of {', '.join(table.plan.grid)}", name)
 
 
-def _tell_missing(axes: Axes, methods: AnyArray) -> None:
-    """Write above the axes why some means have no interval; `methods` names the method of each, any shape."""
+def _note_missing(axes: Axes, methods: AnyArray) -> None:
+    """Write above the axes why some means have no interval; `methods` are the methods of the means, any shape."""
     reasons = sorted({str(m).removeprefix("none: ") for m in methods.ravel() if str(m).startswith("none: ")})
     if reasons:
         text = "no 95 % interval: " + "; ".join(reasons)
@@ -48,25 +48,25 @@ def share_map(
     title: str = "",
     axes: Axes | None = None,
 ) -> Axes:
-    """A mean over two parameters as coloured cells, each with its value and interval written in.
+    """A mean over two parameters as coloured cells, labelled with value and interval.
 
     Parameters
     ----------
     table
         Results of a sweep over a grid of two parameters.
     measure
-        What is shown; a share where it is a truth value.
+        The measure shown; a fraction for a boolean measure.
     x, y
         The parameters.
     x_label, y_label, title
-        Text; the names when absent.
+        Text; the names by default.
     axes
-        Where to draw; a new figure when absent.
+        Axes to draw on; a new figure by default.
 
     Raises
     ------
     InvalidInput
-        When a parameter is none of the grid's.
+        If a parameter is not in the grid.
     """
     _need_grid(table, x, y)
     axes = axes_or_new(axes, width=4.6)
@@ -86,7 +86,7 @@ def share_map(
     axes.set_ylabel(y_label or y)
     axes.set_title(title)
     axes.figure.colorbar(mesh, ax=axes, fraction=0.05, pad=0.02)
-    _tell_missing(axes, named)
+    _note_missing(axes, named)
     return axes
 
 
@@ -115,20 +115,20 @@ def bands(
     x
         The parameter along the axis.
     by
-        The parameter of the curves; one curve when absent.
+        The parameter of the curves; one curve by default.
     shown
         Text of a value of ``by`` in the legend.
     x_label, y_label, title
-        Text; the names when absent.
+        Text; the names by default.
     runs
-        Show every run as a dot too.
+        Whether to show every run as a dot.
     axes
-        Where to draw; a new figure when absent.
+        Axes to draw on; a new figure by default.
 
     Raises
     ------
     InvalidInput
-        When a parameter is none of the grid's.
+        If a parameter is not in the grid.
     """
     _need_grid(table, x, *([by] if by else []))
     axes = axes_or_new(axes, width=4.2)
@@ -140,7 +140,7 @@ def bands(
         middle, low, high = (np.asarray(own[measure + end]) for end in ("", "_low", "_high"))
         axes.plot(places, middle, "o-", color=color, ms=3, label=shown(value) if by else None)
         axes.fill_between(places, low, high, color=color, alpha=0.2, lw=0)
-        # A band is drawn between neighbours that both have an interval; the bar shows those that stand alone.
+        # A band is drawn between neighbours that both have an interval; an error bar shows isolated ones.
         axes.vlines(places, low, high, color=color, lw=0.8)
         if runs:
             data = table.dataset[measure]
@@ -154,7 +154,7 @@ def bands(
     axes.set_xlabel(x_label or x)
     axes.set_ylabel(y_label or measure)
     axes.set_title(title)
-    _tell_missing(axes, np.asarray(found[measure + "_interval"]))
+    _note_missing(axes, np.asarray(found[measure + "_interval"]))
     return axes
 
 
@@ -184,14 +184,14 @@ def against(
     shown
         Text of a value of ``by`` in the legend.
     x_label, y_label, title
-        Text; the names when absent.
+        Text; the names by default.
     axes
-        Where to draw; a new figure when absent.
+        Axes to draw on; a new figure by default.
 
     Raises
     ------
     InvalidInput
-        When a name is none of the sweep's.
+        If a name is not in the sweep.
     """
     _need_grid(table, *([by] if by else []))
     axes = axes_or_new(axes, width=4.2, height=3.6)

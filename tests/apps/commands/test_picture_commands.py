@@ -102,7 +102,7 @@ def test_a_film_lies_beside_its_run(tmp_path: Path, capsys: pytest.CaptureFixtur
         (["plot"], "source must be given"),
         (["plot", "nowhere"], "must be a name that 'flocking list' shows"),
         (["plot", "RUN", "--kind", "ner"], "kind must be one of net, "),
-        (["plot", "RUN", "--time", "7"], "must lie in the run, from 0 to 2"),
+        (["plot", "RUN", "--time", "7"], "must be in the run, from 0 to 2"),
         (["plot", "RUN", "--time", "nan"], "time must be finite"),
         (["plot", "RUN", "--time", "1", "--kind", "energy"], "time can be given for --kind net only"),
         (["plot", "RUN", "--seed", "1"], "seed can be given for a scenario only"),

@@ -104,7 +104,7 @@ def check_engine(engine: object) -> None:
     Raises
     ------
     InvalidInput
-        When it is not an `Engine`, or its name or its options are invalid.
+        If it is not an `Engine`, or its name or its options are invalid.
     """
     if not isinstance(engine, Engine):
         raise InvalidInput(
@@ -151,7 +151,7 @@ def register_entry(entry: Entry) -> None:
     Raises
     ------
     InvalidInput
-        When another engine has its name.
+        If another engine has its name.
     """
     other = BUILT_IN.get(entry.name) or _registered.get(entry.name) or _installed().get(entry.name)
     if other is not None and other != entry and other.target is not entry.target:
@@ -228,7 +228,7 @@ def check_name(owner: str, name: object) -> str:
     Raises
     ------
     InvalidInput
-        When there is no such engine.
+        If there is no such engine.
     """
     if isinstance(name, str) and (name == AUTO or entry_named(name) is not None):
         return name
@@ -243,9 +243,9 @@ def engine_named(name: str) -> Engine:
     Raises
     ------
     InvalidInput
-        When there is none.
+        If there is none.
     EngineMissing
-        When it cannot be imported.
+        If it cannot be imported.
     """
     check_name("start", name)
     entry = entry_named(name)

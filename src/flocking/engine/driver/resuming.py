@@ -49,7 +49,7 @@ def resume(
     Raises
     ------
     InvalidInput
-        When ``threads`` is given and the engine that made it has no threads to choose.
+        If ``threads`` is given and the engine that made it has no threads to choose.
     StorageError
         If there is no run, it is damaged, another process writes it, or it ended with an error.
     EngineMissing

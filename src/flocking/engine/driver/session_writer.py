@@ -61,7 +61,7 @@ class SessionWriter:
         Raises
         ------
         StorageError
-            When the folder is not empty or cannot be written.
+            If the folder is not empty or cannot be written.
         """
         entry = entry_named(session.engine)
         how: dict[str, object] = {"engine": session.engine, "options": plain_options(session.options)}

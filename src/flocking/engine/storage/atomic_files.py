@@ -145,7 +145,7 @@ def write_file(path: Path, data: bytes, doing: str) -> Path:
     Raises
     ------
     StorageError
-        When it cannot be written; the old file stays.
+        If it cannot be written; the old file stays.
     """
     with storage_errors(path, doing, full=NOTHING_WRITTEN):
         write_through(path, data)
@@ -263,7 +263,7 @@ def only_writer(folder: Path) -> Iterator[None]:
     Raises
     ------
     StorageError
-        When another process writes to the folder.
+        If another process writes to the folder.
     """
     try:
         import fcntl

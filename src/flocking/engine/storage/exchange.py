@@ -41,9 +41,9 @@ def export_run(run: Run, path: str | Path, *, to: str | None = None) -> Path:
     Raises
     ------
     InvalidInput
-        When the format is unknown.
+        If the format is unknown.
     StorageError
-        When the file cannot be written or the format needs a package that is not installed.
+        If the file cannot be written or the format needs a package that is not installed.
     """
     path = Path(path)
     form = (to or path.suffix.removeprefix(".")).lower()

@@ -157,7 +157,7 @@ class RunWriter:
         Raises
         ------
         StorageError
-            When there is no run, or another process is writing it.
+            If there is no run, or another process is writing it.
         """
         return cls(Path(folder))
 
@@ -210,7 +210,7 @@ class RunWriter:
         Raises
         ------
         StorageError
-            When the disk is full or missing; committed rows stay.
+            If the disk is full or missing; committed rows stay.
         """
         kind = self._arrays["position"].dtype
         parts = {"time": np.asarray(t, dtype="f8"), "position": np.asarray(q, kind), "velocity": np.asarray(p, kind)}
@@ -237,7 +237,7 @@ class RunWriter:
         Raises
         ------
         StorageError
-            When the disk is full or missing; committed rows stay.
+            If the disk is full or missing; committed rows stay.
         """
         if len(switches):
             # A run of format 1 has no columns for errors.
@@ -299,7 +299,7 @@ class RunWriter:
         Raises
         ------
         StorageError
-            When the disk is full or missing; the previous commit stays.
+            If the disk is full or missing; the previous commit stays.
         """
         number = self.record["commits"] + 1
         record = {
@@ -327,7 +327,7 @@ class RunWriter:
         Raises
         ------
         StorageError
-            When the disk is full or missing.
+            If the disk is full or missing.
         """
         record = {**self.record, "status": status}
         with storage_errors(self.folder, "mark the run"):

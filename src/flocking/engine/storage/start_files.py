@@ -33,9 +33,9 @@ def read_start(path: str | Path, *, frame: int = -1) -> State:
     Raises
     ------
     StorageError
-        When the file cannot be read or does not match its suffix.
+        If the file cannot be read or does not match its suffix.
     InvalidInput
-        When the suffix is unknown or the values are not a valid state.
+        If the suffix is unknown or the values are not a valid state.
     """
     if not isinstance(path, str | Path):
         raise InvalidInput("read_start", "path", "must be a path", path)

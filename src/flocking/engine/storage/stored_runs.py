@@ -89,7 +89,7 @@ def read_run(folder: str | Path, *, scenario: Scenario | None = None, frames: in
     Raises
     ------
     StorageError
-        When there is no run, it was written by a newer version, or data do not match their checksums.
+        If there is no run, it was written by a newer version, or data do not match their checksums.
     """
     if not isinstance(folder, str | Path):
         raise InvalidInput("read_run", "folder", "must be a path", folder)
@@ -106,7 +106,7 @@ def read_last(folder: Path, scenario: Scenario | None, last: int | None) -> Run:
     Raises
     ------
     StorageError
-        When there is no run or it is damaged.
+        If there is no run or it is damaged.
     """
     with read_soundly(folder):
         return _read_run(folder, scenario, None, last)
@@ -179,7 +179,7 @@ def stored_facts(folder: str | Path) -> StoredFacts:
     Raises
     ------
     StorageError
-        When there is no run, its record is damaged, or a newer version wrote it.
+        If there is no run, its record is damaged, or a newer version wrote it.
     """
     folder = Path(folder)
     with read_soundly(folder):
@@ -204,7 +204,7 @@ def read_scenario_of(folder: str | Path) -> tuple[Scenario, Law | None]:
     Raises
     ------
     StorageError
-        When the scenario was not stored or is damaged.
+        If the scenario was not stored or is damaged.
     """
     folder = Path(folder)
     about = read_record(folder)["scenario"]

@@ -1,4 +1,4 @@
-"""Functions of Olfati-Saber's sections 10 and 11 that no part of a law states: energies, and contractions of balls."""
+"""Functions of Olfati-Saber's sections 10 and 11 that are not parts of a law: energies and contractions of balls."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def gathering_energy(q: Array, p: Array) -> float:
     Returns
     -------
     float
-        Twice the energy of N unit masses tied to their mean by springs of stiffness 1.
+        Twice the energy of N unit masses connected to their mean by springs of stiffness 1.
     """
     q, p = np.asarray(q, dtype=np.float64), np.asarray(p, dtype=np.float64)
     return float(((q - q.mean(axis=0)) ** 2).sum() + ((p - p.mean(axis=0)) ** 2).sum())

@@ -1,8 +1,8 @@
 """Conformations of small structural nets in the plane: f(n, k) of Olfati-Saber's Problem 1, with coordinates.
 
-A conformation is a graph that some placement of n agents realizes: linked agents are d apart, all others further than
-r = k d. It exists exactly for k below a limit, the largest gap that non-neighbours can keep; each graph is listed
-here with a placement that keeps it.
+A conformation is a graph that some placement of n agents realizes: linked agents are at distance d, all others further
+than r = k d. It exists exactly for k below a limit, the largest possible ratio of the smallest distance of
+non-neighbours to d; each graph is listed with a placement that attains it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from flocking.model.checks import Array, integer, number
 from flocking.model.graphs.connectivity import Links, components
 
 LARGEST = 4
-"""Agents up to which conformations are listed: beyond, no complete list is stated."""
+"""Largest number of agents for which conformations are listed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class Conformation:
     Parameters
     ----------
     name
-        What to call it.
+        Its name.
     q
         Positions in units of d, shape (n, 2).
     edges
@@ -49,12 +49,12 @@ class Conformation:
         return matrix
 
     def placed(self, distance: float, ratio: float) -> Array:
-        """Positions for d = ``distance`` and k = ``ratio``: separate flocks are moved apart by more than k d.
+        """Positions for d = ``distance`` and k = ``ratio``; separate flocks are placed more than k d apart.
 
         Raises
         ------
         InvalidInput
-            When k is not below the limit.
+            If k is not below the limit.
         """
         k = number("Conformation", "ratio", ratio, above=1.0)
         if k >= self.limit:
@@ -70,9 +70,9 @@ _ROOT2, _ROOT3 = float(np.sqrt(2.0)), float(np.sqrt(3.0))
 """Diagonal of the unit square, and twice the height of the equilateral triangle of side 1."""
 _TRIANGLE = [(0.0, 0.0), (1.0, 0.0), (0.5, _ROOT3 / 2)]
 _PENDANT = (-_ROOT3 / 2, -0.5)
-"""The point at distance 1 from the corner at the origin that is furthest from the other two."""
+"""The point at distance 1 from the corner at the origin with the largest distance to the other two corners."""
 _FAR = float(np.hypot(_PENDANT[0] - 1.0, _PENDANT[1]))
-"""Distance of the end of the tail from the corner of the triangle that is nearest to it without a link."""
+"""Distance of the end of the tail from the nearest corner of the triangle that is not linked to it."""
 _SINGLE = (0.0, 0.0)
 """Position of agents whose distances do not matter."""
 
@@ -111,7 +111,7 @@ def conformations(n: int, ratio: float) -> list[Conformation]:
     Raises
     ------
     InvalidInput
-        When n or k is out of range.
+        If n or k is out of range.
     """
     if integer("conformations", "n", n, least=1) > LARGEST:
         raise InvalidInput("conformations", "n", f"must be at most {LARGEST}", n)
@@ -131,7 +131,7 @@ def count(n: int, ratio: float) -> int:
     Raises
     ------
     InvalidInput
-        When n or k is out of range.
+        If n or k is out of range.
     """
     return len(conformations(n, ratio))
 

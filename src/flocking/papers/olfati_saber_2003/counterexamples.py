@@ -1,4 +1,4 @@
-"""What Olfati-Saber prints wrongly, computed: what the printed form gives, and what is the case."""
+"""Computed counter-examples to statements of Olfati-Saber: the value by the printed form, and the true value."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from flocking.study.nets import matrices as nets
 
 
 def one_way_links(net: Array) -> float:
-    """Number of links without a link back.
+    """Number of links without the reverse link.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def one_way_links(net: Array) -> float:
 
 
 def directed_nets(graph: Graph) -> float:
-    """Of a hundred drawn clusters of six agents, those whose net has a link without a link back.
+    """Number of random clusters of six agents, of a hundred, whose net has a link without the reverse link.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def directed_nets(graph: Graph) -> float:
 
 
 def undirected_cone() -> Demonstration:
-    """After (6): the condition of (5) on headings is symmetric, so that no uniform net of its kind is directed."""
+    """After (6): the condition of (5) on headings is symmetric, so a uniform net of this kind is not directed."""
     assert directed_nets(FieldOfView(system.RADIUS, np.pi / 3)) == 100
     return Demonstration(
         100.0, directed_nets(Cone(system.RADIUS, 1.0)), 0.5,
@@ -70,7 +70,7 @@ def undirected_smooth_cone() -> Demonstration:
 
 
 def in_degree() -> Demonstration:
-    """(9): the sum over N_i misses who sees i without being seen by it."""
+    """(9): the sum over N_i omits agents that sense i without being sensed by it."""
     net = examples.directed_net(1.0)
     printed = np.where(net > 0, net.T, 0.0).sum(axis=1)
     return Demonstration(
@@ -149,7 +149,7 @@ def distance_rate() -> Demonstration:
 
 
 def settled_with_energy() -> Demonstration:
-    """Definition 2 ii): an agent within five others rests with V > 0, so that H_s does not tend to 0."""
+    """Definition 2 ii): an agent inside a ring of five others is at rest with V > 0, so H_s does not tend to 0."""
     state = energies.wheel()
     assert np.abs(control(Law(system.hard_net(), system.alpha_terms()), state)).max() < 1e-9
     found = structure.structural_energy(system.hard_net(), energies.potential(), state).total
@@ -157,14 +157,14 @@ def settled_with_energy() -> Demonstration:
 
 
 def smooth_bound() -> Demonstration:
-    """(37) with the smooth V: just within r the weight vanishes faster than its slope."""
+    """(37) with the smooth V: close to r the weight vanishes faster than its slope."""
     q = np.array([[0.0, 0.0], [0.99 * system.RADIUS, 0.0]])
     net, psi = system.smooth_net(), energies.potential()
     exact, rough = (control(Law(net, (Gradient(psi, weighting=w),)), State(q)) for w in ("energy", "force"))
     smooth = structure.structural_energy(net, psi, State(q)).potential
     bound = 2 * net.shape.steepest(system.ONSET) / system.RADIUS * smooth
     error = float(np.linalg.norm(exact - rough, axis=1).sum())
-    # The statement is an inequality: it is refuted by an error that exceeds the bound.
+    # The statement is an inequality, which an error above the bound refutes.
     return Demonstration(
         max(bound, error) if error <= bound else bound,
         error,
@@ -174,18 +174,18 @@ def smooth_bound() -> Demonstration:
 
 
 def weak_repulsion() -> Demonstration:
-    """After (38): phi(d_alpha) is below a = 1; the repulsion of agents that meet is |phi(-d_alpha)| < b."""
+    """After (38): phi(d_alpha) is below a = 1; the repulsion of agents at the same point is |phi(-d_alpha)| < b."""
     psi = structural_potential(system.DISTANCE)
     return Demonstration(
         float(psi.slope(2 * system.DISTANCE)),
         abs(float(psi.slope(0.0))),
         1e-9,
-        "repulsion of two agents that meet: phi(d_alpha) as printed, and what acts",
+        "repulsion of two agents at the same point: phi(d_alpha) as printed, and the true value",
     )
 
 
 def too_close() -> Demonstration:
-    """Case ii): a negative vote comes from neighbours nearer than d_alpha."""
+    """Case ii): a negative vote is due to neighbours closer than d_alpha."""
     state, vote = protocols.negative_vote(1.0)
     assert vote.total < 0
     farthest = float(np.linalg.norm(state.q[1:] - state.q[0], axis=1).max())
@@ -214,17 +214,17 @@ def mean_for_relative() -> Demonstration:
     """Section 10 prints H_s(q, p-bar): with the mean velocity for the relative ones its rate depends on u-bar."""
     state, both, alone = protocols.separated(1.0)
     mean = state.p.mean(axis=0)
-    # V changes alike under both controls; what differs is the rate of n |p-bar|^2/2.
+    # V changes equally under both controls; only the rate of n |p-bar|^2/2 differs.
     return Demonstration(
         0.0,
         float(state.n * mean @ (both - alone).mean(axis=0)),
         1e-9,
-        "how much the rate of V + n |p-bar|^2/2 changes when u-bar is added, for twelve agents",
+        "change of the rate of V + n |p-bar|^2/2 when u-bar is added, for twelve agents",
     )
 
 
 def velocity_without_bar() -> Demonstration:
-    """(65) prints H_tr = |p - p_d|^2/2: for the velocities of all agents its rate is another."""
+    """(65) prints H_tr = |p - p_d|^2/2: for the velocities of all agents its rate is different."""
     state, rate = protocols.velocity_rate(1.0)
     u = control(protocols.with_controller(system.alpha_terms(), False, 1.0), state)
     true = float(((state.p - np.asarray(system.DESIRED_VELOCITY)) * u).sum())
@@ -232,7 +232,7 @@ def velocity_without_bar() -> Demonstration:
 
 
 def crushed() -> Demonstration:
-    """(50) with a = 1, b = 5: the sink presses agents together."""
+    """(50) with a = 1, b = 5: the sink compresses the group."""
     scenario = system.sink_scenario(0, a=system.ATTRACTION, b=system.REPULSION, agents=30)
     run = simulate(scenario.with_(frames=(0.0, 10.0), t_end=10.0, name=""), progress=False)
     closest = float(pair_distances(run.q[-1]).min())
@@ -245,7 +245,7 @@ def crushed() -> Demonstration:
 
 
 def saddle() -> Demonstration:
-    """A.2: three agents that rest in a line, all linked and in balance, are in their own limit; V falls to the side."""
+    """A.2: three linked agents at rest in a line in balance are their own limit, but V decreases sideways."""
     net, state, forces = energies.line_in_balance(1.0)
     assert np.abs(forces).max() < 1e-12
     aside = np.array(state.q)
@@ -253,7 +253,7 @@ def saddle() -> Demonstration:
     psi = energies.potential()
     here, there = (structure.structural_energy(net, psi, State(q)).potential for q in (state.q, aside))
     return Demonstration(
-        0.0, there - here, 1e-9, "change of V as the middle one of three agents in balance moves 0.1 aside: 0 or"
+        0.0, there - here, 1e-9, "change of V when the middle one of three agents in balance moves 0.1 sideways: 0 or"
         " more, and computed",
     )  # fmt: skip
 
@@ -262,23 +262,23 @@ def saddle() -> Demonstration:
 
 
 def bracket() -> Demonstration:
-    """(54): the bracket belongs about distance minus d_beta, as in (34)."""
+    """(54): the bracket must enclose distance minus d_beta, as in (34)."""
     psi = obstacles.avoidance().repulsion
     distance = 2.0
-    phi = float(psi.slope(system.BETA_RANGE + distance))  # phi_beta(distance): the potential is shifted by d_beta
+    phi = float(psi.slope(system.BETA_RANGE + distance))  # phi_beta(distance): the potential is shifted by d_beta.
     return Demonstration(
         phi - system.BETA_RANGE,
         float(psi.slope(distance)),
         1e-9,
-        "push at distance 2: phi_beta(2) - d_beta as printed, and phi_beta(2 - d_beta)",
+        "force at distance 2: phi_beta(2) - d_beta as printed, and phi_beta(2 - d_beta)",
     )
 
 
 def passes_alone() -> Demonstration:
-    """Sec. 11: an agent off the axis gets around an obstacle that has no gamma-agent."""
+    """Sec. 11: an agent off the axis passes an obstacle without a gamma-agent."""
     without, _ = obstacles.passing_alone(1.0)
     behind = float(without[0] > obstacles.CENTRE[0] + obstacles.SIZE)
-    return Demonstration(0.0, behind, 0.5, "agents of one, without a gamma-agent, that are past the obstacle after 4 s")
+    return Demonstration(0.0, behind, 0.5, "number of agents past the obstacle after 4 s, of one without a gamma-agent")
 
 
 def rows_for_columns() -> Demonstration:
@@ -292,7 +292,7 @@ def rows_for_columns() -> Demonstration:
 
 
 def wrong_axis() -> Demonstration:
-    """p_d: along y no agent from Fig. 7's start would come near an obstacle, least of all the gap."""
+    """p_d: along y no agent from the start of Fig. 7 would come near an obstacle or the gap."""
     start = system.obstacle_scenario(0).start.q
     direction = np.array([0.0, 1.0])
 

@@ -1,4 +1,4 @@
-"""What makes or breaks the density 0.97 after the obstacles: tracking law, gain, start box, gamma-agents."""
+"""Dependence of the density after the obstacles (0.97) on tracking law, gain, start box and gamma-agents."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ if TYPE_CHECKING:
 Box = tuple[tuple[float, float], tuple[float, float]]
 
 PRINTED = 0.97
-"""Density the paper reports."""
+"""Density reported in the paper."""
 
 
 @dataclass(frozen=True)
 class Variant:
-    """One way to run the first task.
+    """A variant of the first task.
 
     Parameters
     ----------
     name
-        What to call it.
+        Its name.
     tracking, gain, gamma_agents, box
         As in `flocking.papers.olfati_saber_2003.system.obstacle_scenario`.
     """
@@ -51,12 +51,12 @@ VARIANTS = (
     Variant("wide strip 107 x 30", box=((-87.0, 7.5), (107.0, 30.0))),
     Variant("square 57 x 57", box=((-37.0, -6.0), (57.0, 57.0))),
 )
-"""The variants compared; all boxes have nearly the same area, the same middle line and the same front."""
+"""The variants; all boxes have nearly the same area, the same centre line and the same front."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one run.
+    """Result of one run.
 
     Parameters
     ----------
@@ -65,11 +65,11 @@ class Outcome:
     seed
         Seed of the start.
     density
-        Density at the end.
+        Density at the end of the run.
     flocks
-        Flocks at the end.
+        Number of flocks at the end.
     behind
-        Share of the agents that have passed the last obstacle by then.
+        Fraction of the agents that have passed the last obstacle at the end.
     slowest
         Largest |p_i - p_d|/|p_d| at the end.
     """
@@ -94,7 +94,7 @@ def outcome(
     seed
         Seed of the start.
     agents
-        Number of agents; with fewer, boxes shrink to the same crowding.
+        Number of agents; boxes are scaled to the same density.
     t_end
         Duration.
     """
@@ -124,7 +124,7 @@ def density_table(
     agents: int = system.AGENTS,
     t_end: float = system.OBSTACLE_DURATION,
 ) -> list[Outcome]:
-    """Outcome of every variant for every seed.
+    """Outcomes of all variants for all seeds.
 
     Parameters
     ----------
@@ -140,14 +140,14 @@ def density_table(
 
 @in_style
 def density_chart(table: Sequence[Outcome], axes: Axes | None = None) -> Axes:
-    """Draw densities by variant, a dot per seed, beside the paper's.
+    """Draw densities by variant, one dot per seed, with the paper's value.
 
     Parameters
     ----------
     table
         Outcomes.
     axes
-        Where to draw; a new figure when absent.
+        The axes; a new figure by default.
     """
     names = list(dict.fromkeys(x.variant.name for x in table))
     axes = axes_or_new(axes, width=1.5 * COLUMN, height=0.3 * COLUMN + 0.22 * len(names))

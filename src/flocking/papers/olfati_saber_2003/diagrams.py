@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Picture
 
 BUMP_RADIUS = 12.0
-"""Where the bump ends in the diagram."""
+"""Radius of the bump in the diagram."""
 POTENTIAL_RANGE = 10.0
 """Distance from the minimum up to which the potential is drawn."""
 HALF_ANGLE = np.pi / 3

@@ -1,6 +1,6 @@
-"""Objects behind the rows of sections 4, 5 and 9: means, structural energy, potentials, defects.
+"""Objects of the equation table for sections 4, 5 and 9: means, structural energy, potentials, defects.
 
-Every function takes the factor by which its decisive number is off; 1 is the paper's.
+Every function takes a factor of the number that determines its object; 1 gives the value of the paper.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ from flocking.papers.olfati_saber_2003.structural_nets import Defect, defect, is
 from flocking.study.potentials.equilibrium import Equilibrium
 
 EXAMPLE_AGENTS = 12
-"""Agents of the examples: few enough for brute force."""
+"""Number of agents of the examples, small enough for brute force."""
 WIDE = 10.0
 """d_alpha of Example 2; r is 12."""
 
 
 def example_state() -> State:
-    """Twelve agents about a lattice a little tighter than d_alpha, in motion."""
+    """Twelve moving agents near a lattice slightly denser than d_alpha."""
     return hexagonal(EXAMPLE_AGENTS, spacing=6.9, noise=0.8, speed=1.0, seed=4)
 
 
 def potential(scale: float = 1.0) -> Potential:
-    """psi_alpha(r - d_alpha) with a off by ``scale``."""
+    """psi_alpha(r - d_alpha) with a times ``scale``."""
     return structural_potential(system.DISTANCE, system.ATTRACTION * scale, system.REPULSION)
 
 
 def uneven_masses(scale: float) -> Array:
-    """Weights of the means: those of the first agent off by ``scale``."""
+    """Weights of the means: those of the first agent times ``scale``."""
     masses = np.ones(EXAMPLE_AGENTS)
     masses[0] = scale
     return masses
@@ -68,20 +68,20 @@ def stacked(scale: float) -> tuple[State, Array, Array]:
 
 
 def energy(scale: float) -> tuple[State, float]:
-    """Example state and H_s of the uniform net, a off by ``scale``."""
+    """Example state and H_s of the uniform net, a times ``scale``."""
     state = example_state()
     return state, structural_energy(system.hard_net(), potential(scale), state).total
 
 
 def energy_pieces(scale: float) -> tuple[State, Array, float, float]:
-    """Example state with V_i, V and K_r, a off by ``scale``."""
+    """Example state with V_i, V and K_r, a times ``scale``."""
     state = example_state()
     found = structural_energy(system.hard_net(), potential(scale), state)
     return state, found.each, found.potential, found.relative_kinetic
 
 
 def smooth_energy(scale: float) -> tuple[State, float]:
-    """Example state and H_s of the smooth net (30), a off by ``scale``."""
+    """Example state and H_s of the smooth net (30), a times ``scale``."""
     state = example_state()
     return state, structural_energy(system.smooth_net(), potential(scale), state).total
 
@@ -92,13 +92,13 @@ def deviations() -> Array:
 
 
 def potential_values(scale: float) -> tuple[Array, Array]:
-    """psi_alpha and phi_alpha at the deviations, b off by ``scale``."""
+    """psi_alpha and phi_alpha at the deviations, b times ``scale``."""
     psi = structural_potential(system.DISTANCE, system.ATTRACTION, system.REPULSION * scale)
     return psi(system.DISTANCE + deviations()), psi.slope(system.DISTANCE + deviations())
 
 
 def bounds_of_action(scale: float) -> tuple[float, float]:
-    """phi_alpha far out and far in, a and b off by ``scale``."""
+    """phi_alpha for large positive and negative deviations, a and b times ``scale``."""
     psi = structural_potential(1e7, system.ATTRACTION * scale, system.REPULSION * scale)
     return float(psi.slope(2e7)), float(psi.slope(0.0))
 
@@ -112,7 +112,7 @@ def zero_energy(scale: float) -> tuple[float, float]:
 
 
 def moving_together(scale: float) -> tuple[float, Array, bool]:
-    """Agents at one velocity, that of the first off by ``scale``: K_r, rates of distances, whether the net stays."""
+    """Agents at one velocity, that of the first times ``scale``: K_r, rates of distances, whether the net stays."""
     q = hexagonal(EXAMPLE_AGENTS, spacing=system.DISTANCE, seed=0).q
     p = np.tile([3.0, 2.0], (EXAMPLE_AGENTS, 1))
     p[0] *= scale
@@ -125,7 +125,7 @@ def moving_together(scale: float) -> tuple[float, Array, bool]:
 
 
 def converse(scale: float) -> list[tuple[tuple[bool, bool, bool], float, float]]:
-    """For agents at one velocity, that of the first off by ``scale``, for a net that turns, for the example state, for
+    """For agents at one velocity, that of the first times ``scale``, for a net that turns, for the example state, for
     two agents that meet and for a net in two parts: conditions a) to c), the largest rate of a distance, and K_r.
     """
     q = hexagonal(EXAMPLE_AGENTS, spacing=system.DISTANCE, seed=0).q
@@ -146,7 +146,7 @@ def converse(scale: float) -> list[tuple[tuple[bool, bool, bool], float, float]]
 
 
 def line_in_balance(scale: float) -> tuple[Graph, State, Array]:
-    """Net of radius 2.5 d_alpha; three agents in a line, all linked, in balance, their distances off by ``scale``; and
+    """Net of radius 2.5 d_alpha; three agents in a line, all linked, in balance, their distances times ``scale``; and
     the forces on them.
     """
     from scipy.optimize import brentq
@@ -167,7 +167,7 @@ def no_energy(scale: float) -> tuple[float, Array, Array]:
 
 
 def jump(scale: float) -> float:
-    """H_s of two agents just within r less that just beyond, a off by ``scale``."""
+    """H_s of two agents just within r minus that just beyond, a times ``scale``."""
     net = system.hard_net()
 
     def at(distance: float) -> float:
@@ -177,7 +177,7 @@ def jump(scale: float) -> float:
 
 
 def pair_net(smooth: bool, scale: float = 1.0) -> Graph:
-    """The net of Example 2: r = 12, d_alpha = 10; r off by ``scale``.
+    """The net of Example 2: r = 12, d_alpha = 10; r times ``scale``.
 
     Parameters
     ----------
@@ -197,7 +197,7 @@ def pair_deviations() -> Array:
 
 
 def pair_potentials(scale: float) -> tuple[Array, Array]:
-    """V of two agents at each eta (32), nonsmooth and smooth; r off by ``scale``."""
+    """V of two agents at each eta (32), nonsmooth and smooth; r times ``scale``."""
     psi = structural_potential(WIDE, system.ATTRACTION, system.REPULSION)
 
     def value(net: Graph, eta: float) -> float:
@@ -219,7 +219,7 @@ def edge_deviation(scale: float) -> tuple[State, float]:
 
 
 def largest_potential(scale: float) -> tuple[float, float]:
-    """V of twelve agents at one point (psi(-d_alpha) for every pair), and the most any pair within r can store."""
+    """V of twelve agents at one point (psi(-d_alpha) for every pair), and the largest value of a pair within r."""
     psi = structural_potential(system.DISTANCE * scale, system.ATTRACTION, system.REPULSION)
     q = np.zeros((EXAMPLE_AGENTS, 2))
     found = structural_energy(system.hard_net(), psi, State(q)).potential
@@ -230,7 +230,7 @@ def largest_potential(scale: float) -> tuple[float, float]:
 
 
 def wheel() -> State:
-    """One agent within five at rest, in balance: spokes are shorter than d_alpha, the rim is longer."""
+    """One agent inside a ring of five at rest, in balance: links to it are shorter than d_alpha, others longer."""
     from scipy.optimize import brentq
 
     psi, half = potential(), np.sin(np.pi / 5)
@@ -245,14 +245,14 @@ def wheel() -> State:
 
 
 def defect_of(scale: float) -> tuple[State, Defect]:
-    """Example state and the defect of its uniform net for w = 0.01, a off by ``scale``."""
+    """Example state and the defect of its uniform net for w = 0.01, a times ``scale``."""
     state = example_state()
     return state, defect(system.hard_net(), potential(scale), state)
 
 
 def wheel_defect(scale: float) -> tuple[State, Defect, tuple[bool, ...]]:
     """The wheel, its defect, and what is a quasi-realization of (0.2 at most): its limit at rest, of which a is off by
-    ``scale``; one that goes on moving; one further off.
+    ``scale``; one that continues moving; one further off.
     """
     found = defect(system.hard_net(), potential(scale), wheel())
     moving = [found, replace(found, potential=1.01 * found.potential)]
@@ -262,7 +262,7 @@ def wheel_defect(scale: float) -> tuple[State, Defect, tuple[bool, ...]]:
 
 
 def invariance(scale: float) -> tuple[Array, Array]:
-    """Sum of the controls (34) and of the controls (35) of the example state, one agent's damping off by ``scale``."""
+    """Sum of the controls (34) and of the controls (35) of the example state, one agent's damping times ``scale``."""
     from flocking.model.terms.pair_terms import Consensus
 
     gains = np.full(EXAMPLE_AGENTS, system.DAMPING)
@@ -292,7 +292,7 @@ def rate_of_structural_energy(state: State, u: Array, net: Graph, psi: Potential
 
 
 def dissipation(scale: float, *, smooth: bool = False) -> tuple[State, float, float]:
-    """Example state, dH_s/dt by differences of H_s, and what the law says it dissipates; c1 off by ``scale``.
+    """Example state, dH_s/dt by differences of H_s, and the dissipation by the law; c1 times ``scale``.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
-"""Objects behind the rows of sections 2 and 3: nets, degrees, agreement, bumps, realizations and conformations.
+"""Objects of the equation table for sections 2 and 3: nets, degrees, agreement, bumps, realizations and conformations.
 
-Every function takes the factor by which its decisive number is off; 1 is the paper's.
+Every function takes a factor of the number that determines its object; 1 gives the value of the paper.
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ def directions() -> Array:
 
 
 def ball(scale: float) -> Links:
-    """Who is in the ball about the first agent, shape (6,)."""
+    """Agents in the ball around the first agent, shape (6,)."""
     return np.asarray(PerAgentRadii(radii(scale)).initial(scattered())[0])
 
 
 def directed_net(scale: float) -> Array:
-    """Adjacency matrix of the six agents with radii of their own."""
+    """Adjacency matrix of the six agents with individual radii."""
     return nets.adjacency(PerAgentRadii(radii(scale)), scattered())
 
 
@@ -60,14 +60,14 @@ def neighbours(scale: float) -> list[list[int]]:
 
 
 def radius_agreement(scale: float) -> tuple[Array, Array]:
-    """Nets of two agents 1.005 r apart: with the same radius (one of them off by ``scale``), and with 9 and 7."""
+    """Nets of two agents 1.005 r apart: with the same radius (one of them times ``scale``), and with 9 and 7."""
     q = scattered()[:2]
     same, other = np.array([system.RADIUS * scale, system.RADIUS]), np.array([9.0, 7.0])
     return nets.adjacency(PerAgentRadii(same), q), nets.adjacency(PerAgentRadii(other), q)
 
 
 def cone(scale: float) -> Array:
-    """Adjacency of the six agents under conic neighbourhoods whose opening is off by ``scale``."""
+    """Adjacency of the six agents under conic neighbourhoods whose opening is scaled by ``scale``."""
     return nets.adjacency(Cone(system.RADIUS, OPENING * scale), scattered(), directions())
 
 
@@ -87,7 +87,7 @@ def rotations() -> Array:
 
 
 def attitude_cone(scale: float) -> tuple[Array, Array, Array]:
-    """Positions and attitudes of five agents in space, and their net under (6); the opening is off by ``scale``."""
+    """Positions and attitudes of five agents in space, and their net under (6); the opening is scaled by ``scale``."""
     q = np.array([[0.0, 0, 0], [3, 0, 1], [0, 4, 2], [9, 9, 0], [2, 2, 2]])
     opening = (1 - np.cos(1.0)) / 1.005
     return q, rotations(), nets.adjacency(Cone(system.RADIUS, opening * scale, "rotation"), q, rotations())
@@ -100,7 +100,7 @@ def chain() -> Array:
 
 
 def flocks(scale: float) -> list[list[int]]:
-    """Flocks of five agents with radii of their own, of whom several see an agent that does not see them."""
+    """Flocks of five agents with individual radii, of which several sense an agent that does not sense them."""
     net = PerAgentRadii(np.array([4.0, 1.0, 4.0, system.RADIUS * scale, 7.0]))
     return [members.tolist() for members in nets.flock_members(net.initial(chain()))]
 
@@ -142,7 +142,7 @@ def laplacian(scale: float) -> Array:
 
 
 def uniform_balance(scale: float) -> tuple[bool, Array]:
-    """Whether the net of six agents with one radius, that of the first off by ``scale``, is balanced; and 1^T L."""
+    """Whether the net of six agents with one radius, that of the first times ``scale``, is balanced; and 1^T L."""
     net = nets.adjacency(PerAgentRadii(system.RADIUS * np.array([scale, 1, 1, 1, 1, 1])), scattered())
     return nets.is_balanced(net), np.ones(6) @ nets.laplacian(net)
 
@@ -154,7 +154,7 @@ def column_sums(scale: float) -> tuple[Array, Array, Array]:
 
 
 def field_of_view() -> Array:
-    """Adjacency of the six agents that see within 60 degrees of their heading (Fig. 1(b))."""
+    """Adjacency of the six agents with a field of view of 60 degrees about their heading (Fig. 1(b))."""
     return nets.adjacency(FieldOfView(system.RADIUS, np.pi / 3), scattered(), directions())
 
 
@@ -164,26 +164,26 @@ def opinions() -> Array:
 
 
 def agreement_motion(scale: float) -> tuple[Array, Array]:
-    """Values theta and their rates of change over a millionth of a second, the weights off by ``scale``."""
+    """Values theta and their rates of change over a millionth of a second, the weights times ``scale``."""
     step = 1e-6
     moved = agree(opinions(), [uniform_net(1.0) * scale], [0.0, step])
     return opinions(), (moved[1] - moved[0]) / step
 
 
 def agreement(scale: float) -> Array:
-    """Rates omega of the six agents under (13) on the uniform net, its radius off by ``scale``."""
+    """Rates omega of the six agents under (13) on the uniform net, its radius times ``scale``."""
     law = agreement_law(uniform_net(scale) > 0)
     return evaluate(law, State(opinions()[:, None]), agents=Agents(order=1)).u[:, 0]
 
 
 def two_agents(distance: float, scale: float) -> Array:
-    """Adjacency of two agents at ``distance``, the radius off by ``scale``."""
+    """Adjacency of two agents at ``distance``, the radius times ``scale``."""
     q = np.array([[0.0, 0.0], [distance, 0.0]])
     return nets.adjacency(Proximity(system.RADIUS * scale, closed=True), q)
 
 
 def apart_and_together(scale: float) -> tuple[Array, Array]:
-    """A_1 and A_2: two agents just beyond r and just within."""
+    """A_1 and A_2: two agents just beyond r, and just within r."""
     return two_agents(1.005 * system.RADIUS, scale), two_agents(0.995 * system.RADIUS, scale)
 
 
@@ -220,7 +220,7 @@ def smooth_net(scale: float) -> Array:
 
 
 def smooth_cone(scale: float) -> Array:
-    """Adjacency of the close agents under (18), phi_0 off by ``scale``."""
+    """Adjacency of the close agents under (18), phi_0 times ``scale``."""
     return nets.adjacency(SmoothCone(system.RADIUS, system.ONSET, OPENING * scale), close(), directions())
 
 
@@ -231,7 +231,7 @@ def smooth_laplacian(scale: float) -> Array:
 
 
 def beyond_reach(scale: float) -> tuple[float, float]:
-    """Weight and its slope by finite differences for a pair 1.005 r apart, the radius off by ``scale``."""
+    """Weight and its slope by finite differences for a pair 1.005 r apart, the radius times ``scale``."""
     graph = Smooth(system.RADIUS * scale, system.ONSET)
     gaps = 1.005 * system.RADIUS + np.array([-1e-6, 0.0, 1e-6])
     values = [nets.adjacency(graph, np.array([[0.0, 0.0], [g, 0.0]]))[0, 1] for g in gaps]
@@ -242,13 +242,13 @@ def beyond_reach(scale: float) -> tuple[float, float]:
 
 
 def structural_net(scale: float) -> tuple[int, float, float, float]:
-    """n, d_alpha, r and k0 of the paper's simulations, as the scenarios have them; r off by ``scale``."""
+    """n, d_alpha, r and k0 of the paper's simulations, as in the scenarios; r times ``scale``."""
     graph = system.smooth_net()
     return system.AGENTS, system.DISTANCE, graph.radius * scale, graph.onset
 
 
 def framework(scale: float) -> Array:
-    """Rigidity matrix of a chain of three, one agent's place off by ``scale``."""
+    """Rigidity matrix of a chain of three, one agent's position times ``scale``."""
     q = np.array([[0.0, 0.0], [7.0 * scale, 0.0], [7.0, 7.0]])
     return rigidity.rigidity_matrix(q, Proximity(system.RADIUS).initial(q))
 
@@ -276,7 +276,7 @@ def permuted(scale: float) -> tuple[Array, bool]:
 
 
 def placed(scale: float) -> list[tuple[str, Array, Links]]:
-    """Every conformation of (4, d_alpha, 1.2 d_alpha): name, positions off by ``scale``, and links under (8)."""
+    """Every conformation of (4, d_alpha, 1.2 d_alpha): name, positions times ``scale``, and links under (8)."""
     found = []
     for shape in shapes.conformations(4, 1.2):
         q = shape.placed(system.DISTANCE, 1.2) * scale
@@ -305,12 +305,12 @@ def figure_3(scale: float) -> list[tuple[Array, Links]]:
 
 
 def counts(scale: float) -> list[int]:
-    """f(n, k) for n = 1 to 4 at k just below sqrt 2, times ``scale``."""
+    """f(n, k) for n = 1 to 4 at k just below sqrt 2 times ``scale``."""
     return [shapes.count(n, RATIO * scale) for n in range(1, 5)]
 
 
 def counts_over_ratio(scale: float) -> list[int]:
-    """f(4, k) for some k, times ``scale``."""
+    """f(4, k) for some k times ``scale``."""
     return [shapes.count(4, k * scale) for k in (1.2, RATIO, 1.5, 1.75, 1.94, 2.1)]
 
 
@@ -320,7 +320,7 @@ def upper_bounds(scale: float) -> list[tuple[int, int]]:
 
 
 def neighbourhoods(scale: float) -> dict[str, object]:
-    """Fig. 1: who of six is seen (a) within r and (b) within r and 60 degrees of the first agent's heading."""
+    """Fig. 1: the agents (a) within r and (b) within r and 60 degrees of the first agent's heading."""
     shell = Proximity(system.RADIUS * scale, closed=True).initial(scattered())[0]
     view = FieldOfView(system.RADIUS * scale, np.pi / 3).start_links(scattered(), directions())
     return {"shell": shell, "view": view}

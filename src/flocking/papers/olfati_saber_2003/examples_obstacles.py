@@ -1,6 +1,6 @@
-"""Objects behind the rows of section 11: obstacles, beta- and gamma-agents, the tasks and their pictures.
+"""Objects of the equation table for section 11: obstacles, beta- and gamma-agents, the tasks and their pictures.
 
-Every function takes the factor by which its decisive number is off; 1 is the paper's.
+Every function takes a factor of the number that determines its object; 1 gives the value of the paper.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ CENTRE, SIZE = (100.0, 20.0), 10.0
 
 
 def nearby() -> State:
-    """Three agents outside the first obstacle, within r0 of it and no two within r, and one 1.005 r0 away."""
+    """Three agents within r0 of the first obstacle, no two within r, and one at distance 1.005 r0."""
     angles = np.array([2.8, -2.2, 1.0, -0.4])
     out = np.array([1.5, 3.8, 2.5, 1.005 * system.BETA_RANGE]) + SIZE
     q = np.array(CENTRE) + out[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
@@ -37,12 +37,12 @@ def nearby() -> State:
 
 
 def first_obstacle(scale: float = 1.0) -> Ball:
-    """The first obstacle, its radius off by ``scale``."""
+    """The first obstacle, its radius times ``scale``."""
     return Ball(CENTRE, SIZE * scale)  # type: ignore[arg-type]
 
 
 class AvoidanceNumbers(TypedDict, total=False):
-    """Numbers of (54), by the names of `Avoid`."""
+    """Parameters of (54), by the names of `Avoid`."""
 
     range: float
     repulsion_gain: float
@@ -54,7 +54,7 @@ class AvoidanceNumbers(TypedDict, total=False):
 
 
 def avoidance(**changes: Unpack[AvoidanceNumbers]) -> Avoid:
-    """(54) for the first obstacle with the paper's numbers, some changed."""
+    """(54) for the first obstacle with the paper's parameters, some changed."""
     given: AvoidanceNumbers = {
         "range": system.BETA_RANGE, "repulsion_gain": system.BETA_GAIN, "damping_gain": system.BETA_DAMPING,
         "attraction": structural_potential(system.GAMMA_DISTANCE, system.ATTRACTION, system.REPULSION),
@@ -69,7 +69,7 @@ def avoided(**changes: Unpack[AvoidanceNumbers]) -> Array:
 
 
 def distance(scale: float) -> tuple[State, Array]:
-    """Agents near the first obstacle and d(q_i, O_k), its radius off by ``scale``."""
+    """Agents near the first obstacle and d(q_i, O_k), its radius times ``scale``."""
     return nearby(), first_obstacle(scale).distance(nearby().q)
 
 
@@ -79,22 +79,22 @@ def projection(scale: float) -> tuple[State, Array]:
 
 
 def active(scale: float) -> list[bool]:
-    """Who of the agents feels the first obstacle, r0 off by ``scale``."""
+    """Whether each agent is within range of the first obstacle, r0 times ``scale``."""
     return [bool(x) for x in (avoided(range=system.BETA_RANGE * scale) != 0).any(axis=1)]
 
 
 def gamma_pull(scale: float) -> tuple[State, Array]:
-    """Agents near the obstacle and the pull of their gamma-agents, lambda_d off by ``scale``."""
+    """Agents near the obstacle and the forces of their gamma-agents, lambda_d times ``scale``."""
     return nearby(), avoided(repulsion_gain=0.0, damping_gain=0.0, offset=system.GAMMA_OFFSET * scale)
 
 
 def beta_push(scale: float) -> tuple[State, Array]:
-    """Agents near the obstacle and the push of their beta-agents, c3 off by ``scale``."""
+    """Agents near the obstacle and the forces of their beta-agents, c3 times ``scale``."""
     return nearby(), avoided(repulsion_gain=system.BETA_GAIN * scale, damping_gain=0.0, gamma_agents=False)
 
 
 def protocol_54(scale: float) -> tuple[State, Array]:
-    """Agents near the obstacle and their control (54), c4 off by ``scale``."""
+    """Agents near the obstacle and their control (54), c4 times ``scale``."""
     return nearby(), avoided(damping_gain=system.BETA_DAMPING * scale)
 
 
@@ -117,7 +117,7 @@ def two_obstacles(scale: float) -> tuple[Array, NDArray[np.bool_]]:
 
 def passing_alone(scale: float) -> tuple[Array, Array]:
     """Where one agent is after 4 s that heads for the first obstacle 7 off its axis under (58), without the pull of
-    gamma-agents and with it; c2 off by ``scale``.
+    gamma-agents and with it; c2 times ``scale``.
     """
     scenario = system.obstacle_scenario(0, agents=1, tracking_gain=system.TRACKING_GAIN * scale)
     start = State(np.array([[80.0, 27.0]]), np.array([system.DESIRED_VELOCITY]))
@@ -129,13 +129,13 @@ def passing_alone(scale: float) -> tuple[Array, Array]:
     nothing = structural_potential(system.GAMMA_DISTANCE, 1e-13, 5e-13)
     *others, avoid = scenario.law.terms
     assert isinstance(avoid, Avoid)
-    # A potential that pulls by nothing: the law keeps its form, and its kernel serves for both.
+    # A zero potential: the law keeps its structure, so one kernel serves both.
     return end(Law(scenario.law.graph, (*others, replace(avoid, attraction=nothing)))), end(scenario.law)
 
 
 def priority(scale: float) -> tuple[State, Array, Array, Array]:
-    """Agents among the obstacles, the push of their beta-agents for c3 and for c3/100, both off by ``scale``, and all
-    the rest of (58).
+    """Agents among the obstacles, the forces of their beta-agents for c3 and for c3/100, both scaled by ``scale``, and
+    the other terms of (58).
     """
     whole = system.obstacle_scenario(0, agents=2).law
     rest = Law(whole.graph, tuple(replace(t, repulsion_gain=0.0) if isinstance(t, Avoid) else t for t in whole.terms))
@@ -144,31 +144,31 @@ def priority(scale: float) -> tuple[State, Array, Array, Array]:
 
 
 def contraction(scale: float) -> tuple[State, Array, Array]:
-    """Agents near the obstacle, s of (55), and qhat, the obstacle's radius off by ``scale``."""
+    """Agents near the obstacle, s of (55), and qhat, the obstacle's radius times ``scale``."""
     q = nearby().q
     s = closed_forms.contraction(q, np.array(CENTRE), SIZE * scale)
     return nearby(), s, s[:, None] * q + (1 - s)[:, None] * np.array(CENTRE)
 
 
 def beta_velocity(scale: float) -> tuple[State, Array]:
-    """Agents near the obstacle and the velocities of their beta-agents, the radius off by ``scale``."""
+    """Agents near the obstacle and the velocities of their beta-agents, the radius times ``scale``."""
     return nearby(), first_obstacle(scale).at(nearby().q, nearby().p)["boundary"]
 
 
 def contraction_rate(scale: float) -> tuple[State, Array]:
-    """Agents near the obstacle and ds/dt of (57), the radius off by ``scale``."""
+    """Agents near the obstacle and ds/dt of (57), the radius times ``scale``."""
     return nearby(), closed_forms.contraction_rate(nearby().q, nearby().p, np.array(CENTRE), SIZE * scale)
 
 
 def moving_beta_velocity(scale: float) -> tuple[State, Array, Array]:
-    """Remark 7: the obstacle moves; its velocity, and those of beta-agents. The velocity is off by ``scale``."""
+    """Remark 7: the obstacle moves; its velocity, and those of beta-agents. The velocity is scaled by ``scale``."""
     velocity = np.array([-3.0, 2.0])
     ball = Ball(Velocity(velocity * scale, start=CENTRE), SIZE)
     return nearby(), velocity, ball.at(nearby().q, nearby().p)["boundary"]
 
 
 def protocol_58(scale: float) -> tuple[State, Array]:
-    """Agents among the obstacles and their control (58), c2 off by ``scale``."""
+    """Agents among the obstacles and their control (58), c2 times ``scale``."""
     return crowd(), control(
         system.obstacle_scenario(0, tracking_gain=system.TRACKING_GAIN * scale, agents=2).law, crowd()
     )
@@ -184,23 +184,23 @@ def crowd() -> State:
 
 
 def obstacle_matrix(scale: float) -> list[tuple[float, float, float]]:
-    """Centre and radius of the obstacles as simulated, lengths off by ``scale``."""
+    """Centre and radius of the obstacles as simulated, lengths times ``scale``."""
     return [(*(scale * ball.centre.at(0.0)[0]).tolist(), scale * ball.radius) for ball in system.obstacles()]
 
 
 def desired_velocity(scale: float) -> Array:
-    """p_d as simulated, off by ``scale``."""
+    """p_d as simulated times ``scale``."""
     leader = system.obstacle_scenario(0, agents=2).law.leaders[0]
     return np.asarray(leader.at(0.0)[1] * scale)
 
 
 def gap(scale: float) -> tuple[float, float]:
-    """d_56, and 2 d_alpha + 2 r0, what three agents side by side need; lengths off by ``scale``."""
+    """d_56, and 2 d_alpha + 2 r0, the width for three agents side by side; lengths times ``scale``."""
     return passage.gap_width() * scale, scale * (2 * system.DISTANCE + 2 * system.BETA_RANGE)
 
 
 def numbers(scale: float) -> dict[str, float]:
-    """Numbers of the first task as the scenario has them, lengths and gains off by ``scale``."""
+    """Parameters of the first task in the scenario, lengths and gains times ``scale``."""
     scenario = system.obstacle_scenario(0)
     avoid = next(t for t in scenario.law.terms if isinstance(t, Avoid))
     graph = system.smooth_net()
@@ -219,7 +219,7 @@ def numbers(scale: float) -> dict[str, float]:
 
 
 def sink_numbers(scale: float) -> dict[str, float]:
-    """Numbers of the second task as the scenario has them, lengths and gains off by ``scale``."""
+    """Parameters of the second task in the scenario, lengths and gains times ``scale``."""
     scenario = system.sink_scenario(0)
     psi = scenario.law.terms[0].potential  # type: ignore[attr-defined]
     return {
@@ -234,7 +234,7 @@ def sink_numbers(scale: float) -> dict[str, float]:
 
 
 def figure_6(scale: float) -> dict[str, Array]:
-    """Places of Fig. 6: an alpha-agent near the first obstacle, its beta-agent and the gamma-agent."""
+    """Positions of Fig. 6: an alpha-agent near the first obstacle, its beta-agent and the gamma-agent."""
     q = nearby().q[:1]
     direction = np.asarray(system.DESIRED_VELOCITY) / np.linalg.norm(system.DESIRED_VELOCITY)
     return {

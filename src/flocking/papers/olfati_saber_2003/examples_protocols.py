@@ -1,6 +1,6 @@
-"""Objects behind the rows of sections 6, 7 and 10: protocols, the neighbours' vote, tracking.
+"""Objects of the equation table for sections 6, 7 and 10: protocols, the neighbours' vote, tracking.
 
-Every function takes the factor by which its decisive number is off; 1 is the paper's.
+Every function takes a factor of the number that determines its object; 1 gives the value of the paper.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ TRACKING_DAMPING = 2.0
 
 
 def protocol_34(scale: float) -> tuple[State, Array]:
-    """Example state and its control (34), c1 off by ``scale``."""
+    """Example state and its control (34), c1 times ``scale``."""
     state = example_state()
     return state, control(Law(system.hard_net(), system.alpha_terms(c1=system.DAMPING * scale)), state)
 
 
 def common_length(scale: float) -> Array:
-    """Distances at which links in three directions neither pull nor push under (34), d_alpha off by ``scale``."""
+    """Distances of zero force of links in three directions under (34), d_alpha times ``scale``."""
     from scipy.optimize import brentq
 
     gradient, damping = system.alpha_terms()
@@ -48,27 +48,27 @@ def common_length(scale: float) -> Array:
 
 
 def unit_vectors(scale: float) -> Array:
-    """Control (34) without damping of two agents 8 apart, over phi_alpha(1): the vectors n_ij; a off by ``scale``."""
+    """Control (34) without damping of two agents 8 apart, over phi_alpha(1): the vectors n_ij; a times ``scale``."""
     state = State(np.array([[0.0, 0.0], [4.8, 6.4]]))
     u = control(Law(system.hard_net(), (Gradient(potential(scale)),)), state)
     return np.asarray(u / float(potential().slope(8.0)))
 
 
 def protocol_35(scale: float) -> tuple[State, Array]:
-    """Example state and its control (35), c1 off by ``scale``."""
+    """Example state and its control (35), c1 times ``scale``."""
     state = example_state()
     return state, control(Law(system.smooth_net(), system.alpha_terms(c1=system.DAMPING * scale)), state)
 
 
 def protocol_36(scale: float) -> tuple[State, Array]:
-    """Example state and its control (36), c1 off by ``scale``."""
+    """Example state and its control (36), c1 times ``scale``."""
     state = example_state()
     terms = system.alpha_terms(c1=system.DAMPING * scale, weighting="force")
     return state, control(Law(system.smooth_net(), terms), state)
 
 
 def approximation_error(scale: float) -> tuple[State, float, float]:
-    """Example state, sum of |u - u^| of (35) and (36), and 2 L_rho V/r with the nonsmooth V; a off by ``scale``."""
+    """Example state, sum of |u - u^| of (35) and (36), and 2 L_rho V/r with the nonsmooth V; a times ``scale``."""
     state = example_state()
     psi, net = potential(scale), system.smooth_net()
     exact, rough = (control(Law(net, (Gradient(psi, weighting=w),)), state) for w in ("energy", "force"))
@@ -78,19 +78,19 @@ def approximation_error(scale: float) -> tuple[State, float, float]:
 
 
 def weights(scale: float) -> tuple[State, Array]:
-    """Example state and w_ij (38), a off by ``scale``."""
+    """Example state and w_ij (38), a times ``scale``."""
     state = example_state()
     return state, vote_weights(system.hard_net(), potential(scale), state)
 
 
 def undamped(scale: float) -> tuple[State, Array]:
-    """Example state and (39) as sum_j w_ij q_j - (sum_j w_ij) q_i, a off by ``scale``."""
+    """Example state and (39) as sum_j w_ij q_j - (sum_j w_ij) q_i, a times ``scale``."""
     state, w = weights(scale)
     return state, np.asarray(-laplacian(w) @ state.q)
 
 
 def star(distance: float) -> State:
-    """An agent with three neighbours at ``distance``, lopsided."""
+    """An agent with three neighbours at ``distance``, not evenly spread."""
     angle = np.array([0.1, 1.5, 2.9])
     ring = distance * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     return State(np.vstack([np.zeros((1, 2)), ring]))
@@ -107,7 +107,7 @@ def balanced() -> State:
 
 
 def vote_of(state: State, scale: float) -> tuple[State, Vote]:
-    """A state and the vote on its first agent, a off by ``scale``."""
+    """A state and the vote on its first agent, a times ``scale``."""
     return state, vote(vote_weights(system.hard_net(), potential(scale), state), state.q, 0)
 
 
@@ -132,7 +132,7 @@ def zero_vote(scale: float) -> tuple[State, Vote]:
 
 
 def alignment(scale: float) -> tuple[State, Array]:
-    """Example state and the damping of (34) alone, off by ``scale``: the protocol (13) for velocities."""
+    """Example state and the damping of (34) alone times ``scale``: the protocol (13) for velocities."""
     state = example_state()
     return state, control(Law(system.hard_net(), (Consensus(scale),)), state)
 
@@ -152,7 +152,7 @@ def destination(sink: bool) -> Leader:
 
 
 def shared_controller(sink: bool, scale: float) -> Track:
-    """Controller (64) or (66), c2 off by ``scale``.
+    """Controller (64) or (66), c2 times ``scale``.
 
     Parameters
     ----------
@@ -177,26 +177,26 @@ def with_controller(terms: tuple[Term, ...], sink: bool, scale: float) -> Law:
 
 
 def separated(scale: float) -> tuple[State, Array, Array]:
-    """Example state, control (48) towards a sink, and the interaction alone; c2 off by ``scale``."""
+    """Example state, control (48) towards a sink, and the interaction alone; c2 times ``scale``."""
     state = example_state()
     terms = system.alpha_terms()
     return state, control(with_controller(terms, True, scale), state), control(Law(system.smooth_net(), terms), state)
 
 
 def mean_control(scale: float) -> tuple[State, Array]:
-    """Example state and the mean of the controls (50), c2 off by ``scale``."""
+    """Example state and the mean of the controls (50), c2 times ``scale``."""
     state, u = pursuit(scale)
     return state, u.mean(axis=0)
 
 
 def tracking_energy(scale: float) -> tuple[float, float]:
-    """H_tr (49) towards a sink and towards a velocity, for a mean position and velocity off by ``scale``."""
+    """H_tr (49) towards a sink and towards a velocity, for a mean position and velocity times ``scale``."""
     q, p = np.array([4.0, 1.0]), np.array([0.5, -2.0])
     return translational_energy(q * scale, p, destination(True)), translational_energy(q, p * scale, destination(False))
 
 
 def structural_rates(scale: float) -> tuple[State, float, float]:
-    """dH_s/dt under (35) alone and under (48), c1 off by ``scale``."""
+    """dH_s/dt under (35) alone and under (48), c1 times ``scale``."""
     state, net = example_state(), system.smooth_net()
     terms = system.alpha_terms(c1=system.DAMPING * scale)
     laws = (Law(net, terms), with_controller(terms, True, 1.0))
@@ -205,7 +205,7 @@ def structural_rates(scale: float) -> tuple[State, float, float]:
 
 
 def ledger_rates(scale: float) -> tuple[State, float, float]:
-    """What the ledger of H_s says of (35) alone and of (48): supply less dissipation."""
+    """Supply minus dissipation in the ledger of H_s for (35) alone and for (48)."""
     state, net = example_state(), system.smooth_net()
     terms = system.alpha_terms(c1=system.DAMPING * scale)
     found = [
@@ -216,7 +216,7 @@ def ledger_rates(scale: float) -> tuple[State, float, float]:
 
 
 def tracking_rate(sink: bool, scale: float) -> tuple[State, float]:
-    """dH_tr/dt under (48) by central differences of H_tr, c2 off by ``scale``.
+    """dH_tr/dt under (48) by central differences of H_tr, c2 times ``scale``.
 
     Parameters
     ----------
@@ -241,14 +241,14 @@ def velocity_rate(scale: float) -> tuple[State, float]:
 
 
 def total_rates(scale: float) -> tuple[State, float, float]:
-    """dH/dt = dH_s/dt + dH_tr/dt under (48) towards a sink and towards a velocity, c1 off by ``scale``."""
+    """dH/dt = dH_s/dt + dH_tr/dt under (48) towards a sink and towards a velocity, c1 times ``scale``."""
     _, _, both = structural_rates(scale)
     state, to_sink = sink_rate(1.0)
     return state, both + to_sink, both + velocity_rate(1.0)[1]
 
 
 def controller(sink: bool, scale: float) -> tuple[State, Array]:
-    """Example state and the controller u-bar alone, c2 off by ``scale``.
+    """Example state and the controller u-bar alone, c2 times ``scale``.
 
     Parameters
     ----------
@@ -270,13 +270,13 @@ def velocity_controller(scale: float) -> tuple[State, Array]:
 
 
 def both_controllers(scale: float) -> tuple[State, Array, Array]:
-    """Example state and the controllers (64) and (66) alone, c2 off by ``scale``."""
+    """Example state and the controllers (64) and (66) alone, c2 times ``scale``."""
     state, to_sink = sink_controller(scale)
     return state, to_sink, velocity_controller(scale)[1]
 
 
 def largest_feedback(scale: float) -> tuple[float, float]:
-    """|u-bar| of (64) and (66) far away at great speed, c2 off by ``scale``."""
+    """|u-bar| of (64) and (66) at a large distance and speed, c2 times ``scale``."""
     far = State(np.full((1, 2), 1e9), np.full((1, 2), 1e9))
     first, second = (
         control(Law(system.smooth_net(), (shared_controller(sink, scale),)), far)[0] for sink in (True, False)
@@ -292,7 +292,7 @@ def pursuit(scale: float) -> tuple[State, Array]:
 
 
 def gathering(scale: float) -> tuple[State, float, float]:
-    """Example state, H_a of (52) and its rate without interaction, c2 off by ``scale``."""
+    """Example state, H_a of (52) and its rate without interaction, c2 times ``scale``."""
     state, step = example_state(), 1e-6
     track = Track(Sink((0.0, 0.0)), 1.0, TRACKING_DAMPING * scale)
     u = control(Law(system.smooth_net(), (track,)), state)

@@ -1,4 +1,4 @@
-"""Audited runs behind the rows of theorems and tasks; the agents' gains are off by a factor, 1 is the paper's."""
+"""Audited runs for the rows of theorems and tasks, as functions of a factor of the gains; 1 gives the paper's."""
 
 from __future__ import annotations
 
@@ -28,22 +28,22 @@ if TYPE_CHECKING:
     from flocking.show.declaration import Figure
 
 FEW_AGENTS = 24
-"""Agents of the smaller run among obstacles, which takes seconds."""
+"""Number of agents of the smaller run among obstacles, which takes seconds."""
 FEW_START = ((40.0, 12.5), (40.0, 20.0))
-"""Start box of the few agents: as crowded as that of the hundred, close to the first obstacle."""
+"""Start box of the few agents: of the same density as for a hundred, close to the first obstacle."""
 FEW_DURATION = 30.0
-"""Time simulated with them."""
+"""Duration of their simulation."""
 SEEDS = range(5)
-"""Seeds over which claims are judged."""
+"""Seeds of the judgements."""
 
 
 def scaled_law(law: Law, scale: float) -> Law:
-    """The law with its damping c1 off by ``scale``."""
+    """The law with its damping c1 times ``scale``."""
     return Law(law.graph, tuple(replace_gain(t, scale) if isinstance(t, Consensus) else t for t in law.terms))
 
 
 def replace_gain(term: Consensus, scale: float) -> Consensus:
-    """The term with its gain off by ``scale``."""
+    """The term with its gain times ``scale``."""
     return Consensus(np.multiply(term.gain, scale), weighted=term.weighted)
 
 
@@ -65,12 +65,12 @@ SCENARIOS: dict[str, Callable[[int], Scenario]] = {
     system.FREE: lambda seed: system.free_scenario(seed),
     system.SMOOTH: lambda seed: system.free_scenario(seed, smooth=True),
 }
-"""Scenarios behind the rows: the tasks with fewer agents than the paper's hundred."""
+"""Scenarios of the rows: the tasks with fewer agents than the paper's hundred."""
 
 
 @lru_cache(maxsize=64)
 def audited(name: str, seed: int, scale: float) -> Report:
-    """A run whose agents' damping is off by ``scale``, held against the declared law and the paper's claims."""
+    """A run whose agents' damping is scaled by ``scale``, audited by the declared law and the paper's claims."""
     scenario = SCENARIOS[name](seed)
     plant = None if scale == 1.0 else scaled_law(scenario.law, scale)
     return audit(simulate(scenario, plant=plant, progress=False), claims(name))
@@ -97,14 +97,14 @@ def passing(scale: float) -> Report:
 
 
 def known_figures() -> Mapping[str, Figure]:
-    """Figures of the paper; the pictures are loaded when they are asked for."""
+    """Figures of the paper; the module of pictures is imported when needed."""
     from flocking.papers.olfati_saber_2003.pictures import figures
 
     return figures()
 
 
 def few_for_figures() -> Scenario:
-    """The first task with few agents, as far as Fig. 7 and 8 need it."""
+    """The first task with few agents, up to the times of Fig. 7 and 8."""
     return few_through_obstacles().with_(t_end=26.0, name="")
 
 
@@ -114,11 +114,11 @@ def few_gathering() -> Scenario:
 
 
 DRAWN: dict[str, Callable[[], Scenario]] = {"7": few_for_figures, "8": few_for_figures, "9": few_gathering}
-"""Scenarios whose runs stand in for those of figures, by number; the other figures show no run."""
+"""Scenarios whose runs replace those of figures, by number; the other figures show no run."""
 
 
 def picture(number: str) -> Callable[[float], examples.Pictured]:
-    """Builder of what a figure shows.
+    """Builder of the content of a figure.
 
     Parameters
     ----------
@@ -129,13 +129,13 @@ def picture(number: str) -> Callable[[float], examples.Pictured]:
 
 
 def newton(scale: float) -> tuple[Scenario, Run]:
-    """A tenth of a millisecond of (21) under (34), masses off by ``scale``."""
+    """A tenth of a millisecond of (21) under (34), masses times ``scale``."""
     scenario = system.free_scenario(1).with_(t_end=1e-4, frames=(0.0, 1e-4), name="")
     return scenario, simulate(scenario.with_(agents=Agents(masses=scale)), progress=False)
 
 
 def mean_motion(scale: float) -> tuple[Scenario, Array, Array, Array]:
-    """Times, mean positions and velocities of ten agents at a sink (23), their c2 off by ``scale``."""
+    """Times, mean positions and velocities of ten agents at a sink (23), their c2 times ``scale``."""
     scenario = system.sink_scenario(3, agents=10).with_(t_end=4.0, frames=9, name="")
     plant = system.sink_scenario(3, agents=10, c2=system.SINK_DAMPING * scale).law
     run = simulate(scenario, plant=plant, progress=False)
@@ -147,7 +147,7 @@ def mean_motion(scale: float) -> tuple[Scenario, Array, Array, Array]:
 
 def distance_rates(scale: float) -> tuple[State, float, float]:
     """The example state, the largest rate of change of a distance in it, and that of agents at one velocity, that of
-    the first off by ``scale``.
+    the first times ``scale``.
     """
 
     def largest(state: State) -> float:

@@ -1,4 +1,4 @@
-"""What the expected verdicts on Olfati-Saber rest on."""
+"""Grounds of the expected verdicts on Olfati-Saber."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ from flocking.papers.grounds import OBSERVED, Ground, proved, refuted
 from flocking.papers.olfati_saber_2003.system import FREE, KEY, SINK, SMOOTH, scenarios
 
 AT_THE_SINK = (
-    "were all links d_alpha long, no pair force would hold an agent against the pull of the sink, and all would be "
-    "there"
+    "if all links had length d_alpha, no pair force would balance the force of the sink, and all would be there"
 )
 
 

@@ -1,4 +1,4 @@
-"""Which agents feel which obstacles: the bipartite graph of agents and their beta-agents."""
+"""The bipartite graph of agents and their beta-agents."""
 
 from __future__ import annotations
 
@@ -10,10 +10,9 @@ from flocking.model.terms.avoidance import ObstacleTerm
 
 
 def beta_links(term: ObstacleTerm, q: Array, t: float = 0.0) -> NDArray[np.bool_]:
-    """Who has a beta-agent on which obstacle (Olfati-Saber, section 11): the edges of K_(n_beta, n_beta).
+    """Agents with a beta-agent on each obstacle (Olfati-Saber, section 11): the edges of K_(n_beta, n_beta).
 
-    Each edge belongs to one beta-agent, so that there are n_beta of them. An obstacle is active where its column has
-    an edge.
+    Each edge belongs to one beta-agent, so there are n_beta edges. An obstacle is active if its column has an edge.
 
     Parameters
     ----------
@@ -22,7 +21,7 @@ def beta_links(term: ObstacleTerm, q: Array, t: float = 0.0) -> NDArray[np.bool_
     q
         Positions, shape (N, m).
     t
-        Time, for obstacles that move.
+        Time, for moving obstacles.
 
     Returns
     -------

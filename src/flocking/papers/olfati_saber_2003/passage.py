@@ -1,4 +1,4 @@
-"""How a net passes obstacles: clearance between frames, flocks while obstacles are active, and who takes the gap."""
+"""Measures of a passage of obstacles: clearance between frames, flocks among obstacles, agents through the gap."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from flocking.study.evidence import Evidence
 
 BETWEEN = 10
-"""Points looked at between two frames."""
+"""Number of interpolated points between two frames."""
 
 
 def obstacles_of(run: Run) -> tuple[Obstacle, ...]:
@@ -26,14 +26,14 @@ def obstacles_of(run: Run) -> tuple[Obstacle, ...]:
 
 
 def between_frames(t: Array, q: Reals, p: Reals, count: int = BETWEEN) -> tuple[Array, Array]:
-    """Times and positions at and between frames, by the cubic through positions and velocities.
+    """Times and positions at and between frames, by cubic Hermite interpolation.
 
     Parameters
     ----------
     t, q, p
         Frame times (F,), positions and velocities (F, N, m).
     count
-        Steps from one frame to the next.
+        Number of steps between two frames.
     """
     s = (np.arange(count) / count)[None, :, None, None]
     h = np.diff(t)[:, None, None, None]
@@ -45,10 +45,10 @@ def between_frames(t: Array, q: Reals, p: Reals, count: int = BETWEEN) -> tuple[
 
 
 def clearance(run: Run) -> tuple[float, float]:
-    """Smallest signed distance of any agent from any obstacle, and how wrong it may be.
+    """Smallest signed distance of any agent from any obstacle, and its error.
 
-    Looked at between frames on the cubic through positions and velocities. The error is what that cubic misses a
-    frame by when every second frame is left out, near obstacles, plus half the longest way from point to point.
+    Positions between frames are interpolated by cubic Hermite polynomials. The error is that of the interpolation at
+    a frame when every second frame is omitted, near obstacles, plus half the largest distance of successive points.
     """
     times, points = between_frames(run.t, run.q, run.p)
     every_second = run.q[::2], run.p[::2], run.t[::2]
@@ -59,7 +59,7 @@ def clearance(run: Run) -> tuple[float, float]:
     for obstacle in obstacles_of(run):
         distances = _distances(obstacle, times, points)
         least = min(least, float(distances.min()))
-        # Only paths that come close can enter.
+        # Only paths that come close can enter an obstacle.
         close = distances[: len(distances) // (2 * BETWEEN) * 2 * BETWEEN].reshape(-1, 2 * BETWEEN, n).min(axis=1)
         near = close < system.BETA_RANGE / 2
         error = max(error, float(missed[: len(near)][near[: len(missed)]].max(initial=0.0)))
@@ -75,7 +75,7 @@ def _distances(obstacle: Obstacle, times: Array, points: Array) -> Array:
 
 @lru_cache(maxsize=1)
 def flock_counts(e: Evidence) -> tuple[int, int, int]:
-    """Flocks when the first obstacle becomes active, the most until the last one is left, and at the end."""
+    """Number of flocks when the first obstacle becomes active, its maximum until the last is left, and at the end."""
     from flocking.study.nets.matrices import flocks
 
     switches = e.all_switches

@@ -1,4 +1,4 @@
-"""Figures of Olfati-Saber, declared from the pictures floor."""
+"""Declarations of the figures of Olfati-Saber."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 PASSAGE_TIMES = (0.0, 11.0, 14.0, 18.0, 22.0, 26.0, 32.0, 42.0)
 """Times of Fig. 7 and 8; the paper prints none."""
 ARROW_SECONDS = 0.6
-"""An arrow is the way travelled in this time."""
+"""Time whose displacement an arrow shows."""
 SINK_TIMES = (0.0, 1.0, 2.0, 4.0, 8.0, SINK_DURATION)
 """Times of Fig. 9; the paper prints none."""
 DIAGRAMS = {
@@ -65,7 +65,7 @@ def gathering(run: Run) -> Picture:
 
 
 def figures() -> dict[str, Figure]:
-    """All figures by number. Those of simulations name the scenario they show."""
+    """All figures by number; figures of simulations contain the name of their scenario."""
     found = [Figure(number, caption, draw) for number, (caption, draw) in DIAGRAMS.items()]
     found += [
         Figure("7", "A hundred agents among six obstacles.", lambda run: passage(run, links=False), scenario=KEY),

@@ -1,4 +1,4 @@
-"""Motions that keep all distances: rates of distances, and when they belong to one common velocity."""
+"""Motions with constant distances: rates of distances, and conditions for a common velocity."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def _pairs(state: State) -> tuple[Array, Array]:
 
 
 def largest_distance_rate(state: State) -> float:
-    """Largest | d/dt |q_j - q_i| | over all pairs; for agents at one place the speed at which they part.
+    """Largest | d/dt |q_j - q_i| | over all pairs; for agents at the same point their relative speed.
 
     Parameters
     ----------
@@ -31,9 +31,9 @@ def largest_distance_rate(state: State) -> float:
 
 
 def converse_conditions(graph: Graph, state: State, tolerance: float = 1e-9) -> tuple[bool, bool, bool]:
-    """Conditions a) to c) of the converse of Proposition 2 ii) of Olfati-Saber, at one instant.
+    """Conditions a) to c) of the converse of Proposition 2 ii) of Olfati-Saber at one time.
 
-    Where all hold and no distance changes, all velocities are the same.
+    If all hold and all rates of distances vanish, all velocities are equal.
 
     Parameters
     ----------
@@ -42,13 +42,12 @@ def converse_conditions(graph: Graph, state: State, tolerance: float = 1e-9) -> 
     state
         Positions and velocities, and links for graphs with memory.
     tolerance
-        Relative velocities are different from zero, and orthogonal to the relative position, up to this fraction of
-        the largest one.
+        Tolerance for zero relative velocities and for orthogonality, relative to the largest relative velocity.
 
     Returns
     -------
     tuple of bool
-        a) the net is an undirected flock; b) no two agents are at one place; c) no two agents have different
+        a) the net is an undirected flock; b) no two agents are at the same point; c) no two agents have different
         velocities with p_j - p_i orthogonal to q_j - q_i.
     """
     links = np.asarray(graph.initial(state.q) if state.links is None else state.links)

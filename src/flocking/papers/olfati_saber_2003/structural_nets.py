@@ -25,7 +25,7 @@ def deviation(q: Array, links: Links, distance: float) -> float:
 
 
 def is_realization(q: Array, distance: float, radius: float, tolerance: float = 1e-9) -> bool:
-    """Whether q realizes the structural net (d, r): every pair within r is d apart (Olfati-Saber (20)).
+    """Whether q realizes the structural net (d, r): every pair within r has distance d (Olfati-Saber (20)).
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def is_realization(q: Array, distance: float, radius: float, tolerance: float = 
 
 @dataclass(frozen=True, eq=False)
 class StructuralEnergy:
-    """The pieces of H_s(q, p~) = V(q) + K_r(p~) (Olfati-Saber (27), (28), (30)).
+    """The terms of H_s(q, p~) = V(q) + K_r(p~) (Olfati-Saber (27), (28), (30)).
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def _weights(graph: Graph, state: State, headings: Array | None) -> Array:
 def structural_energy(
     graph: Graph, potential: Potential, state: State, headings: Array | None = None
 ) -> StructuralEnergy:
-    """Structural energy of a net, with the weights a_ij of its graph: smooth where these are."""
+    """Structural energy of a net, with the weights a_ij of its graph."""
     weights = _weights(graph, state, headings)
     i, j = np.nonzero(weights)
     each = np.zeros(state.n)
@@ -92,7 +92,7 @@ def vote_weights(graph: Graph, potential: Potential, state: State, headings: Arr
 
 @dataclass(frozen=True, eq=False)
 class Vote:
-    """What the neighbours of one agent make it do (Olfati-Saber (39)-(45)).
+    """Effect of the neighbours on one agent (Olfati-Saber (39)-(45)).
 
     Parameters
     ----------
@@ -101,12 +101,12 @@ class Vote:
     positive, negative
         S_i^+ and S_i^-.
     case
-        1 where S_i > 0: moves towards ``average``. 2 where S_i < 0: moves away from it. 3 where S_i = 0: moves along
-        the difference of ``average_positive`` and ``average_negative``.
+        1 if S_i > 0: the agent moves towards ``average``. 2 if S_i < 0: it moves away from it. 3 if S_i = 0: it moves
+        along the difference of ``average_positive`` and ``average_negative``.
     average
         Weighted average of the neighbours (40), shape (m,); NaN in case 3.
     average_positive, average_negative
-        (43), shape (m,) each; NaN where nobody votes that way.
+        (43), shape (m,) each; NaN if there are no such weights.
     control
         The undamped control (39), computed from the averages by (41), (42) or (44), shape (m,).
     """
@@ -122,7 +122,7 @@ class Vote:
 
 
 def vote(weights: Array, q: Array, agent: int, tolerance: float = 1e-12) -> Vote:
-    """The neighbours' vote on one agent.
+    """The vote of the neighbours on one agent.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def vote(weights: Array, q: Array, agent: int, tolerance: float = 1e-12) -> Vote
     q
         Positions, shape (N, m).
     agent
-        Whose neighbours vote.
+        Number of the agent.
     tolerance
         A vote smaller than this fraction of the sum of |w_ij| counts as zero.
     """
@@ -152,7 +152,7 @@ def vote(weights: Array, q: Array, agent: int, tolerance: float = 1e-12) -> Vote
 
 @dataclass(frozen=True)
 class Defect:
-    """How far a net is from a realization (Olfati-Saber (46), (47)).
+    """Deviation of a net from a realization (Olfati-Saber (46), (47)).
 
     Parameters
     ----------
@@ -163,7 +163,7 @@ class Defect:
     links
         Number of links, each counted once.
     link_energy
-        h_0 = psi(r), the potential of a link about to break (31).
+        h_0 = psi(r), the potential of a link at the break radius (31).
     weight
         w.
     """
@@ -188,7 +188,7 @@ class Defect:
 def defect(
     graph: Graph, potential: Potential, state: State, *, weight: float = 0.01, headings: Array | None = None
 ) -> Defect:
-    """Defect factor of a net: 0 exactly for realizations without strain (Olfati-Saber, Definition 3).
+    """Defect factor of a net: 0 exactly for realizations with zero potential (Olfati-Saber, Definition 3).
 
     Parameters
     ----------
@@ -201,12 +201,12 @@ def defect(
     weight
         w > 0. The paper gives no value; at an equilibrium under a sink grad V_i = -q_i, so it must be small.
     headings
-        Headings, for graphs that see them.
+        Headings, for graphs that depend on them.
 
     Raises
     ------
     InvalidInput
-        When the weight is not positive or the graph has no finite radius.
+        If the weight is not positive or the graph has no finite radius.
     """
     from flocking.engine.reference.control import evaluate
     from flocking.model.law import Law
@@ -226,7 +226,7 @@ def defect(
 
 
 def is_quasi_realization(defects: Sequence[Defect], *, most: float = 0.2, drift: float = 1e-3) -> bool:
-    """Whether a net settled near a realization: mu_n at most ``most``, and still over the samples (Definition 3).
+    """Whether a net settled near a realization: mu_n at most ``most``, and constant over the samples (Definition 3).
 
     Parameters
     ----------

@@ -22,12 +22,12 @@ from flocking.model.terms.pair_terms import Consensus, Gradient, Term
 KEY = "olfati-saber-2003"
 SINK = "olfati-saber-2003-sink"
 FREE = "olfati-saber-2003-free"
-"""Protocol (34) alone: the subject of Proposition 4."""
+"""Scenario with protocol (34) alone, for Proposition 4."""
 SMOOTH = "olfati-saber-2003-smooth"
-"""Protocol (35) alone: the subject of Proposition 5."""
+"""Scenario with protocol (35) alone, for Proposition 5."""
 
 AGENTS = 100
-"""Agents of the simulations with obstacles and with a sink."""
+"""Number of agents of the simulations with obstacles and with a sink."""
 DISTANCE = 7.0
 """d_alpha."""
 RADIUS = 1.2 * DISTANCE
@@ -51,24 +51,24 @@ GAMMA_OFFSET, GAMMA_DISTANCE = 1.0, DISTANCE
 TRACKING_GAIN = 10.0
 """c2 of the translational controller, per agent and linear."""
 START_BOX = ((-140.0, 12.5), (160.0, 20.0))
-"""Corner and sides of the region the agents start in: [-140, 20] x [12.5, 32.5]."""
+"""Corner and sides of the start region: [-140, 20] x [12.5, 32.5]."""
 OBSTACLE_DURATION = 50.0
-"""Time simulated with obstacles."""
+"""Duration of the simulation with obstacles."""
 
 SINK_ATTRACTION, SINK_REPULSION = 50.0, 250.0
-"""a, b for Fig. 9: with 1 and 5 the sink crushes a hundred agents. c is the same."""
+"""a, b for Fig. 9: with 1 and 5 the sink compresses a hundred agents. c is the same."""
 SINK_DAMPING = 5.0
 """c2 of (50)."""
 SINK_BOX = 120.0
-"""Side of the square about the sink that the agents start in."""
+"""Side of the start square around the sink."""
 SINK_DURATION = 40.0
-"""Time simulated with the sink."""
+"""Duration of the simulation with the sink."""
 FREE_AGENTS = 30
-"""Agents of the simulation of a protocol alone; not in the paper."""
+"""Number of agents of the simulation of a protocol alone; not in the paper."""
 FREE_NOISE, FREE_SPEED = 0.7, 0.5
 """Standard deviations of each coordinate about a lattice of spacing d_alpha, and of each velocity component."""
 FREE_DURATION = 300.0
-"""Time simulated with a protocol alone; not in the paper."""
+"""Duration of the simulation of a protocol alone; not in the paper."""
 
 
 def alpha_terms(
@@ -79,7 +79,7 @@ def alpha_terms(
     weighting: str = "energy",
     weighted: bool = False,
 ) -> tuple[Term, ...]:
-    """The (alpha, alpha) interaction: (34) on a hard net, (35) on a smooth one, (36) with ``weighting="force"``.
+    """The (alpha, alpha) interaction: (34) on a uniform net, (35) on a smooth one, (36) with ``weighting="force"``.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def alpha_terms(
     weighting
         ``"energy"`` for (35), ``"force"`` for (36).
     weighted
-        Weigh the damping by a_ij; not so as printed.
+        Whether the damping is weighted by a_ij; it is not in the paper.
     """
     gradient = Gradient(structural_potential(DISTANCE, a, b), weighting=weighting)
     return (gradient, Consensus(c1, weighted=weighted))
@@ -102,7 +102,7 @@ def hard_net() -> Proximity:
 
 
 def smooth_net(bump: str = "cosine") -> Smooth:
-    """The uniform net with smooth adjacency (17) and such a ``bump``."""
+    """The uniform net with smooth adjacency (17) and a ``bump``."""
     return Smooth(RADIUS, ONSET, bump)
 
 
@@ -120,7 +120,7 @@ def obstacle_scenario(
     box: tuple[tuple[float, float], tuple[float, float]] = START_BOX,
     agents: int = AGENTS,
 ) -> Scenario:
-    """Task 1: a hundred agents through six obstacles at a desired velocity, protocol (58).
+    """Task 1: a hundred agents pass six obstacles at a desired velocity, protocol (58).
 
     Parameters
     ----------
@@ -189,18 +189,18 @@ def sink_scenario(
 
 
 def free_scenario(seed: int = 0, *, smooth: bool = False, agents: int = FREE_AGENTS) -> Scenario:
-    """Protocol (34) or (35) alone, from a disturbed lattice: what Propositions 4 and 5 are about.
+    """Protocol (34) or (35) alone, from a perturbed lattice, as in Propositions 4 and 5.
 
-    They suppose a flock at the end. Nothing holds the agents together but their links, and from spread-out or fast
-    starts they fall into several flocks; from these starts most nets stay one. The damping of (35)
-    jumps at r as printed: a slow pair may come to slide along r, and then the run ends with an error that says so.
+    They assume a flock at the end. Agents interact only through links, and from wide or fast starts they separate into
+    several flocks; from these starts most nets stay connected. The damping of (35) jumps at r as printed: a slow pair
+    may slide along r, and the run then ends with an error.
 
     Parameters
     ----------
     seed
         Seed of the start.
     smooth
-        Protocol (35) on the smooth net instead of (34).
+        Whether to use protocol (35) on the smooth net instead of (34).
     agents
         Number of agents.
     """
@@ -218,14 +218,14 @@ def scenario(figure: int | None = None, seed: int = 0) -> Scenario:
     Parameters
     ----------
     figure
-        Number of the figure; the obstacles when absent.
+        Number of the figure; the obstacles by default.
     seed
         Seed of the start.
 
     Raises
     ------
     InvalidInput
-        When there is no such figure.
+        If there is no such figure.
     """
     if figure is not None and figure not in range(1, 10):
         raise InvalidInput("olfati-saber-2003", "figure", "must be one of 1 to 9", figure)

@@ -1,4 +1,4 @@
-"""What Olfati-Saber claims of his simulations and of protocols (34) and (35), and what is expected of each claim."""
+"""Claims of Olfati-Saber about the simulations and protocols (34) and (35), with the expected verdicts."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from flocking.study.claims.subjects import Subject, about
 from flocking.study.evidence import Evidence, NotMeasurable, NotResolvable
 
 LEAST_DENSITY = 0.9
-"""A net counts as a quasi-flock from here on; the paper reports about 0.97."""
+"""Smallest density of a quasi-flock; the paper reports about 0.97."""
 SAME = 0.1
 """Velocities and headings (in radians) count as approximately equal within this."""
 CONNECTED_BY = 5.0
-"""When the net at a sink must be connected; the paper reports 4 s for its own start."""
+"""Time by which the net at a sink must be connected; the paper reports 4 s for its start."""
 DEFECT_WEIGHT = 0.01
 """w of (46), (47)."""
 LOW_DEFECT = 0.5
-"""mu_n below this is called low; at 1 every link would be about to break. The paper gives no number."""
+"""Largest mu_n that counts as low; at 1 every link is at the break radius. The paper gives no number."""
 DOMINANT = 0.75
-"""Share of triangles among the faces from which a net is dominantly triangular."""
+"""Smallest fraction of triangles among the faces of a dominantly triangular net."""
 REALIZED = 1e-3
-"""A net realizes (d_alpha, r) when no link's length is off by more than this fraction."""
+"""Largest relative error of link lengths of a net that realizes (d_alpha, r)."""
 
 
 def potential_of(e: Evidence) -> Potential:
@@ -86,20 +86,20 @@ def headings_agree(e: Evidence) -> Measure:
 
 @about(Subject.CONNECTIVITY)
 def splits(e: Evidence) -> Measure:
-    """Most flocks while obstacles are active, against the number when the first becomes active."""
+    """Largest number of flocks while obstacles are active, against that when the first becomes active."""
     before, most, _ = passage.flock_counts(e)
     return happens(above(most - before, 0.5, f"{before} flocks before the obstacles, {most} among them"))
 
 
 @about(Subject.CONNECTIVITY)
 def rejoins(e: Evidence) -> Measure:
-    """Flocks at the end, against the most while obstacles were active."""
+    """Number of flocks at the end, against the largest number while obstacles were active."""
     _, most, after = passage.flock_counts(e)
     return happens(above(most - after, 0.5, f"{most} flocks among the obstacles, {after} at the end"))
 
 
 def squeezes(e: Evidence) -> Measure:
-    """Agents that pass between the last two obstacles."""
+    """Number of agents that pass between the last two obstacles."""
     through = passage.through_gap(e.checked)
     return happens(above(through, 2.5, f"{through} agents pass the gap of {passage.gap_width():g}"))
 
@@ -129,12 +129,12 @@ def _obstacle_claims() -> tuple[Claim, ...]:
 
 
 def starts_apart(e: Evidence) -> Measure:
-    """The net is disconnected at first, as the paper assumes."""
+    """The net is disconnected at the start, as the paper assumes."""
     return general.starts_connected(e).opposite
 
 
 def connected_since(e: Evidence) -> float:
-    """Time from which on the net is connected; infinite when it is not at the end."""
+    """Time after which the net is connected; infinite if it is not at the end."""
     from flocking.model.graphs.connectivity import is_connected
 
     found = []
@@ -152,7 +152,7 @@ def connected_since(e: Evidence) -> float:
 
 @about(Subject.CONNECTIVITY)
 def becomes_connected(e: Evidence) -> Measure:
-    """When the net becomes connected for good."""
+    """Time after which the net stays connected."""
     since = connected_since(e)
     found = below(since, CONNECTED_BY, f"connected from t = {since:.3g} on")
     return replace(found, unsettled="" if e.t[-1] > CONNECTED_BY else f"the run ends before t = {CONNECTED_BY:g}")
@@ -167,7 +167,7 @@ def centred(e: Evidence) -> Measure:
 
 
 def rigid(e: Evidence) -> Measure:
-    """Motions that keep all lengths and are no motion of the whole framework."""
+    """Infinitesimal motions with constant link lengths, apart from rigid motions."""
     from flocking.study.nets.rigidity import degrees_of_freedom
 
     free = degrees_of_freedom(e.q[-1], e.end_links)
@@ -175,7 +175,7 @@ def rigid(e: Evidence) -> Measure:
 
 
 def planar(e: Evidence) -> Measure:
-    """Pairs of links that cross."""
+    """Number of pairs of links that cross."""
     return limit_of_configuration(e, 0.5, lambda frame: _crossings(e, frame), lambda count: f"{count:.0f} crossings")
 
 
@@ -186,7 +186,7 @@ def _crossings(e: Evidence, frame: int) -> int:
 
 
 def triangular(e: Evidence) -> Measure:
-    """Share of triangles among the bounded faces; where links cross, there are none."""
+    """Fraction of triangles among the bounded faces; if links cross there are no faces."""
     from flocking.study.nets.rigidity import triangle_share
 
     def others(frame: int) -> float:
@@ -326,7 +326,7 @@ def energy_falls_from_switch_to_switch(e: Evidence) -> Measure:
     trace = e.trace
     after = [float(trace["energy"][0])]
     for time in np.unique(e.link_switches["time"]):
-        # The last row of the ledger at that time: after the jump.
+        # The last row of the ledger at that time is after the jump.
         after.append(float(trace["energy"][np.searchsorted(trace["time"], time, side="right") - 1]))
     rise = float(np.diff(after).max())
     return Measure(-rise, e.ledger_bound, f"H_s changes by up to {rise:+.3g} from switch to switch")

@@ -8,7 +8,7 @@ from flocking.model.checks import Array, array, integer, number
 
 
 def speed_bounds(energy: float, masses: Array) -> Array:
-    """Largest speeds relative to the leader where J <= c: sqrt(2 c/m_i), after (7).
+    """Largest speeds relative to the leader if J <= c: sqrt(2 c/m_i), after (7).
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def speed_bounds(energy: float, masses: Array) -> Array:
     Raises
     ------
     InvalidInput
-        When the energy is negative.
+        If the energy is negative.
     """
     c = number("speed_bounds", "energy", energy, least=0.0)
     return np.sqrt(2.0 * c / array("speed_bounds", "masses", masses, ndim=1))
@@ -44,6 +44,6 @@ def distance_bound(n: int, radius: float) -> float:
     Raises
     ------
     InvalidInput
-        When a value is out of range.
+        If a value is out of range.
     """
     return (integer("distance_bound", "n", n, least=1) - 1) * number("distance_bound", "radius", radius, above=0.0)

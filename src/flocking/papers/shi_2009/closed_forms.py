@@ -1,8 +1,8 @@
 """Closed forms for the centre of mass: (9), (13), (16) with v0 = (sin t, cos t), and Examples 1-3, for any gains.
 
 All follow from one linear equation for the centre of mass, (16) with an acceleration feed-forward g:
-x'' = -h0 (x' - v0) - r0 (x - x0) + g a0. It is solved exactly by superposing the homogeneous solution and,
-for a sinusoidal leader, its steady response.
+x'' = -h0 (x' - v0) - r0 (x - x0) + g a0. Its exact solution is the sum of the homogeneous solution and,
+for a sinusoidal leader, the steady response.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from flocking.model.checks import Array, array, number
 from flocking.papers.shi_2009.system import POSITION_GAIN, VELOCITY_GAIN
 
 LAWS = (8, 12, 15)
-"""Numbers of the control laws under which the centre of mass moves by itself."""
+"""Equation numbers of the control laws with a closed equation for the centre of mass."""
 
 
 def feedback(law: int) -> tuple[float, float, float]:
@@ -28,7 +28,7 @@ def feedback(law: int) -> tuple[float, float, float]:
     Raises
     ------
     InvalidInput
-        When the law is another.
+        If the law is not one of these.
     """
     if law not in LAWS:
         raise InvalidInput("closed form", "law", "must be 8, 12 or 15", law)
@@ -43,17 +43,17 @@ def steady_velocity_error(law: int, h0: float | None = None, r0: float | None = 
     law
         8, 12 or 15.
     h0, r0
-        Gains on the velocity and the position error, in 1/s and 1/s^2; those of the simulations when absent.
+        Gains on the velocity and the position error, in 1/s and 1/s^2; by default those of the simulations.
 
     Returns
     -------
     float
-        The error, in the units of velocity. It does not follow where h0 = 0 < r0: the motion does not settle.
+        The error, in the units of velocity. It is not defined for h0 = 0 < r0, where the motion does not settle.
 
     Raises
     ------
     InvalidInput
-        When the law is no number of these, or a gain is negative.
+        If the law is not one of these, or a gain is negative.
     """
     h, r, g = _gains("steady_velocity_error", law, h0, r0)
     return float(abs(_response(h, r, g) - 1.0))
@@ -94,9 +94,9 @@ def centre_motion(
     t
         Times, shape (F,).
     x_start, v_start
-        Where it starts and how fast, shape (2,) each.
+        Initial position and velocity, shape (2,) each.
     h0, r0
-        Gains on the velocity and the position error, in 1/s and 1/s^2; those of the simulations when absent.
+        Gains on the velocity and the position error, in 1/s and 1/s^2; by default those of the simulations.
 
     Returns
     -------
@@ -106,7 +106,7 @@ def centre_motion(
     Raises
     ------
     InvalidInput
-        When the law is no number of these, a gain is negative, or a shape is another.
+        If the law is not one of these, a gain is negative, or a shape is wrong.
     """
     h0, r0, g = _gains("centre_motion", law, h0, r0)
     t = array("centre_motion", "t", t, ndim=1)
@@ -129,8 +129,8 @@ def centre_motion(
 def _free_motion(h0: float, r0: float, t: Array, x: Array, v: Array) -> tuple[Array, Array]:
     """Solution of x'' = -h0 x' - r0 x: x C + (v + h0 x/2) S and its derivative v C - (r0 x + h0 v/2) S.
 
-    C and S are exp(-h0 t/2) times cosh(w t) and sinh(w t)/w with w^2 = h0^2/4 - r0. Both are smooth in w^2, so two
-    eigenvalues of the matrix A of (16) that nearly agree cost no digits.
+    C and S are exp(-h0 t/2) times cosh(w t) and sinh(w t)/w with w^2 = h0^2/4 - r0. Both are smooth in w^2, so there is
+    no loss of digits if two eigenvalues of the matrix A of (16) nearly agree.
     """
     time = t[:, None]
     discriminant = h0 * h0 / 4 - r0
@@ -166,7 +166,7 @@ def free_motion(h0: float, r0: float, t: Array, x: Array, v: Array) -> tuple[Arr
     Raises
     ------
     InvalidInput
-        When a gain is negative or a shape is another.
+        If a gain is negative or a shape is wrong.
     """
     h = number("free_motion", "h0", h0, least=0.0)
     r = number("free_motion", "r0", r0, least=0.0)
@@ -184,7 +184,7 @@ def ramp_motion(h0: float, slope: float, t: Array, x: float, v: float) -> tuple[
     t
         Times, shape (F,).
     x, v
-        Where it starts and how fast.
+        Initial position and velocity.
 
     Returns
     -------
@@ -199,8 +199,8 @@ def ramp_motion(h0: float, slope: float, t: Array, x: float, v: float) -> tuple[
 def jordan_form(h0: float, r0: float) -> tuple[Array, Array]:
     """P and J with A = P J P^-1, A = ((0, 1), (-r0, -h0)) the matrix of (16) for n = 1: Example 3 (i) and (ii).
 
-    Where the eigenvalues l1, l2 of A differ, J is diagonal and the columns of P are the eigenvectors (1, l1) and
-    (1, l2). Where they are equal, (1, l1) is the only eigenvector; the second column (1, 1 + l1) is a generalized one,
+    If the eigenvalues l1, l2 of A differ, J is diagonal and the columns of P are the eigenvectors (1, l1) and
+    (1, l2). If they are equal, (1, l1) is the only eigenvector; the second column (1, 1 + l1) is a generalized one,
     (A - l1) (1, 1 + l1) = (1, l1), and J is a Jordan block.
 
     Parameters
@@ -211,7 +211,7 @@ def jordan_form(h0: float, r0: float) -> tuple[Array, Array]:
     Returns
     -------
     tuple of Array
-        P and J, shape (2, 2) each; complex where the eigenvalues are.
+        P and J, shape (2, 2) each; complex if the eigenvalues are.
     """
     discriminant = h0 * h0 / 4 - r0
     if abs(discriminant) <= 4 * np.finfo(float).eps * h0 * h0:
@@ -223,7 +223,7 @@ def jordan_form(h0: float, r0: float) -> tuple[Array, Array]:
 
 
 def exponential_leading_part(h0: float, r0: float, growth: float, t: Array) -> tuple[Array, Array]:
-    """What is left of `exponential_motion` in the long run, wherever it starts: Example 3 (i) and (ii).
+    """Leading part of `exponential_motion` for large times, which does not depend on the start: Example 3 (i) and (ii).
 
     Parameters
     ----------
@@ -254,7 +254,7 @@ def exponential_motion(h0: float, r0: float, growth: float, t: Array, x: float, 
     t
         Times, shape (F,).
     x, v
-        Where it starts and how fast.
+        Initial position and velocity.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What Shi, Wang, Chu print wrongly, computed; and the motions behind their Examples 1-3."""
+"""Computed counter-examples to statements of Shi, Wang, Chu; and the motions of their Examples 1-3."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def single_agent(
     h0, r0
         Gains on the velocity and the position error.
     t_end
-        When the run ends.
+        End of the run.
     parameters
         Values for the other names of the formula.
     """
@@ -75,7 +75,7 @@ def example_2(scale: float) -> tuple[Array, Reals, Reals, tuple[Array, Array]]:
 
 
 def example_3(*, distinct: bool) -> Callable[[float], tuple[Array, Reals, Reals, tuple[Array, Array]]]:
-    """Builder: times, position and velocity after v0 = exp(alpha h_0 t) under (15), the gain r_0 off by ``scale``, and
+    """Builder: times, position and velocity after v0 = exp(alpha h_0 t) under (15), the gain r_0 times ``scale``, and
     the closed form.
 
     Parameters
@@ -95,7 +95,7 @@ def example_3(*, distinct: bool) -> Callable[[float], tuple[Array, Reals, Reals,
 
 
 def centre_under(law: int) -> Callable[[float], tuple[object, Run]]:
-    """Builder: a run of ten seconds and the closed form of its centre of mass, started off by ``scale``."""
+    """Builder: a run of ten seconds and the closed form of its centre of mass, started times ``scale``."""
 
     def build(scale: float) -> tuple[object, Run]:
         name = {8: "uniform", 12: "velocity-only", 15: "position"}[law]
@@ -109,7 +109,7 @@ def centre_under(law: int) -> Callable[[float], tuple[object, Run]]:
 
 
 def decay(scale: float) -> tuple[Array, Array]:
-    """Times and velocity error of the centre of mass under (8), started at 1, the gain off by ``scale``."""
+    """Times and velocity error of the centre of mass under (8), started at 1, the gain times ``scale``."""
     t = np.linspace(0, 3, 31)
     return t, free_motion(2.0 * scale, 0.0, t, np.zeros(1), np.ones(1))[1][:, 0]
 
@@ -159,7 +159,7 @@ def decomposed(*, distinct: bool) -> Callable[[float], tuple[Array, Reals, Array
 
 def leading_part(*, distinct: bool) -> Callable[[float], tuple[Array, Reals, Reals, tuple[Array, Array]]]:
     """Builder: late times, position and velocity after v0 = exp(alpha h_0 t) under (15), and the leading part for r_0
-    off by ``scale``.
+    times ``scale``.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ def steady(law: int) -> Callable[[float], tuple[float, float]]:
 
 
 def unequal_gains(scale: float) -> float:
-    """Rate of the mean velocity when two agents at opposite velocities have gains 1 and 2, off by ``scale``."""
+    """Rate of the mean velocity when two agents at opposite velocities have gains 1 and 2 times ``scale``."""
     leader = Path(["0*t"])
     law = Law(Fixed.complete(2), (Track(leader, velocity_gain=np.array([1.0, 2.0 * scale])),))
     from flocking.engine.reference.control import control
@@ -195,7 +195,7 @@ def unequal_gains(scale: float) -> float:
 
 @lru_cache(maxsize=4)
 def _excess(name: str) -> float:
-    """How far the worst agent's potential is above its minimum at the end of a scenario."""
+    """Largest excess of an agent's potential over its minimum at the end of a scenario."""
     from flocking.study.evidence import Evidence
 
     evidence = Evidence(simulate(system.scenario(seed=0, name=name), progress=False))
@@ -204,9 +204,9 @@ def _excess(name: str) -> float:
 
 
 def not_minimal(name: str) -> Callable[[], Demonstration]:
-    """Theorems 1, 2, 4, 5: the limit of a scenario is stationary, but no minimum of every agent's potential."""
+    """Theorems 1, 2, 4, 5: the limit of a scenario is stationary, but not a minimum of every agent's potential."""
     return lambda: Demonstration(
-        0.0, _excess(name), 1e-3, "excess of the worst agent's potential over its minimum at the limit"
+        0.0, _excess(name), 1e-3, "largest excess of an agent's potential over its minimum at the limit"
     )
 
 
@@ -240,7 +240,7 @@ def offset_divided() -> Demonstration:
 
 
 def no_eigenvector() -> Demonstration:
-    """Example 3 (ii): (1, 1 + l1) is no eigenvector of A."""
+    """Example 3 (ii): (1, 1 + l1) is not an eigenvector of A."""
     h0 = 1.2
     A, both, w = np.array([[0.0, 1.0], [-h0 * h0 / 4, -h0]]), -h0 / 2, np.array([1.0, 1.0 - h0 / 2])
     return Demonstration(
@@ -249,7 +249,7 @@ def no_eigenvector() -> Demonstration:
 
 
 def position_left_behind() -> Demonstration:
-    """Example 2: alpha/h_0 is how far the velocity lags; the position difference grows for ever."""
+    """Example 2: alpha/h_0 is the lag of the velocity; the position difference grows without bound."""
     t, alpha, h0 = np.array([100.0]), 0.7, 1.3
     place, _ = ramp_motion(h0, alpha, t, 0.0, 0.0)
     return Demonstration(
@@ -260,7 +260,7 @@ def position_left_behind() -> Demonstration:
 def product_of_errors() -> Demonstration:
     """Proof of Theorem 2: e_v^i e_v^j of two agents is not bounded by 2 c/m_i; |e_v^i|^2 is."""
     heavy, light, c = 1.0, 0.05, 1.0
-    # Half of c in either agent, the velocity errors parallel; nothing in the potential.
+    # Half of c in either agent, parallel velocity errors, zero potential.
     product = np.sqrt(c / heavy) * np.sqrt(c / light)
     return Demonstration(
         2 * c / heavy,

@@ -1,6 +1,6 @@
-"""Objects behind the equation table of Shi, Wang, Chu: laws, energies and audited runs on example groups.
+"""Objects of the equation table of Shi, Wang, Chu: laws, energies and audited runs on example groups.
 
-Every function takes the factor by which its decisive number is off; 1 is the paper's.
+Every function takes a factor of the number that determines its object; 1 gives the value of the paper.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def group(name: str = KEY) -> Scenario:
 
 
 def scaled_law(scenario: Scenario, scale: float) -> Law:
-    """The law with its alignment and tracking gains multiplied by ``scale``."""
+    """The law with its alignment and tracking gains times ``scale``."""
     terms: list[Term] = []
     for term in scenario.law.terms:
         if isinstance(term, Consensus):
@@ -78,7 +78,7 @@ parts = controlled(f"{KEY}-all-informed")
 
 
 def in_frame(name: str, *, leader: bool) -> Callable[[float], tuple[Scenario, Array, Array]]:
-    """Builder: the control of the group as it is, and of the group seen from a moving frame."""
+    """Builder: the control of the group, and of the group in a moving frame."""
 
     def build(scale: float) -> tuple[Scenario, Array, Array]:
         scenario = group(name)
@@ -95,12 +95,12 @@ law_in_centre_frame = in_frame(f"{KEY}-velocity-only", leader=False)
 
 
 def evaluated(scenario: Scenario, law: Law | None = None) -> Evaluation:
-    """All the law says about the example group."""
+    """Evaluation of the law for the example group."""
     return evaluate(law or scenario.law, scenario.start, agents=scenario.agents, energy=scenario.energy)
 
 
 def acceleration(scale: float) -> tuple[Scenario, Run]:
-    """A short run whose masses are off by ``scale``."""
+    """A short run whose masses are times ``scale``."""
     scenario = group(f"{KEY}-all-informed")
     heavier = Agents(np.multiply(scenario.agents.masses, scale), scenario.agents.damping)
     times = (0.7, 0.7001, 0.7002)
@@ -108,18 +108,18 @@ def acceleration(scale: float) -> tuple[Scenario, Run]:
 
 
 def closed_loop(scale: float) -> tuple[Scenario, Run]:
-    """A run of one second across switches whose plant's gains are off by ``scale``."""
+    """A run of one second across switches whose plant's gains are times ``scale``."""
     scenario = system.scenario(seed=3, name=f"{KEY}-all-informed").with_(t_end=1.0, name="")
     return scenario, simulate(scenario, plant=scaled_law(scenario, scale), progress=False)
 
 
 def links(scale: float) -> Links:
-    """Neighbours of agents on a line at 0, 4, 8.03 and 12.2 under a radius off by ``scale``."""
+    """Neighbours of agents on a line at 0, 4, 8.03 and 12.2 under a radius times ``scale``."""
     return Proximity(system.SENSING_RADIUS * scale, closed=True).initial(np.array([[0.0], [4.0], [8.03], [12.2]]))
 
 
 def potential(scale: float) -> Potential:
-    """Potential (3) for a = b = 1, R = 2, its b off by ``scale``."""
+    """Potential (3) for a = b = 1, R = 2, its b times ``scale``."""
     return system.potential(1.0, scale, 2.0)
 
 
@@ -133,7 +133,7 @@ def definition(scale: float) -> tuple[float, tuple[tuple[bool | None, ...], ...]
 
 
 def least_value(scale: float) -> tuple[float, bool]:
-    """Smallest value of (3) for a = 0.3 and b = 1.005 a/e, b off by ``scale``; and whether 0.995 a/e is refused."""
+    """Smallest value of (3) for a = 0.3 and b = 1.005 a/e, b times ``scale``; and whether 0.995 a/e is refused."""
     a = 0.3
     psi = system.potential(a, 1.005 * scale * a / np.e, 2.0)
     try:
@@ -144,7 +144,7 @@ def least_value(scale: float) -> tuple[float, bool]:
 
 
 def bounded_speeds(scale: float) -> tuple[Scenario, Array, Array]:
-    """A run under (4), the bounds sqrt(2 c/m_i) for c = J at its start, the masses off by ``scale``, and the largest
+    """A run under (4), the bounds sqrt(2 c/m_i) for c = J at its start, the masses times ``scale``, and the largest
     speeds relative to the leader at its frames.
     """
     run = examples.shown(beginning(f"{KEY}-all-informed"))
@@ -155,20 +155,20 @@ def bounded_speeds(scale: float) -> tuple[Scenario, Array, Array]:
 
 
 def bounded_distances(scale: float) -> tuple[float, float]:
-    """The bound (N-1) R for ten agents, R off by ``scale``, and the length of a chain of ten that is linked by R."""
+    """The bound (N-1) R for ten agents, R times ``scale``, and the length of a chain of ten that is linked by R."""
     q = np.stack([4.0 * np.arange(10), np.zeros(10)], axis=1)
     assert is_connected(system.scenario().law.graph.initial(q))
     return bounds.distance_bound(10, system.SENSING_RADIUS * scale), float(np.linalg.norm(q[-1] - q[0]))
 
 
 def well_depth(scale: float) -> float:
-    """Plateau of (3) minus its minimum for a = 0.05, off by ``scale``."""
+    """Plateau of (3) minus its minimum for a = 0.05 times ``scale``."""
     psi = system.potential()
     return scale * float(psi(system.SENSING_RADIUS) - psi(1.0))
 
 
 def total_potential(scale: float) -> tuple[Scenario, float]:
-    """Sum over agents of V^i/2 with strangers at V(R), the potential's strength off by ``scale``."""
+    """Sum over agents of V^i/2 with V(R) for pairs without a link, the potential's strength times ``scale``."""
     scenario = group()
     psi = system.potential(system.STRENGTH * scale, system.STRENGTH)
     links_now = scenario.law.graph.initial(scenario.start.q)
@@ -179,7 +179,7 @@ def total_potential(scale: float) -> tuple[Scenario, float]:
 
 
 def energy_of(name: str) -> Callable[[float], tuple[Scenario, float]]:
-    """Builder: J of the example group without the constant of strangers, masses off by ``scale``."""
+    """Builder: J of the example group without the constant of unlinked pairs, masses times ``scale``."""
 
     def build(scale: float) -> tuple[Scenario, float]:
         scenario = group(name)
@@ -196,7 +196,7 @@ energy_position = energy_of(f"{KEY}-position")
 
 
 def kinetic_of(name: str) -> Callable[[float], tuple[Scenario, float]]:
-    """Builder: kinetic energy of the group in the frame of its energy, masses off by ``scale``."""
+    """Builder: kinetic energy of the group in the frame of its energy, masses times ``scale``."""
 
     def build(scale: float) -> tuple[Scenario, float]:
         scenario = group(name)
@@ -211,13 +211,13 @@ centre_frame_kinetic = kinetic_of(f"{KEY}-velocity-only")
 
 
 def dissipation_leader(scale: float) -> tuple[Scenario, Evaluation]:
-    """Ledger powers of the example group in the leader's frame, gains off by ``scale``."""
+    """Ledger powers of the example group in the leader's frame, gains times ``scale``."""
     scenario = group(f"{KEY}-all-informed")
     return scenario, evaluated(scenario, scaled_law(scenario, scale))
 
 
 def supply_without_acceleration(scale: float) -> tuple[Scenario, float]:
-    """Power that the missing a0 feeds into the leader-frame energy under (12), masses off by ``scale``."""
+    """Power that the missing a0 feeds into the leader-frame energy under (12), masses times ``scale``."""
     scenario = group(f"{KEY}-velocity-only")
     energy = Energy("leader", leader=scenario.law.leaders[0])
     agents = Agents(np.multiply(scenario.agents.masses, scale), scenario.agents.damping)
@@ -225,7 +225,7 @@ def supply_without_acceleration(scale: float) -> tuple[Scenario, float]:
 
 
 def centre(scale: float) -> tuple[Scenario, Array, Array]:
-    """Centre of mass of the example group and its velocity, one mass off by ``scale``."""
+    """Centre of mass of the example group and its velocity, one mass times ``scale``."""
     scenario = group()
     masses = np.array(scenario.agents.masses)
     masses[0] *= scale
@@ -234,7 +234,7 @@ def centre(scale: float) -> tuple[Scenario, Array, Array]:
 
 @lru_cache(maxsize=32)
 def audited(name: str, scale: float) -> Report:
-    """A full run of a setting whose agents' gains are off by ``scale``, held against the declared law."""
+    """A full run of a setting whose agents' gains are times ``scale``, audited by the declared law."""
     scenario = system.scenario(seed=0, name=name)
     plant = None if scale == 1.0 else scaled_law(scenario, scale)
     return audit(simulate(scenario, plant=plant, progress=False), claims(name))
@@ -251,9 +251,9 @@ def table_row(name: str) -> Callable[[float], Report]:
 
 
 def without_alignment(scale: float) -> Report:
-    """Remark 2: a run in which all are informed and nobody aligns, held against the claims of Remark 1.
+    """Remark 2: a run without alignment in which all agents are informed, audited by the claims of Remark 1.
 
-    The plant's tracking gains are off by ``scale``.
+    The plant's tracking gains are times ``scale``.
     """
     scenario = system.scenario(seed=0, name=f"{KEY}-all-informed")
     terms = tuple(
@@ -266,7 +266,7 @@ def without_alignment(scale: float) -> Report:
 
 
 def remark_3(scale: float) -> tuple[Scenario, Array, Array]:
-    """Control under Remark 3 with asymmetric weights over a velocity graph of its own, gains off by ``scale``."""
+    """Control under Remark 3 with asymmetric weights over a separate velocity graph, gains times ``scale``."""
     scenario = group(f"{KEY}-all-informed")
     n = scenario.start.n
     weights = np.random.default_rng(11).uniform(0.1, 1.0, (n, n))
@@ -279,7 +279,7 @@ def remark_3(scale: float) -> tuple[Scenario, Array, Array]:
 
 
 def numbers(scale: float) -> dict[str, float]:
-    """Numbers of the simulations as the scenarios have them, radii and speeds off by ``scale``."""
+    """Parameters of the simulations in the scenarios, radii and speeds times ``scale``."""
     wide = system.scenario(seed=0, compact=False)
     return {
         "agents": wide.start.n,
@@ -295,14 +295,14 @@ def numbers(scale: float) -> dict[str, float]:
 
 
 def known_figures() -> Mapping[int, Figure]:
-    """Figures of the paper; the pictures are loaded when they are asked for."""
+    """Figures of the paper; the module of pictures is imported when needed."""
     from flocking.papers.shi_2009.pictures import figures
 
     return figures()
 
 
 FIGURE_SECONDS = 3.0
-"""How much of a simulation the rows of its figures look at."""
+"""Duration of the simulations for the rows of figures."""
 
 
 @cache
@@ -312,13 +312,13 @@ def beginning(name: str) -> Callable[[], Scenario]:
 
 
 def picture(number: int, names: Sequence[str] = ()) -> Callable[[float], examples.Pictured]:
-    """Builder: a figure as it is drawn.
+    """Builder: content of a figure.
 
     Parameters
     ----------
     number
         Its number.
     names
-        The settings it shows; none for figures of no run.
+        The settings it shows; empty for figures without a run.
     """
     return examples.pictured(known_figures, number, *map(beginning, names))

@@ -1,4 +1,4 @@
-"""Figures of Shi, Wang, Chu, declared from the pictures floor."""
+"""Declarations of the figures of Shi, Wang, Chu."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def _about_centre(*runs: Run) -> Picture:
 
 
 def figures() -> dict[int, Figure]:
-    """All figures by number. Those of simulations name the scenarios they show."""
+    """All figures by number; figures of simulations contain the names of their scenarios."""
     about_centre = {
         "9": (f"{KEY}-velocity-only", f"{KEY}-position"),
         "12": (f"{KEY}-partial", f"{KEY}-partial-disconnected"),
@@ -69,7 +69,7 @@ def figures() -> dict[int, Figure]:
             Figure(
                 s.figure,
                 f"Velocity errors, centre of mass, and final state: law ({s.law}), velocity known to {s.velocity}, "
-                f"acceleration to {s.acceleration}, from the paper's own start. Table 1 lists it for graphs that "
+                f"acceleration to {s.acceleration}, from the paper's start. Table 1 lists it for graphs that "
                 f"{'stay connected' if s.connected else 'do not stay connected'}.",
                 _panels,
                 scenario=name,

@@ -1,4 +1,4 @@
-"""The simulated systems of Shi, Wang, Chu, sec. 4, and the two starts they are run from."""
+"""The simulated systems of Shi, Wang, Chu, sec. 4, with two starts."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from flocking.papers.examples import check_figure
 
 KEY = "shi-2009"
 AGENTS = 10
-"""Agents of the simulations."""
+"""Number of agents of the simulations."""
 LAST_FIGURE = 12
 """Number of the last figure of the paper."""
 SENSING_RADIUS = 4.0
@@ -33,23 +33,23 @@ SENSING_RADIUS = 4.0
 STRENGTH = 0.05
 """a = b in (3)."""
 START_RADIUS = 10.0
-"""Radius of the ball that the agents start in."""
+"""Radius of the start ball."""
 LARGEST_SPEED = 4.0
 """Largest initial speed."""
 COMPACT_RADIUS = 3.0
-"""Radius of the second start: from the paper's own the graph often falls apart on the way."""
+"""Radius of the second start; from the paper's start the graph often becomes disconnected."""
 COMPACT_SPEED = 1.0
 """Largest initial speed of the second start."""
 SMALLEST_MASS = 0.05
-"""The paper draws masses from (0, 1]; very light agents would make the system needlessly stiff."""
+"""Smallest mass. The paper draws masses from (0, 1]; very small ones would make the system unnecessarily stiff."""
 INFORMED = 5
-"""How many of the ten know the velocity (Fig. 4) or the acceleration (Fig. 10, 11); the paper says some."""
+"""Number of agents informed of the velocity (Fig. 4) or the acceleration (Fig. 10, 11); "some" in the paper."""
 VELOCITY_GAIN = 1.0
 """h_0 in (8), (12), (15)."""
 POSITION_GAIN = 1.0
 """r_0 in (15)."""
 DURATION = 100.0
-"""Time simulated."""
+"""Duration of the simulations."""
 LEADER_VELOCITY = ("sin(t)", "cos(t)")
 
 
@@ -59,14 +59,14 @@ def potential(a: float = STRENGTH, b: float = STRENGTH, R: float = SENSING_RADIU
     Parameters
     ----------
     a, b
-        Its numbers; b > a/e keeps the smallest value a (1 + ln(b/a)) positive, as Definition 2 asks.
+        Coefficients; for b > a/e the smallest value a (1 + ln(b/a)) is positive, as Definition 2 requires.
     R
         Sensing radius, above sqrt(b/a).
 
     Raises
     ------
     InvalidInput
-        When a condition is not met.
+        If a condition is not met.
     """
     if not (a > 0 and b > a / math.e):
         raise InvalidInput("potential", "b", f"must be above a/e = {a / math.e:.6g}, and a above 0", b)
@@ -79,20 +79,20 @@ def potential(a: float = STRENGTH, b: float = STRENGTH, R: float = SENSING_RADIU
 
 @dataclass(frozen=True)
 class Setting:
-    """One row of Table 1, as simulated.
+    """One row of Table 1.
 
     Parameters
     ----------
     figure
-        Its figure.
+        Number of its figure.
     law
-        Which control law: 4, 8, 12 or 15.
+    Equation number of the control law: 4, 8, 12 or 15.
     velocity
-        Who knows the desired velocity: ``"all"`` or ``"some"``.
+    Agents informed of the desired velocity: ``"all"`` or ``"some"``.
     acceleration
-        Who knows its acceleration: ``"all"``, ``"some"`` or ``"none"``.
+    Agents informed of its acceleration: ``"all"``, ``"some"`` or ``"none"``.
     connected
-        Whether the row is about motions whose graph stays connected, or about those whose graph does not.
+    Whether the row is for graphs that stay connected.
     """
 
     figure: str
@@ -112,7 +112,7 @@ SETTINGS: dict[str, Setting] = {
     f"{KEY}-partial": Setting("10", 4, acceleration="some"),
     f"{KEY}-partial-disconnected": Setting("11", 4, acceleration="some", connected=False),
 }
-"""Scenarios by name; ``-uniform`` is law (8), which Theorem 3 is about and the paper does not simulate."""
+"""Scenarios by name; ``-uniform`` is law (8) of Theorem 3, which the paper does not simulate."""
 
 
 def scenario(
@@ -123,21 +123,21 @@ def scenario(
     Parameters
     ----------
     figure
-        Number of a figure; from 4 on it picks the scenario that the figure shows.
+        Number of a figure; from 4 on it selects the scenario of the figure.
     seed
-        Seed of the start, the masses, the gains and who is informed.
+        Seed of the start, the masses, the gains and the informed agents.
     name
-        Name of the scenario, where no figure is given.
+        Name of the scenario, if no figure is given.
     compact
-        Start within radius 3 at speeds up to 1, so that the graph seldom falls apart; otherwise from the paper's
-        radius 10 and speeds up to 4.
+        Whether to start within radius 3 at speeds up to 1, where the graph seldom becomes disconnected, instead of the
+        paper's radius 10 and speeds up to 4.
     informed
-        How many agents know the velocity or the acceleration, in the scenarios where only some do.
+        Number of agents informed of the velocity or the acceleration, in scenarios with some informed agents.
 
     Raises
     ------
     InvalidInput
-        When the paper has no such figure, or there is no such scenario.
+        If the paper has no such figure, or there is no such scenario.
     """
     check_figure(figure, LAST_FIGURE)
     one_of("scenario", "name", name, SETTINGS)
@@ -191,7 +191,7 @@ def start(seed: int, *, compact: bool) -> State:
     seed
         Seed of the draw.
     compact
-        Within the smaller radius, at the smaller speeds.
+        Whether to use the smaller radius and speeds.
     """
     radius, speed = (COMPACT_RADIUS, COMPACT_SPEED) if compact else (START_RADIUS, LARGEST_SPEED)
     graph = Proximity(SENSING_RADIUS, closed=True)
@@ -199,7 +199,7 @@ def start(seed: int, *, compact: bool) -> State:
 
 
 def scenarios() -> dict[str, Callable[[int], Scenario]]:
-    """Scenarios of this paper by name, each a function of the seed; all start from the paper's own draw."""
+    """Scenarios of this paper by name, each a function of the seed; all use the paper's start."""
     return {name: partial(_seeded, name) for name in SETTINGS}
 
 

@@ -1,4 +1,4 @@
-"""What Shi, Wang, Chu claim; what is expected of each claim rests on its grounds."""
+"""Claims of Shi, Wang, Chu with their grounds."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from flocking.study.claims.subjects import Subject, about, about_of
 from flocking.study.evidence import Evidence, NotMeasurable
 
 LAST = 2 * np.pi
-"""Steady errors are taken over the last period of v0(t) = (sin t, cos t)."""
+"""Period of v0(t) = (sin t, cos t); steady errors are taken over the last one."""
 
 
 def leader_velocity(e: Evidence) -> Array:
@@ -31,13 +31,13 @@ def leader_velocity(e: Evidence) -> Array:
 
 
 def _over_period(e: Evidence, values: Array) -> Array:
-    """Largest value over the period that ends at each frame, shape (F,); of what there is in the first period."""
+    """Largest value over the period that ends at each frame, shape (F,); shorter intervals in the first period."""
     first = np.searchsorted(e.t, e.t - LAST * (1 + 1e-12))
     return np.array([values[a : k + 1].max() for k, a in enumerate(first)])
 
 
 def _periodic(e: Evidence, found: Measure) -> Measure:
-    """A steady state is told from the approach to it by two periods that follow each other."""
+    """Compare two successive periods to distinguish a steady state from the approach to it."""
     if e.t[-1] - e.t[0] >= 2 * LAST:
         return found
     return replace(found, unsettled=f"the run is shorter than two periods of the leader, {LAST:.3g} each")
@@ -45,13 +45,13 @@ def _periodic(e: Evidence, found: Measure) -> Measure:
 
 @about(Subject.LEADER)
 def tracks_leader(e: Evidence) -> Measure:
-    """Largest |v^i - v0| over the last period against its largest value ever."""
+    """Largest |v^i - v0| over the last period against its largest value."""
     return _fades(e, np.linalg.norm(e.p - leader_velocity(e)[:, None], axis=2).max(axis=1), "v0")
 
 
 @about(Subject.SPREAD)
 def velocities_agree(e: Evidence) -> Measure:
-    """Largest |v^i - v*| over the last period against its largest value ever."""
+    """Largest |v^i - v*| over the last period against its largest value."""
     return _fades(e, e.velocity_spread, "v*")
 
 
@@ -98,7 +98,7 @@ def steady_error(law: int) -> Callable[[Evidence], Measure]:
 
 
 def kept_connected(e: Evidence) -> Measure:
-    """The paper's standing assumption: the graph is connected at all times."""
+    """The paper's general assumption: the graph is connected at all times."""
     return general.stays_connected(e)
 
 

@@ -1,1 +1,1 @@
-"""Large runs shown in the gallery: scenario files, what is kept of a run of theirs, and pictures of it."""
+"""Large runs in the gallery: scenario files, stored summaries of their runs, and pictures."""

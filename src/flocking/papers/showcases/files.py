@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     from flocking.model.state import State
 
 TITLES = {
-    "obstacle-field": "a crowd passes a field of 60 obstacles",
+    "obstacle-field": "a large group passes a field of 60 obstacles",
     "flock-from-noise": "noise becomes one flock",
-    "cluster-obstacles": "a crowd passes the six obstacles of (59)",
+    "cluster-obstacles": "a large group passes the six obstacles of (59)",
 }
-"""What each scenario shows, by its name, which is also that of its file."""
+"""Titles of the scenarios by name, which is also that of the file."""
 
 
 def showcase_text(name: str) -> str:
@@ -27,7 +27,7 @@ def showcase_text(name: str) -> str:
     Raises
     ------
     InvalidInput
-        When there is none of that name.
+        If there is none of that name.
     """
     if name not in TITLES:
         raise InvalidInput("showcases", "name", f"must be one of {', '.join(TITLES)}", name)
@@ -42,14 +42,14 @@ def showcase_scenario(name: str, seed: int | None = None, agents: int | None = N
     name
         Its name.
     seed
-        Takes the place of the seed of its start.
+        Replaces the seed of the start.
     agents
-        A smaller group of as many agents, as dense and as far ahead as the whole one; the whole one when absent.
+        Number of agents of a smaller group of the same density with the same front; the full group by default.
 
     Raises
     ------
     InvalidInput
-        When there is none of that name, or the group would not be smaller.
+        If there is none of that name, or the group would not be smaller.
     """
     from flocking.study.scenario_files.scenario_file import parse_scenario
 
@@ -62,7 +62,7 @@ def showcase_scenario(name: str, seed: int | None = None, agents: int | None = N
 
 
 def _smaller(start: State, agents: int) -> State:
-    """The first ``agents`` of a start, drawn together to its density, with the front where it was."""
+    """The first ``agents`` of a start, contracted to the same density with the same front."""
     from flocking.model.state import State
 
     scale = float(np.sqrt(agents / start.n))

@@ -1,4 +1,4 @@
-"""What is kept of a million agents that become a flock, and its picture."""
+"""Stored summary of a million agents that become a flock, and its picture."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ ALL_CELL, PATCH_CELL = 18.0, 5.0
 VIEWS = (5.0, 20.0, 40.0)
 """Earlier times at which the patch is drawn; all three windows are drawn at the end."""
 GAP = 0.8 * DISTANCE
-"""An empty cell further than this from everybody is a hole."""
+"""Distance from all agents beyond which an empty cell is a hole."""
 HUES, GRADES = 48, 15
-"""In how many steps direction and quality of the lattice are kept."""
+"""Numbers of levels in which direction and quality of the lattice are stored."""
 
 
 def keep(run: Run) -> StoredSummary:
-    """What is kept of a run of the scenario.
+    """The summary of a run of the scenario.
 
     Parameters
     ----------
@@ -63,12 +63,12 @@ def keep(run: Run) -> StoredSummary:
 
 
 def draw(summary: StoredSummary) -> Figure:
-    """A window as it ages; at the end all of the flock, and single agents in the middle of the window.
+    """One window at several times; at the end the entire flock, and single agents in the centre of the window.
 
     Parameters
     ----------
     summary
-        What was kept of the run.
+        Summary of the run.
     """
     from flocking.show.sheet import sheet
 
@@ -85,12 +85,12 @@ def draw(summary: StoredSummary) -> Figure:
 
 
 def draw_close(summary: StoredSummary, axes: Axes) -> Axes:
-    """Single agents in the smallest window: hue by direction; rings where there are not six neighbours.
+    """Single agents in the smallest window: hue by direction; rings if there are not six neighbours.
 
     Parameters
     ----------
     summary
-        What was kept of the run.
+        Summary of the run.
     """
     from matplotlib.collections import LineCollection
 
@@ -116,7 +116,7 @@ def draw_close(summary: StoredSummary, axes: Axes) -> Axes:
 
 
 def coded(order: NDArray[np.complex128]) -> NDArray[np.uint16]:
-    """Hexatic orders as a small number each: quality in steps, times the directions, plus the direction.
+    """Hexatic orders as one integer each: quality level times the number of directions, plus the direction.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def coded(order: NDArray[np.complex128]) -> NDArray[np.uint16]:
 
 
 def uncoded(codes: NDArray[np.uint16]) -> NDArray[np.complex128]:
-    """The orders that `coded` was given, as well as it keeps them.
+    """Inverse of `coded`, up to its rounding.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def _map(q: Array, order: NDArray[np.complex128], side: float, cell: float) -> N
 
 
 def _close(q: Array, order: NDArray[np.complex128], neighbours: NDArray[np.int64]) -> dict[str, AnyArray]:
-    # A rim beyond the window, so that links at its border are drawn.
+    # A margin around the window, so that links at its border are drawn.
     share = (q - q.mean(axis=0)) / (1.2 * CLOSE) + 0.5
     inside = ((share >= 0) & (share < 1)).all(axis=1)
     return {
@@ -164,7 +164,7 @@ def _nearest(q: Array) -> Array:
 
 
 def _shades(summary: StoredSummary, name: str, side: float, title: str, inner: float = 0.0) -> Callable[[Axes], Axes]:
-    """A panel of a map, with a square about the next smaller window."""
+    """A panel of a map, with a square around the next smaller window."""
     from flocking.show.lattice_orientation import lattice_colors, wheel
 
     def drawn(axes: Axes) -> Axes:

@@ -1,4 +1,4 @@
-"""What is kept of a run past obstacles, whichever engine made it: densities at a few times; and pictures of them."""
+"""Stored summary of a run past obstacles by any engine: densities at several times, and pictures of them."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ SCALE_LABEL = r"density, in lattices of spacing $d_\alpha$"
 COLUMN = 3.6
 """Width of a panel."""
 LATE = 0.9
-"""Share of the median speed below which an agent at the end counts as late: it is still rounding an obstacle."""
+"""Fraction of the median speed below which an agent at the end counts as late: it is still passing an obstacle."""
 SAMPLE = 200
-"""Agents whose places are kept with all digits, so that runs can be compared."""
+"""Number of agents whose positions are stored with all digits, so that runs can be compared."""
 FASTEST = 12.0
 """Upper end of the scale of speeds."""
 
@@ -44,7 +44,7 @@ class CloseView:
     Parameters
     ----------
     time
-        When.
+        The time.
     low, high
         Its corners.
     """
@@ -56,14 +56,14 @@ class CloseView:
 
 @dataclass(frozen=True)
 class ObstacleViews:
-    """Where and when a run past round obstacles is looked at.
+    """Times and windows of the pictures of a run past round obstacles.
 
     Parameters
     ----------
     name
         Name of the showcase.
     centres
-        Middle of the picture for each time drawn.
+        Centre of the picture for each time.
     size
         Width and height of the pictures.
     cell
@@ -71,7 +71,7 @@ class ObstacleViews:
     ratio
         Height of a panel over its width.
     close
-        Where single agents are drawn.
+        Window in which single agents are drawn.
     """
 
     name: str
@@ -82,7 +82,7 @@ class ObstacleViews:
     close: CloseView | None = None
 
     def keep(self, run: Run) -> StoredSummary:
-        """What is kept of a run, which may have ended early."""
+        """The summary of a run, which may have ended early."""
         balls = np.array([[*ball.centre.at(0.0)[0], ball.radius] for ball in balls_of(run.scenario)])
         near = [surface_distances(q, balls) for q in run.q]
         flocks = [largest_share(q, RADIUS) for q in run.q]
@@ -109,17 +109,17 @@ class ObstacleViews:
         return StoredSummary(facts, arrays)
 
     def view(self, q: Array, t: float) -> DensityMap:
-        """Density in the picture at one of the times drawn."""
+        """Density in the picture at one of the times."""
         low = self._corner(t)
         return density_map(q, low=low, high=low + np.array(self.size), cell=self.cell, blur=DISTANCE)
 
     def stored(self, summary: StoredSummary, t: float) -> DensityMap:
-        """The same from what was kept, in terms of the lattice's density."""
+        """The same from the summary, relative to the density of the lattice."""
         values, low = unpacked(summary.arrays[f"density_{t:g}"]), self._corner(t)
         return DensityMap(values, low, low + self.cell * np.array(values.shape[::-1]))
 
     def draw(self, summary: StoredSummary) -> Figure:
-        """Densities at the times kept, and single agents among obstacles at one of them."""
+        """Densities at the stored times, and single agents among obstacles at one of them."""
         panels = [self._panel(summary, t, f"$t = {t:g}$") for t in summary.facts["views"]]
         if self.close is not None and "close_place" in summary.arrays:
             close = self.close
@@ -131,35 +131,35 @@ class ObstacleViews:
         return self._sheet([self._panel(summary, t, f"$t = {t:g}$") for t in times], len(times), letters=False)
 
     def beside(self, summary: Mapping[str, StoredSummary]) -> Figure:
-        """The same moments of runs of several engines, a row for each.
+        """The same times of runs of several engines, one row each.
 
         Parameters
         ----------
         summary
-            What was kept of the runs, by the name of the engine.
+            Summaries by the name of the engine.
         """
         times = [t for t in self.centres if all(t in one.facts["views"] for one in summary.values())]
         panels = [self._panel(one, t, f"{engine}, $t = {t:g}$") for engine, one in summary.items() for t in times]
         return self._sheet(panels, len(times), letters=False)
 
     def difference(self, one: StoredSummary, other: StoredSummary, t: float) -> float:
-        """Share of the agents in view that would have to stand elsewhere for two densities to be the same.
+        """Fraction of the agents in view that must move to make two densities equal.
 
         Parameters
         ----------
         one, other
-            What was kept of the two runs.
+            Summaries of the two runs.
         """
         a, b = (self.stored(summary, t).values for summary in (one, other))
         return float(np.abs(a - b).sum() / (a.sum() + b.sum()))
 
     def parting(self, one: StoredSummary, other: StoredSummary, t: float) -> float:
-        """Largest distance between the same agent in two runs, of those whose places are kept.
+        """Largest distance between the positions of an agent in two runs, over agents with stored positions.
 
         Parameters
         ----------
         one, other
-            What was kept of the two runs.
+            Summaries of the two runs.
         """
         offset = one.arrays[f"sample_{t:g}"] - other.arrays[f"sample_{t:g}"]
         return float(np.linalg.norm(offset, axis=1).max())

@@ -1,4 +1,4 @@
-"""The showcases by name: how each is run, what is kept of it, and what came with the library."""
+"""The showcases by name: their runs, summaries, and stored results."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ PROVENANCE = (
     "engine", "flocking", "numpy", "numba", "llvmlite", "lammps", "python", "machine", "step", "steps", "scheme",
     "precision", "ranks", "rebuilds",
 )  # fmt: skip
-"""What is kept of a run's provenance, where it is there."""
+"""Stored entries of a run's provenance, where present."""
 
 FIELD_MIDDLES = {48.0: 438.0, 112.0: 1010.0, 168.0: 1480.0, 232.0: 2040.0, 320.0: 2900.0}
-"""x of the middle of the flock at the times drawn."""
+"""x of the centre of the flock at the times of the pictures."""
 
 FIELD = ObstacleViews(
     "obstacle-field",
@@ -47,23 +47,23 @@ SIX = ObstacleViews(
     cell=2.0,
     ratio=0.7,
 )
-"""Pictures of the six obstacles, in the middle of the front of a wide band."""
+"""Pictures of the six obstacles, at the centre of the front of a wide band."""
 
 
 @dataclass(frozen=True)
 class Showcase:
-    """A large run that is shown.
+    """A large run for the gallery.
 
     Parameters
     ----------
     name
         Its name, and that of its scenario file.
     step
-        Time step that it is run with.
+        Time step of the run.
     keep
-        Takes from a run what is kept of it.
+        Makes the summary of a run.
     draw
-        Draws what was kept.
+        Draws a summary.
     """
 
     name: str
@@ -73,7 +73,7 @@ class Showcase:
 
     @property
     def title(self) -> str:
-        """What it shows."""
+        """Its title."""
         return TITLES[self.name]
 
     def scenario(self, *, seed: int | None = None, agents: int | None = None, until: float | None = None) -> Scenario:
@@ -82,7 +82,7 @@ class Showcase:
         Parameters
         ----------
         seed
-            Takes the place of the seed of its start.
+            Replaces the seed of its start.
         agents
             A smaller group, see `flocking.papers.showcases.files.showcase_scenario`.
         until
@@ -91,7 +91,7 @@ class Showcase:
         Raises
         ------
         InvalidInput
-            When the group would not be smaller, or the end does not lie between start and end.
+            If the group would not be smaller, or the end is not between the start and the end of the scenario.
         """
         made = showcase_scenario(self.name, seed, agents)
         if until is None:
@@ -110,25 +110,25 @@ class Showcase:
         progress: bool = True,
         threads: int | None = None,
     ) -> Run:
-        """Run a scenario, or go on with the run that ``folder`` holds.
+        """Run a scenario, or continue the run in ``folder``.
 
         Parameters
         ----------
         folder
-            Where the run is kept.
+            Folder of the run.
         scenario
-            What to run, if there is nothing yet.
+            The scenario, if there is no run yet.
         engine
             ``"tiles"`` or ``"lammps"``, the latter also under ``mpiexec``.
         progress
-            Show how far it is.
+            Whether to show progress.
         threads
             Threads of the tiled engine.
 
         Raises
         ------
         InvalidInput
-            When ``folder`` holds a run of another scenario.
+            If ``folder`` contains a run of another scenario.
         """
         from flocking.engine.driver.registry import engine_named
         from flocking.engine.driver.resuming import resume
@@ -139,7 +139,7 @@ class Showcase:
             found, _ = read_scenario_of(folder)
             if (found.name, found.start.n, found.t_end) != (scenario.name, scenario.start.n, scenario.t_end):
                 held = f"{found.name} with {found.start.n} agents until {found.t_end:g}"
-                raise InvalidInput("showcase", "out", "must hold no other run", held, "Choose another folder.")
+                raise InvalidInput("showcase", "out", "must not contain another run", held, "Choose another folder.")
             return resume(folder, progress=progress)
         known = engine_named(engine)
         options: dict[str, Any] = dict(known.large_group_options)
@@ -148,7 +148,7 @@ class Showcase:
         return simulate(scenario, engine=engine, save=folder, progress=progress, step=self.step, **options)
 
     def summary_of(self, run: Run, report: Report) -> StoredSummary:
-        """What is kept of a run, with its audit and where it comes from.
+        """The summary of a run, with its audit and its origin.
 
         Parameters
         ----------
@@ -169,16 +169,16 @@ class Showcase:
         return StoredSummary({**summary.facts, **facts}, summary.arrays)
 
     def stored(self, engine: str = "tiles") -> StoredSummary:
-        """What came with the library of a run at full size.
+        """The stored summary of a run at full size.
 
         Raises
         ------
         InvalidInput
-            When nothing came of such an engine.
+            If there is none of such an engine.
         """
         path = RESULTS / f"{self.name}.{engine}.npz"
         if not path.is_file():
-            raise InvalidInput("showcases", "engine", "must be one whose run came with the library", engine)
+            raise InvalidInput("showcases", "engine", "must be an engine with a stored run", engine)
         return StoredSummary.read(path)
 
 
@@ -188,7 +188,7 @@ def showcase(name: str) -> Showcase:
     Raises
     ------
     InvalidInput
-        When there is none of that name.
+        If there is none of that name.
     """
     from flocking.model.parts.values import nearest
 

@@ -1,4 +1,4 @@
-"""The stored summary of a large run: shades and numbers, small enough to come with the library."""
+"""The stored summary of a large run: density maps and numbers, small enough for the library."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from flocking.model.checks import Array
 
 FACTS = "facts"
 LOWEST, HIGHEST = 0.05, 20.0
-"""Densities told apart, in terms of the reference: 254 steps of 2.4 per cent, and none."""
+"""Range of stored densities relative to the reference: 254 levels in steps of 2.4 per cent, and zero."""
 
 
 @dataclass(frozen=True, eq=False)
 class StoredSummary:
-    """What is kept of a run.
+    """Summary of a run.
 
     Parameters
     ----------
     facts
-        Numbers and provenance, as JSON holds them.
+        Numbers and provenance, as plain data for JSON.
     arrays
         Maps and positions, by name.
     """
@@ -40,7 +40,7 @@ class StoredSummary:
 
     @property
     def drawable(self) -> bool:
-        """Whether anything was kept that can be drawn: a run that ended before the first view has nothing."""
+        """Whether it contains anything to draw; a run that ended before the first view does not."""
         return bool(self.arrays)
 
     def write(self, path: str | Path) -> Path:
@@ -49,29 +49,29 @@ class StoredSummary:
         Raises
         ------
         StorageError
-            When it cannot be written.
+            If it cannot be written.
         """
         text = json.dumps(self.facts, indent=1, allow_nan=False, sort_keys=True)
         parts: dict[str, AnyArray] = {FACTS: np.frombuffer(text.encode(), np.uint8), **self.arrays}
         file = io.BytesIO()
         np.savez_compressed(file, allow_pickle=False, **parts)
-        return write_file(Path(path), file.getvalue(), "write what is kept of the run")
+        return write_file(Path(path), file.getvalue(), "write the summary of the run")
 
     @classmethod
     def read(cls, path: str | Path) -> StoredSummary:
-        """Read what `write` wrote.
+        """Read a file of `write`.
 
         Raises
         ------
         InvalidInput
-            When there is no such file, or it holds something else.
+            If there is no such file, or it has another content.
         """
         try:
             with np.load(path, allow_pickle=False) as found:
                 arrays = {name: found[name] for name in found.files}
             return cls(json.loads(arrays.pop(FACTS).tobytes()), arrays)
         except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
-            raise InvalidInput("showcases", "path", f"must hold a kept run ({error})", str(path)) from None
+            raise InvalidInput("showcases", "path", f"must contain the summary of a run ({error})", str(path)) from None
 
 
 def packed(densities: Array) -> NDArray[np.uint8]:
@@ -87,7 +87,7 @@ def packed(densities: Array) -> NDArray[np.uint8]:
 
 
 def unpacked(codes: NDArray[np.uint8]) -> Array:
-    """The densities that `packed` was given, to about one per cent.
+    """Inverse of `packed`, to about one per cent.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""Studies that come with the library: sweeps of the papers' scenarios, each with its picture."""
+"""Studies in the library: sweeps of the papers' scenarios, each with its picture."""

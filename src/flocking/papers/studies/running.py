@@ -1,4 +1,4 @@
-"""Sweep files at work: their runs made, audited as the papers' where they are the papers'."""
+"""Running of sweep files; runs of the papers' scenarios are audited with the papers' claims."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ def run_file(
     file: SweepFile, out: str | Path | None = None, *, workers: int | None = None, cluster: str | None = None,
     progress: bool = True,
 ) -> SweepTable:  # fmt: skip
-    """Make the runs of a sweep file, or those that are missing in ``out``.
+    """Run a sweep file; runs that are already stored in ``out`` are skipped.
 
     Parameters
     ----------

@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Study:
-    """A sweep that comes with the library.
+    """A sweep in the library.
 
     Parameters
     ----------
     name
         Its name, and that of its file.
     title
-        What it asks.
+        Its question.
     draw
         Draws its results.
     """
@@ -41,12 +41,12 @@ class Study:
         return files("flocking.papers.studies").joinpath(f"{self.name}.toml").read_text(encoding="utf-8")
 
     def plan(self, most_runs: int | None = None) -> SweepFile:
-        """Its sweep, read from its file.
+        """Read its sweep file.
 
         Parameters
         ----------
         most_runs
-            Largest number of runs allowed; 100,000 when absent.
+            Largest number of runs allowed; 100,000 by default.
         """
         from flocking.papers.sweep_scenarios import sweep_scenarios
         from flocking.study.sweeps.plan import MOST_RUNS
@@ -57,7 +57,7 @@ class Study:
         )  # fmt: skip
 
     def stored(self) -> SweepTable:
-        """The results that come with the library, as `run` gave them; its record says with which versions."""
+        """Results of `run` that are stored in the library; the record contains the versions."""
         from flocking.study.sweeps.sweep import read_sweep
 
         return read_sweep(Path(__file__).parent / "results" / self.name)
@@ -66,7 +66,7 @@ class Study:
         self, out: str | Path | None = None, *, workers: int | None = None, cluster: str | None = None,
         progress: bool = True,
     ) -> SweepTable:  # fmt: skip
-        """Make its runs, or those that are missing in ``out``.
+        """Run the sweep; runs that are already stored in ``out`` are skipped.
 
         Parameters
         ----------
@@ -86,7 +86,7 @@ def study(name: str) -> Study:
     Raises
     ------
     InvalidInput
-        When there is none of that name.
+        If there is none of that name.
     """
     from flocking.model.parts.values import nearest
 
@@ -147,7 +147,7 @@ def _shi(table: SweepTable) -> Figure:
     return sheet(
         [
             lambda axes: bands(table, "following_time", "informed", x_label=count, runs=True,
-                               y_label="time until all follow (where they do)", axes=axes),
+                               y_label="time until all follow (if they do)", axes=axes),
             lambda axes: bands(table, "following", "informed", x_label=count,
                                y_label="share that follow within 100 s", axes=axes),
         ],
@@ -165,7 +165,7 @@ def _zhou(table: SweepTable) -> Figure:
             lambda axes: against(table, "certified_closest", "closest_linked", by="side", y_label=measured,
                                  x_label="certified by (16)-(18)", axes=axes),
             lambda axes: against(table, "certified_by_links", "closest_linked", by="side", y_label=measured,
-                                 x_label="certified by the energy put in", axes=axes),
+                                 x_label="certified by the energy supplied", axes=axes),
         ],
         columns=2, ratio=0.85,
     )  # fmt: skip
@@ -178,7 +178,7 @@ STUDIES = {
         Study(
             "olfati-saber-density", "density after the obstacles against start region and tracking gain", _olfati_saber
         ),
-        Study("shi-informed", "time until all follow the leader against how many know its velocity", _shi),
+        Study("shi-informed", "time until all follow the leader against the number of informed agents", _shi),
         Study("zhou-bound", "certified energy bound against the measured closest pair", _zhou),
     )
 }

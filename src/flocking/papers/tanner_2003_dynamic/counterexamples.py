@@ -1,4 +1,4 @@
-"""Computed counter-examples to what Tanner II prints."""
+"""Computed counter-examples to statements of Tanner II."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def distance_bound() -> Demonstration:
     c = total_energy(scenario.law, scenario.start, scenario.energy)
     far = float(system.potential()(np.geomspace(1.0, 1e6, 4000)).max())
     return Demonstration(
-        c * (system.AGENTS - 1), far, 1e-9, "level to be inverted, against the largest value U_ij takes from 1 on"
+        c * (system.AGENTS - 1), far, 1e-9, "level to be inverted, against the largest value of U_ij from 1 on"
     )
 
 
@@ -90,19 +90,19 @@ def two_solutions() -> Demonstration:
 
 
 def second_eigenvalue() -> Demonstration:
-    """Sec. III: the algebraic connectivity is the second smallest eigenvalue, which vanishes on a split graph."""
+    """Sec. III: the algebraic connectivity is the second smallest eigenvalue, zero for a disconnected graph."""
     split = np.kron(np.eye(2), np.ones((3, 3)) - np.eye(3))
     values = np.sort(np.linalg.eigvalsh(np.diag(split.sum(axis=1)) - split))
     return Demonstration(
         float(values[-2]),
         float(values[1]),
         1e-9,
-        "second largest and second smallest eigenvalue of two triangles apart",
+        "second largest and second smallest eigenvalue of two separate triangles",
     )
 
 
 def minimises() -> Demonstration:
-    """Theorem VI.2: the limit is stationary, but no agent's links all have the best length."""
+    """Theorem VI.2: the limit is stationary, but for no agent are all links at the minimum of the potential."""
     evidence = Evidence(simulate(system.scenario(seed=0), progress=False))
     equilibrium = evidence.equilibrium
     degree = np.bincount(equilibrium.i, minlength=evidence.run.n)

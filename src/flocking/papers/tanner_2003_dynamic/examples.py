@@ -1,4 +1,4 @@
-"""What the rows of Tanner II's equation table build: each object depends on one decisive number."""
+"""Objects of the equation table of Tanner II; each depends on a factor that is 1 for the paper."""
 
 from __future__ import annotations
 
@@ -63,29 +63,29 @@ def example_state() -> State:
 
 
 def switching_pair() -> State:
-    """Three agents; the first two are exactly R apart and drift apart."""
+    """Three agents; the first two are at distance R and separate."""
     q = np.array([[0.0, 0.0], [system.RADIUS, 0.0], [0.5, 1.2]])
     return State(q, np.array([[-0.4, 0.1], [0.3, -0.2], [0.2, 0.5]]))
 
 
 def entering_pair() -> State:
-    """Three agents; the first two are exactly R apart and approach each other."""
+    """Three agents; the first two are at distance R and approach each other."""
     state = switching_pair()
     return State(state.q, -state.p)
 
 
 def displacement_of(scale: float) -> Array:
-    """How far the simulated agents move within a scaled instant."""
+    """Displacements of the simulated agents within a scaled time."""
     return examples.displacement(system.scenario(seed=0), examples.STEP * scale)
 
 
 def velocity_change_of(scale: float) -> Array:
-    """How their velocities change when the mass is scaled."""
+    """Changes of their velocities with a scaled mass."""
     return examples.velocity_change(system.scenario(seed=0), scale)
 
 
 def headings_of(scale: float) -> Array:
-    """Heading angles when the vertical velocities are scaled."""
+    """Heading angles with scaled vertical velocities."""
     state = example_state()
     return headings(State(state.q, state.p * [1.0, scale]))
 
@@ -117,8 +117,8 @@ def second_eigenvalue_of(scale: float) -> float:
 
 
 def definition_of(scale: float) -> tuple[float, tuple[tuple[bool | None, ...], ...]]:
-    """Distance at which the potential with a scaled repulsion is least, and which items of Definition IV.2 the paper's
-    potential, a spring and -1/r meet.
+    """Minimum of the potential with a scaled repulsion, and the items of Definition IV.2 that the paper's potential, a
+    spring and -1/r satisfy.
     """
     first, _, rest = system.inner_potential().formula.text.partition(" + ")
     least = smallest_value(Potential(f"repulsion*{first} + {rest}", repulsion=scale), system.RADIUS)[0]
@@ -209,7 +209,7 @@ def potential_forces_of(scale: float) -> Array:
 
 
 def first_loss_of(scale: float) -> float:
-    """When the graph of the second seed falls apart under the scaled radius."""
+    """Time at which the graph of the second seed becomes disconnected under the scaled radius."""
     drawn = system.scenario(seed=1)
     wider = Law(Proximity(system.RADIUS * scale), drawn.law.terms)
     return Evidence(simulate(drawn.with_(law=wider, t_end=1.0, frames=2), progress=False)).first_disconnected
@@ -254,7 +254,7 @@ def start_of(scale: float) -> State:
 
 
 def known_figures() -> Mapping[int, Figure]:
-    """Figures of the paper; the pictures are loaded when they are asked for."""
+    """Figures of the paper; the module of pictures is imported when needed."""
     from flocking.papers.tanner_2003_dynamic.pictures import figures
 
     return figures()
@@ -266,7 +266,7 @@ def simulated() -> Scenario:
 
 
 def picture_of(number: int) -> Callable[[float], examples.Pictured]:
-    """Builder: a figure as it is drawn.
+    """Builder: content of a figure.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the expected verdicts on Tanner II rest on."""
+"""Grounds of the expected verdicts on Tanner II."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from flocking.papers.grounds import OBSERVED, Ground, proved, refuted
 from flocking.papers.tanner_2003_dynamic.system import scenario
 
 SEED_THAT_PARTS = 1
-"""The first seed whose group falls apart though it starts connected."""
+"""The first seed whose group becomes disconnected from a connected start."""
 
 
 def grounds() -> Mapping[str, Ground]:

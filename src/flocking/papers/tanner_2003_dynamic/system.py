@@ -15,23 +15,23 @@ from flocking.papers.examples import check_figure
 
 KEY = "tanner-2003-dynamic"
 AGENTS = 10
-"""Agents of the simulations."""
+"""Number of agents of the simulations."""
 LAST_FIGURE = 7
 """Number of the last figure of the paper."""
 START_RADIUS = 2.5
-"""Radius of the ball that the agents start in."""
+"""Radius of the start ball."""
 LARGEST_SPEED = 1.0
 """Largest initial speed."""
 RADIUS = 2.0
-"""Distance up to which agents sense each other."""
+"""Sensing radius."""
 DURATION = 100.0
-"""Time simulated."""
+"""Duration of the simulation."""
 SNAPSHOT_TIMES = (0.0, 2.0, 5.0, 25.0, 100.0)
-"""Times of Fig. 3-7. The paper prints them under its pictures, not in its text: these show the same stages."""
+"""Times of Fig. 3-7, chosen to show the same stages; the paper prints its times only under the pictures."""
 
 
 def inner_potential() -> Potential:
-    """Fig. 2 inside the radius: 1/r^2 + log r^2, the part of U_ij that linked agents feel; r in metres."""
+    """Fig. 2 inside the radius: 1/r^2 + log r^2, the part of U_ij that acts on linked agents; r in metres."""
     return Potential("1/r**2 + log(r**2)")
 
 
@@ -51,7 +51,7 @@ def boundary_value(radius: float = RADIUS) -> float:
     Raises
     ------
     InvalidInput
-        When the radius is not above 0.
+        If the radius is not positive.
     """
     radius = number("boundary_value", "radius", radius, above=0.0)
     return float(inner_potential()(radius))
@@ -67,23 +67,23 @@ def scenario(
 ) -> Scenario:
     """The simulation of sec. VII: ten agents in a ball, linked while closer than 2, 100 seconds.
 
-    The start is redrawn until the graph is connected: Assumption VI.1 cannot hold otherwise.
+    The start is redrawn until the graph is connected, since Assumption VI.1 cannot hold otherwise.
 
     Parameters
     ----------
     figure
-        Number of the figure it is for; all figures show the same run.
+        Number of the figure; all figures show the same run.
     seed
         Seed of the start.
     speed
         Largest initial speed.
     start_radius
-        Radius of the ball of the start, which decides its density.
+        Radius of the start ball, which determines the density.
 
     Raises
     ------
     InvalidInput
-        When the paper has no such figure.
+        If the paper has no such figure.
     """
     check_figure(figure, LAST_FIGURE)
     graph = Proximity(RADIUS)
@@ -93,7 +93,7 @@ def scenario(
 
 
 def frame_times() -> tuple[float, ...]:
-    """Even times, among them those of the snapshots."""
+    """Evenly spaced times that include those of the snapshots."""
     return tuple(sorted({*(k * 0.5 for k in range(201)), *SNAPSHOT_TIMES}))
 
 

@@ -1,4 +1,4 @@
-"""What Tanner II claims; what is expected of each claim rests on its grounds."""
+"""Claims of Tanner II with their grounds."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ def distances_bounded(e: Evidence) -> Measure:
 
 @about(Subject.CLOSEST, lasting=True)
 def kept_apart(e: Evidence) -> Measure:
-    """Closest pair ever against the distance at which one pair alone would hold the whole initial Q."""
+    """Closest pair against the distance at which a single pair stores the total initial Q."""
     found, least = e.closest, forbidden_distance(e)
     note = f"closest {found.distance:.4g} at t = {found.time:.3g}; Q(0) allows no pair below {least:.2g}"
     return above(found.distance, least, note, e.error_of(found))
 
 
 def forbidden_distance(e: Evidence) -> float:
-    """Distance whose potential is the initial Q, less what the other pairs hold at least."""
+    """Distance whose potential is the initial Q minus the smallest energy of the other pairs."""
     from flocking.study.claims.potential_minimum import distance_of, smallest_value
 
     psi = e.potential

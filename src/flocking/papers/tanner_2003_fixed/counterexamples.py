@@ -1,4 +1,4 @@
-"""Computed counter-examples to what Tanner I prints."""
+"""Computed counter-examples to statements of Tanner I."""
 
 from __future__ import annotations
 

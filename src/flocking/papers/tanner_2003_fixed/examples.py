@@ -1,4 +1,4 @@
-"""What the rows of Tanner I's equation table build: each object depends on one decisive number."""
+"""Objects of the equation table of Tanner I; each depends on a factor that is 1 for the paper."""
 
 from __future__ import annotations
 
@@ -57,17 +57,17 @@ def law(gain: float = 1.0, stiffness: float = 1.0) -> Law:
 
 
 def displacement_of(scale: float) -> Array:
-    """How far the simulated agents move within a scaled instant."""
+    """Displacements of the simulated agents within a scaled time."""
     return examples.displacement(system.scenario(seed=1), examples.STEP * scale)
 
 
 def velocity_change_of(scale: float) -> Array:
-    """How their velocities change when the mass is scaled."""
+    """Changes of their velocities with a scaled mass."""
     return examples.velocity_change(system.scenario(seed=1), scale)
 
 
 def headings_of(scale: float) -> Array:
-    """Heading angles when the vertical velocities are scaled."""
+    """Heading angles with scaled vertical velocities."""
     state = examples.example_state()
     return headings(State(state.q, state.p * [1.0, scale]))
 
@@ -112,14 +112,14 @@ def drawn_edges(scale: float) -> list[tuple[tuple[int, int], ...]]:
 
 
 def connected_of(scale: float) -> bool:
-    """Whether a chain with spacing 1 hangs together under the radius 1.005 divided by the scale."""
+    """Whether a chain with spacing 1 is connected under the radius 1.005 divided by the scale."""
     q = np.stack([np.arange(5.0), np.zeros(5)], axis=1)
     return is_connected(Proximity(1.005 / scale).initial(q))
 
 
 def definition_of(scale: float) -> tuple[float, tuple[tuple[bool | None, ...], ...]]:
-    """Distance at which the potential with a scaled repulsion is least, and which items of Definition IV.3 the paper's
-    potential, a spring and -1/r meet.
+    """Minimum of the potential with a scaled repulsion, and the items of Definition IV.3 that the paper's potential, a
+    spring and -1/r satisfy.
     """
     first, _, rest = system.potential().formula.text.partition(" + ")
     least = smallest_value(Potential(f"repulsion*{first} + {rest}", repulsion=scale))[0]
@@ -197,7 +197,7 @@ def theorem_of(gain: float, *, complete: bool = False) -> dict[str, Judgement]:
     Parameters
     ----------
     gain
-        Consensus gain the agents really have; 1 is declared.
+        Consensus gain of the plant; 1 is declared.
     complete
         Whether all agents are linked.
     """
@@ -215,7 +215,7 @@ def remark_of(gain: float) -> dict[str, Judgement]:
     Parameters
     ----------
     gain
-        Consensus gain the agents really have; 1 is declared.
+        Consensus gain of the plant; 1 is declared.
     """
     return theorem_of(gain, complete=True)
 
@@ -227,7 +227,7 @@ def start_of(scale: float) -> State:
 
 
 def known_figures() -> Mapping[int, Figure]:
-    """Figures of the paper; the pictures are loaded when they are asked for."""
+    """Figures of the paper; the module of pictures is imported when needed."""
     from flocking.papers.tanner_2003_fixed.pictures import figures
 
     return figures()
@@ -239,7 +239,7 @@ def simulated() -> Scenario:
 
 
 def picture_of(number: int) -> Callable[[float], examples.Pictured]:
-    """Builder: a figure as it is drawn.
+    """Builder: content of a figure.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the expected verdicts on Tanner I rest on."""
+"""Grounds of the expected verdicts on Tanner I."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from flocking.papers.grounds import OBSERVED, Ground, proved, refuted
 from flocking.papers.tanner_2003_fixed.system import scenario
 
 SEED_OF_A_RIGID_GRAPH = 10
-"""The first seed whose random graph is too rigid for all links to have the best length."""
+"""The first seed whose random graph is too rigid for all links to be at the minimum of the potential."""
 
 
 def grounds(complete: bool) -> Mapping[str, Ground]:

@@ -20,7 +20,7 @@ CAPTIONS = {
 
 
 def times() -> dict[int, float]:
-    """Time of each snapshot: those the paper prints, and the end."""
+    """Time of each snapshot: those of the paper, and the end."""
     return dict(zip((4, 5, 6, 7, 8), (*system.PRINTED_TIMES, system.DURATION), strict=True))
 
 

@@ -13,17 +13,17 @@ from flocking.papers.examples import check_figure
 
 KEY = "tanner-2003-fixed"
 COMPLETE = "tanner-2003-fixed-complete"
-"""The same system with every agent linked to every other (Remark IV.5)."""
+"""The same system with the complete graph (Remark IV.5)."""
 AGENTS = 10
-"""Agents of the simulations."""
+"""Number of agents of the simulations."""
 LAST_FIGURE = 8
 """Number of the last figure of the paper."""
 START_RADIUS = 2.5
-"""Radius of the ball that the agents start in."""
+"""Radius of the start ball."""
 LARGEST_SPEED = 1.0
 """Largest initial speed."""
 DURATION = 100.0
-"""Time simulated."""
+"""Duration of the simulation."""
 LINK_PROBABILITY = 0.3
 """Not in the paper, which says only that the graph is random and connected."""
 PRINTED_TIMES = (2.22842, 5.21464, 22.8931, 55.0766)
@@ -43,18 +43,18 @@ def scenario(
     Parameters
     ----------
     figure
-        Number of the figure it is for; all figures show the same run.
+        Number of the figure; all figures show the same run.
     seed
         Seed of the graph and of the start.
     complete
-        Link all agents instead, as Remark IV.5 asks for.
+        Whether to link all agents, as in Remark IV.5.
     speed
         Largest initial speed.
 
     Raises
     ------
     InvalidInput
-        When the paper has no such figure.
+        If the paper has no such figure.
     """
     check_figure(figure, LAST_FIGURE)
     graph = Fixed.complete(AGENTS) if complete else Fixed.random_connected(AGENTS, LINK_PROBABILITY, seed)
@@ -65,7 +65,7 @@ def scenario(
 
 
 def frame_times() -> tuple[float, ...]:
-    """Even times, and the times the paper prints."""
+    """Evenly spaced times and the times of the paper."""
     return tuple(sorted({*(k * 0.5 for k in range(201)), *PRINTED_TIMES}))
 
 

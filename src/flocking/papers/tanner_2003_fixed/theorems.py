@@ -1,4 +1,4 @@
-"""What Tanner I claims; what is expected of each claim rests on its grounds."""
+"""Claims of Tanner I with their grounds."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ THEOREM = "Theorem IV.4"
 
 
 def longest_path(potential: Potential, links: int, c: float) -> float:
-    """Length of a path of ``links`` links none of which stores more than ``c``: links times V^-1(c), after (6).
+    """Largest length of a path of ``links`` links that each store at most ``c``: links times V^-1(c), after (6).
 
     Parameters
     ----------

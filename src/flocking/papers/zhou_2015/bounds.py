@@ -26,7 +26,7 @@ def most_new_links(n: int) -> int:
 def largest_energy(initial: float, n: int, potential: Potential, appear_radius: float) -> float:
     """Q_max = Q_0 + M psi(r - eps), the bound of (13)-(18), and U_max of (31) likewise.
 
-    No link is lost and each of at most M new links adds psi(r - eps); between switches the energy never rises.
+    No link is lost and each of at most M new links adds psi(r - eps); between switches the energy does not increase.
     Q_max is used in (13)-(18) and defined only for the leader's case, as U_max below (31).
 
     Parameters
@@ -48,7 +48,7 @@ def largest_energy(initial: float, n: int, potential: Potential, appear_radius: 
     Raises
     ------
     InvalidInput
-        When a value is out of range.
+        If a value is out of range.
     """
     start = number("largest_energy", "initial", initial)
     radius = number("largest_energy", "appear_radius", appear_radius, above=0.0)

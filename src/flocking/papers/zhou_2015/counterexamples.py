@@ -1,4 +1,4 @@
-"""Computed counter-examples to what Zhou, Zhou and Zeng print."""
+"""Computed counter-examples to statements of Zhou, Zhou and Zeng."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from flocking.study.potentials.state_energy import total_energy
 
 
 def printed_indicator(linked: bool, distance: float) -> set[int]:
-    """Values (1) as printed allows for sigma after a pair with this memory is seen at ``distance``.
+    """Values of sigma that the printed (1) allows for a pair at ``distance``.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def indicator() -> Demonstration:
 
 
 def initial_distances() -> Demonstration:
-    """Rules (ii), (iii): with ||s_i(0) - s_j(0)||, as printed, every pair they could link is linked from the start."""
+    """Rules (ii), (iii): with ||s_i(0) - s_j(0)||, as printed, every pair that they link is linked from the start."""
     run = simulate(system.scenario(seed=0), progress=False)
     net = system.graph()
     printed = np.triu(pair_distances(run.q[0]) < net.appear_radius) & ~run.links_at(0)
@@ -63,10 +63,10 @@ def initial_distances() -> Demonstration:
 
 
 def coinciding_goal() -> Demonstration:
-    """Sec. 2.2: s_1 = ... = s_N does not hold of agents that rest in balance, for ever."""
+    """Sec. 2.2: s_1 = ... = s_N does not hold for agents at rest in balance."""
     state, _ = examples.balance_of(1.0)
     return Demonstration(
-        0.0, float(pair_distances(state.q).min()), 1e-3, "smallest distance of four agents that rest in balance"
+        0.0, float(pair_distances(state.q).min()), 1e-3, "smallest distance of four agents at rest in balance"
     )
 
 
@@ -107,7 +107,7 @@ def rate_sign() -> Demonstration:
 
 
 def gradient_rate() -> Demonstration:
-    """(12), second line: the gradients with respect to s_i and s_j do not cancel, they are opposite."""
+    """(12), second line: the gradients with respect to s_i and s_j do not cancel; they are opposite."""
     state = examples.example_state()
     forces = examples.potential_forces_of(1.0)
     printed = float(np.sum(state.p * (-2 * forces))) - examples.dissipation_of(1.0)
@@ -123,7 +123,7 @@ def many_switches() -> Demonstration:
 
 
 def kernel_in_balance() -> Demonstration:
-    """After (23): L-hat s = 0 would leave s_1 = ... = s_N alone, a kernel of dimension 1, for a connected graph."""
+    """After (23): L-hat s = 0 would imply s_1 = ... = s_N, a kernel of dimension 1, for a connected graph."""
     state, _ = examples.balance_of(1.0)
     psi, links = system.potential(), system.graph().initial(state.q)
     assert is_connected(links)
@@ -131,13 +131,11 @@ def kernel_in_balance() -> Demonstration:
     entries = np.where(links, psi.slope(distance) / distance, 0.0)
     size = np.abs(np.linalg.eigvalsh(entries - np.diag(entries.sum(axis=1))))
     kernel = float((size < 1e-9 * size.max()).sum())
-    return Demonstration(
-        1.0, kernel, 0.5, "dimension of the kernel of L-hat for four linked agents that rest in balance"
-    )
+    return Demonstration(1.0, kernel, 0.5, "dimension of the kernel of L-hat for four linked agents at rest in balance")
 
 
 def no_position() -> Demonstration:
-    """Abstract: under (24) nothing draws the group to the leader's position."""
+    """Abstract: (24) has no feedback of the leader's position."""
     run = simulate(system.scenario(seed=0, leader=True), progress=False)
     leader = run.scenario.law.leaders[0]
     away = float(np.linalg.norm(run.q[-1].mean(axis=0) - leader.at(float(run.t[-1]))[0]))
@@ -145,7 +143,7 @@ def no_position() -> Demonstration:
 
 
 def some_informed() -> Demonstration:
-    """(33), (34): they need c_1 = 1 for every agent; with some uninformed the mean obeys no such equation."""
+    """(33), (34): they need c_1 = 1 for every agent; if some agents are uninformed, the mean has no such equation."""
     gains = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
     law = Law(system.graph(), (*examples.law().terms, Track(Velocity(system.LEADER_VELOCITY), velocity_gain=gains)))
     state = examples.example_state()

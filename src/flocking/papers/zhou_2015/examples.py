@@ -1,4 +1,4 @@
-"""What the rows of Zhou's equation table build: each object depends on one decisive number."""
+"""Objects of the equation table of Zhou; each depends on a factor that is 1 for the paper."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def weights() -> Array:
 
 
 def law(gain: float = 1.0, stiffness: float = 1.0, pull: float | None = None) -> Law:
-    """Protocol (8), or (24) where ``pull`` is the leader's gain, with weights and scaled parts.
+    """Protocol (8), or (24) if ``pull``, the leader's gain, is given, with weights and scaled parts.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def sum_of_squares_of(scale: float) -> float:
 
 
 def displacement_of(scale: float) -> tuple[Array, Array]:
-    """How far the simulated agents move, and how their velocities change, both when time and mass are scaled."""
+    """Displacements and changes of velocity of the simulated agents with scaled time and mass."""
     scenario = system.scenario(seed=0)
     return examples.displacement(scenario, examples.STEP * scale), examples.velocity_change(scenario, scale)
 
@@ -130,7 +130,7 @@ def led_control_of(scale: float) -> Array:
 
 
 def relative_control_of(scale: float) -> Array:
-    """Control (27): that of (24) seen from the leader, the consensus gain scaled."""
+    """Control (27): that of (24) relative to the leader, the consensus gain scaled."""
     state = example_state()
     moved = State(state.q - np.asarray(system.LEADER_VELOCITY) * 2.5, state.p - np.asarray(system.LEADER_VELOCITY))
     terms = (*law(gain=scale).terms, Track(Velocity((0.0, 0.0)), velocity_gain=system.LEADER_GAIN))
@@ -154,7 +154,7 @@ def led_energy_of(scale: float) -> float:
 
 
 def means_of(scale: float) -> tuple[Array, Array]:
-    """Mean velocity and position when the first agent weighs the scale."""
+    """Mean velocity and position with the weight ``scale`` of the first agent."""
     state = example_state()
     masses = np.array([scale, *np.ones(5)])
     return mean_velocity(state, masses), mean_position(state, masses)
@@ -192,7 +192,7 @@ def led_dissipation_of(scale: float) -> float:
 
 
 def mean_control_of(scale: float) -> Array:
-    """Mean of the control when agent 0 weighs what its neighbours say by the scale."""
+    """Mean of the control if the weights of agent 0 are scaled."""
     gains = np.array([scale, *np.ones(5)])
     declared = Law(system.graph(), (Gradient(system.potential()), Consensus(gains, weights=weights())))
     return np.asarray(evaluate(declared, example_state()).u.mean(axis=0))
@@ -256,7 +256,7 @@ def moved_control_of(scale: float) -> tuple[Array, Array]:
 
 
 def numbers_of(scale: float) -> dict[str, float]:
-    """Numbers of the simulations as the scenario has them, lengths, gains and times off by ``scale``."""
+    """Numbers of the simulations as the scenario has them, lengths, gains and times times ``scale``."""
     scenario = system.scenario(seed=0, leader=True)
     net, (_, consensus, track) = scenario.law.graph, scenario.law.terms
     assert isinstance(net, Hysteresis)
@@ -292,14 +292,14 @@ def led_theorem_of(gain: float) -> dict[str, Judgement]:
     Parameters
     ----------
     gain
-        Consensus gain the agents really have; 1 is declared.
+        Consensus gain of the plant; 1 is declared.
     """
     return theorem_of(gain, leader=True)
 
 
 def coming_together_of(scale: float) -> tuple[Array, float]:
-    """Link lengths in the limit of the second start, the radius of the potential and the graph scaled, and by how much
-    they miss having one length.
+    """Link lengths in the limit of the second start, the radius of the potential and the graph scaled, and the largest
+    deviation from a common length.
     """
     radius = system.RADIUS * scale
     scenario = system.scenario(seed=1)
@@ -309,8 +309,8 @@ def coming_together_of(scale: float) -> tuple[Array, float]:
 
 
 def definition_of(scale: float) -> tuple[float, tuple[tuple[bool | None, ...], ...]]:
-    """Distance at which the potential is least, its radius scaled, and which items of the definition of psi the paper's
-    potential, a spring and -1/r meet.
+    """Minimum of the potential with a scaled radius, and the items of the definition of psi that the paper's
+    potential, a spring and -1/r satisfy.
     """
     radius = system.RADIUS * scale
     least = smallest_value(system.potential(radius), radius)[0]
@@ -319,7 +319,7 @@ def definition_of(scale: float) -> tuple[float, tuple[tuple[bool | None, ...], .
 
 
 def mean_velocity_of(scale: float) -> tuple[Array, Measure]:
-    """Mean velocity of the led group after one second, the leader's gain scaled, and (34) held against the run."""
+    """Mean velocity of the led group after one second, the leader's gain scaled, and (34) compared with the run."""
     scenario = system.scenario(seed=0, leader=True)
     pair_terms = [t for t in scenario.law.terms if not isinstance(t, Track)]
     pull = Track(scenario.law.leaders[0], velocity_gain=system.LEADER_GAIN * scale)
@@ -334,24 +334,24 @@ def start_of(scale: float) -> State:
 
 
 def known_figures() -> Mapping[int, Figure]:
-    """Figures of the paper; the pictures are loaded when they are asked for."""
+    """Figures of the paper; the module of pictures is imported when needed."""
     from flocking.papers.zhou_2015.pictures import figures
 
     return figures()
 
 
 def alone() -> Scenario:
-    """The simulation without a leader, as long as figures show it and a little longer."""
+    """The simulation without a leader, slightly longer than the figures show."""
     return system.scenario(seed=0, duration=13.0).with_(name="")
 
 
 def led() -> Scenario:
-    """The simulation with the leader, as long as figures show it and a little longer."""
+    """The simulation with the leader, slightly longer than the figures show."""
     return system.scenario(seed=0, duration=13.0, leader=True).with_(name="")
 
 
 def picture_of(number: int) -> Callable[[float], examples.Pictured]:
-    """Builder: a figure as it is drawn.
+    """Builder: content of a figure.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The energy of Zhou's simulations from switch to switch, and the bounds (13)-(18), (30), (31) it is held against."""
+"""The energy of Zhou's simulations between switches, and the bounds (13)-(18), (30), (31)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from flocking.study.evidence import Evidence
 
 @dataclass(frozen=True, eq=False)
 class Phases:
-    """The energy of a run from switch to switch, and the bounds it is held against.
+    """The energy of a run between switches, and its bounds.
 
     Parameters
     ----------
@@ -28,11 +28,11 @@ class Phases:
     linked
         Least and largest distance of a linked pair over the frames.
     bound
-        Q_max or U_max, eps off.
+        Q_max or U_max with a scaled eps.
     price
         The potential psi(r - eps) of a new link.
     most
-        M for a hundred agents, their number off.
+        M for a hundred agents, their number scaled.
     """
 
     energies: tuple[Array, ...]
@@ -44,7 +44,7 @@ class Phases:
 
 
 def phases_of(scale: float, *, leader: bool = False) -> Phases:
-    """The simulation from switch to switch, with Q_max for eps scaled.
+    """The simulation between switches, with Q_max for a scaled eps.
 
     Parameters
     ----------

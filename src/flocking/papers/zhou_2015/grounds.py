@@ -1,4 +1,4 @@
-"""What the expected verdicts on Zhou, Zhou and Zeng rest on."""
+"""Grounds of the expected verdicts on Zhou, Zhou and Zeng."""
 
 from __future__ import annotations
 

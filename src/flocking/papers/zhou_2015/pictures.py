@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 FIRST_WITH_LEADER = 8
 """Number of the first figure of the system with a virtual leader."""
 FINAL_TIME = 12.0
-"""When the final states are shown and curves end. The paper does not say; velocities agree, the rest is drift."""
+"""Time of the final states and end of the curves, not given in the paper; velocities agree by then."""
 SERIES = {4: ("velocities", 0), 5: ("velocities", 1), 6: ("positions", 0), 7: ("positions", 1),
           11: ("velocities", 0), 12: ("velocities", 1), 13: ("positions", 0), 14: ("positions", 1)}  # fmt: skip
-"""What each figure over time shows, and along which axis."""
+"""Quantity and axis of each figure over time."""
 
 
 def times() -> dict[int, float]:
@@ -26,7 +26,7 @@ def times() -> dict[int, float]:
 
 
 def scenario_of(number: int) -> str:
-    """Name of the scenario a figure shows.
+    """Name of the scenario of a figure.
 
     Parameters
     ----------

@@ -18,13 +18,13 @@ KEY = "zhou-2015"
 LEADER = "zhou-2015-leader"
 """The system with a virtual leader of sec. 4.2."""
 AGENTS = 10
-"""Agents of the simulations."""
+"""Number of agents of the simulations."""
 LAST_FIGURE = 14
 """Number of the last figure of the paper."""
 SIDE = 8.0
-"""Side of the square that the agents start in."""
+"""Side of the start square."""
 LARGEST_COMPONENT = 4.0
-"""Upper end of the interval that velocity components are drawn from."""
+"""Upper end of the interval of initial velocity components."""
 RADIUS = 4.0
 """r, the sensing radius."""
 GAP = 0.1
@@ -32,7 +32,7 @@ GAP = 0.1
 LEADER_POSITION = (10.0, 10.0)
 """Initial position of the virtual leader."""
 LEADER_VELOCITY = (3.0, 3.0)
-"""Its velocity."""
+"""Velocity of the virtual leader."""
 LEADER_GAIN = 1.0
 """c_1, the same for all agents."""
 DURATION = 100.0
@@ -71,22 +71,22 @@ def scenario(
     Parameters
     ----------
     figure
-        Number of the figure it is for: 1-7 without, 8-14 with the leader.
+        Number of the figure: 1-7 without, 8-14 with the leader.
     seed
         Seed of the start.
     leader
-        With the virtual leader, whatever the figure.
+        Whether to include the virtual leader, regardless of the figure.
     side
         Side of the square of the start.
     gain
         Common factor of the weights w_ij, which the paper does not give; 1 by default.
     duration
-        Length of the run, which the paper does not give either.
+        Duration of the run, which the paper does not give.
 
     Raises
     ------
     InvalidInput
-        When the paper has no such figure.
+        If the paper has no such figure.
     """
     check_figure(figure, LAST_FIGURE)
     net, times = graph(), frame_times(duration)
@@ -106,7 +106,7 @@ def scenario(
 
 
 def frame_times(duration: float = DURATION) -> tuple[float, ...]:
-    """Dense times while the velocities still change fast, then every half second until ``duration``."""
+    """Short intervals while velocities change fast, then every half second until ``duration``."""
     early = (0.05 * k for k in range(241))
     late = (0.5 * k for k in range(2 * int(duration) + 1))
     return tuple(sorted({round(t, 9) for t in (*early, *late, duration) if t <= duration}))

@@ -1,4 +1,4 @@
-"""What Zhou, Zhou and Zeng claim; what is expected of each claim rests on its grounds."""
+"""Claims of Zhou, Zhou and Zeng with their grounds."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def new_links_bounded(e: Evidence) -> Measure:
 
 @about(Subject.LEDGER, lasting=True)
 def new_links_cost_the_same(e: Evidence) -> Measure:
-    """Jump of the energy at each new link against psi(r - eps): what (17) adds for it."""
+    """Jump of the energy at each new link against psi(r - eps), the value in (17)."""
     psi = e.potential
     price = float(psi(float(np.max(np.asarray(e.law.graph.appear_radius)))))
     paid = float(e.trace["jumped"][-1])
@@ -70,7 +70,7 @@ def distances_bounded(e: Evidence) -> Measure:
 
 @about(Subject.CLOSEST, lasting=True)
 def unlinked_apart(e: Evidence) -> Measure:
-    """Closest unlinked pair ever against r - eps, below which every pair is linked."""
+    """Closest unlinked pair against r - eps, below which every pair is linked."""
     least = float(np.min(np.asarray(e.law.graph.appear_radius)))
     found = e.closest_unlinked
     return above(found.distance, least * (1 - 1e-9), f"closest unlinked pair {found.distance:.6g}, threshold {least:g}")
@@ -85,7 +85,7 @@ def agents_coincide(e: Evidence) -> Measure:
 
 
 def links_have_one_length(e: Evidence) -> Measure:
-    """Largest difference between a link's length at the end and the distance where the potential is least."""
+    """Largest difference between a link's length at the end and the minimum of the potential."""
     from flocking.study.claims.potential_minimum import smallest_value
 
     best, _ = smallest_value(e.potential, float(np.max(np.asarray(e.law.graph.break_radius))))
@@ -130,7 +130,7 @@ def mean_velocity_decays(e: Evidence) -> Measure:
 
 
 def leader_offset(e: Evidence) -> Measure:
-    """Where the mean position ends relative to the leader, against the integral of (34)."""
+    """Final mean position relative to the leader, against the integral of (34)."""
     track = tracking(e)
     start, goal, _ = track.leader.at(float(e.t[0]))
     end = track.leader.at(float(e.t[-1]))[0]
