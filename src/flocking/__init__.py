@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from flocking.engine.reference.control import evaluate as evaluate
     from flocking.engine.runs.compare import first_difference as first_difference
     from flocking.engine.runs.run import Run as Run
-    from flocking.engine.storage.exchange import export_run as export_run
+    from flocking.engine.storage.export_formats import export_run as export_run
     from flocking.engine.storage.start_files import read_start as read_start
     from flocking.engine.storage.stored_runs import read_run as read_run
     from flocking.engine.storage.stored_runs import write_run as write_run
@@ -58,7 +58,7 @@ _HOMES = {
     "SimulationError": "errors", "StorageError": "errors", "agent_energies": "study.potentials.state_energy",
     "animate": "show.animate", "audit": "papers.auditing", "check_potential": "papers.potential_definitions",
     "control": "engine.reference.control", "control_of": "engine.reference.control",
-    "evaluate": "engine.reference.control", "export_run": "engine.storage.exchange",
+    "evaluate": "engine.reference.control", "export_run": "engine.storage.export_formats",
     "first_difference": "engine.runs.compare", "lab": "apps.lab.server", "plot": "show.plot",
     "read_run": "engine.storage.stored_runs", "read_scenario": "study.scenario_files.scenario_file",
     "read_start": "engine.storage.start_files", "read_sweep": "study.sweeps.sweep",

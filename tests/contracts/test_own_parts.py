@@ -156,7 +156,7 @@ class Wrong(fk.PairTerm):
 
 @pytest.mark.parametrize(
     ("annotation", "said"),
-    [("object", "Wrong.thing must have an annotation that says what it holds"), ("'Away'", "names are known there")],
+    [("object", "Wrong.thing must have an annotation for its kind of value"), ("'Away'", "names that are defined")],
 )
 def test_a_field_that_says_nothing_is_refused_at_once(folder: Path, annotation: str, said: str) -> None:
     assert said in run(folder, WRONG.format(annotation=annotation)).stderr

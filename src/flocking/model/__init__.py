@@ -1,4 +1,4 @@
-"""WHAT is simulated: states, potentials, graphs, terms and laws. Formulas only, no time loop, no files."""
+"""The simulated system: states, potentials, graphs, terms and laws. Formulas only, no time loop, no files."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""Validation of the values a user gives to the parts, with one form of message."""
+"""Validation of the values of parts, with a common form of messages."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from flocking.arrays import Array as Array
 from flocking.errors import InvalidInput
 
 NO_LESS = 1e-300
-"""Least divisor, in place of a length or an energy that may be zero: quotients of zero become zero, and others so large
-that every bound refuses them. It is a normal number, so that dividing by it is exact to rounding."""
+"""Smallest divisor, used instead of a length or an energy that may be zero: quotients of zero become zero, and others
+so large that every bound rejects them. It is a normal number, so that a division by it is exact to rounding."""
 
 
 class StandIn(float):
-    """Takes the place of a wrong number while the other faults of a part are found."""
+    """Placeholder for an invalid number while the other errors of a part are collected."""
 
 
 _collected: ContextVar[list[InvalidInput] | None] = ContextVar("collected", default=None)
@@ -27,7 +27,7 @@ _collected: ContextVar[list[InvalidInput] | None] = ContextVar("collected", defa
 
 @contextmanager
 def collecting() -> Iterator[list[InvalidInput]]:
-    """Collects numbers out of range instead of stopping at the first: what is built meanwhile must be thrown away."""
+    """Collect errors of numbers instead of raising the first; objects built in this context must be discarded."""
     found: list[InvalidInput] = []
     token = _collected.set(found)
     try:
@@ -37,7 +37,7 @@ def collecting() -> Iterator[list[InvalidInput]]:
 
 
 def refuse(error: InvalidInput) -> None:
-    """Raise an error of one value alone, or collect it, see `collecting`."""
+    """Raise an error of a single value, or collect it, see `collecting`."""
     found = _collected.get()
     if found is None:
         raise error
@@ -45,7 +45,7 @@ def refuse(error: InvalidInput) -> None:
 
 
 def stop_if_refused() -> None:
-    """Raise what was collected, before work that wrong values would waste."""
+    """Raise the collected errors, before expensive work with invalid values."""
     found = _collected.get()
     if found:
         raise found[0]
@@ -65,7 +65,7 @@ def number(
     Raises
     ------
     InvalidInput
-        When ``value`` is no number, not finite, or out of range.
+        If ``value`` is not a number, not finite, or out of range.
     """
     if isinstance(value, StandIn):
         return value
@@ -85,7 +85,7 @@ def number(
 
 
 def _broken_rule(x: float, above: float | None, least: float | None, below: float | None) -> str:
-    """The rule that a number breaks; a bound that stands in for a wrong one breaks nothing."""
+    """The rule that a number breaks; placeholders of bounds are ignored."""
     if not math.isfinite(x):
         return "must be finite"
     if above is not None and not isinstance(above, StandIn) and not x > above:
@@ -103,7 +103,7 @@ def integer(owner: str, parameter: str, value: object, *, least: int) -> int:
     Raises
     ------
     InvalidInput
-        When ``value`` is no integer or too small.
+        If ``value`` is not an integer or too small.
     """
     if isinstance(value, bool) or not isinstance(value, int | np.integer):
         raise InvalidInput(owner, parameter, "must be an integer", value)
@@ -118,7 +118,7 @@ def array(owner: str, parameter: str, value: Any, *, ndim: int) -> Array:
     Raises
     ------
     InvalidInput
-        When ``value`` has the wrong number of axes, or holds NaN, infinities or text.
+        If ``value`` has the wrong number of axes, or contains NaN, infinities or strings.
     """
     try:
         if np.iscomplexobj(value):
@@ -143,7 +143,7 @@ def scalar_or_each(
     Raises
     ------
     InvalidInput
-        When a value is not finite, below ``least`` or not greater than ``above``.
+        If a value is not finite, below ``least`` or not greater than ``above``.
     """
     if axes_of(value) == 0:
         return number(owner, parameter, value, least=least, above=above)
@@ -168,7 +168,7 @@ def check_each(owner: str, parameter: str, value: object, n: int) -> None:
     Raises
     ------
     InvalidInput
-        When it has another number of entries.
+        If it has another number of entries.
     """
     entries = np.asarray(0.0 if value is None else value)
     if entries.ndim and len(entries) != n:
@@ -177,7 +177,7 @@ def check_each(owner: str, parameter: str, value: object, n: int) -> None:
 
 
 def axes_of(value: Any) -> int:
-    """Number of axes of an array, or -1 for nested sequences that are none."""
+    """Number of axes of an array, or -1 for nested sequences that are not an array."""
     try:
         return np.ndim(value)
     except ValueError:
@@ -190,7 +190,7 @@ def one_of(owner: str, parameter: str, value: object, choices: Collection[object
     Raises
     ------
     InvalidInput
-        When it is not.
+        If it is not.
     """
     if not isinstance(value, str | int) or isinstance(value, bool) or value not in choices:
         raise InvalidInput(owner, parameter, rule or f"must be one of {', '.join(map(str, choices))}", value)
@@ -202,7 +202,7 @@ def truth(owner: str, parameter: str, value: object) -> bool:
     Raises
     ------
     InvalidInput
-        When ``value`` is neither.
+        If ``value`` is neither.
     """
     if not isinstance(value, bool | np.bool_):
         raise InvalidInput(owner, parameter, "must be True or False", value)
@@ -215,7 +215,7 @@ def listed(owner: str, parameter: str, value: Any, rule: str) -> list[Any]:
     Raises
     ------
     InvalidInput
-        When ``value`` is text, or no sequence.
+        If ``value`` is a string, or not a sequence.
     """
     try:
         if isinstance(value, str | bytes):
@@ -226,12 +226,12 @@ def listed(owner: str, parameter: str, value: Any, rule: str) -> list[Any]:
 
 
 def named_parameters(owner: str, given: Mapping[str, object]) -> dict[str, object]:
-    """Parameters given by keyword, with those of a mapping that is itself given by the keyword ``parameters``.
+    """Parameters given by keyword, joined with those of a mapping given by the keyword ``parameters``.
 
     Raises
     ------
     InvalidInput
-        When one is given both ways.
+        If a parameter is given in both ways.
     """
     together = given.get("parameters")
     if not isinstance(together, Mapping):
@@ -248,6 +248,6 @@ def parameters(owner: str, given: Mapping[str, object]) -> dict[str, float]:
     Raises
     ------
     InvalidInput
-        When a value is not a finite number.
+        If a value is not a finite number.
     """
     return {name: number(owner, name, value) for name, value in sorted(given.items())}

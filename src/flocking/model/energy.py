@@ -1,4 +1,4 @@
-"""Energies: the function a theorem looks at, and the frame it is taken in, apart from the control."""
+"""Energies: the function of a theorem and its frame, independent of the control."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ FRAMES = ("lab", "centre of mass", "leader")
 
 @dataclass(frozen=True)
 class Energy:
-    """Kinetic energy relative to a frame, plus what the terms of the law store.
+    """Kinetic energy relative to a frame, plus the energies stored by the terms of the law.
 
     Parameters
     ----------
     frame
         ``"lab"``, ``"centre of mass"`` (Olfati-Saber (27), Shi (11)) or ``"leader"`` (Zhou (25), Shi's J).
     leader
-        The leader whose frame it is, for ``"leader"``.
+        The leader of the frame, for ``"leader"``.
     unlinked
         Energy of a pair that is not linked: V_R makes Tanner II (6) continuous where a link breaks.
     name
-        What the paper calls it.
+        Its symbol in the paper.
 
     Raises
     ------
     InvalidInput
-        When the frame is unknown or the leader is missing.
+        If the frame is unknown or the leader is missing.
     """
 
     frame: Annotated[str, values.choice(*FRAMES)] = "lab"
@@ -51,7 +51,7 @@ class Energy:
 
     @property
     def structure(self) -> tuple[object, ...]:
-        """What fixes its formulas."""
+        """Everything that determines its formulas."""
         return (self.frame, self.leader.structure if self.leader is not None else None)
 
 

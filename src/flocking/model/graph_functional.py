@@ -18,19 +18,19 @@ def uses_functional(law: Law, number: int) -> bool:
 def graph_functional(law: Law, number: int, links: Links) -> Array | None:
     """Values s_i of the functional of graph ``number`` of a law, or None where no term uses it.
 
-    The weights are those of the terms that use it, gains included.
+    The weights are those of the terms that use it, including gains.
 
     Parameters
     ----------
     number
-        Which of its graphs.
+        Index of the graph.
     links
         Links of that graph, shape (N, N).
 
     Raises
     ------
     InvalidInput
-        When the graph is not strongly connected.
+        If the graph is not strongly connected.
     """
     if not uses_functional(law, number):
         return None

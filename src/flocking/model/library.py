@@ -1,4 +1,4 @@
-"""All parts of this library, and what parts of one's own are made of: importing this module registers them."""
+"""All parts of this library and the base classes of parts; importing this module registers them."""
 
 from flocking.model import starts as _starts  # noqa: F401
 from flocking.model.bodies.actuators import Lagged as Lagged

@@ -43,12 +43,12 @@ def speed_spread(state: State) -> float:
 
 
 def order(state: State) -> float:
-    """Polarisation: length of the mean unit velocity, 1 when all agents head the same way (Vicsek)."""
+    """Polarisation: length of the mean unit velocity, 1 if all agents have the same heading (Vicsek)."""
     return order_of(state.p)
 
 
 def order_of(p: Reals) -> float:
-    """Polarisation of velocities, shape (N, m); 0 when nobody moves."""
+    """Polarisation of velocities, shape (N, m); 0 if all agents are at rest."""
     speed = np.sqrt((p**2).sum(axis=1))
     moving = speed > 0
     if not moving.any():
@@ -62,19 +62,19 @@ def flocks(links: Links) -> int:
 
 
 def density(links: Links) -> float:
-    """Share of the agents in the largest flock (Olfati-Saber (7))."""
+    """Fraction of the agents in the largest flock (Olfati-Saber (7))."""
     return float(np.bincount(components(links)).max()) / len(links)
 
 
 def closest_pair(state: State) -> tuple[float, tuple[int, int]]:
-    """Smallest distance of two agents and who they are; infinite for one agent."""
+    """Smallest distance of two agents and their numbers; infinite for one agent."""
     if state.n < 2:
         return np.inf, (-1, -1)
     from scipy.spatial import cKDTree
 
     found = cKDTree(state.q).query(state.q, k=2)
     distance, index = np.asarray(found[0]), np.asarray(found[1])
-    # Coinciding agents may list each other first: take whichever entry is not the agent itself.
+    # Coinciding agents may list each other first: take the entry that is not the agent itself.
     own = index[:, 1] == np.arange(state.n)
     nearest = np.where(own, index[:, 0], index[:, 1])
     i = int(np.argmin(distance[:, 1]))

@@ -1,4 +1,4 @@
-"""Numbers of a scenario: its end, its frames, its tolerance."""
+"""Validation of the end, the frames and the tolerance of a scenario."""
 
 from __future__ import annotations
 
@@ -9,8 +9,11 @@ import numpy as np
 from flocking.errors import InvalidInput
 from flocking.model.checks import array, integer, number
 
+LARGEST_TOLERANCE = 0.1
+"""Bound on the tolerance: at a tenth the solution has no correct digit."""
+
 MOST_FRAMES = 10_000_000
-"""Most frames at even times; a list of times has no limit."""
+"""Largest number of frames at even times; a list of times has no limit."""
 
 
 def checked_end(t_end: object, start: float) -> float:
@@ -19,7 +22,7 @@ def checked_end(t_end: object, start: float) -> float:
     Raises
     ------
     InvalidInput
-        When it comes before the start.
+        If it is before the start.
     """
     end = number("Scenario", "t_end", t_end)
     if end < start:
@@ -33,9 +36,9 @@ def checked_tolerance(tolerance: object) -> float:
     Raises
     ------
     InvalidInput
-        When it is not between 0 and 0.1.
+        If it is not between 0 and 0.1.
     """
-    return number("Scenario", "tolerance", tolerance, above=0.0, below=0.1)
+    return number("Scenario", "tolerance", tolerance, above=0.0, below=LARGEST_TOLERANCE)
 
 
 def checked_frames(frames: int | Sequence[float], start: float, end: float) -> int | tuple[float, ...]:
@@ -44,7 +47,7 @@ def checked_frames(frames: int | Sequence[float], start: float, end: float) -> i
     Raises
     ------
     InvalidInput
-        When the number is none or too large, or the times are out of order.
+        If the number is invalid or too large, or the times are out of order.
     """
     if isinstance(frames, int | np.integer) or np.ndim(frames) == 0:
         count = integer("Scenario", "frames", frames, least=1)

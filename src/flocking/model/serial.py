@@ -1,4 +1,4 @@
-"""Parts as plain data and back: what a file may say about a scenario. Nothing in the data is ever executed."""
+"""Conversion of parts to plain data and back. Data are never executed."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from flocking.model.parts.description import Description, registered, registered
 from flocking.model.parts.values import NAMED_NUMBERS, Value
 
 LONGEST_LIST = 1000
-"""Arrays with more entries are written as base64 of NumPy's own format instead of lists."""
+"""Arrays with more entries are written as base64 of NumPy's format instead of lists."""
 
 DEEPEST = 40
-"""Nested parts of plain data: far below the depth at which the interpreter stops recursion."""
+"""Largest depth of nested parts; far below the recursion limit of the interpreter."""
 
 
 class ForeignPart(InvalidInput):
-    """A part that was never registered: it can be simulated, but a file cannot name it."""
+    """A part that is not registered: it can be simulated but not stored."""
 
 
 def to_data(part: object) -> object:
@@ -34,23 +34,23 @@ def to_data(part: object) -> object:
     Parameters
     ----------
     part
-        Any part of a scenario, or a list of parts; objects shared between them stay shared.
+        Any part of a scenario, or a list of parts; shared objects stay shared.
 
     Raises
     ------
     ForeignPart
-        When a part is from outside this library and was not registered, see `flocking.register_part`.
+        If a part is not from this library and not registered, see `flocking.register_part`.
     """
     return _Writer(part).data
 
 
 def from_data(data: object) -> Any:
-    """The part that `to_data` described. Every part is validated as it is built.
+    """The part from the output of `to_data`. Every part is validated.
 
     Raises
     ------
     InvalidInput
-        When the data names an unknown part or field, or a value breaks a rule of its part.
+        If the data contain an unknown part or field, or a value is invalid.
     """
     return _Reader().read(data, "data")
 
@@ -65,7 +65,7 @@ def _kind(name: object, where: str, source: object) -> Description:
 
 
 class _Writer:
-    """Describes parts, each shared one once."""
+    """Writes parts; shared parts are written once."""
 
     def __init__(self, part: object) -> None:
         self._seen: dict[int, int] = {}
@@ -117,7 +117,7 @@ class _Writer:
 
 def _array_data(values: AnyArray) -> object:
     if values.dtype.kind not in "bfiu":
-        raise InvalidInput("to_data", "array", "must hold numbers", values.dtype)
+        raise InvalidInput("to_data", "array", "must contain numbers", values.dtype)
     if values.dtype.kind == "f" and values.size <= LONGEST_LIST and 0 not in values.shape:
         return values.tolist()
     file = io.BytesIO()
@@ -179,7 +179,8 @@ class _Reader:
 
 def _check_fields(kind: Description, given: Mapping[str, object], where: str) -> None:
     if odd := sorted(set(given) - set(kind.fields)):
-        raise InvalidInput(where, odd[0], f"is no field of {kind.name}", given[odd[0]], f"It has {list(kind.fields)}.")
+        fix = f"It has {list(kind.fields)}."
+        raise InvalidInput(where, odd[0], f"is not a field of {kind.name}", given[odd[0]], fix)
     for name, field in kind.fields.items():
         if name not in given:
             if field.required:

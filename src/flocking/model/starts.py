@@ -1,4 +1,4 @@
-"""Random initial states, redrawn until the graph they induce is connected where asked."""
+"""Random initial states, optionally redrawn until their graph is connected."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ from flocking.model.parts.values import MOST_PAIRWISE
 from flocking.model.state import State
 
 VELOCITIES = ("disc", "box")
-"""How velocities may be drawn."""
+"""Distributions of velocities."""
 
 MOST_DRAWS = 100_000
-"""Draws tried before a connected start is declared out of reach."""
+"""Largest number of draws for a connected start."""
 
 MOST_PAIRS = 4 * 10**8
-"""Pairs looked at in all these draws: of many agents fewer draws are tried."""
+"""Largest number of pairs evaluated in these draws; for many agents there are fewer draws."""
 
 MOST_AGENTS = 200_000_000
-"""Most agents of a random start, unless the caller says otherwise."""
+"""Default limit on the number of agents of a random start."""
 
 MOST_DIMENSIONS = 1000
-"""Most axes of a random start."""
+"""Largest number of axes of a random start."""
 
 MOST_AXES = 8
-"""Axes of a start of as many agents as are allowed; fewer agents may have more."""
+"""Largest number of axes of a start with the largest number of agents; smaller groups may have more."""
 
 MOST_CONNECTED = 10_000
-"""Most agents of a start that must be connected."""
+"""Largest number of agents of a connected start."""
 
 
 @register_part("box")
@@ -63,21 +63,21 @@ def box(
     seed
         Seed of the random generator; the same seed gives the same state.
     corner
-        Lowest corner of the box; the origin when absent.
+        Lowest corner of the box; the origin by default.
     dimension
-        Number of axes, where ``side`` is a single number.
+        Number of axes, if ``side`` is a single number.
     velocities
         ``"disc"``: any direction and a magnitude uniform in [0, speed). ``"box"``: each component uniform in
         [0, speed).
     connected_under
-        Redraw until the initial links of this graph connect all agents.
+        Graph under which the start must be connected; it is redrawn until it is.
     most_agents
-        Limit on ``n``, so that a slip does not fill the memory.
+        Limit on ``n``, which protects the memory from mistakes.
 
     Raises
     ------
     InvalidInput
-        When a value is out of range, or no connected draw is found in 100,000 tries
+        If a value is out of range, or no connected draw is found in 100,000 tries
         (fewer for more than 63 agents: 400 million pairs in all).
     """
     n = _count("start.box", n, dimension, most_agents)
@@ -119,14 +119,14 @@ def ball(
         ``"disc"``: any direction and a magnitude uniform in [0, speed). ``"box"``: each component uniform in
         [0, speed).
     connected_under
-        Redraw until the initial links of this graph connect all agents.
+        Graph under which the start must be connected; it is redrawn until it is.
     most_agents
-        Limit on ``n``, so that a slip does not fill the memory.
+        Limit on ``n``, which protects the memory from mistakes.
 
     Raises
     ------
     InvalidInput
-        When a value is out of range, or no connected draw is found in 100,000 tries
+        If a value is out of range, or no connected draw is found in 100,000 tries
         (fewer for more than 63 agents: 400 million pairs in all).
     """
     n = _count("start.ball", n, dimension, most_agents)
@@ -162,12 +162,12 @@ def hexagonal(
     seed
         Seed of the random generator; the same seed gives the same state.
     most_agents
-        Limit on ``n``, so that a slip does not fill the memory.
+        Limit on ``n``, which protects the memory from mistakes.
 
     Raises
     ------
     InvalidInput
-        When a value is out of range.
+        If a value is out of range.
     """
     n = _count("start.hexagonal", n, 2, most_agents)
     spacing = number("start.hexagonal", "spacing", spacing, above=0.0)
@@ -198,7 +198,7 @@ def given(
     links: Annotated[Sequence[tuple[int, int]] | None, values.PAIRS] = None,
     columns: Annotated[Mapping[str, Sequence[Sequence[float]]] | None, values.NAMED_ROWS] = None,
 ) -> State:
-    """A state as files give it, number by number.
+    """A state given by its numbers, for scenario files.
 
     Parameters
     ----------
@@ -212,7 +212,7 @@ def given(
     Raises
     ------
     InvalidInput
-        When the state is none, or there are too many agents for a matrix of links.
+        If the state is invalid, or there are too many agents for a link matrix.
     """
     n = len(q)
     if links is not None and n > MOST_PAIRWISE:
@@ -253,7 +253,7 @@ def _check_graph(owner: str, n: int, graph: object) -> None:
     if n > MOST_CONNECTED:
         raise InvalidInput(
             owner, "n", f"must be at most {MOST_CONNECTED} where the start must be connected", n,
-            "Every pair is looked at: draw without connected_under, or smaller parts.",
+            "Every pair is evaluated: draw without connected_under, or smaller groups.",
         )  # fmt: skip
     graph.check_count(n)
 

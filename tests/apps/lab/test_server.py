@@ -138,7 +138,7 @@ def test_no_file_outside_the_folder_is_opened(page, tmp_path):
         *page.file_panel.folder.options,
     }
     before = page.experiment
-    page._orders.take = lambda: True  # how often is asked elsewhere
+    page._requests.take = lambda: True  # how often is asked elsewhere
     for name in WAYS_OUT:
         if name in ("below/chunk",):
             continue
@@ -177,7 +177,7 @@ def test_saving_does_not_follow_a_link_out_of_the_folder(page, tmp_path, monkeyp
 def test_orders_that_come_too_often_are_refused(page):
     for _ in range(40):
         page.load("absent.toml")
-    assert "must come at most" in page.last_error
+    assert "must be at most" in page.last_error
 
 
 def test_a_server_that_asks_nobody_is_not_trusted(monkeypatch):

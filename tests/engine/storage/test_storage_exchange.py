@@ -18,7 +18,7 @@ import flocking as fk
 from flocking.engine.runs.compare import first_difference
 from flocking.engine.runs.run import Closest, Run
 from flocking.engine.storage import atomic_files
-from flocking.engine.storage.exchange import FORMATS, export_run, observable_table
+from flocking.engine.storage.export_formats import FORMATS, export_run, observable_table
 from flocking.engine.storage.start_files import read_start
 from flocking.errors import InvalidInput, StorageError
 from flocking.model import observables

@@ -65,7 +65,7 @@ def export(
     """
     if to.lower() == "lammps":
         return _export_deck(str(folder), out, step, seed)
-    from flocking.engine.storage.exchange import export_run
+    from flocking.engine.storage.export_formats import export_run
     from flocking.engine.storage.stored_runs import read_run
 
     place = out or folder.resolve().with_name(f"{folder.resolve().name}.{to.lower()}")

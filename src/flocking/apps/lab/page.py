@@ -28,11 +28,11 @@ from flocking.model.law import Scenario
 SECONDS_A_RUN = 40.0
 """Wall seconds of a scenario at the initial speed."""
 
-ORDERS_A_SECOND = 1.0
+REQUESTS_PER_SECOND = 1.0
 """Rate limit of requests to open or save a file or to begin a run, each of which may start a computation."""
 LONGEST_NOTE = 400
 """Characters of a notification, which covers part of the scene."""
-MOST_ORDERS = 20
+BURST_OF_REQUESTS = 20
 """Such requests that are accepted at once."""
 
 
@@ -55,7 +55,7 @@ class Page:
         self._guarded = guarded
         server = self.server = guarded.server
         self.folder = Folder(Path.cwd() if folder is None else folder)
-        self._orders = RateLimit(ORDERS_A_SECOND, MOST_ORDERS)
+        self._requests = RateLimit(REQUESTS_PER_SECOND, BURST_OF_REQUESTS)
         self._busy = threading.Lock()
         self._loads = 0
         self._given_file: Path | None = None
@@ -133,9 +133,12 @@ class Page:
         InvalidInput
             When there were too many in a short time.
         """
-        if not self._orders.take():
+        if not self._requests.take():
             raise InvalidInput(
-                "lab", "order", f"must come at most {MOST_ORDERS} times at once, and then once a second", "one more"
+                "lab",
+                "requests",
+                f"must be at most {BURST_OF_REQUESTS} at once, and then one per second",
+                "another one",
             )
 
     def show_error(self, message: str) -> None:

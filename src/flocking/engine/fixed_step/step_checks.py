@@ -22,6 +22,9 @@ steps."""
 LARGEST_GAP = 1e6
 """Upper bound on the residual relative to the energy exchanged, so that the recommended step stays finite."""
 
+UNKNOWN_STEP = 0.1
+"""Bound on the recommended step if the residual of the ledger is not finite: that of automatic steps."""
+
 RESIDUAL = 0.05
 """Largest accepted residual of the ledger, relative to the energy exchanged."""
 
@@ -103,6 +106,10 @@ def check_ledger(
     moved = sum(abs(last[k] - first[k]) for k in (3, 4, 5, 6)) + first[2] + last[2] + rounding
     share = abs(gap) / max(moved, NO_LESS)
     if not share <= allowed:
-        smaller = step * (SMALL_GAP * allowed / min(share, LARGEST_GAP)) ** (1.0 / order) if np.isfinite(share) else 0.1
+        smaller = (
+            step * (SMALL_GAP * allowed / min(share, LARGEST_GAP)) ** (1.0 / order)
+            if np.isfinite(share)
+            else UNKNOWN_STEP
+        )
         why = f"the energy ledger leaves {100 * share:.3g} % of the energy unexplained"
         raise step_too_large(step, min(smaller, step / 2, at_most()), why, time=time, instead=instead)

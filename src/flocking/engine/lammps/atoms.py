@@ -23,6 +23,8 @@ THINNEST = 0.05
 """Smallest number of search cells per agent, and smallest side of a box, in radii, for which cells are used."""
 WIDEST_CELL, MOST_ALONG = 50.0, 1e9
 """Largest width of a cell in sides of the box, and largest number of cells along an axis, that LAMMPS accepts."""
+TOO_LARGE = 0.125
+"""Ratio of the needed to the present size of cells below which cells are fitted again; avoids frequent changes."""
 MOST_SEARCHED = 20_000
 """Largest number of agents whose neighbours are searched pair by pair if no cells fit the box."""
 
@@ -180,7 +182,7 @@ class Atoms:
         fewest = float(np.prod(np.maximum(sides / usual, 1.0)))
         most = max(FEWEST_BINS, BINS_EACH * self.deck.scenario.start.n)
         needed = 0.0 if fewest <= most else usual * (fewest / most) ** (1.0 / self.deck.dimension)
-        if needed > size or needed < 0.125 * size:
+        if needed > size or needed < TOO_LARGE * size:
             size = 2.0 * needed
         # Cells cannot be much thinner than their reach: agents in a row are searched pair by pair.
         wide = 2.0 if search == "nsq" else 1.0

@@ -21,6 +21,8 @@ BALANCE_EVERY = 500
 """Steps between two checks of the load balance of ranks."""
 UNEVEN = 1.1
 """Ratio of the largest to the mean number of agents per rank above which LAMMPS balances the load."""
+BOX_MARGIN = 1e-6
+"""Margin of the box around the agents, relative to the largest coordinate, above the rounding of coordinates."""
 SKIN_SHARE = 0.15
 """Default skin of the neighbour lists, in radii."""
 
@@ -164,7 +166,7 @@ def _rows(pattern: str, *columns: AnyArray) -> list[str]:
 def _box(q: Array) -> tuple[Array, Array]:
     """Corners of a box around all agents, with positive volume."""
     low, high = q.min(axis=0), q.max(axis=0)
-    margin = 1e-6 * np.maximum(1.0, np.maximum(np.abs(low), np.abs(high)))
+    margin = BOX_MARGIN * np.maximum(1.0, np.maximum(np.abs(low), np.abs(high)))
     return low - margin, high + margin
 
 

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 TABLE_ROWS = 20_000
 """Number of rows of a table, evenly spaced in r^2."""
 
+INNER = 1e-3
+"""First distance of a table, relative to the radius."""
+
 SEED = 1
 """Seed of the thermostat's noise; without effect, since the temperature is zero."""
 
@@ -120,7 +123,7 @@ def _table(rest: sympy.Expr, radius: float) -> Array:
 
     from flocking.formula.printing import code
 
-    inner = 1e-3 * radius
+    inner = INNER * radius
     distances = np.sqrt(np.linspace(inner**2, radius**2, TABLE_ROWS))
     source = code(rest.xreplace({sympy.Symbol("r", positive=True): sympy.Symbol("r", real=True)}), arrays=True)
     with np.errstate(all="ignore"):

@@ -31,6 +31,8 @@ from flocking.errors import SimulationError, UnsupportedLaw
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 
+STEPS_BEYOND = 1000
+"""Number of steps to the next stop after the end of the scenario."""
 GROWTH = 1.2
 """Growth of the group in a batch of steps beyond which batches become shorter; cells fit a group that has grown by a
 fifth."""
@@ -195,7 +197,7 @@ class LammpsSession(Session):
     def _next_stop(self) -> float:
         times = [self.scenario.t_end] if self.time < self.scenario.t_end else []
         times += [float(t) for t in self.records.frame_times if t > self.time][:1]
-        return min(times, default=self.time + 1000 * self.step)
+        return min(times, default=self.time + STEPS_BEYOND * self.step)
 
     def advance(self, to: float, seconds: float = math.inf) -> None:
         """Take steps until the session's time is at or just beyond ``to``, or for ``seconds`` of wall time.

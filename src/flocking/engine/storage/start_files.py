@@ -11,7 +11,7 @@ import numpy as np
 
 from flocking.arrays import AnyArray
 from flocking.engine.storage.atomic_files import storage_errors
-from flocking.engine.storage.exchange import axis_names
+from flocking.engine.storage.export_formats import axis_names
 from flocking.errors import InvalidInput, StorageError
 from flocking.model.state import State
 

@@ -33,6 +33,9 @@ MOST_TILES = 4096
 """Largest number of tiles whose pairs are checked one by one after a step, about 65,000 agents; limits the time and
 memory of a check. Tiles with the closest pairs come first, since those pairs approach fastest for their distance."""
 
+ENERGY_ROUNDING = 1e3
+"""Rounding error of a sum of energies in units of the machine epsilon; a generous bound for sums over many agents."""
+
 FARTHEST = 1e15
 """Larger distances are the initial value of a kernel that found no pair."""
 
@@ -256,4 +259,4 @@ def ledger(records: TilesRecorder, scheme: Integrator, eps: float, step: float, 
         return
     sums = scheme.ledger_sums.sums
     scale = abs(sums["pairs"]) + abs(sums["bodies"]) + trace[-1][2]
-    check_ledger(step, first, trace[-1], order=scheme.order, rounding=1e3 * eps * scale, time=time)
+    check_ledger(step, first, trace[-1], order=scheme.order, rounding=ENERGY_ROUNDING * eps * scale, time=time)

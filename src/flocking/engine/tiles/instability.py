@@ -33,6 +33,13 @@ ALTERNATING = -0.3
 """Correlation of successive changes of velocity below which they alternate. Alternation that does not decay means fewer
 than four steps per period."""
 
+GROWING_STEP, ALTERNATING_STEP = 0.1, 0.2
+"""Recommended step relative to one that makes speeds grow, and to one whose velocities alternate."""
+
+REVERSED, AS_LARGE = -0.5, 0.6
+"""A change reverses the one before if their correlation is below the first, and is about as large if the ratio of their
+mean squares is at least the second."""
+
 STILL = 30.0
 """Agents whose displacement per step is below this number of rounding units are ignored: it is rounding noise."""
 
@@ -110,7 +117,10 @@ class Instability:
         self.streak, self.grown = (self.streak + 1, self.grown * factor) if factor >= GROWING else (0, 1.0)
         if self.streak >= LONGEST and self.grown >= LARGEST:
             raise step_too_large(
-                longest, 0.1 * h, f"the largest speed grew {self.grown:.2g} times in {self.streak} steps", time=time
+                longest,
+                GROWING_STEP * h,
+                f"the largest speed grew {self.grown:.2g} times in {self.streak} steps",
+                time=time,
             )
         if not alternating:
             return
@@ -121,7 +131,7 @@ class Instability:
             self._compare(particles)
             if self._alternates(particles, h, full_window=at == WINDOW - 1):
                 raise step_too_large(
-                    longest, 0.2 * h, "velocities alternate from step to step without decaying", time=time
+                    longest, ALTERNATING_STEP * h, "velocities alternate from step to step without decaying", time=time
                 )
 
     def _forget(self) -> None:
@@ -143,7 +153,7 @@ class Instability:
             if self.compared <= FEWEST // 2:
                 self.early += square / (FEWEST // 2)
             self.late = 0.5 * (self.late + square)
-            self.turns = self.turns + 1 if product < -0.5 * size and square >= 0.6 * before else 0
+            self.turns = self.turns + 1 if product < REVERSED * size and square >= AS_LARGE * before else 0
         self.change = change
 
     def _alternates(self, particles: ParticleArrays, h: float, *, full_window: bool) -> bool:

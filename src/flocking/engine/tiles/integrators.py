@@ -17,6 +17,9 @@ from flocking.engine.tiles.kernels.tile_sums import SUMS
 from flocking.engine.tiles.particles.particle_arrays import ParticleArrays
 from flocking.formula.native.functions import native
 
+SKIN_SPARE = 2.5
+"""Ratio of a new skin to the displacement of a stage that left the lists; half of the skin exceeds it by a fourth."""
+
 INTEGRATED = ("work", "dissipated", "supplied")
 """Sums of the kernel that are integrated over time."""
 
@@ -235,7 +238,7 @@ class RungeKutta(Integrator):
             wider = (
                 None
                 if attempt == 0
-                else max(2.0 * particles.displacement.skin, 2.5 * displacement)
+                else max(2.0 * particles.displacement.skin, SKIN_SPARE * displacement)
                 if np.isfinite(displacement)
                 else None
             )

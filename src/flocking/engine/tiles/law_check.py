@@ -18,6 +18,9 @@ from flocking.model.law import Scenario
 TILES = 4
 """Number of tiles that are checked."""
 
+SPREAD = 0.6180339887498949
+"""Golden section: successive checks start at evenly distributed tiles."""
+
 EDGE = 64.0
 """Pairs within this number of rounding units of a radius may be linked or not."""
 
@@ -141,7 +144,7 @@ class LawCheck:
         All agents of a tile are taken, since sums are per tile.
         """
         count = min(TILES, particles.tiles)
-        first = int(moment.steps * 0.6180339887498949 * particles.tiles / count) % particles.tiles
+        first = int(moment.steps * SPREAD * particles.tiles / count) % particles.tiles
         tiles = (first + np.arange(count) * particles.tiles // count) % particles.tiles
         tiles = np.unique(np.append(tiles, np.argmin(particles.tile_extremes[:, 1])))
         places = (tiles[:, None] * WIDTH + np.arange(WIDTH)).ravel()

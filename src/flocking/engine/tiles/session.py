@@ -40,6 +40,8 @@ from flocking.errors import InvalidInput, NotFinite, SimulationError, TooCrowded
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 
+STEPS_BEYOND = 1000
+"""Number of steps to the next stop after the end of the scenario."""
 MOST_STEPS = 1e12
 """Largest number of steps of a run: eleven days at a microsecond per step; a larger number is probably a mistake."""
 Result = TypeVar("Result")
@@ -208,7 +210,7 @@ class TilesSession(Session):
         times += [float(t) for t in self.scenario.frame_times if t > now][:1]
         for term in self.scenario.law.body_terms:
             times += [s for s in term.switch_times(now, np.inf) if s > now]
-        return min(times, default=now + 1000 * self.step)
+        return min(times, default=now + STEPS_BEYOND * self.step)
 
     def reached(self, to: float) -> bool:
         """Whether time ``to`` is reached, up to the rounding of a step."""

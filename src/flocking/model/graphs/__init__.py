@@ -1,4 +1,4 @@
-"""Interaction graphs: who is a neighbour of whom, with which weight, and what the links are together."""
+"""Interaction graphs: neighbours, weights, and properties of link matrices."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""Agents that start at the same point: the pairs among them that a graph links, without a matrix of all pairs."""
+"""Agents that start at the same point: linked pairs among them, found without a matrix of all pairs."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from flocking.model.graphs.views import Cone, FieldOfView, SmoothCone, heading_g
 Indices = NDArray[np.int64]
 
 LINKS_ALL = (Proximity, Hysteresis, Smooth, PerAgentRadii, FieldOfView)
-"""Graphs that link agents at the same point, whoever they are."""
+"""Graphs that link all agents at the same point."""
 BLOCK = 1000
-"""Members of a group whose headings are compared at once."""
+"""Number of agents whose headings are compared at once."""
 
 
 def coincident_groups(q: Array) -> list[Indices]:
@@ -71,7 +71,7 @@ def _linked_edge(graph: Fixed, groups: list[Indices], n: int) -> tuple[int, int]
 
 
 def _similar(graph: Cone | SmoothCone, group: Indices, headings: Array) -> Iterator[tuple[int, int]]:
-    """Pairs of a group whose headings the graph lets link."""
+    """Pairs of a group whose headings satisfy the condition of the graph."""
     blocks = [group[k : k + BLOCK] for k in range(0, len(group), BLOCK)]
     for first, second in combinations_with_replacement(blocks, 2):
         members = np.union1d(first, second)

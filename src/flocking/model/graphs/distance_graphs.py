@@ -1,4 +1,4 @@
-"""Interaction graphs: who is a neighbour of whom, and at which distance a link appears or breaks."""
+"""Interaction graphs with links that appear and break at distances."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 
 
 MOST_DRAWS = 100_000
-"""Draws of a random graph tried before it is declared out of reach."""
+"""Largest number of draws of a random graph until it is connected."""
 
 
 class Graph(ABC):
-    """Base of all graphs: a link rule with memory, stated as two distances per sensing agent.
+    """Base of all graphs: a link rule with memory, given by two distances per sensing agent.
 
     A pair that is not linked is linked when its distance falls below `appear_radius`; a linked pair is
     unlinked when its distance rises above `break_radius`. Equal radii give a graph without hysteresis.
@@ -41,8 +41,8 @@ class Graph(ABC):
     moves: bool = True
     """Whether links appear and break as the agents move."""
     follows_radii: bool = False
-    """Whether two agents are linked at the start when they are closer than `break_radius`, and later as `Graph.update`
-    says: then engines may find links from these two distances alone."""
+    """Whether agents closer than `break_radius` are linked at the start, and later links follow `Graph.update`. Engines
+    may then determine links from the two distances alone."""
     sees_headings: bool = False
     """Whether links depend on the agents' headings."""
 
@@ -70,11 +70,11 @@ class Graph(ABC):
         Raises
         ------
         InvalidInput
-            When the graph does not say so; it then exists in open space alone.
+            If the graph does not implement it; it then supports only open space.
         """
         raise InvalidInput(
-            type(self).__name__, "space", "must be open for a graph that does not say who is linked by distances alone",
-            "another", "State Graph.among.",
+            type(self).__name__, "space", "must be open for a graph without links by distance",
+            "another", "Implement Graph.among.",
         )  # fmt: skip
 
     def links_in(self, space: Space, q: Array, headings: Array | None = None) -> Links:
@@ -83,12 +83,12 @@ class Graph(ABC):
         Raises
         ------
         InvalidInput
-            When the space is not open and the graph does not know others, see `among`.
+            If the space is not open and the graph does not support it, see `among`.
         """
         return self.start_links(q, headings) if space.is_open else self.among(pair_distances(q, space))
 
     def allowed(self, headings: Array | None) -> Links | None:
-        """Pairs that the headings let link at some distance, shape (N, N); None for all."""
+        """Pairs whose headings allow a link at some distance, shape (N, N); None for all."""
         return None
 
     def update(self, q: Array, links: Links, space: Space = OPEN) -> Links:
@@ -123,7 +123,7 @@ class Graph(ABC):
         Raises
         ------
         InvalidInput
-            When the links are not strongly connected.
+            If the links are not strongly connected.
         """
         from flocking.model.graphs.functionals import left_eigenvector
 
@@ -131,12 +131,12 @@ class Graph(ABC):
 
     @property
     def parameters(self) -> Mapping[str, float | PairWeights]:
-        """Run-time parameters that `weight` uses."""
+        """Run-time parameters of `weight`."""
         return {}
 
     @property
     def structure(self) -> tuple[object, ...]:
-        """What fixes the formulas of this graph, without the values of its parameters."""
+        """Everything that determines the formulas of this graph, without the values of its parameters."""
         return ("hard",)
 
     def kinks(self) -> tuple[float, ...]:
@@ -159,7 +159,7 @@ def pair_distances(q: Array, space: Space = OPEN) -> Array:
     q
         Positions, shape (N, m).
     space
-        Where the agents live.
+        The space of the agents.
     """
     offsets = space.displacement(q[None, :, :] - q[:, None, :])
     distance = np.sqrt((offsets**2).sum(axis=-1))
@@ -170,7 +170,7 @@ def pair_distances(q: Array, space: Space = OPEN) -> Array:
 @register_part("fixed")
 @dataclass(frozen=True)
 class Fixed(Graph):
-    """A graph given once and for all (Tanner I, Definition IV.1).
+    """A fixed graph (Tanner I, Definition IV.1).
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ class Fixed(Graph):
     Raises
     ------
     InvalidInput
-        When a pair joins an agent with itself or names an agent that is not there.
+        If a pair joins an agent with itself or contains an agent that does not exist.
     """
 
     n: Annotated[int, values.FEW_AGENTS]
@@ -207,7 +207,7 @@ class Fixed(Graph):
         object.__setattr__(self, "edges", tuple(sorted(pairs)))
 
     def of_agents(self, chosen: Indices) -> Fixed:
-        """The graph of the agents ``chosen``, in the order they get; one may stand there twice."""
+        """The graph of the agents ``chosen``, in this order; an agent may occur twice."""
         i, j = np.nonzero(self.initial(np.zeros((self.n, 1)))[np.ix_(chosen, chosen)])
         pairs = tuple((int(a), int(b)) for a, b in zip(i, j, strict=True) if a != b)
         return Fixed(len(chosen), pairs, directed=self.directed)
@@ -225,7 +225,7 @@ class Fixed(Graph):
 
     @classmethod
     def complete(cls, n: int) -> Fixed:
-        """Every agent linked with every other."""
+        """The complete graph."""
         return cls(n, tuple((i, j) for i in range(n) for j in range(i + 1, n)))
 
     @classmethod
@@ -235,7 +235,7 @@ class Fixed(Graph):
         Raises
         ------
         InvalidInput
-            When 100,000 draws gave no connected graph.
+            If 100,000 draws gave no connected graph.
         """
         integer("Fixed.random_connected", "n", n, least=1)
         chance = number("Fixed.random_connected", "probability", probability, above=0.0)
@@ -265,7 +265,7 @@ class Fixed(Graph):
         return np.inf
 
     def initial(self, q: Array) -> Links:
-        """The given links, whatever the positions ``q``."""
+        """The given links, for all positions ``q``."""
         self.check_count(len(q))
         links = np.zeros((self.n, self.n), dtype=bool)
         if self.edges:
@@ -276,12 +276,12 @@ class Fixed(Graph):
         return links
 
     def check_count(self, n: int) -> None:
-        """Check that the graph was made for ``n`` agents.
+        """Check that the graph has ``n`` agents.
 
         Raises
         ------
         InvalidInput
-            When it was made for another number.
+            If it has another number of agents.
         """
         if n != self.n:
             raise InvalidInput("Fixed", "n", f"must be the number of agents, {n}", self.n)
@@ -291,7 +291,7 @@ class Fixed(Graph):
 def random_connected(
     n: Annotated[int, values.FEW_AGENTS], probability: float, seed: Annotated[int, values.SEED]
 ) -> Fixed:
-    """`Fixed.random_connected` of ``n``, ``probability`` and ``seed``, as files name it."""
+    """`Fixed.random_connected` of ``n``, ``probability`` and ``seed``, for scenario files."""
     return Fixed.random_connected(n, probability, seed)
 
 
@@ -310,7 +310,7 @@ class Proximity(Graph):
     Raises
     ------
     InvalidInput
-        When the radius is not positive.
+        If the radius is not positive.
     """
 
     radius: float
@@ -347,14 +347,14 @@ class Hysteresis(Graph):
     Parameters
     ----------
     radius
-        Sensing radius; a link breaks there, and the start links every pair closer than it.
+        Sensing radius; links break at it, and at the start every closer pair is linked.
     gap
-        How far below ``radius`` a pair must come to be linked again.
+        Distance below ``radius`` at which a pair is linked again.
 
     Raises
     ------
     InvalidInput
-        When the radius is not positive, or the gap is not in [0, radius).
+        If the radius is not positive, or the gap is not in [0, radius).
     """
 
     radius: float

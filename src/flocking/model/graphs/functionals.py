@@ -12,8 +12,8 @@ from flocking.model.graphs.connectivity import Links
 def left_eigenvector(weights: Array) -> Array:
     """The xi of Shi's Remark 3: xi^T L = 0, sum xi_i = 1, all positive, of a strongly connected graph.
 
-    Computed by state reduction (Grassmann, Taksar and Heyman 1985), which subtracts nothing and so keeps
-    the relative accuracy of every entry.
+    Computed by state reduction (Grassmann, Taksar and Heyman 1985), which avoids subtractions and therefore has a
+    small relative error in every entry.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def left_eigenvector(weights: Array) -> Array:
     Raises
     ------
     InvalidInput
-        When the graph is not strongly connected: then there is no single positive xi.
+        If the graph is not strongly connected, so that xi is not unique.
     """
     rates = np.array(weights, dtype=np.float64)
     np.fill_diagonal(rates, 0.0)

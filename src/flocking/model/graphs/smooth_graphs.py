@@ -1,4 +1,4 @@
-"""Graphs of Olfati-Saber (2) and (17): one radius per agent, and links whose weight fades out smoothly."""
+"""Graphs of Olfati-Saber (2) and (17): one radius per agent, and smooth link weights."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Smooth(Graph):
     Parameters
     ----------
     radius
-        R, where the weight vanishes and the link ends.
+        R, where the weight vanishes and links break.
     onset
         k0 in (0, 1): the weight is 1 up to k0 R. The paper takes k0 = d_alpha/R.
     bump
@@ -36,7 +36,7 @@ class Smooth(Graph):
     Raises
     ------
     InvalidInput
-        When the radius is not positive, the onset not in (0, 1), or the bump unknown.
+        If the radius is not positive, the onset not in (0, 1), or the bump unknown.
     """
 
     radius: float
@@ -78,7 +78,7 @@ class Smooth(Graph):
 
     @property
     def has_own_bump(self) -> bool:
-        """Whether the weight is the bump of r/R, and not what a subclass makes of it."""
+        """Whether the weight is the bump of r/R and not overridden by a subclass."""
         return type(self).weight is Smooth.weight
 
     @property
@@ -92,14 +92,14 @@ class Smooth(Graph):
         return ("smooth", self.shape.structure)
 
     def kinks(self) -> tuple[float, ...]:
-        """k0 R, where the weight begins to fall."""
+        """k0 R, where the weight begins to decrease."""
         return (self.onset * self.radius,)
 
 
 @register_part("per_agent_radii")
 @dataclass(frozen=True, eq=False)
 class PerAgentRadii(Graph):
-    """Agent i senses whoever is within its own radius r_i: a directed net (Olfati-Saber (1)-(2)).
+    """Agent i senses all agents within its radius r_i: a directed net (Olfati-Saber (1)-(2)).
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ class PerAgentRadii(Graph):
     Raises
     ------
     InvalidInput
-        When a radius is not positive and finite.
+        If a radius is not positive and finite.
     """
 
     radii: Array
@@ -154,6 +154,6 @@ class PerAgentRadii(Graph):
         Raises
         ------
         InvalidInput
-            When there are more or fewer.
+            If there is another number of radii.
         """
         check_each("PerAgentRadii", "radii", self.radii, n)

@@ -1,4 +1,4 @@
-"""Neighbourhoods that depend on headings: cones (Olfati-Saber (4)-(6), (18)) and fields of view (his Fig. 1(b))."""
+"""Neighbourhoods that depend on headings: cones (Olfati-Saber (4)-(6), (18)) and fields of view (Fig. 1(b))."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ if TYPE_CHECKING:
 
 MEASURES = ("real", "wrapped", "rotation")
 ORTHOGONAL = 1e-9
-"""Deviation from orthogonality that a rotation matrix may have, above the rounding of products of rotations."""
+"""Largest deviation of a rotation matrix from orthogonality, above the rounding of products of rotations."""
 
 
 class HeadingGraph(Graph):
-    """A graph whose links depend on headings. These are fixed during a run: positions alone evolve."""
+    """A graph whose links depend on headings. Headings are constant during a run."""
 
     sees_headings = True
 
     def initial(self, q: Array) -> Links:
-        """Not to be had from positions ``q`` alone.
+        """Not defined by positions ``q`` alone.
 
         Raises
         ------
@@ -43,7 +43,7 @@ class HeadingGraph(Graph):
         return self.start_links(q, None)
 
     def update(self, q: Array, links: Links, space: Space = OPEN) -> Links:
-        """Not to be had from positions ``q`` alone.
+        """Not defined by positions ``q`` alone.
 
         Raises
         ------
@@ -67,7 +67,7 @@ class HeadingGraph(Graph):
 
 
 def heading_gaps(headings: Array, measure: str) -> Array:
-    """How far headings differ, shape (N, N), entry (i, j) for theta_j seen from theta_i.
+    """Differences of headings, shape (N, N), entry (i, j) for theta_j relative to theta_i.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def heading_gaps(headings: Array, measure: str) -> Array:
     Raises
     ------
     InvalidInput
-        When rotation matrices are measured as angles, or a matrix is no rotation.
+        If rotation matrices are measured as angles, or a matrix is not a rotation.
     """
     if headings.ndim == 1:
         gap = headings[None, :] - headings[:, None]
@@ -103,8 +103,8 @@ def heading_gaps(headings: Array, measure: str) -> Array:
 class Cone(HeadingGraph):
     """Agents within a radius and with a similar heading are neighbours (Olfati-Saber (4)-(6)).
 
-    As printed, the condition on headings is the same for both agents of a pair: with common values the net is
-    undirected, whatever the text says. For a cone in space see `FieldOfView`.
+    As printed, the condition on headings is symmetric: with common values the net is undirected, contrary to the
+    text. For a cone in space see `FieldOfView`.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ class Cone(HeadingGraph):
     Raises
     ------
     InvalidInput
-        When a value is out of range.
+        If a value is out of range.
     """
 
     radius: float | Array
@@ -134,7 +134,7 @@ class Cone(HeadingGraph):
 
     @property
     def directed(self) -> bool:  # type: ignore[override]
-        """Whether agents have values of their own."""
+        """Whether values differ between agents."""
         return bool(np.ndim(self.radius) or np.ndim(self.opening))
 
     @property
@@ -162,12 +162,12 @@ class Cone(HeadingGraph):
         return np.asarray(near & self.allowed(self._headings(headings, len(q))))
 
     def check_count(self, n: int) -> None:
-        """Check that per-agent values are given for ``n`` agents.
+        """Check that per-agent values have ``n`` entries.
 
         Raises
         ------
         InvalidInput
-            When they are given for another number.
+            If they have another number of entries.
         """
         for name in ("radius", "opening"):
             check_each("Cone", name, getattr(self, name), n)
@@ -195,7 +195,7 @@ class HeadingWeights(PairWeights):
     symmetric = True
 
     def matrix(self, n: int) -> Array:
-        """Not to be had without headings.
+        """Not defined without headings.
 
         Raises
         ------
@@ -205,12 +205,12 @@ class HeadingWeights(PairWeights):
         return self.of(None, n)
 
     def of(self, headings: Array | None, n: int) -> Array:
-        """The factors of agents with such headings, shape (n, n).
+        """The factors for given headings, shape (n, n).
 
         Raises
         ------
         InvalidInput
-            When there are no headings.
+            If there are no headings.
         """
         if headings is None:
             raise InvalidInput(
@@ -240,7 +240,7 @@ class SmoothCone(HeadingGraph):
     Raises
     ------
     InvalidInput
-        When a value is out of range.
+        If a value is out of range.
     """
 
     radius: float
@@ -305,7 +305,7 @@ class SmoothCone(HeadingGraph):
 @register_part("field_of_view")
 @dataclass(frozen=True, eq=False)
 class FieldOfView(HeadingGraph):
-    """Agent i sees whoever is within a radius and an angle of its heading (Olfati-Saber, Fig. 1(b)): directed.
+    """Agent i sees all agents within a radius and an angle of its heading (Olfati-Saber, Fig. 1(b)): directed.
 
     Parameters
     ----------
@@ -317,7 +317,7 @@ class FieldOfView(HeadingGraph):
     Raises
     ------
     InvalidInput
-        When a value is out of range.
+        If a value is out of range.
     """
 
     radius: float | Array
@@ -349,7 +349,7 @@ class FieldOfView(HeadingGraph):
         Raises
         ------
         InvalidInput
-            When there are no headings.
+            If there are no headings.
         """
         n = 0 if headings is None else len(headings)
         checked = self._headings(headings, max(n, 1))
@@ -376,12 +376,12 @@ class FieldOfView(HeadingGraph):
         return np.asarray((distance <= reach) & seen)
 
     def check_count(self, n: int) -> None:
-        """Check that per-agent values are given for ``n`` agents.
+        """Check that per-agent values have ``n`` entries.
 
         Raises
         ------
         InvalidInput
-            When they are given for another number.
+            If they have another number of entries.
         """
         for name in ("radius", "half_angle"):
             check_each("FieldOfView", name, getattr(self, name), n)

@@ -26,11 +26,11 @@ class PairWeights(ABC):
         """All weights as a matrix, shape (n, n)."""
 
     def check_count(self, n: int) -> None:
-        """Check that there are weights for ``n`` agents; by default there are for any number."""
+        """Check that there are weights for ``n`` agents; by default any number is accepted."""
         return None
 
     def of(self, headings: Array | None, n: int) -> Array:
-        """All weights of agents with such ``headings``, shape (n, n)."""
+        """All weights of agents with ``headings``, shape (n, n)."""
         return self.matrix(n)
 
 
@@ -47,7 +47,7 @@ class MatrixWeights(PairWeights):
     Raises
     ------
     InvalidInput
-        When the matrix is not square, or a weight is negative or not finite.
+        If the matrix is not square, or a weight is negative or not finite.
     """
 
     values: Annotated[Array, values.PAIR_MATRIX]
@@ -66,12 +66,12 @@ class MatrixWeights(PairWeights):
         return bool((self.values == self.values.T).all())
 
     def check_count(self, n: int) -> None:
-        """Check that the matrix was made for ``n`` agents.
+        """Check that the matrix is for ``n`` agents.
 
         Raises
         ------
         InvalidInput
-            When it was made for another number.
+            If it is for another number.
         """
         if len(self.values) != n:
             raise InvalidInput(
@@ -84,7 +84,7 @@ class MatrixWeights(PairWeights):
         Raises
         ------
         InvalidInput
-            When it was made for another number of agents than ``n``.
+            If it is for another number of agents than ``n``.
         """
         self.check_count(n)
         return self.values
@@ -106,7 +106,7 @@ add_group(
 @register_part("hashed")
 @dataclass(frozen=True)
 class HashedWeights(PairWeights):
-    """Symmetric weights drawn from [low, high) by a hash of the pair: nothing is stored.
+    """Symmetric weights drawn from [low, high) by a hash of the pair, without storage.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ class HashedWeights(PairWeights):
     Raises
     ------
     InvalidInput
-        When the range is empty or negative.
+        If the range is empty or negative.
     """
 
     low: float

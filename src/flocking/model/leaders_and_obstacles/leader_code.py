@@ -1,4 +1,4 @@
-"""The motion of a leader as the text of Python functions."""
+"""The motion of a leader as source of Python functions."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     import sympy
 
 MOST_BRANCHES = 64
-"""Branches of a velocity made of pieces that are bounded one by one; beyond, there is no bound."""
+"""Largest number of branches of a piecewise velocity that are bounded separately; beyond it there is no bound."""
 
 
 def leader_source(
@@ -20,7 +20,7 @@ def leader_source(
     Parameters
     ----------
     stated
-        Position, or None where no closed form is known, velocity and acceleration.
+        Position, or None if no closed form is known, velocity and acceleration.
     names
         Names of its parameters.
     """
@@ -39,7 +39,7 @@ def leader_source(
 
 
 def _branches(velocity: sympy.Expr) -> list[sympy.Expr]:
-    """What a component of the velocity is on each of its pieces; not a number where there are too many."""
+    """A component of the velocity on each of its pieces; NaN if there are too many."""
     import sympy
 
     if velocity.count(sympy.Piecewise) > MOST_BRANCHES.bit_length():

@@ -1,4 +1,4 @@
-"""Where a leader is, from its velocity: in closed form where a table has one, else by quadrature."""
+"""Position of a leader from its velocity: in closed form if there is one, else by quadrature."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ if TYPE_CHECKING:
     import sympy
 
 MOST_ADDENDS = 64
-"""Addends of a velocity up to which its integral is sought in closed form, a bound on time."""
+"""Largest number of addends of a velocity for an integral in closed form; limits the time."""
 HIGHEST_POWER = 8
-"""Highest power in such an addend, a bound on the number of terms of its integral."""
+"""Largest exponent in such an addend; limits the number of terms of its integral."""
 MOST_PIECES = 256
-"""Pieces of an interval that is integrated numerically: about one for each unit of time, up to this bound on time."""
+"""Largest number of pieces of an interval of quadrature; about one per unit of time below it."""
 
 LARGEST_DOUBT = 1e-9
-"""Largest estimated error of the position on a piece, relative where the piece is longer than 1."""
+"""Largest estimated error of the position on a piece; relative if the displacement exceeds 1."""
 ABSOLUTE, RELATIVE, SUBINTERVALS = 1e-13, 1e-12, 200
-"""Tolerances of the quadrature, near rounding, and most subintervals of a piece, a bound on time."""
+"""Tolerances of the quadrature, near rounding, and largest number of subintervals of a piece, which limits the time."""
 
 Complex = tuple["sympy.Expr", "sympy.Expr"]
 """Real and imaginary part."""
@@ -34,14 +34,14 @@ Complex = tuple["sympy.Expr", "sympy.Expr"]
 def displacement(velocity: sympy.Expr, t: sympy.Symbol, begin: sympy.Expr) -> sympy.Expr | None:
     """Integral from ``begin`` to ``t`` of sums of products of polynomials, exp, sin and cos with linear arguments.
 
-    A general search for closed forms has no bound on its time; this one has. Arguments stay as they are written:
-    ``exp(-(t - 1000))`` taken apart would be infinity times zero. Symbols other than ``t`` must be declared nonzero
-    where the integral divides by them.
+    In contrast to general symbolic integration its time is bounded. Arguments are not expanded: ``exp(-(t - 1000))``
+    would become infinity times zero. Symbols other than ``t`` must be declared nonzero if the integral divides by
+    them.
 
     Returns
     -------
     sympy.Expr or None
-        The integral, or None where the velocity has another form.
+        The integral, or None if the velocity has another form.
     """
     import sympy
 
@@ -98,7 +98,7 @@ def _addends(expression: sympy.Expr) -> float:
 
 
 def _slope(expression: sympy.Expr, t: sympy.Symbol) -> sympy.Expr | None:
-    """Slope of an expression linear in ``t``; None of any other."""
+    """Slope of an expression linear in ``t``; None for any other."""
     import sympy
 
     slope = nothing_or_itself(sympy.diff(expression, t))
@@ -180,7 +180,7 @@ def _of_wave(
 
 
 def _of_sine(angle: sympy.Expr, frequency: sympy.Expr, t: sympy.Symbol, begin: sympy.Expr) -> sympy.Expr:
-    """Integral of cos(angle), as a product: the difference of two sines loses all digits where they turn slowly."""
+    """Integral of cos(angle), as a product: the difference of two sines would lose all digits at low frequencies."""
     import sympy
 
     middle = angle.subs(t, (t + begin) / 2)
@@ -188,7 +188,7 @@ def _of_sine(angle: sympy.Expr, frequency: sympy.Expr, t: sympy.Symbol, begin: s
 
 
 def _of_exponential(growth: sympy.Expr, rate: sympy.Expr, t: sympy.Symbol, begin: sympy.Expr) -> sympy.Expr:
-    """Integral of exp(growth): as a product while it grows little, as a difference where the product overflows."""
+    """Integral of exp(growth): as a product for small growth, as a difference where the product would overflow."""
     import sympy
 
     half = rate * (t - begin) / 2
@@ -224,12 +224,12 @@ def _of_polynomial(lines: list[tuple[sympy.Expr, int]], t: sympy.Symbol, begin: 
 def travelled(velocity: Callable[[float], Array], start: float, end: float) -> Array:
     """Integral of a velocity from ``start`` to ``end``, by adaptive quadrature over pieces of unit length.
 
-    Of longer spans there are 256 pieces: what happens within a small part of one may be missed.
+    Longer intervals have 256 pieces, so features much shorter than a piece may be missed.
 
     Raises
     ------
     InvalidInput
-        When the quadrature's own estimate of its error exceeds 1e-9 of the distance travelled.
+        If the estimated error of the quadrature exceeds 1e-9 of the distance travelled.
     """
     from scipy.integrate import quad
 

@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 
 
 SPEED_INTERVALS = 8
-"""Parts of an interval of time on which a bound of the speed is sought: the shorter they are, the tighter it is."""
+"""Number of parts of a time interval for the bound of the speed; more parts give a tighter bound."""
 
 ROUNDED_UP = 1.0 + 1e-12
-"""Bounds by interval arithmetic are not widened for rounding; a velocity is a few hundred operations at most."""
+"""Factor of bounds by interval arithmetic for rounding; a velocity has at most a few hundred operations."""
 
 
 class Leader(ABC):
@@ -41,7 +41,7 @@ class Leader(ABC):
     @property
     @abstractmethod
     def dimension(self) -> int:
-        """Number of space dimensions it lives in."""
+        """Number of space dimensions."""
 
     @property
     @abstractmethod
@@ -51,11 +51,11 @@ class Leader(ABC):
     @property
     @abstractmethod
     def structure(self) -> tuple[object, ...]:
-        """What fixes its formulas, without the values of its parameters."""
+        """Everything that determines its formulas, without the values of its parameters."""
 
     @abstractmethod
     def velocity(self, t: sympy.Expr, parameter: Callable[[str], sympy.Expr]) -> Sequence[sympy.Expr]:
-        """Velocity v0(t), m expressions. The only thing a leader states."""
+        """Velocity v0(t), m expressions; all other quantities are derived."""
 
     def acceleration(self, t: sympy.Symbol, parameter: Callable[[str], sympy.Expr]) -> list[sympy.Expr]:
         """Acceleration a0(t): the derivative of the velocity."""
@@ -64,13 +64,13 @@ class Leader(ABC):
         return [sympy.diff(v, t) for v in self.velocity(t, parameter)]
 
     def position(self, t: sympy.Symbol, parameter: Callable[[str], sympy.Expr]) -> list[sympy.Expr] | None:
-        """Position x0(t): the integral of the velocity, or None where no closed form is known."""
+        """Position x0(t): the integral of the velocity, or None if no closed form is known."""
         import sympy
 
         from flocking.model.leaders_and_obstacles.leader_positions import displacement
 
         velocity = self.velocity(t, parameter)
-        # Parameters that are zero were written as 0, so that an integral may divide by the others.
+        # Zero parameters are replaced by 0, so that an integral may divide by the others.
         names = {s for v in velocity for s in v.free_symbols} - {t}
         nonzero = {s: sympy.Dummy(s.name, real=True, nonzero=True) for s in names}
         back = {dummy: symbol for symbol, dummy in nonzero.items()}
@@ -98,7 +98,7 @@ class Leader(ABC):
     def at(self, t: float) -> tuple[Array, Array, Array]:
         """Position, velocity and acceleration at time ``t``, shape (m,) each.
 
-        Without closed form the position is found by quadrature, to about 12 digits.
+        Without a closed form the position is computed by quadrature, to about 12 digits.
         """
         q, p, a = self.along([t])
         return q[0], p[0], a[0]
@@ -128,7 +128,7 @@ class Leader(ABC):
         Raises
         ------
         InvalidInput
-            When it has no place to start from, or the point is none.
+            If it has no start position, or the point is invalid.
         """
         described = description_of(self)
         if described is None or not {"start", "start_time"} <= set(described.fields):
@@ -143,9 +143,9 @@ class Leader(ABC):
         return np.asarray(self._motion(self._module, float(t), tuple(self.parameters.values()))[1])
 
     def speed_bound(self, t0: float, t1: float) -> float:
-        """A speed that it does not exceed on [t0, t1], by interval arithmetic on the velocity's formulas.
+        """Upper bound of the speed on [t0, t1], by interval arithmetic on the formulas of the velocity.
 
-        Infinite where interval arithmetic finds none: its bounds are too wide, or it does not know a function.
+        Infinite if interval arithmetic gives none, because bounds are too wide or a function is not supported.
         """
         module, numbers = self._module, tuple(self.parameters.values())
         edges = np.linspace(t0, t1, SPEED_INTERVALS + 1)
@@ -161,10 +161,10 @@ class Leader(ABC):
         return ROUNDED_UP * float(np.sqrt(square.max()))
 
     def _motion(self, module: ModuleType, t: float, numbers: tuple[float, ...]) -> Array:
-        """What the formulas say, shape (3, m); NaN where they have no real value."""
+        """Values of the formulas, shape (3, m); NaN if they have no real value."""
         try:
             return np.array(module.leader(t, *numbers), dtype=np.float64)
-        except (ValueError, ArithmeticError, TypeError):  # a root of something negative is a complex number
+        except (ValueError, ArithmeticError, TypeError):  # The square root of a negative number is complex.
             return np.full((3, self.dimension), np.nan)
 
 
@@ -179,17 +179,17 @@ class Sink(Leader):
     Parameters
     ----------
     point
-        Where it is, shape (m,).
+        Its position, shape (m,).
 
     Raises
     ------
     InvalidInput
-        When a coordinate is not finite.
+        If a coordinate is not finite.
     """
 
     point: Annotated[Array, fields.POINT]
 
-    if TYPE_CHECKING:  # anything that makes an array may be given
+    if TYPE_CHECKING:  # Any array-like value is accepted.
 
         def __init__(self, point: ArrayLike) -> None: ...
 
@@ -244,14 +244,14 @@ class Velocity(Leader):
     value
         Its velocity, shape (m,).
     start
-        Its position at time ``start_time``, shape (m,); the origin when absent.
+        Its position at time ``start_time``, shape (m,); the origin by default.
     start_time
-        When it is there.
+        Time of the start position.
 
     Raises
     ------
     InvalidInput
-        When shapes disagree or a value is not finite.
+        If shapes disagree or a value is not finite.
     """
 
     value: Annotated[Array, fields.DIRECTION]
@@ -308,18 +308,18 @@ class Path(Leader):
     velocity
         One text formula in ``t`` per axis, for example ``["sin(t)", "cos(t)"]``.
     start
-        Its position at time ``start_time``; the origin when absent.
+        Its position at time ``start_time``; the origin by default.
     start_time
-        When it is there.
+        Time of the start position.
     parameters
         A value for every other name in the formulas, by keyword or as one mapping ``parameters``.
 
     Raises
     ------
     FormulaError
-        When a formula is not in the grammar or a name has no value.
+        If a formula is not in the grammar or a name has no value.
     InvalidInput
-        When shapes disagree or a value is not finite.
+        If shapes disagree or a value is not finite.
     """
 
     formulas: Annotated[tuple[Formula, ...], fields.formulas("t"), Stored("velocity")]
@@ -349,9 +349,7 @@ class Path(Leader):
         object.__setattr__(self, "values", checked_parameters("Path", named_parameters("Path", parameters)))
         needed = frozenset[str]().union(*(f.names for f in formulas)) - {"t"}
         if taken := sorted(n for n in needed if n.startswith("start_")):
-            raise InvalidInput(
-                "Path", taken[0], "must not begin with start_", velocity, "Those names are the leader's own."
-            )
+            raise InvalidInput("Path", taken[0], "must not begin with start_", velocity, "Those names are reserved.")
         if needed != set(self.values):
             odd = sorted(needed ^ set(self.values))[0]
             raise InvalidInput("Path", odd, "must be both used in a formula and given a value", self.values)

@@ -1,4 +1,4 @@
-"""Obstacles: each states its signed distance alone; normal, projection and boundary velocity are derived."""
+"""Obstacles, defined by signed distances; normal, projection and boundary velocity are derived."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ if TYPE_CHECKING:
     import sympy
 
 TINY = 1e-300
-"""Added under square roots: the distance to a centre has a slope, 0, at the centre itself."""
+"""Added under square roots, so that the distance to a centre has a slope, 0, at the centre."""
 
 
 UNIT = 1e-14
-"""Lengths this near to 1 are not scaled: scaling a unit vector again would change its last bits."""
+"""Vectors whose length differs from 1 by less are not scaled: scaling changes the last bits of unit vectors."""
 
 
 @dataclass(frozen=True)
 class Piece:
-    """A part of the plane or of space, and the signed distance there.
+    """A region, and the signed distance in it.
 
     Parameters
     ----------
     distance
         Signed distance of q, an expression in q, t and parameters.
     condition
-        Where it holds; None for all places where no earlier piece does.
+        Condition of the region; None for all points outside earlier pieces.
     """
 
     distance: sympy.Expr
@@ -47,14 +47,14 @@ class Piece:
 
 
 class Obstacle(ABC):
-    """A convex body. It may move with a leader, whose position is added to that of the body."""
+    """A convex body. It may move with a leader, whose position is added to its own."""
 
     keeps_identity = True
 
     @property
     @abstractmethod
     def dimension(self) -> int:
-        """Number of space dimensions it lives in."""
+        """Number of space dimensions."""
 
     @property
     @abstractmethod
@@ -64,21 +64,21 @@ class Obstacle(ABC):
     @property
     @abstractmethod
     def structure(self) -> tuple[object, ...]:
-        """What fixes its formulas, without the values of its parameters."""
+        """Everything that determines its formulas, without the values of its parameters."""
 
     @abstractmethod
     def signed_distance(
         self, q: Sequence[sympy.Expr], t: sympy.Expr, parameter: Callable[[str], sympy.Expr]
     ) -> Sequence[Piece]:
-        """Signed distance s of ``q`` from the boundary at time ``t``, negative inside. The only thing it states."""
+        """Signed distance s of ``q`` from the boundary at time ``t``, negative inside."""
 
     @property
     def mover(self) -> Leader | None:
-        """The leader it moves with, or None when it stands still."""
+        """The leader it moves with, or None for an obstacle at rest."""
         return None
 
     def anchor(self, t: sympy.Expr, parameter: Callable[[str], sympy.Expr]) -> Sequence[sympy.Expr] | None:
-        """The point b_k that gamma-agents are set off from; None for a body without a middle."""
+        """The point b_k to which gamma-agents are relative; None for a body without a centre."""
         return None
 
     @abstractmethod
@@ -92,13 +92,13 @@ class Obstacle(ABC):
         t: sympy.Symbol,
         parameter: Callable[[str], sympy.Expr],
     ) -> list[dict[str, sympy.Expr]]:
-        """Everything that follows from the signed distance s, as stages of named formulas.
+        """All quantities derived from the signed distance s, as stages of named formulas.
 
-        A later stage may use the names of earlier ones. In the end there are ``distance`` s; ``normal0``... the
+        A later stage may use the names of earlier ones. The result contains ``distance`` s; ``normal0``... the
         unit vector N = grad s; ``projection0``... the boundary point qhat = q - s N (Olfati-Saber (53)); and
         ``boundary0``... its velocity J p + d(qhat)/dt as the agent moves with p (Olfati-Saber (56), Remark 7).
-        Inside, where J p has no bound, ``boundary`` is what (56) is at the boundary: p, with its part along N
-        replaced by the wall's own.
+        Inside, where J p is unbounded, ``boundary`` is the value of (56) at the boundary: p with its component along N
+        replaced by that of the wall.
         """
         import sympy
 
@@ -136,12 +136,12 @@ class Obstacle(ABC):
         return [*stages, last]
 
     def at(self, q: Array, p: Array | None = None, t: float = 0.0) -> dict[str, Array]:
-        """Geometry seen from agents.
+        """Distances, normals, projections and boundary velocities for agents.
 
         Parameters
         ----------
         q, p
-            Positions and velocities, shape (N, m); at rest when absent.
+            Positions and velocities, shape (N, m); at rest by default.
         t
             Time.
 
@@ -153,7 +153,7 @@ class Obstacle(ABC):
         Raises
         ------
         InvalidInput
-            When positions or velocities have another shape.
+            If positions or velocities have another shape.
         """
         points = array(type(self).__name__, "q", q, ndim=2)
         speeds = np.zeros_like(points) if p is None else array(type(self).__name__, "p", p, ndim=2)
@@ -233,14 +233,14 @@ class Ball(Obstacle):
     Parameters
     ----------
     centre
-        b_k, shape (m,), or a `Leader` that the centre moves with.
+        b_k, shape (m,), or a `Leader` with which the centre moves.
     radius
         l_k; positive.
 
     Raises
     ------
     InvalidInput
-        When the radius is not positive or the centre not finite.
+        If the radius is not positive or the centre not finite.
     """
 
     centre: Annotated[Leader, Nested("place")]
@@ -267,7 +267,7 @@ class Ball(Obstacle):
 
     @property
     def structure(self) -> tuple[object, ...]:
-        """How the centre moves."""
+        """Structure of the motion of the centre."""
         return ("ball", self.centre.structure)
 
     def anchor(self, t: sympy.Expr, parameter: Callable[[str], sympy.Expr]) -> Sequence[sympy.Expr]:
@@ -302,16 +302,16 @@ class Wall(Obstacle):
     Parameters
     ----------
     point
-        A point of the hyperplane, shape (m,), or a `Leader` it moves with.
+        A point of the hyperplane, shape (m,), or a `Leader` with which it moves.
     normal
         Direction that points away from the wall, shape (m,); it is scaled to length 1.
     extent
-        How far `outline` reaches from the point.
+        Extent of `outline` from the point.
 
     Raises
     ------
     InvalidInput
-        When the normal is zero or has another dimension than the point.
+        If the normal is zero or has another dimension than the point.
     """
 
     point: Annotated[Leader, Nested("place")]
@@ -347,7 +347,7 @@ class Wall(Obstacle):
 
     @property
     def structure(self) -> tuple[object, ...]:
-        """How the point moves."""
+        """Structure of the motion of the point."""
         return ("wall", self.point.structure)
 
     def signed_distance(
@@ -377,7 +377,7 @@ def _first_that_holds(conditions: Sequence[sympy.Basic | None]) -> sympy.Expr:
 
 
 def _by_feature(values: Sequence[sympy.Expr]) -> sympy.Expr:
-    """The value of the piece that holds."""
+    """The value of the piece whose condition holds."""
     import sympy
 
     feature = sympy.Symbol("feature", real=True)

@@ -22,21 +22,21 @@ if TYPE_CHECKING:
 @register_part("polygon")
 @dataclass(frozen=True, eq=False)
 class ConvexPolygon(Obstacle):
-    """All points within ``rounding`` of a convex polygon: its boundary has a tangent everywhere.
+    """All points within ``rounding`` of a convex polygon, with a smooth boundary.
 
     Parameters
     ----------
     vertices
         Corners of the inner polygon in either sense of rotation, shape (K, 2), K at least 3, strictly convex.
     rounding
-        Radius of the rounded corners; positive. The body reaches that far beyond the inner polygon.
+        Radius of the rounded corners and width of the margin around the inner polygon; positive.
     motion
-        A `Leader` whose position is added to all corners; the polygon stands still when absent.
+        A `Leader` whose position is added to all corners; the polygon is at rest by default.
 
     Raises
     ------
     InvalidInput
-        When the corners are not those of a strictly convex polygon or the rounding is not positive.
+        If the corners are not those of a strictly convex polygon or the rounding is not positive.
     """
 
     vertices: Annotated[Array, values.ROWS]

@@ -1,1 +1,1 @@
-"""What a part is: its fields, described once, from which files, JSON, schemas, controls and messages derive."""
+"""Descriptions of parts by their fields, from which files, JSON, schemas, controls and messages are derived."""

@@ -1,4 +1,4 @@
-"""One description of a part: its fields, from which files, JSON, schemas, controls, selection and messages derive."""
+"""Description of a part: its fields, from which files, JSON, schemas, controls, selection and messages are derived."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ DRAW_TIME = "t"
 """Field of a drawn start: its time."""
 
 CONNECTED, CONNECTED_UNDER = "connected", "connected_under"
-"""What files say of a start that is connected under the graph of the law, and the argument that it becomes."""
+"""Key in files for a start that is connected under the graph of the law, and the argument for it."""
 
 MOST_AGENTS = "most_agents"
 """Argument of a draw that limits the number of agents; the reader of a file gives it."""
 
 BY_READER = frozenset({CONNECTED_UNDER, MOST_AGENTS})
-"""Arguments that no file gives."""
+"""Arguments that are not in files."""
 
 
 @dataclass(frozen=True)
 class Nested:
-    """Says that a field holds a part, or parts, of a group.
+    """Annotation of a field that contains one or several parts of a group.
 
     Parameters
     ----------
     group
         Name of the group.
     many
-        Whether it holds several.
+        Whether it contains several.
     inline
-        Whether the fields of the part stand in the table of its owner.
+        Whether the fields of the part are in the table of its owner.
     most
         Largest number of parts; where given, there must be at least one.
     """
@@ -45,14 +45,14 @@ class Nested:
 
 @dataclass(frozen=True)
 class Stored:
-    """Says under which name a field is stored and given to the constructor, where it is not its own."""
+    """Annotation of a field with another name in files and in the constructor."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class Unwritten:
-    """Says which value of a field is not written: what files meant that did not know the field.
+    """Annotation of a value of a field that is not written; it is the meaning of files without the field.
 
     Parameters
     ----------
@@ -72,16 +72,16 @@ class Field:
     attribute
         Its name as an attribute.
     holds
-        What it holds.
+        Kind of its values.
     required
         Whether it must be given.
     plain
-        Types of a plain value, where its annotation is one of ``bool``, ``int``, ``float`` and ``str``, or None beside
-        it; empty for all others.
+        Types of a plain value, if its annotation is one of ``bool``, ``int``, ``float`` and ``str``, also with None;
+        else empty.
     type_name
         Its annotation, for messages.
     unwritten
-        Value that files and JSON do not name, see `Unwritten`.
+        Value that is not written to files and JSON, see `Unwritten`.
     """
 
     name: str
@@ -93,7 +93,7 @@ class Field:
     unwritten: Unwritten | None = None
 
     def is_written(self, value: object) -> bool:
-        """Whether files and JSON name such a ``value``."""
+        """Whether a ``value`` is written to files and JSON."""
         return self.unwritten is None or value != self.unwritten.value
 
 
@@ -104,23 +104,23 @@ class Description:
     Parameters
     ----------
     name
-        Name of the class or function; JSON names a part by it.
+        Name of the class or function; the name of the part in JSON.
     word
-        Name in scenario files; None where they have no word for it.
+        Name in scenario files; None if it has none.
     builds
         Class of the part.
     call
-        Makes it from fields by name.
+        Function that makes it from fields by name.
     fields
         Its fields by their names in files.
     own_fields
-        Whether the fields are those of the part: false for a function that makes it from something else.
+        Whether the fields are those of the part; false for a function with other arguments.
     arguments
-        Every name that ``call`` takes.
+        Names of all arguments of ``call``.
     tried
-        Called with a new part, so that its formulas are derived where they were typed.
+        Called with a new part, so that errors in its formulas are reported where they were typed.
     taken
-        Gives the arguments of a function from the part that it made, where they can be found.
+        Returns the arguments of a function from the part that it made, if they can be found.
     """
 
     name: str
@@ -135,16 +135,16 @@ class Description:
 
     @property
     def shares_identity(self) -> bool:
-        """Whether two places that hold the same object still do after it was stored."""
+        """Whether references to the same object are preserved when stored."""
         return bool(getattr(self.builds, "keeps_identity", False))
 
     @property
     def drawn(self) -> bool:
-        """Whether it is a random draw, with a seed of its own."""
+        """Whether it is a random draw with a seed."""
         return not self.own_fields and "seed" in self.fields
 
     def values_of(self, part: object) -> Mapping[str, object]:
-        """Fields of ``part`` by name, as its constructor takes them."""
+        """Fields of ``part`` by name, as arguments of its constructor."""
         if self.taken is not None:
             return self.taken(part)
         return {f.name: getattr(part, f.attribute) for f in self.fields.values()}
@@ -155,7 +155,7 @@ class Description:
         Raises
         ------
         InvalidInput
-            When a value breaks a rule of the part.
+            If a value is invalid.
         """
         part = self.call(**given)
         if self.tried is not None:
@@ -169,18 +169,18 @@ class Description:
 
 @dataclass(frozen=True)
 class Short:
-    """A way to write a part without a table.
+    """Short form of a part in files, without a table.
 
     Parameters
     ----------
     value
-        What stands in the file.
+        Kind of the value in the file.
     make
-        The part it means.
+        Makes the part from the value.
     types
-        Types of the parts that are written so.
+        Types of the parts with this form.
     take
-        What is written of such a part.
+        Returns the value for such a part.
     """
 
     value: Value
@@ -191,20 +191,20 @@ class Short:
 
 @dataclass(frozen=True)
 class Group:
-    """Parts that may stand in the same place.
+    """Parts that are allowed in the same place.
 
     Parameters
     ----------
     base
         Class of its parts.
     key
-        Key of a table that names the part; None where there is only one.
+        Key of a table for the name of the part; None if there is only one.
     default
-        The word meant when the key is absent.
+        Default value of the key.
     names
-        Name of the group whose parts with names may stand here; None where there are none.
+        Name of the group whose named parts are allowed here; None if there are none.
     short
-        A number, text or list that may stand in place of a table.
+        Short form: a number, string or list instead of a table.
     """
 
     name: str
@@ -216,20 +216,20 @@ class Group:
 
     @property
     def kinds(self) -> tuple[Description, ...]:
-        """Its parts that files have a word for."""
+        """Its parts with a name in files."""
         return tuple(d for d in DESCRIPTIONS if d.word is not None and issubclass(d.builds, self.base))
 
     def kind_named(self, word: str) -> Description | None:
-        """The part with such a word."""
+        """The part with the name ``word`` in files."""
         return next((d for d in self.kinds if d.word == word), None)
 
     def kind_of(self, part: object) -> Description | None:
-        """The kind that writes ``part``; None where files have no word for it."""
+        """Description of ``part``; None if it has no name in files."""
         return next((d for d in self.kinds if type(part) is d.builds and (d.own_fields or d.taken is not None)), None)
 
 
 DESCRIPTIONS: list[Description] = []
-"""Everything registered, in order."""
+"""All registered descriptions, in order."""
 
 GROUPS: dict[str, Group] = {}
 """Groups by name."""
@@ -238,19 +238,19 @@ _BY_CLASS: dict[type, Description] = {}
 
 
 def add_group(group: Group) -> None:
-    """Make a group known."""
+    """Register a group."""
     GROUPS[group.name] = group
 
 
 def add_description(description: Description) -> None:
-    """Make a part with such a ``description`` known."""
+    """Register a ``description``."""
     DESCRIPTIONS.append(description)
     if description.own_fields:
         _BY_CLASS[description.builds] = description
 
 
 def registered(part: object) -> Description | None:
-    """Description of a registered part by its very class; None for all others."""
+    """Description of a registered part by its exact class; None for all others."""
     return _BY_CLASS.get(type(part))
 
 
@@ -260,5 +260,5 @@ def registered_names() -> Mapping[str, Description]:
 
 
 def group_of(kind: type) -> Group | None:
-    """The first group that parts of a class may stand in."""
+    """The first group that allows parts of a class."""
     return next((g for g in GROUPS.values() if issubclass(kind, g.base)), None)

@@ -1,4 +1,4 @@
-"""Registering a part: its description is read from its annotations, once."""
+"""Registration of parts: the description is read from the annotations."""
 
 from __future__ import annotations
 
@@ -48,30 +48,30 @@ def register_part(
     tried: Callable[[object], object] | None = None,
     taken: Callable[[object], Mapping[str, object]] | None = None,
 ) -> Callable[[Part], Part]:
-    """Make a part known to scenario files, JSON, the schema for editors, the lab and messages.
+    """Register a part for scenario files, JSON, the schema for editors, the lab and messages.
 
     Parameters
     ----------
     word
-        Its name in scenario files, such as ``kind = "hysteresis"``; None where files are to have no word for it.
+        Its name in scenario files, such as ``kind = "hysteresis"``; None if it has none.
     tried
-        Called with every new part, to find faults of its formulas where they were typed.
+        Called with every new part, to find errors in its formulas where they were typed.
     taken
-        For a function: the arguments that make a given part, so that files can be written with it.
+        For a function: returns the arguments that make a given part, so that files can be written with it.
 
     Returns
     -------
     Callable
         Decorator of a frozen dataclass, which is a part, or of a function that returns one, such as a random start.
-        The annotations of fields and arguments say what they hold: ``float``, ``bool``, ``int``, ``str``,
+        The annotations of fields and arguments determine their kinds: ``float``, ``bool``, ``int``, ``str``,
         ``float | Array`` for one number or one per agent, ``Array`` for one per agent, a class of parts or a tuple of
-        them; ``Annotated[..., value]`` with a value of `flocking.model.parts.values` says it more narrowly.
+        them; ``Annotated[..., value]`` with a value of `flocking.model.parts.values` is more specific.
 
     Raises
     ------
     InvalidInput
-        When a field's annotation says nothing that files can hold, when the word or name is taken, or when what is
-        registered is no dataclass and no function with a known return annotation.
+        If the annotation of a field is not supported in files, if the name is already in use, or if the object is
+        neither a dataclass nor a function with a known return annotation.
 
     Examples
     --------
@@ -115,14 +115,14 @@ def described(
     Raises
     ------
     InvalidInput
-        When an annotation names what is not there, or it is neither a dataclass nor a function that returns a part.
+        If an annotation contains an undefined name, or it is neither a dataclass nor a function that returns a part.
     """
     name = getattr(part, "__name__", repr(part))
     try:
         hints = _hints(part, names or {})
     except NameError as error:
         raise InvalidInput(
-            "register_part", name, f"must have annotations whose names are known there ({error})", part,
+            "register_part", name, f"must have annotations with names that are defined ({error})", part,
             "Import them at the top of the file, not under TYPE_CHECKING.",
         ) from None  # fmt: skip
     if isinstance(part, type):
@@ -134,7 +134,7 @@ def described(
 
 
 def _hints(part: Callable[..., object], names: Mapping[str, object]) -> dict[str, object]:
-    """Annotations of a class and its bases, or of a function, each read where it was written."""
+    """Annotations of a class and its bases, or of a function, each evaluated in its module."""
     if not isinstance(part, type):
         return _read(part, names)
     found: dict[str, object] = {}
@@ -170,9 +170,9 @@ def _function(part: Callable[..., object], name: str, word: str | None, hints: M
 
 
 def description_of(part: object) -> Description | None:
-    """Description of a part: the registered one, or one of any other dataclass; None for what is none.
+    """Description of a part: the registered one, or one of any other dataclass; None for other objects.
 
-    A dataclass that was not registered is described as far as its annotations tell.
+    A dataclass that was not registered is described by its annotations as far as possible.
     """
     found = registered(part)
     kind = type(part)
@@ -214,7 +214,7 @@ def _field(attribute: str, annotation: object, required: bool) -> Field:
 
 
 def _members(annotation: object) -> Sequence[object]:
-    """The types that an annotation joins, without what `Annotated` adds to each."""
+    """The members of a union annotation, without the metadata of `Annotated`."""
     if get_origin(annotation) is Annotated:
         return _members(get_args(annotation)[0])
     if get_origin(annotation) in (Union, UnionType):
@@ -223,7 +223,7 @@ def _members(annotation: object) -> Sequence[object]:
 
 
 def _held(kinds: Sequence[object]) -> Value | Nested:
-    """What a field of such types holds."""
+    """Kind of the values of a field with these types."""
     for kind in kinds:
         group = group_of(kind) if isinstance(kind, type) else None
         if group is not None:
@@ -246,7 +246,7 @@ def _held(kinds: Sequence[object]) -> Value | Nested:
 def _is_array(kind: object) -> bool:
     alias = getattr(get_origin(kind), "__value__", None)
     if alias is not None:
-        # In newer NumPy the arrays of a type are an alias with a value.
+        # In newer NumPy array types are type aliases with a value.
         kind = alias[get_args(kind)]
     return get_origin(kind) is np.ndarray and np.bool_ not in get_args(get_args(kind)[1])
 
@@ -279,6 +279,6 @@ def _check_described(found: Description) -> None:
     for f in found.fields.values():
         if f.holds is values.ANY:
             raise InvalidInput(
-                "register_part", f"{found.name}.{f.name}", "must have an annotation that says what it holds",
+                "register_part", f"{found.name}.{f.name}", "must have an annotation for its kind of value",
                 f.type_name or f.name, "Write float, float | Array, bool, a class of parts, or Annotated[..., value].",
             )  # fmt: skip

@@ -1,4 +1,4 @@
-"""What a part consists of, as its description says: its values by their paths, replaced, and chosen for some agents."""
+"""Structure of parts by their descriptions: access to values by paths, replacement, and selection of agents."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from flocking.model.parts.values import Value
 Step = str | int
 FORMULA = "formula"
 NEW_NAME_VALUE = 1.0
-"""Value of a name that a newly typed formula uses for the first time."""
+"""Default value of a new name in a changed formula."""
 
 T = TypeVar("T")
 
 
 def children(part: object) -> dict[Step, object]:
-    """What a part consists of, by the step of a path that leads there; names of parameters stand beside the fields."""
+    """Children of a part by the step of a path; they include fields and parameters by name."""
     if isinstance(part, tuple | list) or (isinstance(part, np.ndarray) and part.ndim == 1):
         return dict(enumerate(part))
     kind = description_of(part)
@@ -46,7 +46,7 @@ def _steps(field: Field, value: object) -> dict[Step, object]:
 
 
 def field_at(part: object, step: Step) -> Field | None:
-    """The field that a step from ``part`` leads to, or into; None where it has no such field."""
+    """The field for a step from ``part``; None if there is none."""
     kind = description_of(part)
     fields = {} if kind is None else kind.fields
     if step in fields:
@@ -55,12 +55,12 @@ def field_at(part: object, step: Step) -> Field | None:
 
 
 def value_at(part: object, path: Sequence[Step]) -> object:
-    """The value that ``path`` leads to from ``part``.
+    """The value at ``path`` from ``part``.
 
     Raises
     ------
     InvalidInput
-        When it leads nowhere.
+        If the path does not exist.
     """
     for step in path:
         found = children(part)
@@ -73,7 +73,7 @@ def value_at(part: object, path: Sequence[Step]) -> object:
 def with_children(part: T, changes: Mapping[Step, object]) -> T:
     """``part`` with some of its children replaced and validated.
 
-    A new formula keeps the parameters it still uses; a name it uses for the first time gets the value 1.
+    A new formula keeps the parameters that it still contains; new names get the value 1.
     """
     found: object
     if isinstance(part, np.ndarray):
@@ -119,7 +119,7 @@ def substituted(part: T, old: object, new: object) -> T:
 
 
 def _with_each_field(part: object, done: dict[int, object], made: Callable[[Field, object], object]) -> object:
-    """``part`` with what ``made`` makes of the fields of all parts inside; what was shared stays shared."""
+    """``part`` with ``made`` applied to the fields of all nested parts; shared objects stay shared."""
     if id(part) in done:
         return done[id(part)]
     if isinstance(part, tuple | list):
@@ -139,12 +139,12 @@ def _with_each_field(part: object, done: dict[int, object], made: Callable[[Fiel
 
 
 def changed(part: T, path: Sequence[Step], value: object) -> T:
-    """``part`` with the value at ``path`` replaced, in every place where the part that owns it stands.
+    """``part`` with the value at ``path`` replaced, in every place that refers to its owner.
 
     Raises
     ------
     InvalidInput
-        When the path leads nowhere or the owner of the value refuses it.
+        If the path does not exist or the value is invalid.
     """
     *parents, last = path
     owner = value_at(part, parents)
@@ -153,9 +153,9 @@ def changed(part: T, path: Sequence[Step], value: object) -> T:
 
 
 def of_agents(part: T, chosen: Indices, n: int) -> T:
-    """``part``, made for ``n`` agents, for the ``chosen`` ones: values of each agent or pair are chosen with them.
+    """``part`` restricted to the ``chosen`` of ``n`` agents, with the values of these agents and pairs.
 
-    A part that keeps agents in another way than arrays says it itself by a method ``of_agents(chosen)``.
+    A part that does not store agents in arrays implements a method ``of_agents(chosen)``.
     """
 
     def made(field: Field, value: object) -> object:
@@ -169,7 +169,7 @@ def of_agents(part: T, chosen: Indices, n: int) -> T:
 
 
 def _each(holds: Value | Nested) -> str:
-    """What arrays in a field have one entry for."""
+    """Unit of the entries of arrays in a field: agents or pairs."""
     if isinstance(holds, Value):
         return "agent" if holds is values.ANY else holds.each
     short = GROUPS[holds.group].short

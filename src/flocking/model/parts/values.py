@@ -1,4 +1,4 @@
-"""Values that the fields of parts hold: how each is checked, described to editors, shown on a page and stored."""
+"""Kinds of values of fields: validation, JSON schema, control on a page, and storage."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 LONGEST_LIST = 1_000_000
-"""Entries of a list in a file, a bound on memory."""
+"""Largest number of entries of a list in a file; limits memory."""
 LONGEST_NAME = 200
-"""Characters of a name in a file, so that it fits into file names and lines."""
+"""Largest length of a name in a file, so that it fits into file names and lines."""
 MOST_PAIRWISE = 5000
-"""Most agents of what keeps a number for every pair of them."""
+"""Largest number of agents of parts that store a number for every pair."""
 LARGEST_INTEGER = 10**9
-"""Largest integer in a file: larger counts are taken for mistakes, and it fits into 32 bits."""
+"""Largest integer in a file; larger counts are probably mistakes, and it fits into 32 bits."""
 LARGEST_SEED = 2**63 - 1
 """Largest seed in a file: the largest integer of TOML."""
 _TAKEN = ("self", "formula", "velocity", "start", "start_time")
@@ -29,14 +29,14 @@ _TAKEN = ("self", "formula", "velocity", "start", "start_time")
 
 
 class RefusedError(ValueError):
-    """A value breaks a rule.
+    """A value is invalid.
 
     Parameters
     ----------
     fix
-        The usual way out.
+        The usual fix.
     at
-        Where inside the value, as keys and positions.
+        Position inside the value, as keys and indices.
     """
 
     def __init__(self, rule: str, fix: str = "", at: tuple[str | int, ...] = ()) -> None:
@@ -50,7 +50,7 @@ def _same(value: object) -> object:
 
 @dataclass(frozen=True)
 class Value:
-    """One kind of value.
+    """A kind of value.
 
     Parameters
     ----------
@@ -59,18 +59,18 @@ class Value:
     schema
         The value in JSON schema.
     control
-        How a page shows it: ``"number"``, ``"flag"``, ``"choice"``, ``"count"``, ``"formula"``, ``"components"`` of a
-        direction, ``"factor"`` of an array; empty where it shows none.
+        Control on a page: ``"number"``, ``"flag"``, ``"choice"``, ``"count"``, ``"formula"``, ``"components"`` of a
+        direction, ``"factor"`` of an array; empty for none.
     store
-        The value as data: what `check` takes again.
+        Returns the value as data that `check` accepts.
     agents
-        How many agents a value asks for; None where it asks for none.
+        Returns the number of agents that a value requires; None if it requires none.
     pairwise
-        Whether a number is kept for every pair of these agents.
+        Whether a number is stored for every pair of these agents.
     each
-        What an array has one entry for: ``"agent"``, ``"pair"`` of agents, or neither.
+        Unit of the entries of an array: ``"agent"``, ``"pair"`` of agents, or neither.
     variables
-        Names that are variables of a formula and no parameters.
+        Names of the variables of a formula, which are not parameters.
     """
 
     check: Callable[[object], object]
@@ -89,7 +89,7 @@ class Value:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """The words to choose from; empty where it is no choice."""
+        """The choices; empty if it is not a choice."""
         listed = self.schema.get("enum", ())
         return tuple(str(w) for w in listed) if isinstance(listed, list) else ()
 
@@ -100,7 +100,7 @@ def hidden(value: Value) -> Value:
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
-    """A question that suggests the known word most like ``word``, or the list of all of them."""
+    """A hint with the known word most similar to ``word``, or a list of all known words."""
     choices = sorted(known)
     close = difflib.get_close_matches(word, choices, n=1, cutoff=0.6)
     return f"Did you mean {close[0]!r}?" if close else f"Known here: {', '.join(choices)}."
@@ -225,7 +225,7 @@ def _named_numbers(value: object) -> dict[str, float]:
     result: dict[str, float] = {}
     for name, entry in value.items():
         if not name.isidentifier() or name in _TAKEN:
-            raise RefusedError("is no name a formula may use", at=(name,))
+            raise RefusedError("is not a valid name in a formula", at=(name,))
         try:
             result[name] = _number(entry)
         except RefusedError as refused:
@@ -269,7 +269,7 @@ def _choice(words: tuple[str, ...]) -> Callable[[object], str]:
 
 
 def choice(*words: str) -> Value:
-    """One of a few words."""
+    """One of the strings ``words``."""
     return Value(_choice(words), {"enum": list(words)}, "choice")
 
 
@@ -330,7 +330,7 @@ def formula(*variables: str) -> Value:
 
 
 def formulas(*variables: str) -> Value:
-    """Formulas of some variables, one an axis; their other names are parameters."""
+    """Formulas of some variables, one per axis; their other names are parameters."""
     return Value(
         lambda value: _each(value, "formulas", _formula),
         {"type": "array", "items": {"type": "string"}, "minItems": 1}, "formula", _formula_texts, variables=variables,
@@ -353,23 +353,23 @@ NUMBER = Value(_number, {"type": "number"}, "number")
 TIME = hidden(NUMBER)
 INTEGER = Value(_integer(-LARGEST_INTEGER, LARGEST_INTEGER), {"type": "integer"}, "count")
 AGENTS = Value(_integer(1, LARGEST_INTEGER), {"type": "integer", "minimum": 1}, agents=_count_of)
-"""How many agents there are."""
+"""Number of agents."""
 FEW_AGENTS = replace(AGENTS, pairwise=True)
-"""How many agents there are, of what looks at every pair."""
+"""Number of agents of a part that evaluates every pair."""
 DIMENSION = Value(_integer(1, 100), {"type": "integer", "minimum": 1, "maximum": 100})
 SEED = Value(_integer(0, LARGEST_SEED), {"type": "integer", "minimum": 0}, "count")
 ORDER = Value(_integer(1, 2), {"enum": [1, 2]})
 LENGTHS = Value(
     lambda value: _each(value, "lengths", _length), {"type": "array", "items": {"type": "number"}, "minItems": 1}
 )
-"""Lengths of the axes of space, ``inf`` for an axis without end."""
+"""Periods of the axes of space, ``inf`` for an open axis."""
 TRUTH = Value(_truth, {"type": "boolean"}, "flag")
 NAME = Value(_name, {"type": "string", "maxLength": LONGEST_NAME})
 NUMBERS = Value(_numbers, _NUMBERS)
 POINT = NUMBERS
-"""A place: one number an axis; pages drag it."""
+"""A position: one number per axis; it can be dragged on pages."""
 DIRECTION = Value(_numbers, _NUMBERS, "components")
-"""A velocity or a direction: one number an axis."""
+"""A velocity or a direction: one number per axis."""
 PER_AGENT = Value(_numbers, _NUMBERS, "factor", each="agent")
 ROWS = Value(_rows, _ROWS)
 POSITIONS = Value(_rows, _ROWS, agents=_row_count)
@@ -387,11 +387,11 @@ NAMED_NUMBERS = Value(_named_numbers, {"type": "object", "additionalProperties":
 NAMED_ROWS = Value(_named_rows, {"type": "object", "additionalProperties": _ROWS})
 """Further columns of the agents by name, a row for each agent."""
 ANY = Value(_same, {})
-"""What only Python can give: files have no word for it."""
+"""A value that can only be given in Python, not in files."""
 
 
 def plain(value: object) -> object:
-    """A value as TOML can hold it: arrays and tuples become lists, NumPy numbers Python ones."""
+    """A value in a form for TOML: arrays and tuples become lists, NumPy numbers become Python numbers."""
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, np.generic):

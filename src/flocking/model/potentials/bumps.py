@@ -1,4 +1,4 @@
-"""Bump functions rho(z): 1 up to an onset, 0 from 1 on, falling smoothly between (Olfati-Saber (16))."""
+"""Bump functions rho(z): 1 up to an onset, 0 from 1 on, smooth and decreasing between (Olfati-Saber (16))."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 GRID, REFINED = 2001, 1e-12
-"""Points at which the steepest slope is looked for, and the accuracy to which the best one is then refined."""
+"""Number of grid points for the steepest slope, and accuracy of its refinement."""
 
 
 @dataclass(frozen=True)
@@ -32,22 +32,22 @@ class Bump:
     Parameters
     ----------
     name
-        What to call it.
+        Its name.
     formula
         Text in the formula grammar with the names ``z`` and ``k0``.
 
     Raises
     ------
     FormulaError
-        When the text is not in the grammar.
+        If the text is not in the grammar.
     InvalidInput
-        When it uses another name than ``z`` and ``k0``.
+        If it contains another name than ``z`` and ``k0``.
     """
 
     name: str
     formula: Annotated[Formula, values.formula("z", "k0")]
 
-    if TYPE_CHECKING:  # text may be given
+    if TYPE_CHECKING:  # A string is accepted.
 
         def __init__(self, name: str, formula: str | Formula) -> None: ...
 
@@ -143,7 +143,7 @@ def bump_named(owner: str, bump: str | Bump) -> Bump:
     Raises
     ------
     InvalidInput
-        When there is no bump of that name.
+        If there is no bump of that name.
     """
     if isinstance(bump, Bump):
         return bump

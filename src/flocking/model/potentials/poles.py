@@ -1,4 +1,4 @@
-"""Distances at which a potential is infinite, read from its formula."""
+"""Distances at which a potential is infinite, found from its formula."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     import sympy
 
 NEAR, NEARER = 1e-6, 1e-11
-"""How far below a distance, as a fraction of it, the slope is looked at."""
+"""Relative distances below a point at which the slope is evaluated."""
 STEEPER = 1e4
-"""By how much the slope grows from the one to the other at a pole; a logarithm's grows by 1e5."""
+"""Smallest growth of the slope between the two at a pole; for a logarithm it is 1e5."""
 SAMPLES, FAR = 402, 4.0
-"""Distances looked at between two borders of pieces, and how far beyond the last of them, as a factor."""
+"""Number of distances between two borders of pieces, and largest distance relative to the last border."""
 
 
 @lru_cache(maxsize=1024)
@@ -42,9 +42,9 @@ def poles(potential: Potential) -> tuple[float, ...]:
 
 @lru_cache(maxsize=1024)
 def sides(potential: Potential, pole: float) -> tuple[str, str]:
-    """What the potential does on the near and on the far side of a pole: ``"rises"``, ``"falls"`` or ``"ends"``.
+    """Behaviour of the potential below and above a pole: ``"rises"``, ``"falls"`` or ``"ends"``.
 
-    It ends where it has no finite value.
+    It ends if it has no finite value.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def sides(potential: Potential, pole: float) -> tuple[str, str]:
 
 @lru_cache(maxsize=1024)
 def acts_only_beyond(potential: Potential, radius: float) -> float | None:
-    """The distance from which on a potential has a slope, where it has none below ``radius``; else None.
+    """Smallest distance at which a potential has a slope, if it has none below ``radius``; else None.
 
     A formula without pieces has a slope somewhere below any radius, or none at all.
     """

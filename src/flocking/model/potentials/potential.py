@@ -25,12 +25,12 @@ if TYPE_CHECKING:
 
 
 SEARCHED = 1e-6, 1e6, 12001
-"""Range of distances in which roots are searched, and number of points: 1000 a decade."""
+"""Range of distances in which roots are searched, and number of points: 1000 per decade."""
 ROOT = 1e-15
-"""Relative accuracy of a root, some units of rounding."""
+"""Relative accuracy of a root, several units in the last place."""
 
 MOST_BORDERS = 64
-"""Borders kept of a condition such as sin(r) < 0, which has one after the other."""
+"""Largest number of borders of a condition, such as sin(r) < 0, which has infinitely many."""
 
 
 @dataclass(frozen=True, init=False)
@@ -47,9 +47,9 @@ class Potential:
     Raises
     ------
     FormulaError
-        When the text is not in the grammar or a name has no value.
+        If the text is not in the grammar or a name has no value.
     InvalidInput
-        When a parameter is not a finite number.
+        If a parameter is not a finite number.
 
     Examples
     --------
@@ -97,7 +97,7 @@ class Potential:
         return Potential(self.formula, **{**self.parameters, **parameters})
 
     def expression(self, r: sympy.Expr, values: Mapping[str, sympy.Expr] | None = None) -> sympy.Expr:
-        """SymPy form at distance ``r``; parameters are ``values``, or their numbers when absent."""
+        """SymPy form at distance ``r``; parameters are ``values``, by default their numbers."""
         import sympy
 
         from flocking.formula.symbolic import to_sympy
@@ -150,7 +150,7 @@ class Potential:
         )  # fmt: skip
         distances = np.asarray(r, dtype=np.float64)
         with np.errstate(all="ignore"):
-            # Plain floats would raise where an array holds NaN or infinity.
+            # Python floats would raise an exception where arrays give NaN or infinity.
             values = getattr(module, which)(distances, *map(np.float64, self.parameters.values()))
         return np.asarray(values, dtype=np.float64) + np.zeros_like(distances)
 
@@ -180,7 +180,7 @@ class Potential:
         return self._wrap(f"where(r < fade, PSI, where(r < fade_end, {bump} * PSI, 0))", fade=inner, fade_end=outer)
 
     def _wrap(self, pattern: str, **new: float) -> Potential:
-        """The potential put into a pattern: PSI stands for psi(r), PSI_AT_x for psi(x), x for a new parameter."""
+        """Insert the potential into a pattern: PSI is psi(r), PSI_AT_x is psi(x) with a new parameter x."""
         inner = self.formula.tree
         values, parts = dict(self.parameters), {"PSI": inner}
         for name, value in new.items():
@@ -198,7 +198,7 @@ def _pattern(text: str) -> Formula:
 
 
 def _derived(potential: object) -> object:
-    """Derives the slope, so that a formula that cannot be differentiated is refused where it was typed."""
+    """Derive the slope, so that a formula that cannot be differentiated is rejected where it was typed."""
     return potential.at_contact if isinstance(potential, Potential) else None
 
 
@@ -211,7 +211,7 @@ def _rebuild(text: str, parameters: dict[str, float]) -> Potential:
 
 
 def piece_borders(potential: Potential) -> tuple[float, ...]:
-    """Distances where pieces of the formula meet, ascending: read from its conditions, without SymPy where none.
+    """Distances where pieces of the formula meet, ascending, from its conditions.
 
     Borders that are roots of a polynomial of degree 2 or less are exact; others are searched on
     [1e-6, 1e6], and at most `MOST_BORDERS` are kept.
@@ -282,7 +282,7 @@ def _border_source(stated: tuple[sympy.Symbol, sympy.Expr], names: tuple[str, ..
 
 
 def zeros_source(r: sympy.Symbol, expressions: Iterable[sympy.Expr], names: tuple[str, ...]) -> str:
-    """Source of functions whose zeros are those of expressions in ``r``: solved where they are simple polynomials.
+    """Source of functions whose zeros are those of expressions in ``r``: solved in closed form for simple polynomials.
 
     Parameters
     ----------

@@ -20,13 +20,13 @@ def structural_potential(distance: float, a: float = 1.0, b: float = 5.0) -> Pot
     distance
         d_alpha, where potential and slope vanish; positive.
     a, b
-        Largest attraction and repulsion, 0 < a <= b. Since phi_alpha rises, agents at any distance attract with
-        less than a and repel with less than b.
+        Bounds of attraction and repulsion, 0 < a <= b: phi_alpha increases, attraction is less than a and repulsion
+        less than b at every distance.
 
     Raises
     ------
     InvalidInput
-        When a value is out of range.
+        If a value is out of range.
 
     Examples
     --------

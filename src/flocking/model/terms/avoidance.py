@@ -1,4 +1,4 @@
-"""Obstacle avoidance: beta-agents on the obstacles push away, gamma-agents inside them pull past."""
+"""Obstacle avoidance: repulsion by beta-agents on the obstacles, attraction by gamma-agents inside them."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class PerObstacle:
 
 @dataclass(frozen=True)
 class ObstacleGroup:
-    """Obstacles of one structure: their formulas are the same, their parameters are the columns of a table.
+    """Obstacles with the same structure: common formulas, with parameters in the columns of a table.
 
     Parameters
     ----------
@@ -68,10 +68,10 @@ class ObstacleGroup:
 
 
 class ObstacleTerm(BodyTerm):
-    """A term that acts on an agent near an obstacle, once for each obstacle within `range`.
+    """A term that acts on agents near obstacles, for each obstacle within `range`.
 
     A pair (agent, obstacle) is active while their distance is at most `range`; engines locate the switch in time.
-    A subclass states the force of one active obstacle and the balance of its power.
+    A subclass defines the force of one active obstacle and the balance of its power.
     """
 
     obstacles: tuple[Obstacle, ...]
@@ -104,19 +104,19 @@ class ObstacleTerm(BodyTerm):
         """The obstacles, sorted by type and structure."""
         found: dict[object, list[int]] = {}
         for k, obstacle in enumerate(self.obstacles):
-            # A subclass may state other formulas and inherit the structure.
+            # A subclass may define other formulas and inherit the structure.
             found.setdefault((type(obstacle), obstacle.structure), []).append(k)
         return tuple(
             ObstacleGroup(tuple(self.obstacles[k] for k in numbers), tuple(numbers)) for numbers in found.values()
         )
 
     def check_dimension(self, dimension: int) -> None:
-        """Check that all obstacles live in ``dimension`` dimensions.
+        """Check that all obstacles have ``dimension`` dimensions.
 
         Raises
         ------
         InvalidInput
-            When one does not.
+            If one has not.
         """
         for obstacle in self.obstacles:
             if obstacle.dimension != dimension:
@@ -130,16 +130,16 @@ class ObstacleTerm(BodyTerm):
 class Avoid(ObstacleTerm):
     """Olfati-Saber (54): c3 rho phi_beta n(qhat - q) + phi_gamma n(x_k - q) + c4 (phat - p), for obstacles within r0.
 
-    Distances to an obstacle are signed: inside it the beta-agent goes on pushing outwards, harder with depth,
-    and only the velocity along the outward normal is damped.
+    Distances to an obstacle are signed. Inside it the beta-agent repels outwards, with a force that grows with the
+    depth, and only the velocity along the outward normal is damped.
 
     Parameters
     ----------
     obstacles
-        What to avoid.
+        The obstacles.
     leader
-        Whose velocity sets the desired direction n_d; a vector is read as a leader with that velocity. Only
-        gamma-agents need it.
+        Leader whose velocity is the desired direction n_d; a vector is a leader with that velocity. Only needed for
+        gamma-agents.
     range
         r0; the paper takes r/2.
     repulsion_gain
@@ -151,16 +151,16 @@ class Avoid(ObstacleTerm):
     attraction
         Potential whose slope is phi_gamma(. - d_gamma); the default has d_gamma = 7, a = 1, b = 5.
     offset
-        lambda_d: the gamma-agent sits at x_k = b_k + lambda_d n_d.
+        lambda_d: the gamma-agent is at x_k = b_k + lambda_d n_d.
     onset, bump
-        k0 and shape of the bump rho of distance/r0, which multiplies the beta-agent's push alone, as printed.
+        k0 and shape of the bump rho of distance/r0, which multiplies only the force of the beta-agent, as printed.
     gamma_agents
-        Whether there are gamma-agents. A `Wall` has no middle and no gamma-agent.
+        Whether there are gamma-agents. A `Wall` has no centre and no gamma-agent.
 
     Raises
     ------
     InvalidInput
-        When a value is out of range, an obstacle is none, or gamma-agents lack a direction.
+        If a value is out of range, an obstacle is invalid, or gamma-agents lack a direction.
     """
 
     obstacles: tuple[Obstacle, ...]
@@ -208,7 +208,7 @@ class Avoid(ObstacleTerm):
 
     @property
     def parameters(self) -> dict[str, Value]:
-        """Gains, range, bump and the parameters of both potentials; obstacles own theirs."""
+        """Gains, range, bump and the parameters of both potentials, without those of obstacles."""
         found: dict[str, Value] = {name: getattr(self, name) for name in ("range", "repulsion_gain", "damping_gain")}
         found |= {"onset": self.onset}
         found |= {f"repulsion_{name}": value for name, value in self.repulsion.parameters.items()}
@@ -237,7 +237,7 @@ class Avoid(ObstacleTerm):
         return sympy.diff(psi, distance).subs(distance, r)
 
     def _forces(self, x: ObstacleSymbols) -> list[sympy.Expr]:
-        """All but the damping."""
+        """All forces except the damping."""
         import sympy
 
         rho = bump_named("Avoid", self.bump).expression(x.distance / x.parameter("range"), x.parameter("onset"))

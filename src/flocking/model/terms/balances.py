@@ -1,8 +1,8 @@
-"""What a term states of its energy must add up: power + rate of storage + dissipation - supply = 0, in every state.
+"""Check of the energy balance of a term: power + rate of storage + dissipation - supply = 0 in every state.
 
-The terms of this library are proven once, by its tests. A term from elsewhere is checked when its law is built:
-SymPy is asked whether the sum vanishes, and where it cannot tell the sum is evaluated in random states, in double
-precision first and with 40 digits where that leaves a doubt.
+The terms of this library are checked by its tests. A term from elsewhere is checked when its law is built: SymPy
+simplifies the sum, and if it does not find zero the sum is evaluated in random states, first in double precision, and
+with 40 digits if the result is inconclusive.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ if TYPE_CHECKING:
     from flocking.model.terms.symbols import BodySymbols, ObstacleSymbols
 
 SUSPICIOUS, WRONG = 1e-9, 1e-10
-"""Of the largest part of the sum: above the first it is evaluated with 40 digits, above the second it is refused."""
+"""Residual relative to the largest term of the sum above which it is evaluated with 40 digits, and rejected."""
 
 DIGITS, CHECKED_STATES = 40, 40
-"""Digits of the second evaluation, and about how many doubtful states it is made in, a bound on time."""
+"""Digits of the second evaluation, and approximate number of states in which it is made; limits the time."""
 
 EQUAL_FACTORS = 1e-6
-"""Relative spread up to which factors in several states count as one: they come from values of 40 digits as floats."""
+"""Largest relative spread of equal factors in several states; they are computed with 40 digits and rounded."""
 
 FEWEST_STATES = 20
-"""Finite states that a check of a balance needs at least: a wrong formula is exposed by nearly every one."""
+"""Smallest number of finite states for a check; nearly every state exposes a wrong formula."""
 
 
 @dataclass(frozen=True)
 class Balance:
-    """What one term states, as expressions of the symbols of a state.
+    """The balance of one term, as expressions of the symbols of a state.
 
     Parameters
     ----------
@@ -62,12 +62,12 @@ class Balance:
 
     @property
     def parts(self) -> tuple[sympy.Expr, ...]:
-        """The four with the signs with which they add up to zero."""
+        """The four terms with the signs of the sum."""
         return self.power, self.storage, self.dissipation, -self.supply
 
 
 def from_library(part: object) -> bool:
-    """Whether the class of a part is this library's own, whose formulas its tests have proven."""
+    """Whether the class of a part is from this library, whose formulas are tested."""
     return type(part).__module__.split(".")[0] == "flocking"
 
 
@@ -82,7 +82,7 @@ def check_pair_term(term: PairTerm, graph: Graph) -> None:
     Raises
     ------
     InvalidInput
-        When they are not: with the factor by which one of them is off, where there is one.
+        If they are not; the message contains the wrong factor, if there is one.
     """
     if from_library(term):
         return
@@ -109,7 +109,7 @@ def check_body_term(term: BodyTerm, dimension: int) -> None:
     Raises
     ------
     InvalidInput
-        When they are not: with the factor by which one of them is off, where there is one.
+        If they are not; the message contains the wrong factor, if there is one.
     """
     if from_library(term) and (term.leader is None or from_library(term.leader)):
         return
@@ -145,11 +145,11 @@ def _power(force: Sequence[sympy.Expr], x: BodySymbols | ObstacleSymbols) -> sym
 
 
 def _only(term: object, stored: sympy.Expr, allowed: Iterable[sympy.Expr], states: States, what: str) -> None:
-    """Refuse a stored energy whose rate is not known from the velocities."""
+    """Check that the rate of a stored energy follows from the velocities."""
     odd = sorted(str(s) for s in stored.free_symbols - set(allowed) - set(states.constants))
     if odd:
         raise InvalidInput(
-            type(term).__name__, "storage", f"must be a function {what} and of parameters alone", odd[0],
+            type(term).__name__, "storage", f"must be a function {what} and of parameters", odd[0],
             "Energy that depends on velocities has a rate that depends on accelerations.",
         )  # fmt: skip
 
@@ -190,7 +190,7 @@ def _fault(
         return (
             "along" if "r" in map(str, symbols) else "force", "must have finite values in most states",
             f"{finite.sum()} of {len(finite)} random states",
-            "Its energy balance cannot be checked. Look at the domain of its formulas.",
+            "Its energy balance cannot be checked. Check the domain of its formulas.",
         )  # fmt: skip
     drawn, found = drawn[:, finite], found[:, finite]
     scale = np.abs(found).max(axis=0)
@@ -204,7 +204,7 @@ def _fault(
     if negative.any():
         return (
             "dissipation", "must not be negative", float(found[2][negative].min()),
-            "Power that is put in belongs to the supply.",
+            "Power that is added belongs to the supply.",
         )  # fmt: skip
     return None
 
@@ -225,7 +225,7 @@ def _with_digits(parts: Sequence[sympy.Expr], symbols: Sequence[sympy.Symbol], s
 
 
 def _described(parts: Array, rest: Array) -> Fault:
-    """Which of storage, dissipation and supply is off, and by what factor, in states where the sum is not zero."""
+    """The wrong one of storage, dissipation and supply, and its factor, in states where the sum is not zero."""
     power, storage, dissipation, supply = parts * np.array([1.0, 1.0, 1.0, -1.0])[:, None]
     names = ("dissipation", "storage", "supply")
     stated = (dissipation, storage, supply)
@@ -245,5 +245,5 @@ def _described(parts: Array, rest: Array) -> Fault:
     return (
         "balance", "must add up to zero in every state",
         f"{left} - supply {supply[worst]:.6g} = {rest[worst]:.6g}",
-        "State what is stored and dissipated by the forces, and the rest as supply.",
+        "Define storage and dissipation by the forces, and the rest as supply.",
     )  # fmt: skip

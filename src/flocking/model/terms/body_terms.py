@@ -1,4 +1,4 @@
-"""Body terms of a control law: what acts on one agent alone, above all the pursuit of a leader."""
+"""Body terms of a control law, which act on single agents, such as the pursuit of a leader."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 class BodyTerm(Term):
     """A term that acts on one agent: u_i += force.
 
-    A subclass states its force, and where it can the energy it stores and the balance of its power.
+    A subclass defines its force, and if possible the stored energy and the balance of its power.
     """
 
     leader: Leader | None = None
-    """Leader the term looks at."""
+    """Leader of the term."""
     uses_means: bool = False
-    """Whether it needs the centre of mass: then the law is not distributed."""
+    """Whether it needs the centre of mass, so that the law is not distributed."""
 
     def force(self, x: BodySymbols) -> Sequence[sympy.Expr]:
         """Force on agent i, m expressions."""
@@ -43,8 +43,8 @@ class BodyTerm(Term):
     def balance(self, x: BodySymbols) -> tuple[sympy.Expr, sympy.Expr]:
         """Power dissipated and power supplied in the frame that moves with ``x.frame_p``.
 
-        Their difference, with the rate of `storage`, is the power of the force. By default nothing is known
-        to be dissipated, and all power of the stated force counts as supplied.
+        Their difference, with the rate of `storage`, is the power of the force. By default nothing is
+        dissipated, and all power of the force is supplied.
         """
         import sympy
 
@@ -69,7 +69,7 @@ class Track(BodyTerm):
     Parameters
     ----------
     leader
-        Whom to follow. A vector is read as a leader with that constant velocity.
+        The leader. A vector is a leader with that constant velocity.
     position_gain
         c1, for all or per agent; not negative. Each gain may be a `Schedule`, to change at given times.
     velocity_gain
@@ -77,16 +77,16 @@ class Track(BodyTerm):
     acceleration_gain
         g, for all or per agent: 1 where the agent knows the leader's acceleration, else 0.
     per_mass
-        Multiply c1 and c2 by the agent's mass, as Shi (4) and (15) do.
+        Whether c1 and c2 are multiplied by the agent's mass, as in Shi (4) and (15).
     shared
-        Feed back the centre of mass instead of the agent itself, as Olfati-Saber (64) and (66) do.
+        Whether the feedback is of the centre of mass instead of the agent, as in Olfati-Saber (64) and (66).
     saturated
-        Pass both errors through z/sqrt(1 + |z|^2), as Olfati-Saber (64) and (66) do.
+        Whether both errors are mapped by z/sqrt(1 + |z|^2), as in Olfati-Saber (64) and (66).
 
     Raises
     ------
     InvalidInput
-        When a gain is negative or not finite.
+        If a gain is negative or not finite.
     """
 
     leader: Leader = field()
@@ -125,12 +125,12 @@ class Track(BodyTerm):
 
     @property
     def parameters(self) -> dict[str, Value]:
-        """The gains that are not zero; the leader's own parameters belong to the leader."""
+        """The gains that are not zero, without the parameters of the leader."""
         return dict(self._active)
 
     @property
     def structure(self) -> tuple[object, ...]:
-        """Which gains there are and how errors are fed back."""
+        """Nonzero gains and form of the feedback."""
         return ("Track", tuple(self._active), self.per_mass, self.shared, self.saturated)
 
     @property
@@ -167,7 +167,7 @@ class Track(BodyTerm):
         return [f - c1 * e for f, e in zip(result, position, strict=True)] if position else result
 
     def storage(self, x: BodySymbols) -> sympy.Expr:
-        """c1 |q - o|^2 / 2 where the feedback is the agent's own and linear, else 0.
+        """c1 |q - o|^2 / 2 if the feedback is of the agent and linear, else 0.
 
         o is the sink, or the origin of a moving frame (the leader, or the centre of mass in Shi's J for (15)).
         """
@@ -189,7 +189,7 @@ class Track(BodyTerm):
 
         zero = sympy.Integer(0)
         relative = [a - b for a, b in zip(x.p, x.frame_p, strict=True)]
-        # What a subclass adds to the force is supplied as it stands.
+        # Additional forces of a subclass count as supplied.
         supplied = sum(
             ((f - own) * v for f, own, v in zip(self.force(x), Track.force(self, x), relative, strict=True)), zero
         )
@@ -203,10 +203,10 @@ class Track(BodyTerm):
         )  # fmt: skip
         origin = self._origin(x)
         if origin is None:
-            # No place to store from: all power of the feedback of places is supplied.
+            # Without an origin all power of the position feedback is supplied.
             supplied -= sum((c1 * (a - b) * v for a, b, v in zip(x.q, x.leader_q, relative, strict=True)), zero)
         elif isinstance(self.leader, Sink):
-            # The stored energy changes with q - o, whose rate is p: the frame's motion along the force is left over.
+            # The stored energy depends on q - o with rate p - frame_p; the power of the frame's motion remains.
             supplied += sum((c1 * (a - b) * v for a, b, v in zip(x.q, origin, x.frame_p, strict=True)), zero)
         else:
             supplied += sum((c1 * (a - b) * v for a, b, v in zip(x.leader_q, origin, relative, strict=True)), zero)
@@ -225,9 +225,9 @@ def _saturate(error: Sequence[sympy.Expr]) -> list[sympy.Expr]:
 @register_part("compensate")
 @dataclass(frozen=True)
 class Compensate(BodyTerm):
-    """Cancels the agents' own velocity damping: + k_i p_i (Shi (2), the term delta).
+    """Cancels the velocity damping of the agents: + k_i p_i (Shi (2), the term delta).
 
-    The damping gains are those of `Agents`; the term has no parameter of its own.
+    The damping gains are those of `Agents`; the term has no parameters.
     """
 
     @property
@@ -237,7 +237,7 @@ class Compensate(BodyTerm):
 
     @property
     def structure(self) -> tuple[object, ...]:
-        """The name alone."""
+        """The name."""
         return ("Compensate",)
 
     @property

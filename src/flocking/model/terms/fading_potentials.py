@@ -1,10 +1,9 @@
-"""The energy of forces that fade out with the weight of a smooth graph: the integral of a psi' over the distance.
+"""The energy of forces with the weight of a smooth graph: the integral of a psi' over the distance.
 
-Where the weight falls it has no closed form for most potentials. By parts it is a psi + (integral of a' psi from r to
-R), and the second part is written as a polynomial on the interval of the fall, in Newton's form at Chebyshev points in
-the order of Leja, which is stable and short. The coefficients are numbers that reach compiled code at run time, like
-parameters; their number is chosen so that the polynomial is right to 12 digits, or to 10 with
-as many as are ever taken.
+Where the weight decreases it has no closed form for most potentials. By parts it is a psi + (integral of a' psi from r
+to R). The second term is approximated by a polynomial on the interval of the decrease, in Newton's form at Chebyshev
+points in Leja order, which is stable and short. The coefficients are run-time numbers of compiled code, like
+parameters; their number is chosen so that the polynomial has 12 correct digits, or 10 with the largest number.
 """
 
 from __future__ import annotations
@@ -24,28 +23,28 @@ if TYPE_CHECKING:
     from flocking.model.potentials.potential import Potential
 
 COUNTS = (8, 12, 16, 24, 32, 48, 64, 96)
-"""Numbers of coefficients that are tried."""
+"""Tried numbers of coefficients."""
 
 ACCURACY, POOREST = 1e-12, 1e-10
-"""Largest error, of the integral's largest value: with fewer coefficients than most, and with most."""
+"""Largest error relative to the largest value of the integral: in general, and with the most coefficients."""
 
 PLACES = 1001
 """Distances at which the error is measured."""
 
 NODES = 16
-"""Nodes of Gauss and Legendre's rule between two neighbouring distances."""
+"""Number of nodes of the Gauss-Legendre rule between two neighbouring distances."""
 
 
 @dataclass(frozen=True)
 class Fall:
-    """Integral from a distance to the radius of the slope of a weight times a potential, in numbers.
+    """Integral from a distance to the radius of the slope of a weight times a potential, as numbers.
 
     Parameters
     ----------
     begin, end
         Distances between which the weight falls from 1 to 0.
     coefficients
-        Newton's coefficients of the integral as a function of the distance where it begins.
+        Newton coefficients of the integral as a function of its lower limit.
     """
 
     begin: float
@@ -61,7 +60,7 @@ class Fall:
 
 @dataclass(frozen=True)
 class Fade:
-    """The same in symbols.
+    """The same as symbols.
 
     Parameters
     ----------
@@ -89,14 +88,14 @@ class Fade:
 
 @cache
 def nodes(count: int) -> tuple[float, ...]:
-    """Chebyshev points of [-2, 2], each as far as can be from those before it (F. Leja, Ann. Polon. Math. 4 (1957) 8).
+    """Chebyshev points of [-2, 2] in Leja order (F. Leja, Ann. Polon. Math. 4 (1957) 8).
 
-    On an interval of this length differences neither overflow nor vanish, however many there are.
+    On an interval of this length products of differences neither overflow nor underflow.
 
     Parameters
     ----------
     count
-        How many.
+        Their number.
     """
     left = 2 * np.cos(np.pi * (np.arange(count) + 0.5) / count)
     order = [float(left[0])]
@@ -109,7 +108,7 @@ def nodes(count: int) -> tuple[float, ...]:
 
 
 def newton_coefficients(values: Array) -> Array:
-    """Coefficients of the polynomial that has some values at `nodes`, shape (K,).
+    """Coefficients of the interpolating polynomial at `nodes`, shape (K,).
 
     Parameters
     ----------
@@ -124,14 +123,14 @@ def newton_coefficients(values: Array) -> Array:
 
 
 def newton_value(coefficients: Array, places: Array) -> Array:
-    """The polynomial with those coefficients at some places in [-2, 2].
+    """Value of the polynomial at points in [-2, 2].
 
     Parameters
     ----------
     coefficients
         Newton's coefficients.
     places
-        Where.
+        The points.
     """
     points = nodes(len(coefficients))
     found = np.full(len(places), coefficients[-1])
@@ -142,18 +141,18 @@ def newton_value(coefficients: Array, places: Array) -> Array:
 
 @lru_cache(maxsize=256)
 def fall_of(potential: Potential, graph: Smooth) -> Fall | None:
-    """The integral of the slope of a graph's weight times a potential; None where no polynomial gives it.
+    """The integral of the slope of a graph's weight times a potential; None if no polynomial is accurate enough.
 
     Parameters
     ----------
     graph
-        The graph; its weight falls between its kink and its radius.
+        The graph; its weight decreases between its kink and its radius.
     """
     begin, end = float(graph.kinks()[0]), graph.radius
     places, weights = np.polynomial.legendre.leggauss(NODES)
 
     def integral(starts: Array) -> Array:
-        """From each of the ascending distances to the end, piece by piece."""
+        """Integrals from each of the ascending distances to the end."""
         ends = np.append(starts[1:], end)
         half = (ends - starts) / 2
         s = starts[:, None] + half[:, None] * (1 + places)
@@ -173,7 +172,7 @@ def fall_of(potential: Potential, graph: Smooth) -> Fall | None:
         values = np.empty(len(together))
         values[order] = integral(begin + (end - begin) * (together[order] + 2) / 4)
         fitted = newton_coefficients(values[len(between) :])
-        # Nothing is left at the radius, so that no energy comes or goes with a link.
+        # Zero at the radius, so that the energy does not jump with a link.
         fitted[0] -= newton_value(fitted, np.array([2.0]))[0]
         allowed = POOREST if count == COUNTS[-1] else ACCURACY
         if np.abs(newton_value(fitted, between) - exact).max() <= allowed * size:

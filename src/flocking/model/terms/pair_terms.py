@@ -1,4 +1,4 @@
-"""Pair terms of a control law: what a neighbour j adds to the control of agent i."""
+"""Pair terms of a control law: contributions of a neighbour j to the control of agent i."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ if TYPE_CHECKING:
     from flocking.model.terms.fading_potentials import Fall
 
 Value = float | Array | PairWeights | Schedule
-"""A parameter: one number, one number per agent, or one per pair; the first two possibly changing at given times."""
+"""A parameter: one number, one number per agent, or one per pair; the first two may change at given times."""
 
 WEIGHTINGS, STORED = ("energy", "force"), ("integral", "potential")
-"""Words of `Gradient`."""
+"""Choices of `Gradient`."""
 
 SYMMETRIES = frozenset({"momentum", "rotation", "relabelling", "galilean", "locality"})
 """Symmetries a pair term may declare; each has a contract test."""
 
 
 class Term(ABC):
-    """Base of all parts of a law that act on agents."""
+    """Base class of the terms of a law."""
 
     @property
     @abstractmethod
@@ -46,11 +46,11 @@ class Term(ABC):
     @property
     @abstractmethod
     def structure(self) -> tuple[object, ...]:
-        """What fixes the formulas of the term, without the values of its parameters."""
+        """Everything that determines the formulas of the term, without the values of its parameters."""
 
     @property
     def symmetries(self) -> frozenset[str]:
-        """Symmetries the term keeps, a subset of `SYMMETRIES`."""
+        """Symmetries of the term, a subset of `SYMMETRIES`."""
         return SYMMETRIES
 
     def check_count(self, n: int) -> None:
@@ -59,7 +59,7 @@ class Term(ABC):
         Raises
         ------
         InvalidInput
-            When one has another length.
+            If one has another length.
         """
         for name, value in self.parameters.items():
             if isinstance(value, PairWeights):
@@ -77,18 +77,17 @@ class Term(ABC):
 class PairTerm(Term):
     """A term that sums over neighbours: u_i += along * n_ij + drag * (p_j - p_i).
 
-    A subclass states `along` or `drag` or both as SymPy expressions of the symbols it is handed, and,
-    where they exist, the energy it stores and the powers it dissipates and is supplied with, each per ordered pair.
-    What it states must be that of its forces, in every state:
+    A subclass defines `along` or `drag` or both as SymPy expressions of the given symbols, and if they exist the
+    stored energy, the dissipated power and the supplied power, each per ordered pair. They must be consistent with
+    its forces in every state:
 
         - along radial - drag speed2 + (rate of storage) + dissipation - supply = 0.
 
-    A law checks this when it is built. The power by which forces that do not come in opposite pairs exceed this
-    belongs to the supply too; the engines add it.
+    A law checks this when it is built. Engines add the power of forces that are not equal and opposite to the supply.
     """
 
     over: Graph | None = None
-    """Graph of this term, where it is not the graph of the law."""
+    """Graph of this term; None for the graph of the law."""
 
     def along(self, x: PairSymbols) -> sympy.Expr:
         """Coefficient of n_ij = (q_j - q_i)/r."""
@@ -117,7 +116,7 @@ class PairTerm(Term):
     def supply(self, x: PairSymbols) -> sympy.Expr:
         """Power supplied to an undirected link (each ordered pair counts half of it).
 
-        By default all power of a term that states neither storage nor dissipation, and none of one that does.
+        By default all power of a term without storage and dissipation, else none.
         """
         import sympy
 
@@ -158,20 +157,20 @@ class Gradient(PairTerm):
     potential
         The potential psi(r).
     weighting
-        How the weight a(r) of a smooth graph enters. ``"energy"``: the force is the gradient of a psi
+        Use of the weight a(r) of a smooth graph. ``"energy"``: the force is the gradient of a psi
         (Olfati-Saber (35)). ``"force"``: the force is a psi' (Olfati-Saber (36)). The two agree where a = 1.
     over
-        Graph of this term, where it is not the graph of the law.
+        Graph of this term; the graph of the law by default.
     stored
         The energy of a weighted force. ``"integral"``: the integral of a psi', zero at the radius, of which the
-        force is the gradient, found to 12 digits where the weight falls. ``"potential"``: a psi, the energy of (35);
-        what moves the weight counts as supplied. So it does anyway over graphs whose weight is none of `Smooth`, and
-        for potentials with a kink or a narrow feature where the weight falls; see `fall`.
+        force is the gradient, to 12 digits where the weight decreases. ``"potential"``: a psi, the energy of (35);
+        power due to changes of the weight counts as supplied. This also applies to graphs whose weight is not that of
+        `Smooth`, and to potentials with a kink or a narrow feature where the weight decreases; see `fall`.
 
     Raises
     ------
     InvalidInput
-        When ``weighting`` or ``stored`` is unknown or ``potential`` is no Potential.
+        If ``weighting`` or ``stored`` is unknown or ``potential`` is not a Potential.
     """
 
     potential: Annotated[Potential, Nested("potential", inline=True)]
@@ -199,11 +198,11 @@ class Gradient(PairTerm):
 
     @property
     def structure(self) -> tuple[object, ...]:
-        """The formula, the weighting and what is stored."""
+        """The formula, the weighting and the kind of storage."""
         return ("Gradient", self.potential.formula.structure, self.weighting, self.stored)
 
     def fall(self, graph: Graph) -> Fall | None:
-        """What the integral of a psi' exceeds a psi by, where it is stored; see `stored`."""
+        """The integral of a psi' minus a psi, if the integral is stored; see `stored`."""
         from flocking.model.graphs.smooth_graphs import Smooth
         from flocking.model.terms.fading_potentials import fall_of
 
@@ -229,7 +228,7 @@ class Gradient(PairTerm):
         return x.weight * self._psi(x) + x.fade.integral(x.r)
 
     def supply(self, x: PairSymbols) -> sympy.Expr:
-        """What moves the weight of a force whose integral is not stored; else nothing."""
+        """Power due to changes of the weight, if the integral is not stored; else zero."""
         import sympy
 
         if self.weighting == "force" and x.fade is None:
@@ -253,16 +252,16 @@ class Consensus(PairTerm):
     weights
         Pair weights: an (N, N) matrix, `HashedWeights`, or None for 1.
     weighted
-        Multiply by the weight a(r) of a smooth graph. Olfati-Saber (34)-(36) as printed do not.
+        Whether to multiply by the weight a(r) of a smooth graph; not so in Olfati-Saber (34)-(36) as printed.
     functional
-        Multiply by the graph functional s_i of the sensing agent (Shi, Remark 3).
+        Whether to multiply by the graph functional s_i of the sensing agent (Shi, Remark 3).
     over
-        Graph of this term, where it is not the graph of the law.
+        Graph of this term; the graph of the law by default.
 
     Raises
     ------
     InvalidInput
-        When a gain or weight is negative or not finite.
+        If a gain or weight is negative or not finite.
     """
 
     gain: float | Array = 1.0
@@ -271,7 +270,7 @@ class Consensus(PairTerm):
     functional: bool = field(default=False, kw_only=True)
     over: Graph | None = field(default=None, kw_only=True)
 
-    if TYPE_CHECKING:  # a matrix may be given
+    if TYPE_CHECKING:  # A matrix is accepted.
 
         def __init__(
             self,
@@ -293,18 +292,18 @@ class Consensus(PairTerm):
 
     @property
     def parameters(self) -> dict[str, Value]:
-        """The gain, and the pair weights where there are any."""
+        """The gain, and the pair weights if there are any."""
         found: dict[str, Value] = {"gain": self.gain}
         return found | ({"weights": self.weights} if self.weights is not None else {})
 
     @property
     def structure(self) -> tuple[object, ...]:
-        """Which factors the coefficient has."""
+        """The factors of the coefficient."""
         return ("Consensus", self.weights is not None, self.weighted, self.functional)
 
     @property
     def symmetries(self) -> frozenset[str]:
-        """All, but momentum only when the coefficient is the same for (i, j) and (j, i)."""
+        """All; momentum only if the coefficient is the same for (i, j) and (j, i)."""
         uneven = np.ndim(self.gain) > 0 or self.functional or not (self.weights is None or self.weights.symmetric)
         fixed = np.ndim(self.gain) > 0 or self.weights is not None
         return SYMMETRIES - ({"momentum"} if uneven else set()) - ({"relabelling"} if fixed else set())
@@ -325,7 +324,7 @@ class Consensus(PairTerm):
         return self.drag(x) * x.speed2
 
     def supply(self, x: PairSymbols) -> sympy.Expr:
-        """None: all power is dissipated."""
+        """Zero: all power is dissipated."""
         import sympy
 
         return sympy.Integer(0)

@@ -1,4 +1,4 @@
-"""Potentials held against the radii of the graphs over which they act, before anything moves."""
+"""Check of potentials against the radii of their graphs, before a simulation."""
 
 from __future__ import annotations
 
@@ -13,39 +13,39 @@ from flocking.model.potentials.poles import acts_only_beyond, poles, sides
 from flocking.model.terms.pair_terms import Gradient, PairTerm
 
 CALLER = 5
-"""Whose line a warning names: that of who builds a scenario."""
+"""Stack level of warnings: the line that builds a scenario."""
 
 INSIDE = 1.0 - 1e-9
-"""A pole at this share of the radius, or below, is inside it; the radii of the papers' potentials are their poles."""
+"""Largest ratio of a pole to the radius for which it is inside; the radii of the papers' potentials are their poles."""
 
 
 def check_reach(terms: Iterable[PairTerm], over: Graph) -> None:
-    """Check that neighbours under pair terms stay where its potentials have values.
+    """Check that potentials are defined for all distances of neighbours.
 
     Parameters
     ----------
     terms
         The terms.
     over
-        Graph of those that name no other.
+        Graph of the terms without a graph of their own.
 
     Raises
     ------
     InvalidInput
-        When a potential falls without bound, or ends, at a distance inside the radius at which its graph makes
-        links: pairs that become neighbours there, or come closer, have no motion.
+        If a potential decreases without bound, or ends, at a distance inside the radius of new links: the motion of
+        pairs at or below that distance is undefined.
 
     Warns
     -----
     SuspectInput
-        When a potential rises without bound at a distance inside the radius of its graph, which no pair can pass, or
-        acts only at distances beyond that radius.
+        If a potential increases without bound at a distance inside the radius of its graph, which no pair can pass,
+        or acts only at distances beyond that radius.
     """
     for term in terms:
         graph = term.over or over
         if not isinstance(term, Gradient) or not graph.moves:
             continue
-        # A link that appears on this side of a pole never comes past it.
+        # A link that appears on this side of a pole never passes it.
         radius = float(np.max(np.asarray(graph.appear_radius)))
         widest, potential = max(radius, float(np.max(np.asarray(graph.break_radius)))), term.potential
         if not np.isfinite(widest):

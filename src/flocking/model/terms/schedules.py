@@ -1,4 +1,4 @@
-"""Gains that change at given times, for example agents that are informed in turn (Shi (4))."""
+"""Gains that change at given times, for example to change the informed agents (Shi (4))."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ class Schedule:
         Switch times, strictly ascending, shape (K,).
     values
         K + 1 values, each one number or each one per agent: the first before ``times[0]``, the next from
-        ``times[0]`` on, and so forth.
+        ``times[0]`` on, and so on.
 
     Raises
     ------
     InvalidInput
-        When times are out of order, the number of values is wrong, or values differ in kind.
+        If times are out of order, the number of values is wrong, or values differ in kind.
 
     Examples
     --------
@@ -42,7 +42,7 @@ class Schedule:
     times: Annotated[Array, fields.NUMBERS]
     values: Annotated[tuple[float | Array, ...], fields.VALUES]
 
-    if TYPE_CHECKING:  # anything that makes an array may be given
+    if TYPE_CHECKING:  # Any sequence is accepted.
 
         def __init__(self, times: Sequence[float], values: Sequence[float | Sequence[float] | Array]) -> None: ...
 
@@ -77,7 +77,7 @@ class Schedule:
         return np.ndim(self.values[0]) == 1
 
     def at(self, t: float) -> float | Array:
-        """The value in force at time ``t``, right at a switch time the new one."""
+        """The value at time ``t``; at a switch time the new value."""
         return self.values[int(np.searchsorted(self.times, t, side="right"))]
 
     def switch_times(self, start: float, end: float) -> tuple[float, ...]:
@@ -85,12 +85,12 @@ class Schedule:
         return tuple(float(s) for s in self.times if start < s < end)
 
     def check_count(self, owner: str, parameter: str, n: int) -> None:
-        """Check that per-agent values are given for ``n`` agents.
+        """Check that per-agent values have ``n`` entries.
 
         Raises
         ------
         InvalidInput
-            When they are given for another number.
+            If they have another number of entries.
         """
         check_each(owner, parameter, self.values[0], n)
 

@@ -1,4 +1,4 @@
-"""Random states for terms: symbols of what a term may use, and draws of their values."""
+"""Random states for the check of terms: symbols of the quantities of a term, and draws of their values."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from flocking.model.terms.pair_terms import PairTerm
 
 COUNT = 2000
-"""Random states in which a term is checked."""
+"""Number of random states in which a term is checked."""
 
 
 LEAST_DISTANCE = 1e-12
-"""Added to random distances, so that none is zero, where formulas may have no value."""
+"""Added to random distances, since formulas may be undefined at zero."""
 MOST_VALUES = 64
-"""Values of one parameter that are drawn from, as agents may have very many."""
+"""Largest number of values of one parameter for draws, since there may be one per agent."""
 
 
 def _symbol(name: str) -> sympy.Symbol:
@@ -107,7 +107,7 @@ def _drawn(name: str, lengths: Sequence[float], rng: np.random.Generator) -> Arr
 
 
 def _distances(lengths: Sequence[float], rng: np.random.Generator) -> Array:
-    """Distances of every size, and near those at which formulas change."""
+    """Distances of all magnitudes, and close to those at which formulas change."""
     places = rng.choice(lengths, COUNT)
     near = places * (1 + rng.choice([-1.0, 1.0], COUNT) * 10.0 ** rng.uniform(-6, 0, COUNT))
     within = places * rng.random(COUNT)
@@ -198,7 +198,7 @@ class BodyStates(States):
         Parameters
         ----------
         anchored
-            Whether the obstacle has a middle.
+            Whether the obstacle has a centre.
         """
         x = self.symbols
         return ObstacleSymbols(
@@ -208,7 +208,7 @@ class BodyStates(States):
 
 
 def _values(value: object) -> tuple[float, ...]:
-    """Numbers a parameter may have."""
+    """Possible values of a parameter."""
     if isinstance(value, PairWeights):
         return (0.25, 0.5, 1.0, 2.0)
     if isinstance(value, Schedule):

@@ -1,4 +1,4 @@
-"""The named symbols in which parts state their formulas."""
+"""The symbols in the formulas of parts."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PairSymbols:
-    """What a pair term may use about an ordered pair (i, j), j a neighbour of i.
+    """Symbols of an ordered pair (i, j) for pair terms, j a neighbour of i.
 
     Parameters
     ----------
     weight
-        Weight a_ij the graph gives the link, an expression in ``r``.
+        Weight a_ij of the link, an expression in ``r``.
     speed2
         Squared relative speed |p_j - p_i|^2.
     radial
@@ -27,9 +27,9 @@ class PairSymbols:
     functional
         Functional s_i of the graph for agent i (Shi, Remark 3).
     parameter
-        Symbol of one of the term's own parameters, by name.
+        Symbol of a parameter of the term, by name.
     fade
-        The integral over the fall of the weight that the term asks for by `PairTerm.fall`.
+        The integral of `PairTerm.fall`.
     """
 
     r: sympy.Expr
@@ -43,7 +43,7 @@ class PairSymbols:
 
 @dataclass(frozen=True)
 class BodySymbols:
-    """What a body term may use about agent i.
+    """Symbols of agent i for body terms.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class BodySymbols:
     leader_q, leader_p, leader_a
         Position, velocity and acceleration of the term's leader, m expressions each.
     parameter
-        Symbol of one of the term's own parameters, by name.
+        Symbol of a parameter of the term, by name.
     """
 
     q: Sequence[sympy.Expr]
@@ -78,7 +78,7 @@ class BodySymbols:
 
 @dataclass(frozen=True)
 class ObstacleSymbols:
-    """What a term may use about agent i and one obstacle within its range.
+    """Symbols of agent i and one obstacle within range, for obstacle terms.
 
     Parameters
     ----------
@@ -93,13 +93,13 @@ class ObstacleSymbols:
     boundary
         Velocity of the nearest boundary point as agent and obstacle move (Olfati-Saber (56)).
     anchor
-        Middle b_k of the obstacle, or None.
+        Centre b_k of the obstacle, or None.
     frame_p
         Velocity of the frame in which the energy is taken.
     leader_q, leader_p, leader_a
         Position, velocity and acceleration of the term's leader, m expressions each.
     parameter
-        Symbol of one of the term's own parameters, by name.
+        Symbol of a parameter of the term, by name.
     """
 
     q: Sequence[sympy.Expr]

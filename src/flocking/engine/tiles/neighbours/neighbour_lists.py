@@ -21,6 +21,8 @@ from flocking.engine.tiles.simd.vectors import load, numbers_from, select, sprea
 from flocking.engine.tiles.threads import Workers
 from flocking.formula.native.functions import native
 
+SPARE_ROWS = 1024
+"""Rows by which reused memory may exceed twice the need; for small groups the excess is negligible."""
 WIDTH = 16
 """Agents in a tile."""
 TILES_IN_CHUNK = 64
@@ -376,7 +378,7 @@ class ListBuilder:
 
     def _reuse(self, total: int) -> TileLists:
         spare, self.spare = self.spare, None
-        if spare is not None and len(spare.rows) >= total and len(spare.rows) <= 2 * total + 1024:
+        if spare is not None and len(spare.rows) >= total and len(spare.rows) <= 2 * total + SPARE_ROWS:
             return spare
         return TileLists(
             np.empty((max(total, 1), WIDTH), np.uint32), np.zeros(self.tiles, np.int64), np.zeros(self.tiles, np.int32)

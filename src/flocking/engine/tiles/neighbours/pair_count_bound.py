@@ -18,6 +18,12 @@ BALL_SHARE = {1: 2.0 / 3.0, 2: np.pi / 9.0, 3: 4.0 / 3.0 * np.pi / 27.0}
 """Fraction of a cell and its neighbours that lies within one width of a point, by dimension."""
 
 
+NARROWER = 1e-6
+"""Relative reduction of the width of boxes, above the rounding of the index of a box."""
+
+GROWTH = 1.1
+"""Growth of the estimate beyond which the bound is computed again."""
+
 ENTRY_BYTES = 4.0
 """Memory of one neighbour in a list."""
 
@@ -53,7 +59,7 @@ class PairCountBound:
             If the lists of a graph would exceed the limit.
         """
         expected = ENTRY_BYTES * expected_pairs(crowding, *q.shape)
-        if expected < max(0.5 * self._limit, 1.1 * self._passed):
+        if expected < max(0.5 * self._limit, GROWTH * self._passed):
             return
         places = q.astype(np.float64)
         for reach in reaches():
@@ -94,7 +100,7 @@ def certain_pairs(q: Reals, reach: float) -> float:
     m = q.shape[1]
     parts = PARTS[m]
     # Rounding may put an agent into the next box, so boxes are slightly narrower than assumed.
-    width = reach / parts * (1.0 - 1e-6)
+    width = reach / parts * (1.0 - NARROWER)
     box = np.floor((q - q.min(axis=0)) / width).astype(np.int64)
     sizes = box.max(axis=0) + 2 * parts
     if float(np.prod(sizes.astype(float))) > 2.0**62:
