@@ -5,6 +5,7 @@ from flocking.model.bodies.actuators import Lagged as Lagged
 from flocking.model.bodies.actuators import Limited as Limited
 from flocking.model.bodies.body import Body as Body
 from flocking.model.bodies.body import Column as Column
+from flocking.model.bodies.disturbances import Disturbed as Disturbed
 from flocking.model.bodies.point_bodies import PointMass as PointMass
 from flocking.model.bodies.point_bodies import SingleIntegrator as SingleIntegrator
 from flocking.model.energy import Energy as Energy

@@ -177,6 +177,24 @@ def test_the_ledger_has_what_departed(body):
     assert step["departed"] / step["time"] == pytest.approx(said.departure, rel=0.2, abs=1e-3)
 
 
+@pytest.mark.parametrize("body", [fk.Lagged(fk.SingleIntegrator(), 0.3), fk.Limited(fk.SingleIntegrator(), speed=0.4)])
+def test_the_ledger_of_order_1_closes_where_the_law_supplies_energy(body):
+    law = fk.Law(
+        FLOW.graph, [*FLOW.terms, fk.Track(fk.Path(["sin(t)", "0.3*t"]), position_gain=0.7, velocity_gain=0.5)]
+    )
+    run = run_of(body, law)
+    assert np.abs(run.trace["supplied"]).max() > 1e-2
+    assert np.abs(run.residual).max() < 1e-9 * max(1.0, run.turnover)
+    state = run.state(2)
+    said = fk.evaluate(law, state, agents=body)
+    step = 1e-5
+    ahead = fk.simulate(
+        fk.Scenario(law, state, state.t + step, frames=2, bodies=body, tolerance=1e-12), progress=False
+    )  # fmt: skip
+    assert ahead.trace["departed"][-1] / step == pytest.approx(said.departure, rel=1e-3, abs=1e-6)
+    assert ahead.trace["supplied"][-1] / step == pytest.approx(said.supply, rel=1e-3, abs=1e-6)
+
+
 def test_what_departs_is_judged_by_the_energy_of_another_run():
     """A lag that departs from a law with no damping: what is missing from the energy of the ideal is what departed."""
     law = fk.Law(fk.Fixed.complete(N), [fk.Gradient(fk.Potential("(r - 1)**2"))])
@@ -208,6 +226,9 @@ def test_stored_and_saved_runs_go_on_with_the_same_bits(tmp_path):
         session.advance(stop)
         packed = session.pack()
         other = ExactSession.resume(session.snapshot())
+        acting = session.snapshot().limits
+        assert acting.any()
+        assert np.array_equal(other.snapshot().limits, acting)
         other.advance(2.0)
         assert fk.first_difference(other.run(), whole) is None
         assert packed[1]["limits"].shape == (3, N)

@@ -43,6 +43,7 @@ class Purpose(IntEnum):
     CHANNEL = 2
     JITTER = 3
     NOISE = 4
+    GUST = 5
 
 
 def philox(counter: tuple[Words, Words, Words, Words], key: tuple[int, int]) -> tuple[Words, Words, Words, Words]:

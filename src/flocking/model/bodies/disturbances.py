@@ -1,0 +1,131 @@
+"""Process noise: gusts that push agents."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+
+from flocking.model.bodies.body import MotionSymbols
+from flocking.model.bodies.wrapped import WrappedBody
+from flocking.model.checks import Array, number, scalar_or_each
+from flocking.model.parts import values
+from flocking.model.parts.registration import register_part
+from flocking.model.world.random_numbers import Purpose, normal_pairs
+from flocking.model.world.times import PER_SECOND, nanoseconds
+
+if TYPE_CHECKING:
+    import sympy
+
+IN_A_PAIR = 2
+"""Normal numbers that one draw gives: axes 0 and 1 share the first draw, axis 2 has the second."""
+
+
+@register_part("disturbed")
+@dataclass(frozen=True, eq=False)
+class Disturbed(WrappedBody):
+    """Process noise: a random force acts on a body beside the one that it is given.
+
+    The force of agent i is constant during each period and drawn anew for the next one, s_i/sqrt(period) times a
+    standard normal number along each axis, so that its integral over many periods is that of white noise of intensity
+    s_i. Bodies of order 1 get a random velocity instead. Draws are functions of the seed, the agent, the axis and the
+    number of the period, counted from the start of the run. The noise is added to what reaches the body:
+    ``Lagged(Disturbed(PointMass()), tau)`` has wind, ``Disturbed(Lagged(PointMass(), tau))`` a noisy command.
+
+    Parameters
+    ----------
+    body
+        The body that is pushed.
+    sigma
+        Intensity s, one for all agents or one for each; not negative.
+    period
+        How long a gust lasts, rounded to whole nanoseconds; positive.
+    seed
+        Seed of the draws.
+
+    Raises
+    ------
+    InvalidInput
+        When an intensity is negative, or the period is not positive.
+
+    Examples
+    --------
+    >>> import flocking as fk
+    >>> fk.Disturbed(fk.PointMass(), 0.1, period=0.05).summary
+    'gusts of intensity 0.1 every 0.05'
+    """
+
+    sigma: float | Array
+    period: float
+    seed: Annotated[int, values.SEED] = 0
+
+    def __post_init__(self) -> None:
+        self.check_inner()
+        object.__setattr__(self, "sigma", scalar_or_each("Disturbed", "sigma", self.sigma, least=0.0))
+        object.__setattr__(self, "period", number("Disturbed", "period", self.period, above=0.0))
+        nanoseconds("Disturbed", "period", self.period, positive=True)
+
+    @property
+    def own_parameters(self) -> dict[str, float | Array]:
+        """The intensity."""
+        return {"sigma": self.sigma}
+
+    @property
+    def _seconds(self) -> float:
+        """The period, as whole nanoseconds."""
+        return self._time(1)
+
+    def _time(self, k: int) -> float:
+        """When, after the start, gust ``k`` begins."""
+        return k * int(nanoseconds("Disturbed", "period", self.period)) / PER_SECOND
+
+    def _gust(self, elapsed: float) -> int:
+        """Number of the gust at a time since the start."""
+        k = int(elapsed / self._seconds)
+        while self._time(k + 1) <= elapsed:
+            k += 1
+        while k > 0 and self._time(k) > elapsed:
+            k -= 1
+        return max(k, 0)
+
+    def own_held(self, dimension: int) -> tuple[str, ...]:
+        """The gust of intensity 1 along each axis."""
+        return tuple(f"gust_{k}" for k in range(dimension))
+
+    def own_drawn(self, elapsed: float, n: int, dimension: int) -> dict[str, Array]:
+        """The gusts in force.
+
+        Parameters
+        ----------
+        elapsed
+            Time since the start of the run.
+        n, dimension
+            Numbers of agents and axes.
+        """
+        agents, found = np.arange(n), []
+        for pair in range((dimension + 1) // IN_A_PAIR):
+            found += normal_pairs(self.seed, Purpose.GUST, agents, pair, self._gust(elapsed))
+        gusts = (x / self._seconds**0.5 for x in found[:dimension])
+        return dict(zip(self.own_held(dimension), gusts, strict=True))
+
+    def drawn_until(self, elapsed: float) -> float:
+        """When the next gust begins, here or in the inner body.
+
+        Parameters
+        ----------
+        elapsed
+            Time since the start of the run.
+        """
+        return min(self._time(self._gust(elapsed) + 1), super().drawn_until(elapsed))
+
+    def passed(self, x: MotionSymbols) -> Sequence[sympy.Expr]:
+        """What the body is given, and the gust."""
+        return [u + x.parameter("sigma") * x.held(f"gust_{k}") for k, u in enumerate(x.u)]
+
+    @property
+    def own_summary(self) -> str:
+        """Intensity and period; empty where there is no noise."""
+        most = float(np.max(self.sigma))
+        return f"gusts of intensity {most:g} every {self.period:g}" if most else ""
