@@ -19,6 +19,7 @@ HOMES = {
     "change the body term that follows a leader": "class Track(",
     "change what beta- and gamma-agents do": "class Avoid(",
     "add a body": "class PointMass(",
+    "change how robots on wheels follow the law": "class Unicycle(",
     "add an actuator or a limit": "class Limited(",
     "change how it is located when a limit begins to act": "def first_bite(",
     "add a space": "class Open",

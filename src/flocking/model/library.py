@@ -8,6 +8,7 @@ from flocking.model.bodies.body import Column as Column
 from flocking.model.bodies.disturbances import Disturbed as Disturbed
 from flocking.model.bodies.point_bodies import PointMass as PointMass
 from flocking.model.bodies.point_bodies import SingleIntegrator as SingleIntegrator
+from flocking.model.bodies.unicycles import Unicycle as Unicycle
 from flocking.model.energy import Energy as Energy
 from flocking.model.graphs.distance_graphs import Fixed as Fixed
 from flocking.model.graphs.distance_graphs import Graph as Graph

@@ -104,7 +104,8 @@ class Disturbed(WrappedBody):
         n, dimension
             Numbers of agents and axes.
         """
-        agents, found = np.arange(n), []
+        agents = np.arange(n)
+        found: list[Array] = []
         for pair in range((dimension + 1) // IN_A_PAIR):
             found += normal_pairs(self.seed, Purpose.GUST, agents, pair, self._gust(elapsed))
         gusts = (x / self._seconds**0.5 for x in found[:dimension])

@@ -42,6 +42,8 @@ def _apart(e: Evidence, c: Closest) -> Measure:
     note = f"no pair closer than {c.distance:.4g}"
     if c.pair[0] >= 0:
         note = f"closest {c.distance:.4g} at t = {c.time:.3g} (agents {c.pair[0]}, {c.pair[1]})"
+    if (agents := e.run.scenario.agents).summary and agents.ideal:
+        note += f"; of {agents.summary}"
     return above(c.distance, 0.0, note, e.error_of(c))
 
 
