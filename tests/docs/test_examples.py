@@ -10,6 +10,7 @@ import pytest
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 BEFORE = {
     "index": "",
+    "bodies": "",
     "quick_start": "",
     "writing_laws": (
         "import flocking as fk\nlaw = fk.Law(fk.Proximity(2.0), [fk.Consensus(1.0)])\n"
