@@ -93,6 +93,12 @@ SCENARIOS = {
     "rotations": scenario(agents=fk.Agents(headings=np.stack([np.eye(2)] * 5))),
     "first order": scenario(agents=fk.Agents(order=1)),
     "point masses": scenario(agents=fk.PointMass(np.linspace(0.5, 1, 5), 0.1)),
+    "chain of bodies": scenario(
+        agents=fk.Limited(
+            fk.Lagged(fk.Disturbed(fk.PointMass(), 0.1, 0.05, seed=3), np.linspace(0.1, 0.2, 5)), force=2.0, rate=1 / 3
+        )
+    ),
+    "unicycles": scenario(agents=fk.Unicycle(0.1)),
     "single integrators": scenario(agents=fk.SingleIntegrator(headings=np.arange(5) * 0.1)),
     "energy": scenario(energy=fk.Energy("centre of mass", unlinked=0.1, name='J "tilde" \\')),
     "frames": scenario(frames=(0.0, 0.1, 0.30000000000000004 - 1e-16), tolerance=1e-7, seed=2**40, name="naïve é"),
