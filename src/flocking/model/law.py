@@ -323,6 +323,11 @@ class Scenario:
             return np.linspace(self.start.t, self.t_end, self.frames)
         return np.array(self.frames)
 
+    @property
+    def symmetries(self) -> frozenset[str]:
+        """Symmetries of the law that hold in the space of the scenario: where it repeats no rotation does."""
+        return self.law.symmetries if self.space.is_open else self.law.symmetries - {"rotation"}
+
     def with_numbers(self, law: Law, t_end: float) -> Scenario:
         """The same scenario, under the same law with other numbers, from an instant on: the start is not looked at.
 

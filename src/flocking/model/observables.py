@@ -7,6 +7,7 @@ import numpy as np
 from flocking.arrays import Reals
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links, components
+from flocking.model.space import OPEN, Space
 from flocking.model.state import State
 
 
@@ -66,13 +67,24 @@ def density(links: Links) -> float:
     return float(np.bincount(components(links)).max()) / len(links)
 
 
-def closest_pair(state: State) -> tuple[float, tuple[int, int]]:
-    """Smallest distance of two agents and their numbers; infinite for one agent."""
+def closest_pair(state: State, space: Space = OPEN) -> tuple[float, tuple[int, int]]:
+    """Smallest distance of two agents and their numbers; infinite for one agent.
+
+    Parameters
+    ----------
+    state
+        The state.
+    space
+        Where the agents live: distances are those to nearest images.
+    """
     if state.n < 2:
         return np.inf, (-1, -1)
     from scipy.spatial import cKDTree
 
-    found = cKDTree(state.q).query(state.q, k=2)
+    q = state.q if space.is_open else space.wrapped(state.q)
+    sides = np.array([length if np.isfinite(length) else 0.0 for length in space.lengths])
+    tree = cKDTree(q) if space.is_open else cKDTree(q, boxsize=sides)
+    found = tree.query(q, k=2)
     distance, index = np.asarray(found[0]), np.asarray(found[1])
     # Coinciding agents may list each other first: take the entry that is not the agent itself.
     own = index[:, 1] == np.arange(state.n)

@@ -12,6 +12,7 @@ from flocking.errors import InvalidInput
 from flocking.model.bodies.point_bodies import is_point_mass
 from flocking.model.checks import Array
 from flocking.model.law import Law
+from flocking.model.space import OPEN, Space
 from flocking.model.state import Agents, State
 
 
@@ -65,8 +66,10 @@ class Linearisation:
         return int((values <= tolerance * values[0]).sum()) if values[0] > 0 else len(values)
 
 
-def linearise(law: Law, state: State, *, agents: Agents | None = None, step: float = 1e-5) -> Linearisation:
-    """Linearise a law about a state in open space by central differences of its control, the links held fixed.
+def linearise(
+    law: Law, state: State, *, agents: Agents | None = None, step: float = 1e-5, space: Space = OPEN
+) -> Linearisation:
+    """Linearise a law about a state by central differences of its control, the links held fixed.
 
     Parameters
     ----------
@@ -78,6 +81,8 @@ def linearise(law: Law, state: State, *, agents: Agents | None = None, step: flo
         Masses, damping and headings; of order 2.
     step
         Step of the differences, in units of length and of speed.
+    space
+        Where the agents live.
 
     Raises
     ------
@@ -90,10 +95,10 @@ def linearise(law: Law, state: State, *, agents: Agents | None = None, step: flo
     if not is_point_mass(agents):
         raise InvalidInput("linearise", "agents", "must be point masses", agents)
     n, m = state.q.shape
-    links = graph_links(law, state, agents.headings)[0]
+    links = graph_links(law, state, agents.headings, space)[0]
 
     def control(q: Array, p: Array) -> Array:
-        return evaluate(law, State(q, p, state.t, links), agents=agents).u.ravel()
+        return evaluate(law, State(q, p, state.t, links), agents=agents, space=space).u.ravel()
 
     stiffness, damping = np.empty((n * m, n * m)), np.empty((n * m, n * m))
     for k in range(n * m):

@@ -13,7 +13,6 @@ from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.serial import from_data, to_data
 from flocking.show.plane import net
 from flocking.study.evidence import Evidence
-from flocking.study.evidence.basis import NotMeasurable
 from flocking.study.scenario_files.scenario_file import parse_scenario, scenario_to_text
 
 LENGTHS = (6.0, 7.0)
@@ -255,12 +254,6 @@ def test_evidence_measures_rates_of_distances_across_the_seam():
     evidence = Evidence(run(periodic(fk.Proximity(2.0), [IDLE], start, 0.1, frames=2)))
     assert evidence.distance_rate == pytest.approx(2.0)
     assert evidence.links_at(0)[0, 1]
-
-
-def test_what_is_measured_in_open_space_alone_is_not_measured():
-    evidence = Evidence(run(periodic(*LAWS["smooth"], group(), 0.1, frames=2)))
-    with pytest.raises(NotMeasurable, match="open space"):
-        evidence.equilibrium  # noqa: B018
 
 
 def test_pictures_draw_agents_in_the_box_and_links_in_halves():

@@ -82,7 +82,7 @@ def observable_table(run: Run) -> dict[str, Array]:
             rows["links"].append(round(observed["neighbours"][k] * run.n / 2))
             rows["flocks"].append(observed["flocks"][k])
             rows["largest_flock"].append(observed["density"][k])
-        rows["closest_pair"].append(observables.closest_pair(state)[0])
+        rows["closest_pair"].append(observables.closest_pair(state, run.scenario.space)[0])
         rows["order"].append(observables.order(state))
         rows["velocity_spread"].append(observables.velocity_spread(state))
         q, p = observables.mean_position(state, masses), observables.mean_velocity(state, masses)

@@ -86,17 +86,9 @@ class MotionEvidence(RunEvidence):
 
     @cached_property
     def equilibrium(self) -> Equilibrium:
-        """Forces and stiffness of the potentials at the last frame.
-
-        Raises
-        ------
-        NotMeasurable
-            When space repeats.
-        """
+        """Forces and stiffness of the potentials at the last frame."""
         self.need_few()
-        if not self.run.scenario.space.is_open:
-            raise NotMeasurable("forces and stiffness of potentials are measured in open space alone")
-        return Equilibrium(self.law, self.state(-1))
+        return Equilibrium(self.law, self.state(-1), self.run.scenario.space)
 
     def equilibrium_at(self, frame: int) -> Equilibrium:
         """Forces and stiffness of the potentials at a frame."""

@@ -11,6 +11,7 @@ from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.graphs.weights import PairWeights
 from flocking.model.law import Law
 from flocking.model.potentials.potential import Potential
+from flocking.model.space import OPEN, Space
 from flocking.model.state import State
 from flocking.model.terms.pair_terms import Gradient
 
@@ -48,9 +49,12 @@ class Equilibrium:
         The control law.
     state
         The state; its links define the neighbours.
+    space
+        Where the agents live.
     """
 
-    def __init__(self, law: Law, state: State) -> None:
+    def __init__(self, law: Law, state: State, space: Space = OPEN) -> None:
+        self.space = space
         gradients = [t for t in law.pair_terms if isinstance(t, Gradient) and t.over is None]
         self.potentials = [link_potential(law.graph, t.potential) for t in gradients]
         self._set_pairs(law, state)
@@ -66,15 +70,15 @@ class Equilibrium:
             The other state.
         """
         other = Equilibrium.__new__(Equilibrium)
-        other.potentials = self.potentials
+        other.potentials, other.space = self.potentials, self.space
         other._set_pairs(law, state)
         return other
 
     def _set_pairs(self, law: Law, state: State) -> None:
         self.state = state
-        links = state.links if state.links is not None else law.graph.initial(state.q)
+        links = state.links if state.links is not None else law.graph.links_in(self.space, state.q)
         self.i, self.j = np.nonzero(links)
-        d = state.q[self.j] - state.q[self.i]
+        d = self.space.displacement(state.q[self.j] - state.q[self.i])
         self.r = np.linalg.norm(d, axis=1)
         self.direction = d / np.where(self.r > 0, self.r, 1.0)[:, None]
 

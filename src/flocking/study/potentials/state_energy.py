@@ -8,12 +8,15 @@ from flocking.engine.reference.control import evaluate
 from flocking.model.checks import Array
 from flocking.model.energy import Energy
 from flocking.model.law import Law
+from flocking.model.space import OPEN, Space
 from flocking.model.state import Agents, State
 from flocking.study.potentials.equilibrium import Equilibrium
 
 
-def total_energy(law: Law, state: State, energy: Energy | None = None, *, agents: Agents | None = None) -> float:
-    """The energy of a ledger at a state in open space (Tanner I W, Tanner II (6), Zhou (10) and (25), Shi (11)).
+def total_energy(
+    law: Law, state: State, energy: Energy | None = None, *, agents: Agents | None = None, space: Space = OPEN
+) -> float:
+    """The energy of a ledger at a state (Tanner I W, Tanner II (6), Zhou (10) and (25), Shi (11)).
 
     Parameters
     ----------
@@ -25,6 +28,8 @@ def total_energy(law: Law, state: State, energy: Energy | None = None, *, agents
         Frame, and energy of a pair that is not linked; the lab frame and zero when absent.
     agents
         Masses and headings; unit masses when absent.
+    space
+        Where the agents live.
 
     Returns
     -------
@@ -33,14 +38,14 @@ def total_energy(law: Law, state: State, energy: Energy | None = None, *, agents
         velocity squared.
     """
     energy, agents = energy or Energy(), agents or Agents()
-    found = evaluate(law, state, agents=agents, energy=energy)
-    links = law.graph.start_links(state.q, agents.headings) if state.links is None else state.links
+    found = evaluate(law, state, agents=agents, energy=energy, space=space)
+    links = law.graph.links_in(space, state.q, agents.headings) if state.links is None else state.links
     apart = (state.n * (state.n - 1) - int(np.count_nonzero(links))) / 2
     return found.storage + found.kinetic + apart * energy.unlinked
 
 
-def agent_energies(law: Law, state: State, energy: Energy | None = None) -> Array:
-    """Potential of each agent in open space: its links, and the energy of every other agent it is not linked with.
+def agent_energies(law: Law, state: State, energy: Energy | None = None, *, space: Space = OPEN) -> Array:
+    """Potential of each agent: its links, and the energy of every other agent it is not linked with.
 
     Source: Tanner I (4); U_i (Tanner II).
 
@@ -52,13 +57,15 @@ def agent_energies(law: Law, state: State, energy: Energy | None = None) -> Arra
         The state.
     energy
         Energy of a pair that is not linked; zero when absent.
+    space
+        Where the agents live.
 
     Returns
     -------
     Array
         V_i or U_i, shape (N,), in the units of the potential. Their sum is twice the potential energy.
     """
-    equilibrium = Equilibrium(law, state)
+    equilibrium = Equilibrium(law, state, space)
     degree = np.bincount(equilibrium.i, minlength=state.n)
     unlinked = energy.unlinked if energy is not None else 0.0
     return np.asarray(equilibrium.agent_potentials + (state.n - 1 - degree) * unlinked)

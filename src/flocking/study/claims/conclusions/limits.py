@@ -82,7 +82,10 @@ def switching_stops(e: Evidence) -> Measure:
 
 
 def _meets_a_radius(e: Evidence) -> bool:
-    """Whether a pair would switch if all agents kept their velocities from the end on."""
+    """Whether a pair would switch if all agents kept their velocities from the end on.
+
+    Where space repeats, agents that move past each other are taken to meet at last, by one image or another.
+    """
     e.need_few()
     q, p, links = e.q[-1], e.p[-1], e.end_links
     d, v = e.displacement(q[None] - q[:, None]), p[None] - p[:, None]
@@ -92,6 +95,8 @@ def _meets_a_radius(e: Evidence) -> bool:
     when = np.where(moving, np.maximum(closing, 0.0) / np.where(moving, speed, 1.0), 0.0)
     nearest = np.linalg.norm(d + v * when[..., None], axis=2)
     switches = np.where(links, moving & np.isfinite(leaves), nearest < enters)
+    if not e.run.scenario.space.is_open:
+        switches |= moving
     np.fill_diagonal(switches, False)
     return bool(switches.any())
 
