@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import flocking as fk
-from flocking.engine.storage.exchange import observable_table
+from flocking.engine.storage.export_formats import observable_table
 from flocking.model.graphs.connectivity import components
 from flocking.model.graphs.distance_graphs import pair_distances
 from flocking.model.observables import closest_pair
