@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from flocking.errors import StorageError as StorageError
     from flocking.model.library import *  # noqa: F403
     from flocking.papers.auditing import audit as audit
+    from flocking.papers.margins import margins as margins
     from flocking.papers.potential_definitions import check_potential as check_potential
     from flocking.show.animate import animate as animate
     from flocking.show.plot import plot as plot
@@ -59,7 +60,8 @@ _HOMES = {
     "animate": "show.animate", "audit": "papers.auditing", "check_potential": "papers.potential_definitions",
     "control": "engine.reference.control", "control_of": "engine.reference.control",
     "evaluate": "engine.reference.control", "export_run": "engine.storage.export_formats",
-    "first_difference": "engine.runs.compare", "lab": "apps.lab.server", "plot": "show.plot",
+    "first_difference": "engine.runs.compare", "lab": "apps.lab.server", "margins": "papers.margins",
+    "plot": "show.plot",
     "read_run": "engine.storage.stored_runs", "read_scenario": "study.scenario_files.scenario_file",
     "read_start": "engine.storage.start_files", "read_sweep": "study.sweeps.sweep",
     "register_engine": "engine.driver.registry", "resume": "engine.driver.resuming",

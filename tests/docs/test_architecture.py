@@ -55,6 +55,7 @@ HOMES = {
     "change the properties that a potential is checked for": "class Properties:",
     "add a kind of value for files, editors and the lab": "class Value",
     "change what an annotation of a part's field means": "def _held(",
+    "add a quantity whose margin is sought": "class Quantity:",
     "change when the runs of a dead worker are scheduled again": "class Scheduler",
     "change the colours of pictures": "class Theme",
     "correct the reading of an equation of Zhou": "[[statement]]",

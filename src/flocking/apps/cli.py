@@ -12,6 +12,7 @@ from typing import Annotated
 from cyclopts import App, CycloptsError, Parameter
 
 from flocking.apps.commands.cache_command import cache
+from flocking.apps.commands.margin_command import margins
 from flocking.apps.commands.picture_commands import animate, plot
 from flocking.apps.commands.run_commands import resume, run
 from flocking.apps.commands.showcase_commands import showcase
@@ -55,6 +56,7 @@ def command_line() -> App:
         animate,
         reproduce,
         sweep,
+        margins,
         showcase,
         audit,
         check,

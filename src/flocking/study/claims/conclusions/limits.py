@@ -44,6 +44,15 @@ def velocities_agree(e: Evidence) -> Measure:
 
 
 @about(Subject.NET, while_connected=True)
+def positions_agree(e: Evidence) -> Measure:
+    """Largest distance of two agents at the end against the largest of the run."""
+    sizes = e.diameter
+    most = float(sizes.max())
+    ratios = sizes / most if most > 0 else np.zeros_like(sizes)
+    return limit_of_series(e.t, ratios, SETTLED, lambda r: f"distances fell to {r:.1e} of their maximum")
+
+
+@about(Subject.NET, while_connected=True)
 def distances_settle(e: Evidence) -> Measure:
     """Fastest change of a pair distance at the end against the largest velocity spread of the run."""
     e.need_few()

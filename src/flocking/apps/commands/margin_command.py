@@ -1,0 +1,127 @@
+"""The margins command: how much imperfection each conclusion about a scenario stands."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+FINE, INTERRUPTED = 0, 130
+"""Exit codes: success and, as shells have it, 128 + 2 after the interrupt signal."""
+
+
+def margins(
+    scenario: str,
+    /,
+    *,
+    vary: str | None = None,
+    levels: list[str] | None = None,
+    seeds: int | None = None,
+    period: float | None = None,
+    t_end: float | None = None,
+    width: float = 0.2,
+    share: float = 1.0,
+    most_runs: int | None = None,
+    out: Path | None = None,
+    workers: int | None = None,
+    cluster: str | None = None,
+    as_json: Annotated[bool, Parameter(name="--json")] = False,
+) -> int:
+    """Find how much delay, loss, noise and so on each conclusion stands, on runs. The same command goes on.
+
+    Parameters
+    ----------
+    scenario
+        A name that 'flocking list' shows, or a TOML file.
+    vary
+        Quantities, separated by commas: period, latency, delay, loss, noise, velocity-noise, limit.
+    levels
+        Levels of the first grid, as name=value,value; once for each quantity.
+    seeds
+        Number of seeds; 5 when absent.
+    period
+        Period of controls and messages where another quantity is varied.
+    t_end
+        End of the runs; that of the scenario when absent.
+    width
+        Width of the bracket of a margin, as a share of its larger end.
+    share
+        Share of the runs that must show a conclusion at a level.
+    most_runs
+        Largest number of runs; 4,000 by default.
+    out
+        Folder for margins.json and the runs; out/margins/NAME when absent.
+    workers
+        Local processes; as many as cores when absent.
+    cluster
+        Address of a Dask scheduler to use instead, such as tcp://10.0.0.1:8786.
+    as_json
+        Print JSON.
+    """
+    from flocking.apps.scenario_names import find_scenario
+    from flocking.apps.tables import print_table
+    from flocking.engine.storage.atomic_files import write_file
+    from flocking.papers.margins import SEEDS, VARIED
+    from flocking.papers.margins import margins as find_margins
+    from flocking.study.margins.search import MOST_RUNS
+
+    find_scenario(scenario, None, None)
+    name = Path(scenario).stem if scenario.endswith(".toml") else scenario
+    folder = out or Path("out") / "margins" / name
+    found = find_margins(
+        lambda seed: find_scenario(scenario, seed, None) if _drawn(scenario) else find_scenario(scenario, None, None),
+        VARIED if vary is None else tuple(word.strip() for word in vary.split(",")),
+        levels=_levels(levels or []), seeds=SEEDS if seeds is None else seeds, period=period, t_end=t_end,
+        width=width, share=share, most_runs=MOST_RUNS if most_runs is None else most_runs, out=folder,
+        workers=workers, cluster=cluster, progress=not as_json,
+    )  # fmt: skip
+    data = found.as_dict()
+    if found.status == "interrupted":
+        print(f"flocking: interrupted; {found.runs} runs are stored in {folder}; the same command continues.",
+              file=sys.stderr)  # fmt: skip
+        return INTERRUPTED
+    write_file(folder / "margins.json", (json.dumps(data, indent=2) + "\n").encode(), "write the margins")
+    if as_json:
+        print(json.dumps(data, indent=2, allow_nan=False, ensure_ascii=False))
+        return FINE
+    for one in found.varied:
+        rows = [cells[1:] for cells in found.cells if cells[0] == one.name]
+        print_table(found.head[1:], rows, title=f"{name}: {one.name}")
+        print()
+    for note in found.notes:
+        print(note)
+    return FINE
+
+
+def _drawn(scenario: str) -> bool:
+    """Whether a scenario depends on a seed: that of a paper does, and a file that draws something at random."""
+    import tomllib
+
+    path = Path(scenario)
+    if path.suffix != ".toml" and not path.exists():
+        return True
+    from flocking.study.sweeps.parametrised_scenarios import FileScenario
+
+    return FileScenario(tomllib.loads(path.read_text(encoding="utf-8")), 0).drawn
+
+
+def _levels(texts: list[str]) -> dict[str, list[float]] | None:
+    from flocking.errors import InvalidInput
+
+    found: dict[str, list[float]] = {}
+    for text in texts:
+        name, equals, values = text.partition("=")
+        try:
+            numbers = [float(value) for value in values.split(",")]
+        except ValueError:
+            numbers = []
+        if not equals or not numbers or name in found:
+            raise InvalidInput(
+                "margins", "levels", "must be name=value,value, once for each quantity", text,
+                "Write --levels loss=0,0.1,0.2.",
+            )  # fmt: skip
+        found[name] = numbers
+    return found or None

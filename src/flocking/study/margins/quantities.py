@@ -1,0 +1,230 @@
+"""Quantities of the world that are varied one at a time, each with its base world and its grid of levels."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.model.bodies.actuators import Limited
+from flocking.model.law import Scenario
+from flocking.model.world.control import Held
+from flocking.model.world.information import Messages
+from flocking.model.world.losses import Bernoulli
+from flocking.model.world.noises import WhiteNoise
+
+PERIODS = 1000
+"""Ticks of the base world in the duration of a scenario, about: few enough that a run of ten agents takes seconds."""
+
+FINEST, COARSEST = 500, 10
+"""The shortest and the longest period on the default grid are this part of the duration: fewer ticks say little."""
+
+LONGEST_DELAY = 20
+"""The longest delay on the default grid is this part of the duration."""
+
+LOSSES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)
+"""Default grid of the probability of a loss."""
+
+SPANS = 1e-3, 1.0
+"""Least and largest standard deviation on the default grid, as shares of the scale of positions or of velocities."""
+
+FORCES = 10.0, 1e-3
+"""Largest and least limit on the default grid, as multiples of the largest force at the start."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A quantity of the world that can be varied.
+
+    Parameters
+    ----------
+    name
+        Its name; letters, digits and ``-``.
+    meaning
+        What it is, in a few words.
+    world
+        Gives the scenario with a value of the quantity, from a scenario, the value and the base period. What the
+        scenario's own control and information state stays; what they lack is the base world.
+    levels
+        Gives the default grid, from the ideal value outwards, from a scenario and the base period.
+    falling
+        Whether smaller values are further from the ideal one, as for a limit.
+    """
+
+    name: str
+    meaning: str
+    world: Callable[[Scenario, float, float], Scenario]
+    levels: Callable[[Scenario, float], tuple[float, ...]]
+    falling: bool = False
+
+    def severity(self, value: float) -> float:
+        """A number that grows with the distance of a ``value`` from the ideal one."""
+        return -value if self.falling else value
+
+
+def rounded_levels(low: float, high: float) -> tuple[float, ...]:
+    """The numbers 1, 2 and 5 times a power of ten from ``low`` to ``high``, ascending."""
+    first, last = math.floor(math.log10(low)), math.ceil(math.log10(high))
+    found = [float(f"{digit}e{power}") for power in range(first, last + 1) for digit in (1, 2, 5)]
+    return tuple(x for x in found if low * (1 - 1e-9) <= x <= high * (1 + 1e-9))
+
+
+def base_period(scenario: Scenario) -> float:
+    """The period of the base world of a scenario: its own, or one that gives about `PERIODS` ticks."""
+    for part in (scenario.control, scenario.information):
+        if isinstance(part, Held | Messages):
+            return float(np.max(part.period))
+    length = scenario.t_end - scenario.start.t
+    return max(rounded_levels(length / PERIODS / 10, length / PERIODS))
+
+
+def held(scenario: Scenario, period: float) -> Held:
+    """Control of the base world: the scenario's own held control, or one of this ``period``."""
+    return scenario.control if isinstance(scenario.control, Held) else Held(period)
+
+
+def messages(scenario: Scenario, period: float) -> Messages:
+    """Messages of the base world: the scenario's own, or exact ones of this ``period`` that arrive at once."""
+    return scenario.information if isinstance(scenario.information, Messages) else Messages(period)
+
+
+def _with_period(scenario: Scenario, value: float, _: float) -> Scenario:
+    control, information = replace(held(scenario, value), period=value), scenario.information
+    if isinstance(information, Messages):
+        information = replace(information, period=value)
+    return scenario.with_(control=control, information=information)
+
+
+def _with_latency(scenario: Scenario, value: float, period: float) -> Scenario:
+    return scenario.with_(control=replace(held(scenario, period), latency=value))
+
+
+def _with_messages(scenario: Scenario, period: float, **changes: object) -> Scenario:
+    information = replace(messages(scenario, period), **changes)  # type: ignore[arg-type]
+    return scenario.with_(control=held(scenario, period), information=information)
+
+
+def _with_delay(scenario: Scenario, value: float, period: float) -> Scenario:
+    return _with_messages(scenario, period, delay=value)
+
+
+def _with_loss(scenario: Scenario, value: float, period: float) -> Scenario:
+    own = messages(scenario, period).loss
+    paired = isinstance(own, Bernoulli) and own.paired
+    return _with_messages(scenario, period, loss=Bernoulli(value, paired) if value else None)
+
+
+def _with_noise(scenario: Scenario, value: float, period: float) -> Scenario:
+    own = messages(scenario, period).noise
+    velocity = own.velocity if isinstance(own, WhiteNoise) else 0.0
+    return _with_messages(scenario, period, noise=WhiteNoise(value, velocity))
+
+
+def _with_velocity_noise(scenario: Scenario, value: float, period: float) -> Scenario:
+    own = messages(scenario, period).noise
+    position = own.position if isinstance(own, WhiteNoise) else 0.0
+    return _with_messages(scenario, period, noise=WhiteNoise(position, value))
+
+
+def _with_limit(scenario: Scenario, value: float, _: float) -> Scenario:
+    return scenario.with_(agents=Limited(scenario.agents, force=value))
+
+
+def _periods(scenario: Scenario, _: float) -> tuple[float, ...]:
+    length = scenario.t_end - scenario.start.t
+    return rounded_levels(length / FINEST, length / COARSEST)
+
+
+def _delays(scenario: Scenario, period: float) -> tuple[float, ...]:
+    length = scenario.t_end - scenario.start.t
+    return (0.0, *rounded_levels(period / 2, max(period, length / LONGEST_DELAY)))
+
+
+def _position_noises(scenario: Scenario, _: float) -> tuple[float, ...]:
+    return _noises(_scale(scenario.start.q))
+
+
+def _velocity_noises(scenario: Scenario, _: float) -> tuple[float, ...]:
+    return _noises(_scale(scenario.start.p))
+
+
+def _noises(scale: float) -> tuple[float, ...]:
+    return (0.0, *rounded_levels(SPANS[0] * scale, SPANS[1] * scale))
+
+
+def _scale(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> float:
+    """Root mean square distance of rows from their mean; 1 where all are equal."""
+    found = float(np.sqrt(((values - values.mean(axis=0)) ** 2).sum(axis=1).mean()))
+    return found if found > 0 else 1.0
+
+
+def _limits(scenario: Scenario, _: float) -> tuple[float, ...]:
+    from flocking.engine.reference.control import control
+
+    forces = control(scenario.law, scenario.start, agents=scenario.agents, space=scenario.space)
+    largest = float(np.linalg.norm(forces, axis=1).max()) or 1.0
+    return rounded_levels(FORCES[1] * largest, FORCES[0] * largest)[::-1]
+
+
+_quantities: dict[str, Quantity] = {}
+
+
+def register_quantity(quantity: Quantity) -> Quantity:
+    """Make a quantity known by its name to `margins` and to ``flocking margins --vary``.
+
+    Parameters
+    ----------
+    quantity
+        The quantity; one that has its name is replaced.
+
+    Raises
+    ------
+    InvalidInput
+        When it is none, or its name has other characters than letters, digits and ``-``.
+    """
+    if not isinstance(quantity, Quantity):
+        raise InvalidInput("register_quantity", "quantity", "must be a Quantity", quantity)
+    if not quantity.name.replace("-", "").isalnum():
+        raise InvalidInput("register_quantity", "name", "must have letters, digits and '-' alone", quantity.name)
+    _quantities[quantity.name] = quantity
+    return quantity
+
+
+def quantities() -> dict[str, Quantity]:
+    """All quantities by name."""
+    return dict(_quantities)
+
+
+def quantity_named(name: str) -> Quantity:
+    """The quantity of a name.
+
+    Raises
+    ------
+    InvalidInput
+        When there is none.
+    """
+    from flocking.model.parts.values import nearest
+
+    if name not in _quantities:
+        raise InvalidInput(
+            "margins", "vary", f"must be among {', '.join(_quantities)}", name, nearest(name, list(_quantities))
+        )
+    return _quantities[name]
+
+
+for _quantity in (
+    Quantity("period", "time between two controls of an agent, and between two of its messages where there are any",
+             _with_period, _periods),
+    Quantity("latency", "time from a control until its force acts", _with_latency, _delays),
+    Quantity("delay", "time from a sample until it arrives", _with_delay, _delays),
+    Quantity("loss", "probability that a message is lost, each independently; the last one that came is used",
+             _with_loss, lambda scenario, period: LOSSES),
+    Quantity("noise", "standard deviation of measured positions along each axis", _with_noise, _position_noises),
+    Quantity("velocity-noise", "standard deviation of measured velocities along each axis", _with_velocity_noise,
+             _velocity_noises),
+    Quantity("limit", "largest force of an agent; longer ones are scaled back", _with_limit, _limits, falling=True),
+):  # fmt: skip
+    register_quantity(_quantity)

@@ -1,0 +1,338 @@
+"""The search for margins: a grid from the ideal world outwards, then bisection of every first failure."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from flocking.engine.driver.simulate import start
+from flocking.errors import FlockingError, InvalidInput
+from flocking.model.checks import integer, number
+from flocking.model.law import Scenario
+from flocking.model.serial import ForeignPart, to_data
+from flocking.model.world.control import CONTINUOUS
+from flocking.model.world.information import INSTANT, Messages
+from flocking.study.claims.claim import Claim
+from flocking.study.confidence_intervals import check_level
+from flocking.study.margins.brackets import Count, between, bracket
+from flocking.study.margins.computed_runs import HYPOTHESIS, Conclusions
+from flocking.study.margins.margin_table import Margins, Varied, counts_of
+from flocking.study.margins.quantities import Quantity, base_period, quantity_named
+
+MOST_RUNS = 4000
+"""Runs of a table unless more are asked for: half an hour on two cores for ten agents under a short base period."""
+
+MOST_ROUNDS = 12
+"""Rounds of bisection at most: the width of a bracket falls by a factor of a thousand in ten."""
+
+IDEAL = "ideal"
+"""Name of the ideal world."""
+
+Verdicts = dict[str, str]
+
+
+@dataclass(frozen=True)
+class Worlds:
+    """Scenarios in worlds by name, ``"ideal"`` or such as ``"loss=0.2"``.
+
+    Parameters
+    ----------
+    make
+        Makes the scenario of a seed.
+    quantities
+        The quantities by name.
+    period
+        Period of the base world.
+    """
+
+    make: Callable[[int], Scenario]
+    quantities: Mapping[str, Quantity]
+    period: float
+
+    def __call__(self, *, world: str, seed: int) -> Scenario:
+        """The scenario of a ``seed`` in a ``world``; the seed also draws losses, jitter and noise."""
+        scenario = self.make(seed)
+        if world == IDEAL:
+            return scenario.with_(information=INSTANT, control=CONTINUOUS)
+        name, _, value = world.partition("=")
+        found = self.quantities[name].world(scenario, float(value), self.period)
+        known = found.information
+        if isinstance(known, Messages) and _draws(known):
+            from dataclasses import replace
+
+            found = found.with_(information=replace(known, seed=seed))
+        return found
+
+
+def _draws(known: Messages) -> bool:
+    """Whether anything about messages is random."""
+    noisy = known.noise is not None and not known.noise.ideal
+    return noisy or known.jitter > 0 or (known.loss is not None and not known.loss.ideal)
+
+
+def _fingerprint(scenario: Scenario, seed: int) -> str:
+    """What distinguishes scenarios that differ in more than the seed they name; foreign parts count as different."""
+    try:
+        text = json.dumps(to_data(scenario.with_(seed=None)), sort_keys=True)
+    except ForeignPart:
+        text = f"seed {seed}"
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+class Search:
+    """Runs made so far, and the levels that are tried next.
+
+    Parameters
+    ----------
+    worlds
+        Makes the scenarios.
+    claims
+        Claims whose conclusions are read from every run.
+    seeds
+        The seeds.
+    share, width
+        As `find_margins` takes them.
+    most_runs
+        Largest number of runs.
+    sweep
+        Makes runs: takes names of worlds, seeds and the name of a folder; gives verdicts by world and seed, and whether
+        all were made.
+    """
+
+    def __init__(
+        self, worlds: Worlds, claims: Sequence[Claim], seeds: Sequence[int], share: float, width: float,
+        most_runs: int,
+        sweep: Callable[[Sequence[str], Sequence[int], str], tuple[dict[tuple[str, int], Verdicts], bool]],
+    ) -> None:  # fmt: skip
+        self._worlds, self._claims, self._seeds = worlds, claims, tuple(seeds)
+        self._share, self._width, self._most, self._sweep = share, width, most_runs, sweep
+        self.levels: dict[str, set[float]] = {name: set() for name in worlds.quantities}
+        self.found: dict[str, dict[int, Verdicts]] = {}
+        self.runs, self.status = 0, "finished"
+
+    def run(self, grids: Mapping[str, Sequence[float]]) -> None:
+        """Make the runs of the grids, then bisect."""
+        wanted = {name: list(grid) for name, grid in grids.items()}
+        for turn in range(MOST_ROUNDS + 1):
+            names = [IDEAL] if turn == 0 else []
+            names += [f"{name}={level!r}" for name, levels in wanted.items() for level in levels]
+            if not names or not self._make(names, turn):
+                return
+            for name, levels in wanted.items():
+                self.levels[name] |= set(levels)
+            wanted = self._next()
+        if any(wanted.values()):
+            self.status = f"{MOST_ROUNDS} rounds of bisection did not suffice"
+
+    def _make(self, names: Sequence[str], turn: int) -> bool:
+        groups: dict[tuple[int, ...], list[str]] = {}
+        for name in names:
+            groups.setdefault(self._different(name), []).append(name)
+        size = sum(len(seeds) * len(found) for seeds, found in groups.items())
+        if self.runs + size > self._most:
+            self.status = f"{self._most} runs did not suffice"
+            return False
+        for part, (seeds, group) in enumerate(groups.items()):
+            made, complete = self._sweep(group, seeds, f"{turn:02d}-{part}")
+            for (world, seed), verdicts in made.items():
+                self.found.setdefault(world, {})[seed] = verdicts
+            self.runs += len(made)
+            if not complete:
+                self.status = "interrupted"
+                return False
+        return True
+
+    def _different(self, world: str) -> tuple[int, ...]:
+        """The first seed of each different scenario: runs without anything random are made once."""
+        seen: dict[str, int] = {}
+        for seed in self._seeds:
+            seen.setdefault(_fingerprint(self._worlds(world=world, seed=seed), seed), seed)
+        return tuple(seen.values())
+
+    def _next(self) -> dict[str, list[float]]:
+        wanted: dict[str, list[float]] = {}
+        for name, quantity in self._worlds.quantities.items():
+            new: dict[float, None] = {}
+            for key, count in self.ideal.items():
+                if not count.shown(self._share):
+                    continue
+                where = bracket(self.counts(name)[key], self._share, falling=quantity.falling)
+                if where.width > self._width:
+                    level = between(where, falling=quantity.falling)
+                    if level is not None and level not in self.levels[name]:
+                        new[level] = None
+            if new:
+                wanted[name] = sorted(new)
+        return wanted
+
+    @property
+    def ideal(self) -> dict[str, Count]:
+        """Counts in the ideal world, of the runs that meet the hypotheses."""
+        return {key: self._count(IDEAL, key) for key in self._keys}
+
+    @property
+    def _keys(self) -> list[str]:
+        """Conclusions that apply to some ideal run."""
+        ideal = self.found.get(IDEAL, {})
+        applies = [c.key for c in self._claims]
+        return [key for key in applies if any(self._meets(seed, key) for seed in ideal)]
+
+    def _meets(self, seed: int, key: str) -> bool:
+        ideal = self.found.get(IDEAL, {})
+        verdicts = ideal.get(seed, next(iter(ideal.values()), {}))
+        return verdicts.get(key + HYPOTHESIS) not in ("fails", "not applicable")
+
+    def _count(self, world: str, key: str) -> Count:
+        made = self.found.get(world, {})
+        return counts_of([verdicts.get(key, "") for seed, verdicts in made.items() if self._meets(seed, key)])
+
+    def counts(self, name: str) -> dict[str, dict[float, Count]]:
+        """Counts of a quantity by conclusion and level."""
+        tried = sorted(self.levels[name])
+        return {key: {level: self._count(f"{name}={level!r}", key) for level in tried} for key in self._keys}
+
+
+def find_margins(
+    make: Callable[[int], Scenario],
+    claims: Sequence[Claim],
+    vary: Sequence[Quantity | str],
+    *,
+    seeds: Sequence[int],
+    levels: Mapping[str, Sequence[float]] | None = None,
+    period: float | None = None,
+    share: float = 1.0,
+    width: float = 0.1,
+    confidence: float = 0.95,
+    most_runs: int = MOST_RUNS,
+    out: str | Path | None = None,
+    workers: int | None = None,
+    cluster: str | None = None,
+    progress: bool = True,
+) -> Margins:
+    """Margins of the conclusions of claims, on runs of scenarios in worlds that are further and further from ideal.
+
+    Parameters
+    ----------
+    make
+        Makes the scenario of a seed.
+    claims
+        Claims whose conclusions are read from every run, whether or not their hypotheses are met.
+    vary
+        The quantities, or their names.
+    seeds
+        Seeds of the starts and of what is random about messages; the same at every level.
+    levels
+        Levels of the first grid by name of the quantity; the quantity's own when absent.
+    period
+        Period of the base world; that of the scenario, or one of about a thousand ticks, when absent.
+    share
+        Share of the runs that must show a conclusion at a level, above 0, at most 1.
+    width
+        Width of a bracket, as a share of its larger end, at which bisection ends.
+    confidence
+        Level of confidence of the intervals.
+    most_runs
+        Largest number of runs; where they do not suffice, brackets stay wider.
+    out
+        Folder of the results. The same call goes on with those that it holds.
+    workers, cluster, progress
+        As for `flocking.study.sweeps.sweep.sweep`.
+
+    Raises
+    ------
+    InvalidInput
+        When an argument breaks a rule.
+    StorageError
+        When ``out`` holds other results, or cannot be written.
+    """
+    from flocking.study.sweeps.sweep import sweep as make_runs
+
+    chosen = {q.name: q for q in (quantity_named(one) if isinstance(one, str) else one for one in vary)}
+    seeds = tuple(integer("margins", "seeds", seed, least=0) for seed in seeds)
+    if not chosen or not seeds:
+        raise InvalidInput("margins", "vary" if seeds else "seeds", "must not be empty", [])
+    if len(set(seeds)) < len(seeds):
+        raise InvalidInput("margins", "seeds", "must not hold a seed twice", list(seeds)[:8])
+    check_level(confidence)
+    if number("margins", "share", share, above=0.0) > 1:
+        raise InvalidInput("margins", "share", "must be at most 1", share)
+    if number("margins", "width", width, above=0.0) >= 1:
+        raise InvalidInput("margins", "width", "must be below 1", width)
+    if period is not None:
+        number("margins", "period", period, above=0.0)
+    integer("margins", "most_runs", most_runs, least=1)
+    for name in levels or {}:
+        if name not in chosen:
+            raise InvalidInput("margins", "levels", f"must be of what is varied: {', '.join(chosen)}", name)
+    first = make(seeds[0])
+    if not isinstance(first, Scenario):
+        raise InvalidInput("margins", "scenario", "must be a Scenario", first)
+    base = base_period(first) if period is None else float(period)
+    worlds = Worlds(make, chosen, base)
+    grids: dict[str, list[float]] = {}
+    refused: dict[str, str] = {}
+    words: dict[str, str] = {}
+    for name, quantity in chosen.items():
+        try:
+            given = (levels or {}).get(name)
+            grid = list(quantity.levels(first, base)) if given is None else _checked_levels(name, given, quantity)
+            for level in (grid[0], grid[-1]):
+                scenario = worlds(world=f"{name}={level!r}", seed=seeds[0])
+                start(scenario)
+            grids[name], words[name] = grid, _words(scenario)
+        except FlockingError as error:
+            if isinstance(error, InvalidInput) and (levels or {}).get(name) is not None:
+                raise
+            refused[name] = str(error)
+    worlds = Worlds(make, {name: chosen[name] for name in grids}, base)
+    folder = None if out is None else Path(out)
+    audit = Conclusions(tuple(claims))
+    about = {
+        "scenario": _fingerprint(first, seeds[0]), "period": base, "claims": [claim.key for claim in claims],
+        "quantities": {name: q.meaning for name, q in chosen.items()},
+    }  # fmt: skip
+
+    def runs_of(names: Sequence[str], some: Sequence[int], place: str) -> tuple[dict[tuple[str, int], Verdicts], bool]:
+        table = make_runs(
+            worlds, grid={"world": list(names)}, seeds=list(some), measures=(), audit=audit, record=about,
+            out=None if folder is None else folder / "runs" / place, workers=workers, cluster=cluster,
+            progress=progress, most_runs=most_runs,
+        )  # fmt: skip
+        found = {}
+        for index, row in table.rows.items():
+            task = table.plan.task(index)
+            found[str(task.parameters["world"]), task.seed] = row["verdicts"]
+        return found, table.status == "finished"
+
+    search = Search(worlds, claims, seeds, share, width, most_runs, runs_of)
+    search.run(grids)
+    varied = tuple(
+        Varied(name, q.meaning, words[name], search.counts(name), q.falling) for name, q in worlds.quantities.items()
+    )
+    statements = {claim.key: claim.statement for claim in claims if claim.key in search.ideal}
+    return Margins(
+        first.name, statements, search.ideal, varied, refused, share, width, confidence, seeds, search.runs,
+        search.status, _provenance(),
+    )  # fmt: skip
+
+
+def _checked_levels(name: str, given: Sequence[float], quantity: Quantity) -> list[float]:
+    found = [number("margins", f"levels[{name!r}]", value, least=0.0) for value in given]
+    if not found or len(set(found)) < len(found):
+        raise InvalidInput("margins", f"levels[{name!r}]", "must hold different levels, at least one", list(given))
+    return sorted(found, reverse=quantity.falling)
+
+
+def _words(scenario: Scenario) -> str:
+    """What is not ideal in a scenario."""
+    body = scenario.agents.summary if hasattr(scenario.agents, "summary") else ""
+    return "; ".join(part for part in (body, scenario.imperfections) if part)
+
+
+def _provenance() -> dict[str, object]:
+    from flocking.study.sweeps.sweep import _provenance as versions
+
+    return versions()

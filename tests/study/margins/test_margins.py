@@ -1,0 +1,221 @@
+"""Margins: closed forms found by the search, islands, intervals, resumption, and refusals."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.stats import binomtest
+
+import flocking as fk
+from flocking.apps.cli import main
+from flocking.model.world.losses import Bernoulli
+from flocking.study.claims.claim import Claim, Measure
+from flocking.study.claims.conclusions.limits import positions_agree, velocities_agree
+from flocking.study.margins.brackets import Bracket, Count, between, bracket, islands
+from flocking.study.margins.margin_table import margins_from
+from flocking.study.margins.quantities import Quantity, register_quantity
+
+AGREE = Claim("agree", "here", "All positions become the same.", positions_agree)
+SAME = Claim("same", "here", "All velocities become the same.", velocities_agree)
+
+
+def consensus(period=None, *, t_end=80.0, **messages):
+    """Four first-order agents on a line that all see each other: the largest eigenvalue is 4."""
+    q = np.random.default_rng(0).normal(size=(4, 1))
+    law = fk.Law(fk.Fixed.complete(4), [fk.Gradient(fk.Potential("r**2/2"))])
+    world = {"control": fk.Held(period)} if period else {}
+    world |= {"information": fk.Messages(period, **messages)} if messages else {}
+    return fk.Scenario(law, fk.State(q - q.mean()), t_end=t_end, frames=81, agents=fk.SingleIntegrator(), **world)
+
+
+def found(scenario, vary, claims=(AGREE,), **options):
+    options = {"workers": 1, "progress": False, "seeds": 2, "width": 0.1, **options}
+    return fk.margins(scenario, vary, claims=claims, **options)
+
+
+def test_the_period_of_first_order_consensus_is_bracketed():
+    """T lambda_N < 2."""
+    margin = found(consensus(), "period", levels={"period": [0.2, 0.8]}).margin("period", "agree")
+    assert margin.bracket.lower < 0.5 <= margin.bracket.upper
+    assert margin.bracket.width <= 0.1
+    assert margin.counts[margin.bracket.lower] == Count(1, 0, 0)  # nothing is random: one run
+
+
+@pytest.mark.parametrize(("samples", "bound"), [(1, 1.0), (2, 0.618034)])
+def test_a_quantity_of_ones_own_finds_the_bound_of_whole_samples_of_delay(samples, bound):
+    """T lambda_N < 2 sin(pi/(2(2d + 1))), the own state delayed too (Levin and May 1976)."""
+
+    def world(scenario, value, _):
+        return scenario.with_(control=fk.Held(value, latency=samples * value))
+
+    late = Quantity("late-period", f"period, with {samples} of it from a control to its force", world,
+                    lambda scenario, period: (0.12, 0.3))  # fmt: skip
+    margin = found(consensus(t_end=120), late).margin("late-period", "agree")
+    assert margin.bracket.lower < bound / 4 <= margin.bracket.upper * 1.05  # slow close to the bound
+    assert margin.bracket.width <= 0.1
+
+
+@pytest.mark.parametrize(("alpha", "beta", "bound"), [(1.0, 1.0, 0.5), (3.0, 0.5, 1 / 3)])
+def test_the_period_of_second_order_consensus_is_bracketed(alpha, beta, bound):
+    """min(2 beta/alpha, 2/(beta lambda_N)): on K4 and on two agents (Cao and Ren 2010)."""
+    graph = fk.Fixed.complete(4) if alpha == 1 else fk.Fixed(2, [(0, 1)])
+    law = fk.Law(graph, [fk.Gradient(fk.Potential("a*r**2/2", a=alpha)), fk.Consensus(beta)])
+    rng = np.random.default_rng(0)
+    q, p = rng.normal(size=(2, graph.n, 1))
+    scenario = fk.Scenario(law, fk.State(q, p), t_end=150, frames=101)
+    margin = found(scenario, "period", (SAME,), levels={"period": [0.1, 0.8]}).margin("period", "same")
+    assert margin.bracket.lower < bound <= margin.bracket.upper * 1.05
+    assert margin.bracket.width <= 0.1
+
+
+def test_loss_that_widens_the_bound_of_the_period_is_an_island():
+    """On K4 with dropped messages 2/(4(1-p) + 2p) in the mean square: a period of 0.55 wants a loss above 0.18."""
+    scenario = consensus(0.55, loss=Bernoulli(0.0, paired=True), expires=0.55)
+    table = found(scenario, "loss", levels={"loss": [0.0, 0.45, 0.5, 0.99]}, seeds=4)
+    margin = table.margin("loss", "agree")
+    assert margin.bracket == Bracket(None, 0.0, (0.45, 0.5))
+    assert margin.islands == ((0.45, 0.5),)
+    assert "0.45 to 0.5" in str(table)
+
+
+def test_a_conclusion_that_fails_and_holds_again_is_flagged():
+    odd = Claim("odd", "here", "Not between.", lambda e: Measure(
+        -1.0 if 0.25 < getattr(e.run.scenario.control, "period", 0.0) < 0.45 else 1.0))  # fmt: skip
+    scenario = consensus(t_end=4)
+    margin = found(scenario, "period", (odd,), levels={"period": [0.1, 0.3, 0.4, 0.5, 0.6]}).margin("period", "odd")
+    assert margin.bracket.lower < 0.25 < margin.bracket.upper
+    assert margin.islands == ((0.5, 0.6),)
+
+
+def test_brackets_of_counts():
+    yes, no, some = Count(4), Count(0, 4), Count(3, 0, 1)
+    assert bracket({0.0: yes, 1.0: some, 2.0: yes}, 1.0) == Bracket(0.0, 1.0, (2.0,))
+    assert bracket({0.0: yes, 1.0: some, 2.0: no}, 0.75) == Bracket(1.0, 2.0)
+    assert bracket({0.1: yes}, 1.0) == Bracket(0.1, None)
+    assert bracket({10.0: yes, 1.0: no, 0.1: yes}, 1.0, falling=True) == Bracket(10.0, 1.0, (0.1,))
+    assert bracket({1.0: Count()}, 0.5) == Bracket(None, 1.0)
+    assert between(Bracket(1.0, 4.0)) == 2.0
+    assert between(Bracket(0.0, 4.0)) == 2.0
+    assert between(Bracket(None, 4.0)) == 1.0
+    assert between(Bracket(None, 4.0), falling=True) == 16.0
+    assert between(Bracket(None, 0.0)) is None
+    levels = [1.0, 2.0, 3.0, 4.0, 5.0]
+    assert islands(Bracket(None, 1.0, (2.0, 3.0, 5.0)), levels) == [(2.0, 3.0), (5.0, 5.0)]
+
+
+@pytest.mark.parametrize(("held", "total"), [(0, 5), (5, 5), (3, 8), (19, 20)])
+def test_intervals_are_those_of_clopper_and_pearson(held, total):
+    theirs = binomtest(held, total).proportion_ci(0.95, method="exact")
+    ours = Count(held, 0, total - held).interval(0.95)
+    assert (ours.low, ours.high) == pytest.approx((theirs.low, theirs.high), rel=1e-9)
+
+
+class Interrupted:
+    """A family that is interrupted at its n-th call."""
+
+    def __init__(self, calls):
+        self.left = calls
+
+    def __call__(self, seed):
+        self.left -= 1
+        if self.left == 0:
+            raise KeyboardInterrupt
+        return drawn(seed)
+
+
+def drawn(seed):
+    start = fk.start.box(4, side=2.0, speed=1.0, seed=seed)
+    law = fk.Law(fk.Fixed.complete(4), [fk.Gradient(fk.Potential("(r - 1)**2/2")), fk.Consensus(1.0)])
+    return fk.Scenario(law, start, t_end=30, frames=61, seed=seed, name="four")
+
+
+OPTIONS = {"levels": {"period": [0.3, 1.2], "loss": [0.0, 0.5]}, "period": 0.4, "seeds": 3, "width": 0.5}
+
+
+def test_what_was_interrupted_goes_on_to_the_same_result(tmp_path):
+    whole = found(drawn, ["period", "loss"], (SAME,), **OPTIONS)
+    assert whole.status == "finished"
+    assert whole.ideal["same"] == Count(3)
+    partly = found(Interrupted(25), ["period", "loss"], (SAME,), out=tmp_path / "out", **OPTIONS)
+    assert partly.status == "interrupted"
+    assert 0 < partly.runs < whole.runs
+    again = found(drawn, ["period", "loss"], (SAME,), out=tmp_path / "out", **OPTIONS)
+    assert again.as_dict() == whole.as_dict()
+    assert margins_from(json.loads(json.dumps(again.as_dict()))).as_dict() == whole.as_dict()
+    with pytest.raises(fk.StorageError, match="period"):
+        found(drawn, ["period", "loss"], (SAME,), out=tmp_path / "out", **{**OPTIONS, "period": 0.2})
+
+
+def test_the_number_of_workers_changes_nothing():
+    one, two = (found(drawn, "loss", (SAME,), workers=k, period=0.4, levels={"loss": [0.0, 0.9]}) for k in (1, 2))
+    assert one.as_dict() == two.as_dict()
+
+
+def test_too_few_runs_leave_brackets_wide_and_say_so():
+    table = found(consensus(), "period", levels={"period": [0.2, 0.8]}, most_runs=3)
+    assert table.status == "3 runs did not suffice"
+    assert "may be wider" in str(table)
+    assert table.margin("period", "agree").bracket == Bracket(0.2, 0.8)
+
+
+def test_what_cannot_be_varied_is_refused_by_name_and_the_others_go_on():
+    table = found(consensus(t_end=4), ["period", "limit"], levels={"period": [0.1]})
+    assert "no obstacles" not in table.refused["limit"]
+    assert "of order 1" in table.refused["limit"]
+    assert [one.name for one in table.varied] == ["period"]
+
+
+def test_the_limit_of_forces_is_varied_downwards():
+    table = found(drawn, "limit", (SAME,), levels={"limit": [10.0, 1e-4]}, seeds=1, width=0.9)
+    bracket_found = table.margin("limit", "same").bracket
+    assert bracket_found.lower > bracket_found.upper >= 1e-4
+    assert "force at most 0.0001" in table.varied[0].world
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"vary": "weather"}, "vary must be among period"),
+        ({"seeds": 0}, "seeds"),
+        ({"seeds": [1, 1]}, "twice"),
+        ({"width": 1.0}, "width must be below 1"),
+        ({"share": 1.5}, "share must be at most 1"),
+        ({"levels": {"loss": [0.1]}}, "levels must be of what is varied"),
+        ({"levels": {"period": []}}, "at least one"),
+        ({"levels": {"period": [-1.0]}}, "period"),
+        ({"scenario": "no-such"}, "scenario must be one of"),
+    ],
+)
+def test_wrong_input_is_named(options, words):
+    given = {"scenario": consensus(t_end=1), "vary": "period", **options}
+    with pytest.raises(fk.InvalidInput, match=words):
+        found(given.pop("scenario"), given.pop("vary"), **given)
+
+
+def test_only_quantities_are_registered():
+    with pytest.raises(fk.InvalidInput, match="must be a Quantity"):
+        register_quantity("loss")
+
+
+FILE = """
+t_end = 12.0
+frames = 61
+terms = [{kind = "consensus", gain = 1.0}]
+graph = {kind = "fixed", n = 4, edges = [[0, 1], [1, 2], [2, 3]]}
+start = {draw = "box", n = 4, side = 2.0, speed = 1.0, seed = 0}
+"""
+
+
+def test_the_command_prints_a_table_and_writes_its_data(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "four.toml").write_text(FILE)
+    words = ["margins", "four.toml", "--vary", "period", "--levels", "period=0.1,2", "--seeds", "2", "--workers", "1"]
+    assert main(words) == 0
+    shown = capsys.readouterr().out
+    assert "velocities-agree" in shown
+    assert "the same at all" in shown
+    stored = (tmp_path / "out" / "margins" / "four" / "margins.json").read_bytes()
+    assert main([*words, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == json.loads(stored)
+    assert main(["margins", "four.toml", "--levels", "period"]) == 2
+    assert "name=value,value" in capsys.readouterr().err
