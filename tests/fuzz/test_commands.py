@@ -158,6 +158,7 @@ def test_commands(data: Any, folder: Path) -> None:
 
 def test_every_command_is_fuzzed() -> None:
     names = {name for name in command_line() if not name.startswith("-")}
-    apart = {"reproduce", "lab", "dashboard"}
+    # These compute for minutes when all is well; tests of their own give them wrong input.
+    apart = {"reproduce", "lab", "dashboard", "margins"}
     assert set(COMMANDS) <= names
     assert names - set(COMMANDS) <= apart
