@@ -162,6 +162,8 @@ class LongCommand:
         scratch = folder.with_name(f"{folder.name}-scratch")
         scratch.mkdir()
         how = {"environment": {"TMPDIR": str(scratch)}, **self.how, "fresh": fresh}
+        # What others left there may bear the same number: systems use the numbers of processes again.
+        there = set(os.listdir("/dev/shm"))
         running = self.machines.begin(*self.words(folder), **how)
         try:
             yield running
@@ -174,8 +176,9 @@ class LongCommand:
             assert time.monotonic() - begin < GONE, f"{self.words(folder)} left processes: {left}"
             time.sleep(GLANCE)
         assert list(scratch.iterdir()) == [], "it left temporary files"
-        shared = [name for name in os.listdir("/dev/shm") if f"-{running.process}-" in name.replace("_", "-")]
-        assert shared == [], "it left shared memory"
+        new = set(os.listdir("/dev/shm")) - there
+        shared = [name for name in new if f"-{running.process}-" in name.replace("_", "-")]
+        assert shared == [], f"it left shared memory: {shared}"
         half = [path for path in folder.rglob("*") if "partial" in path.name]
         assert half == [], f"{self.words(folder)} left half-written files: {running.err.read_text()}"
 

@@ -69,7 +69,7 @@ def number(
     """
     if isinstance(value, StandIn):
         return value
-    if isinstance(value, bool | str) or value is None:
+    if isinstance(value, bool | str | bytes | bytearray) or value is None:
         raise InvalidInput(owner, parameter, "must be a number", value)
     try:
         result = float(value)

@@ -104,10 +104,12 @@ class Periodic(Space):
 
     def __post_init__(self) -> None:
         given = self.lengths
-        if isinstance(given, str) or not isinstance(given, Sequence | np.ndarray) or not len(given):
+        if isinstance(given, str | bytes) or not isinstance(given, Sequence | np.ndarray) or not len(given):
             raise InvalidInput("Periodic", "lengths", "must be one length for each axis", given, "Write [10.0, 10.0].")
+        endless = [x is None or (isinstance(x, float) and x == np.inf) for x in given]
         found = tuple(
-            np.inf if x is None or x == np.inf else number("Periodic", "lengths", x, above=0.0) for x in given
+            np.inf if none else number("Periodic", "lengths", x, above=0.0)
+            for none, x in zip(endless, given, strict=True)
         )
         object.__setattr__(self, "lengths", found)
         if self.is_open:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flocking.errors import InvalidInput
+from flocking.model.checks import one_of
 from flocking.model.potentials.potential import Potential
 from flocking.papers import keys, paper
 from flocking.study.potentials import potential_check
@@ -49,7 +49,7 @@ def check_potential(
     True
     """
     known = definitions()
-    if definition is not None and definition not in known:
-        raise InvalidInput("check_potential", "definition", f"must be one of {', '.join(sorted(known))}", definition)
+    if definition is not None:
+        one_of("check_potential", "definition", definition, sorted(known))
     asked = tuple(known.values()) if definition is None else (known[definition],)
     return potential_check.check_potential(potential, radius=radius, definitions=asked)

@@ -421,7 +421,8 @@ VALUES = st.recursive(
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3),
     max_leaves=6,
 )
-BASES = [tomllib.loads(scenario_to_text(SCENARIOS[n])) for n in ("hysteresis", "shared leader", "matrix", "obstacles")]
+BASED = ("hysteresis", "shared leader", "matrix", "obstacles", "messages", "lost messages", "far messages", "periodic")
+BASES = [tomllib.loads(scenario_to_text(SCENARIOS[n])) for n in BASED]
 
 
 def places(table, path=()):

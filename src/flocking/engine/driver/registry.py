@@ -16,6 +16,7 @@ from importlib import import_module
 from flocking.engine.interruption import interrupted
 from flocking.engine.protocol.engine import Engine
 from flocking.engine.protocol.options import UnknownOption, nearest, unknown_option
+from flocking.engine.protocol.world import left_out
 from flocking.errors import EngineMissing, FlockingError, InvalidInput, SuspectInput
 from flocking.model.law import Law, Scenario
 
@@ -270,6 +271,7 @@ def chosen_engine(scenario: Scenario, engine: str, plant: Law | None = None, *, 
     if not isinstance(engine, str) or engine != AUTO:
         return engine
     n = scenario.start.n if plant is None else 0
+    # Where only one engine runs the world of the scenario, its own words say what else it refuses.
 
     def smallest(entry: Entry) -> int | None:
         return entry.interactive_from if interactive else entry.automatic_from
@@ -278,7 +280,8 @@ def chosen_engine(scenario: Scenario, engine: str, plant: Law | None = None, *, 
         ((least, name) for name, entry in BUILT_IN.items() if (least := smallest(entry)) is not None and least <= n),
         reverse=True,
     )
-    return next((name for _, name in ranked[:-1] if not BUILT_IN[name].load().why_not(scenario, plant)), ranked[-1][1])
+    found = [name for _, name in ranked if not left_out(scenario, BUILT_IN[name].load().worlds)] or [ranked[-1][1]]
+    return next((name for name in found[:-1] if not BUILT_IN[name].load().why_not(scenario, plant)), found[-1])
 
 
 ARGUMENTS = ("engine", "fine", "plant", "progress", "save")

@@ -4,6 +4,13 @@ from __future__ import annotations
 
 from flocking.errors import UnsupportedLaw
 from flocking.model.law import Scenario
+from flocking.model.world.world_part import WorldPart
+
+
+def left_out(scenario: Scenario, known: tuple[type, ...]) -> dict[str, WorldPart]:
+    """Information and control of a scenario that are neither ideal nor of a ``known`` kind, by their names."""
+    parts: dict[str, WorldPart] = {"information": scenario.information, "control": scenario.control}
+    return {name: part for name, part in parts.items() if not part.ideal and not isinstance(part, known)}
 
 
 def check_world(engine: str, scenario: Scenario, known: tuple[type, ...] = ()) -> None:
@@ -21,9 +28,8 @@ def check_world(engine: str, scenario: Scenario, known: tuple[type, ...] = ()) -
     UnsupportedLaw
         When there is such a part.
     """
-    for name, part in (("information", scenario.information), ("control", scenario.control)):
-        if not part.ideal and not isinstance(part, known):
-            raise UnsupportedLaw(
-                f"engine={engine!r} does not run {name}={type(part).__name__}(...): it would be left out. "
-                "engine='auto' chooses one that does, where there is one."
-            )
+    for name, part in left_out(scenario, known).items():
+        raise UnsupportedLaw(
+            f"engine={engine!r} does not run {name}={type(part).__name__}(...): it would be left out. "
+            "engine='auto' chooses one that does, where there is one."
+        )

@@ -19,6 +19,9 @@ from flocking.model.world.information import Instant, Messages
 MOST_AGENTS = 2000
 """Largest group of this engine, which holds several numbers for every pair."""
 
+LONGEST_RUN = 2e9
+"""Longest run: its nanoseconds, and those of a period and a delay beyond it, stay within 64 bits."""
+
 
 class SampledEngine(Engine):
     """Held forces: the motion between two changes is a polynomial, and nothing is integrated numerically."""
@@ -40,6 +43,11 @@ class SampledEngine(Engine):
             raise UnsupportedLaw("engine='sampled' knows no information but Instant and Messages.")
         if scenario.space != OPEN:
             raise UnsupportedLaw(f"engine='sampled' knows no space but Open, not {type(scenario.space).__name__}.")
+        if scenario.t_end - scenario.start.t > LONGEST_RUN:
+            raise InvalidInput(
+                "Scenario", "t_end", f"must be at most {LONGEST_RUN:g} after the start under held control",
+                scenario.t_end, "Times are counted in whole nanoseconds. Use another unit of time.",
+            )  # fmt: skip
         if n > MOST_AGENTS:
             raise InvalidInput(
                 "start", "engine", f"must be another one for more than {MOST_AGENTS} agents", f"'sampled' for {n}",

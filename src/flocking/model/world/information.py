@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array, check_each, number, one_of, scalar_or_each
+from flocking.model.checks import Array, check_each, integer, number, one_of, scalar_or_each, truth
 from flocking.model.parts import values
 from flocking.model.parts.description import Group, add_group
 from flocking.model.parts.registration import register_part
@@ -118,8 +118,10 @@ class Messages(Information):
         if self.expires is not None:
             object.__setattr__(self, "expires", number("Messages", "expires", self.expires, above=0.0))
             nanoseconds("Messages", "expires", self.expires, positive=True)
-        if not isinstance(self.predict, bool | np.bool_):
-            raise InvalidInput("Messages", "predict", "must be True or False", self.predict)
+        object.__setattr__(self, "predict", truth("Messages", "predict", self.predict))
+        object.__setattr__(self, "seed", integer("Messages", "seed", self.seed, least=0))
+        if self.seed > values.LARGEST_SEED:
+            raise InvalidInput("Messages", "seed", f"must be at most {values.LARGEST_SEED}", self.seed)
         one_of("Messages", "self_known", self.self_known, SELF_KNOWN)
 
     @property

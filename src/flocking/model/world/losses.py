@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.errors import InvalidInput
-from flocking.model.checks import Array, number
+from flocking.model.checks import Array, number, truth
 from flocking.model.parts import values
 from flocking.model.parts.description import Group, Short, add_group
 from flocking.model.parts.registration import register_part
@@ -93,6 +93,7 @@ class Bernoulli(Loss):
     paired: bool = False
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "paired", truth("Bernoulli", "paired", self.paired))
         object.__setattr__(self, "probability", probability("Bernoulli", "probability", self.probability))
 
     @property
@@ -146,6 +147,7 @@ class GilbertElliott(Loss):
     paired: bool = False
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "paired", truth("GilbertElliott", "paired", self.paired))
         for name in ("to_bad", "to_good", "loss_good", "loss_bad"):
             object.__setattr__(self, name, probability("GilbertElliott", name, getattr(self, name)))
         leave = self.to_bad + self.to_good
@@ -255,6 +257,7 @@ class DistanceLoss(Loss):
     reads_distance = True
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "paired", truth("DistanceLoss", "paired", self.paired))
         object.__setattr__(self, "range", number("DistanceLoss", "range", self.range, above=0.0))
         object.__setattr__(self, "exponent", number("DistanceLoss", "exponent", self.exponent, above=0.0))
         object.__setattr__(self, "floor", probability("DistanceLoss", "floor", self.floor))

@@ -41,6 +41,8 @@ def nanoseconds(owner: str, name: str, value: float | Array, *, positive: bool =
         When a time is negative or longer than `LONGEST`, or one that must be positive rounds to zero.
     """
     found = np.asarray(scalar_or_each(owner, name, value, least=0.0), dtype=np.float64)
+    if not found.size:
+        raise InvalidInput(owner, name, "must be a number, or one for each agent", "no value")
     if (found > LONGEST).any():
         raise InvalidInput(owner, name, f"must be at most {LONGEST:g}", float(found.max()))
     whole = np.rint(found * PER_SECOND).astype(np.int64)

@@ -117,14 +117,13 @@ def parse_scenario(
     try:
         return _scenario(parts)
     except InvalidInput as error:
-        place = error.parameter if error.owner == Scenario.__name__ else "terms"
-        rule = (
-            error
-            if place == error.parameter
-            else InvalidInput(
-                error.owner, place, f"{error.owner}: {error.parameter} {error.rule}", error.value, error.fix
-            )
-        )
+        place, rule = "terms", error
+        owners = [name for name in ("control", "information", "space") if type(parts.get(name)).__name__ == error.owner]
+        if error.owner == Scenario.__name__ or owners:
+            place = ".".join([*owners, error.parameter])
+        else:
+            said = f"{error.owner}: {error.parameter} {error.rule}"
+            rule = InvalidInput(error.owner, place, said, error.value, error.fix)
         raise ScenarioFileError(source, [str(problem_of(rule, place))]) from None
     except (ArithmeticError, MemoryError) as error:
         raise ScenarioFileError(source, [f"file: cannot be used ({type(error).__name__}: {error})"]) from None
