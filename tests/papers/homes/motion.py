@@ -45,7 +45,7 @@ def double_integrators():
 
 
 def other_bodies():
-    """Further columns have the rates that they state, and the ledger counts the power that a body adds."""
+    """Further columns have the rates that they state; power that a body adds departs, and counts as supplied too."""
     rng = np.random.default_rng(6)
     pairs = [k.astype(np.int64) for k in np.nonzero(~np.eye(N, dtype=bool))]
     tau, leader = 0.7, fk.Velocity([0.3, -0.2])
@@ -55,14 +55,15 @@ def other_bodies():
     module = compiled_kernels(layout, 2)
     given = (*pairs, np.array([0, len(pairs[0])]), *free_pieces(len(pairs[0])))
     given = (*given, *layout.values(layout.bodies, N), np.zeros((1, N)))
-    y = rng.normal(size=6 * N + len(RATES))
+    y = rng.normal(size=6 * N + 1 + len(RATES))
     q, p, force = y[: 6 * N].reshape(3, N, 2)
     u, rates, dy = np.full((N, 2), np.nan), np.full(len(RATES), np.nan), np.full(len(y), np.nan)
     module.control.py_func(0.8, q, p, *given, u, rates)
     module.slope.py_func(0.8, y, *given, np.zeros((N, 2)), np.zeros((N, 2)), np.zeros((N, 2)), dy)
     rows = [p, (force - damping[:, None] * p) / masses[:, None], (u - force) / tau]
-    rates[RATES.index("supplied")] += ((force - u) * (p - [0.3, -0.2])).sum()
-    assert_allclose(dy, np.concatenate([*(r.ravel() for r in rows), rates]), rtol=1e-12)
+    departed = ((force - u) * (p - [0.3, -0.2])).sum()
+    rates[RATES.index("supplied")] += departed
+    assert_allclose(dy, np.concatenate([*(r.ravel() for r in rows), [departed], rates]), rtol=1e-12)
 
 
 def equations_of_motion():
