@@ -56,11 +56,11 @@ class Demonstration:
     printed
         Value by the printed statement for the example.
     true
-    True value, computed independently.
+        True value, computed independently.
     tolerance
-    Difference that rounding may explain.
+        Difference that rounding may explain.
     example
-    Description of the example.
+        Description of the example.
     """
 
     printed: float

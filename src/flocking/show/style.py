@@ -190,7 +190,7 @@ def check_writable(owner: str, path: Path) -> None:
     owner
         Name of the caller for the error message.
     path
-    The file; a missing folder counts as its parent.
+        The file; a missing folder counts as its parent.
 
     Raises
     ------

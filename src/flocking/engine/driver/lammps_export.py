@@ -42,9 +42,9 @@ def export_deck(scenario: Scenario, folder: str | Path, *, step: float | None = 
     UnsupportedLaw
         If a part has no translation.
     InvalidInput
-    If the step is not positive, or the frames are not evenly spaced from the start on.
+        If the step is not positive, or the frames are not evenly spaced from the start on.
     StorageError
-    If the folder is not empty or cannot be written.
+        If the folder is not empty or cannot be written.
     """
     deck = make_deck(scenario)
     step = chosen_step(scenario, scenario.start) if step is None else number("export_deck", "step", step, above=0.0)

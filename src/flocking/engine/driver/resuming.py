@@ -53,9 +53,9 @@ def resume(
     StorageError
         If there is no run, it is damaged, another process writes it, or it ended with an error.
     EngineMissing
-    If its engine is not registered.
+        If its engine is not registered.
     SimulationError
-    If the run cannot continue; ``run`` of the error contains the results so far.
+        If the run cannot continue; ``run`` of the error contains the results so far.
     """
     if not isinstance(folder, str | Path):
         raise InvalidInput("resume", "folder", "must be a path", folder)

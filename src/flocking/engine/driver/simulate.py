@@ -45,7 +45,7 @@ def start(scenario: Scenario, engine: str = "auto", *, plant: Law | None = None,
     InvalidInput
         If the engine or an option is unknown, or the scenario cannot be started.
     UnsupportedLaw
-    If the engine does not support a part of the law.
+        If the engine does not support a part of the law.
     """
     session = _opened(scenario, engine, plant, options)
     session.records.check_fits()
@@ -170,7 +170,7 @@ def run_session(
         New or empty folder to which the run is written; nothing is written by default.
     progress
         Whether to show a progress bar.
-        every
+    every
         Wall time between two commits, in seconds.
 
     Raises
@@ -192,7 +192,7 @@ def drive(session: Session, *, progress: bool, writer: SessionWriter | None = No
     ----------
     progress
         Whether to show a progress bar.
-        writer
+    writer
         Saves the run; nothing is saved by default.
 
     Raises

@@ -62,9 +62,9 @@ class LawGaps:
         declared
             Values by the law.
         force
-        Computed control less damping, shape (S, m).
+            Computed control less damping, shape (S, m).
         rounding
-        Bound on the rounding error of ``force``, shape (S,).
+            Bound on the rounding error of ``force``, shape (S,).
         """
         gap = np.sqrt(((force - declared.force) ** 2).sum(axis=1))
         return self._compare(gap, declared.force_error + rounding, declared.size)
@@ -77,7 +77,7 @@ class LawGaps:
         declared
             Values by the law.
         groups
-        Index of the group of each checked agent, shape (S,).
+            Index of the group of each checked agent, shape (S,).
         found
             Values of `POWERS` of each group, shape (G, 5).
         """

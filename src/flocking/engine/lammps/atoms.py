@@ -36,7 +36,7 @@ class LammpsError(Exception):
     ----------
     message
         The message.
-        agents
+    agents
         The agents concerned.
     """
 

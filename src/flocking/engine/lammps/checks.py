@@ -27,7 +27,7 @@ def check_supported(scenario: Scenario) -> None:
     UnsupportedLaw
         If a part of the scenario has no translation.
     InvalidInput
-    If the number of agents is too large for this build of LAMMPS.
+        If the number of agents is too large for this build of LAMMPS.
     """
     law, agents = scenario.law, scenario.agents
     n, dimension = scenario.start.q.shape

@@ -36,7 +36,7 @@ class Deck:
     scenario
         The scenario to simulate.
     skin
-    Skin of the neighbour lists.
+        Skin of the neighbour lists.
     parts
         Pair terms per graph.
     body
@@ -183,7 +183,7 @@ def make_deck(scenario: Scenario, skin: float | None = None) -> Deck:
     scenario
         The scenario to simulate.
     skin
-    Skin of the neighbour lists; by default a fraction of the largest radius.
+        Skin of the neighbour lists; by default a fraction of the largest radius.
 
     Raises
     ------

@@ -26,7 +26,7 @@ class Restart:
     agents
         Positions, velocities and the forces of the last step, shape (N, 9); forces that depend on velocities are those
         of half a step before.
-        time, steps, plan
+    time, steps, plan
         Time, number of steps, and planned steps of the session.
     """
 

@@ -60,7 +60,7 @@ class LammpsSession(Session):
     UnsupportedLaw
         If a part of the scenario has no translation.
     EngineMissing
-    If LAMMPS or MPI is not installed.
+        If LAMMPS or MPI is not installed.
     """
 
     engine = "lammps"

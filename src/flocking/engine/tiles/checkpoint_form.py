@@ -111,7 +111,7 @@ def check_session(data: object, ledger_sums: type[object], memory: type[object],
     data
         The restored checkpoint.
     ledger_sums, memory
-    Class of the ledger of an integrator, and of the particle memory.
+        Class of the ledger of an integrator, and of the particle memory.
 
     Raises
     ------

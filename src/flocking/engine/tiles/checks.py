@@ -63,7 +63,7 @@ def after_step(
     LinkLost
         If a link broke although its potential is infinite at the break radius.
     StepTooLarge
-    If a pair approached too far in one step for its distance.
+        If a pair approached too far in one step for its distance.
     """
     _check_finite(particles, time)
     links_kept(particles, step, time)
@@ -149,7 +149,7 @@ def stiff_start(step: float, resolves: float, scheme: str, order: int, time: flo
     Raises
     ------
     StepTooLarge
-    If the step is unstable.
+        If the step is unstable.
     """
     unstable = UNSTABLE if order == 2 else UNSTABLE_DESCENTS[scheme]
     if scheme != "damped" and step > unstable * resolves:

@@ -47,7 +47,7 @@ def extremes_of(tile_extremes, out):  # type: ignore[no-untyped-def]
     tile_extremes
         Results of each tile, shape (tiles, 3).
     out
-    Receives the three numbers.
+        Receives the three numbers.
     """
     fast, near, broken = 0.0, np.inf, 0.0
     for tile in range(tile_extremes.shape[0]):

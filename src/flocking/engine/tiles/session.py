@@ -64,9 +64,9 @@ class TilesSession(Session):
     UnsupportedLaw
         If a part of the scenario is not supported.
     InvalidInput
-    If the frames would not fit in memory.
+        If the frames would not fit in memory.
     TooCrowded
-    If the neighbour lists would not fit in memory.
+        If the neighbour lists would not fit in memory.
     """
 
     engine = "tiles"
@@ -347,7 +347,7 @@ class TilesSession(Session):
         InvalidInput
             If law and state do not fit together.
         UnsupportedLaw
-        If this engine cannot run the law.
+            If this engine cannot run the law.
         """
         particles = self._particles
         if self.plant is not None:

@@ -86,13 +86,13 @@ class Setting:
     figure
         Number of its figure.
     law
-    Equation number of the control law: 4, 8, 12 or 15.
+        Equation number of the control law: 4, 8, 12 or 15.
     velocity
-    Agents informed of the desired velocity: ``"all"`` or ``"some"``.
+        Agents informed of the desired velocity: ``"all"`` or ``"some"``.
     acceleration
-    Agents informed of its acceleration: ``"all"``, ``"some"`` or ``"none"``.
+        Agents informed of its acceleration: ``"all"``, ``"some"`` or ``"none"``.
     connected
-    Whether the row is for graphs that stay connected.
+        Whether the row is for graphs that stay connected.
     """
 
     figure: str
