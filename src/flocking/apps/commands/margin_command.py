@@ -69,23 +69,24 @@ def margins(
     from flocking.study.margins.search import MOST_RUNS
 
     find_scenario(scenario, None, None)
+    drawn = _drawn(scenario)
     name = Path(scenario).stem if scenario.endswith(".toml") else scenario
     folder = out or Path("out") / "margins" / name
     found = find_margins(
-        lambda seed: find_scenario(scenario, seed, None) if _drawn(scenario) else find_scenario(scenario, None, None),
+        lambda seed: find_scenario(scenario, seed if drawn else None, None),
         VARIED if vary is None else tuple(word.strip() for word in vary.split(",")),
         levels=_levels(levels or []), seeds=SEEDS if seeds is None else seeds, period=period, t_end=t_end,
         width=width, share=share, most_runs=MOST_RUNS if most_runs is None else most_runs, out=folder,
         workers=workers, cluster=cluster, progress=not as_json,
     )  # fmt: skip
-    data = found.as_dict()
     if found.status == "interrupted":
         print(f"flocking: interrupted; {found.runs} runs are stored in {folder}; the same command continues.",
               file=sys.stderr)  # fmt: skip
         return INTERRUPTED
-    write_file(folder / "margins.json", (json.dumps(data, indent=2) + "\n").encode(), "write the margins")
+    data = json.dumps(found.as_dict(), indent=2, allow_nan=False, ensure_ascii=False)
+    write_file(folder / "margins.json", f"{data}\n".encode(), "write the margins")
     if as_json:
-        print(json.dumps(data, indent=2, allow_nan=False, ensure_ascii=False))
+        print(data)
         return FINE
     for one in found.varied:
         rows = [cells[1:] for cells in found.cells if cells[0] == one.name]

@@ -60,10 +60,6 @@ class Quantity:
     levels: Callable[[Scenario, float], tuple[float, ...]]
     falling: bool = False
 
-    def severity(self, value: float) -> float:
-        """A number that grows with the distance of a ``value`` from the ideal one."""
-        return -value if self.falling else value
-
 
 def rounded_levels(low: float, high: float) -> tuple[float, ...]:
     """The numbers 1, 2 and 5 times a power of ten from ``low`` to ``high``, ascending."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from flocking.engine.driver.simulate import start
@@ -23,7 +23,7 @@ from flocking.study.margins.margin_table import Margins, Varied, counts_of
 from flocking.study.margins.quantities import Quantity, base_period, quantity_named
 
 MOST_RUNS = 4000
-"""Runs of a table unless more are asked for: half an hour on two cores for ten agents under a short base period."""
+"""Most runs of a table, unless another number is asked for."""
 
 MOST_ROUNDS = 12
 """Rounds of bisection at most: the width of a bracket falls by a factor of a thousand in ten."""
@@ -61,8 +61,6 @@ class Worlds:
         found = self.quantities[name].world(scenario, float(value), self.period)
         known = found.information
         if isinstance(known, Messages) and _draws(known):
-            from dataclasses import replace
-
             found = found.with_(information=replace(known, seed=seed))
         return found
 
@@ -249,6 +247,7 @@ def find_margins(
         When ``out`` holds other results, or cannot be written.
     """
     from flocking.study.sweeps.sweep import sweep as make_runs
+    from flocking.study.sweeps.sweep import versions
 
     chosen = {q.name: q for q in (quantity_named(one) if isinstance(one, str) else one for one in vary)}
     seeds = tuple(integer("margins", "seeds", seed, least=0) for seed in seeds)
@@ -282,7 +281,7 @@ def find_margins(
             for level in (grid[0], grid[-1]):
                 scenario = worlds(world=f"{name}={level!r}", seed=seeds[0])
                 start(scenario)
-            grids[name], words[name] = grid, _words(scenario)
+            grids[name], words[name] = grid, scenario.imperfections
         except FlockingError as error:
             if isinstance(error, InvalidInput) and (levels or {}).get(name) is not None:
                 raise
@@ -315,7 +314,7 @@ def find_margins(
     statements = {claim.key: claim.statement for claim in claims if claim.key in search.ideal}
     return Margins(
         first.name, statements, search.ideal, varied, refused, share, width, confidence, seeds, search.runs,
-        search.status, _provenance(),
+        search.status, versions(),
     )  # fmt: skip
 
 
@@ -324,15 +323,3 @@ def _checked_levels(name: str, given: Sequence[float], quantity: Quantity) -> li
     if not found or len(set(found)) < len(found):
         raise InvalidInput("margins", f"levels[{name!r}]", "must hold different levels, at least one", list(given))
     return sorted(found, reverse=quantity.falling)
-
-
-def _words(scenario: Scenario) -> str:
-    """What is not ideal in a scenario."""
-    body = scenario.agents.summary if hasattr(scenario.agents, "summary") else ""
-    return "; ".join(part for part in (body, scenario.imperfections) if part)
-
-
-def _provenance() -> dict[str, object]:
-    from flocking.study.sweeps.sweep import _provenance as versions
-
-    return versions()

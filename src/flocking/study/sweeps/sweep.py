@@ -114,7 +114,7 @@ def sweep(
                      for name, function in found.items()},
         "audit": _audit_data(audit),
         "options": {name: str(value) for name, value in choices.items()},
-        "provenance": _provenance(),
+        "provenance": versions(),
     }  # fmt: skip
     return _run(plan, work, about, Path(out) if out is not None else None, workers, cluster, progress)
 
@@ -242,7 +242,8 @@ def _check_call(make: Callable[..., object], plan: Plan) -> None:
         ) from None
 
 
-def _provenance() -> dict[str, object]:
+def versions() -> dict[str, object]:
+    """Versions of this library, NumPy and Python, as results name them."""
     import platform
 
     import numpy as np
