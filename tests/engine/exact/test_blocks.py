@@ -100,6 +100,19 @@ def assert_same(a: fk.Run, b: fk.Run) -> None:
     assert a.provenance["steps"] == b.provenance["steps"]
 
 
+@pytest.mark.parametrize("name", ["a near miss", "links kept", "springs that break"])
+@pytest.mark.parametrize("often", ["by the clock", "at every frame", "within steps"])
+def test_errors_of_frames_do_not_depend_on_stops(name: str, often: str) -> None:
+    """A near miss counts for all frames of its step, also for those that are recorded before the step is left."""
+    scenario = cases()[name]
+    expected, stopped = run(scenario), fk.start(scenario)
+    stops = scenario.frame_times if often == "at every frame" else np.linspace(*expected.t[[0, -1]], 97)
+    for t in [scenario.t_end] if often == "by the clock" else stops:
+        while not stopped.reached(t):
+            stopped.advance(t, 0.0 if often == "by the clock" else np.inf)
+    assert_same(stopped.run("finished"), expected)
+
+
 @pytest.mark.parametrize("name", list(cases()))
 def test_blocks_give_the_bits_of_single_steps(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = cases()[name]

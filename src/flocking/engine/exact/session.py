@@ -227,7 +227,7 @@ class ExactSession(Session):
             self._tail = np.array(y[self._dynamics.columns_size :])
             self.energy, self.kinetic = self._dynamics.energy(t, y)
             self.time = self._origin.time_at(t)
-            self._record_frames(t)
+            self._record_frames(t, left=True)
             self._record_trace()
         error = self._switch() if self._pending else None
         after = float(np.nextafter(t, np.inf))
@@ -276,10 +276,10 @@ class ExactSession(Session):
         self._error.switched(self._stepper.memory.slope)
         return error
 
-    def _record_frames(self, until: float) -> None:
+    def _record_frames(self, until: float, *, left: bool = False) -> None:
         due = self.records.due_until(until, self._origin.time)
         if due:
-            error = self._error.over(self._segment)
+            error = self._error.over(self._segment) if left else self._error.once_left(self._segment, self._links)
         for own, t in due:
             y, found = self._segment.at(own), (error.position, error.velocity)
             self.records.frame_at(own, t, y, self._dynamics, self._links.links[0], found, self._origin)

@@ -81,6 +81,7 @@ class SolutionError:
             self._doubts.recall(memory.doubts)
         self._jump: tuple[float, Array] | None = None
         self._explained: tuple[Segment, float] | None = None
+        self._foreseen: tuple[Segment, Difference, StateError] | None = None
 
     @property
     def memory(self) -> ErrorMemory:
@@ -125,6 +126,35 @@ class SolutionError:
     def over(self, segment: Segment) -> StateError:
         """Errors on the step ``segment`` followed last."""
         return self._companion.over(segment)
+
+    def once_left(self, segment: Segment, links: LinkState) -> StateError:
+        """Errors on the step followed last as they are known once it is left, with the doubts that end in it.
+
+        Errors of frames do not depend then on whether a session stops within the step. Nothing is put on record.
+
+        Parameters
+        ----------
+        segment
+            The step.
+        links
+            Links on it.
+        """
+        if not segment.t1 > segment.t0:
+            return self.over(segment)
+        seen = self._foreseen
+        if seen is not None and seen[0] is segment and seen[1] is self.difference:
+            return seen[2]
+        difference, doubts, rows = self.difference, self._doubts, len(self._recorder.doubts)
+        self._doubts = Doubts()
+        self._doubts.recall(doubts.memory())
+        try:
+            self._settle(self._doubts.follow(segment, links, self.over(segment)), segment, links)
+            found = self.over(segment)
+        finally:
+            self.difference, self._doubts = difference, doubts
+            del self._recorder.doubts[rows:]
+        self._foreseen = (segment, difference, found)
+        return found
 
     def leave(self, segment: Segment, links: LinkState, origin: Origin) -> None:
         """Record the step ``segment`` followed last, relative to ``origin``, before the crossings at its end."""
