@@ -15,7 +15,7 @@ import flocking as fk
 from flocking.study.scenario_files.scenario_file import ScenarioFileError, parse_scenario, read_scenario
 from tests.fuzz.formulas import FORMULAS
 from tests.fuzz.guard import files_below, fuzz, guarded
-from tests.study.scenario_files.test_scenario_file import BASES, VALUES, places
+from tests.study.scenario_files.random_files import BASES, VALUES, places
 
 TEXTS = st.text(max_size=60) | st.lists(
     st.sampled_from(

@@ -17,7 +17,7 @@ from flocking.engine.storage import record
 from flocking.engine.storage.stored_runs import read_run, write_run
 from tests.engine.storage.stored_runs import finished
 from tests.fuzz.guard import files_below, fuzz, guarded, interrupted_after
-from tests.study.scenario_files.test_scenario_file import places
+from tests.study.scenario_files.random_files import places
 
 VALUES = st.sampled_from(
     [

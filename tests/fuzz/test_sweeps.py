@@ -18,7 +18,7 @@ from flocking.papers.sweep_scenarios import sweep_scenarios
 from flocking.study.sweeps.sweep_file import SweepFileError, read_sweep_file
 from tests.fuzz.formulas import FORMULAS
 from tests.fuzz.guard import files_below, fuzz, guarded
-from tests.study.scenario_files.test_scenario_file import places
+from tests.study.scenario_files.random_files import places
 from tests.study.sweeps.sweep_cases import make
 from tests.study.sweeps.test_sweep_file import OF_A_PAPER, WRITTEN
 

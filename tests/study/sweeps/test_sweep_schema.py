@@ -12,8 +12,8 @@ from flocking.study.scenario_files.scenario_file import scenario_schema
 from flocking.study.sweeps.editor_schema import sweep_schema
 from flocking.study.sweeps.sweep_file import SweepFileError, parse_sweep
 from flocking.study.sweeps.sweep_schema import SECTIONS
+from tests.study.scenario_files.random_files import BASES
 from tests.study.scenario_files.schema_validator import fits
-from tests.study.scenario_files.test_scenario_file import BASES
 from tests.study.sweeps.test_sweep_file import FAULTY, OF_A_PAPER, WRITTEN
 
 SCHEMA = json.loads(json.dumps(sweep_schema(sweep_scenarios())))
