@@ -8,11 +8,9 @@ from typing import Any
 import numpy as np
 
 from flocking.engine.kernels.layout import Layout
+from flocking.model.bodies.body import LIMIT_ROUNDS
 from flocking.model.checks import Array
 from flocking.model.state import State
-
-ROUNDS = 4
-"""Rounds in which limits may begin to act in a state: one that acts may make another one begin."""
 
 
 def motion_of(
@@ -45,7 +43,7 @@ def motion_of(
     rows, drawn = layout.held_rows(m), body.drawn(0.0, n, m)
     values |= {f"A{row}": drawn.get(name, np.zeros(n)) for name, row in rows.items()}
     limits = [row for name, row in rows.items() if name not in drawn]
-    for _ in range(ROUNDS if limits else 0):
+    for _ in range(LIMIT_ROUNDS if limits else 0):
         found = module.motion(P, values)
         values |= {f"A{row}": np.where(found[f"begins_{k}"] > 0.0, 1.0, 0.0) for k, row in enumerate(limits)}
     return {name: value * np.ones(n) for name, value in module.motion(P, values).items()}

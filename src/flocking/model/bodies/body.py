@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 MOTION = ("q", "p")
 """Columns that hold the point a law sees: its position, and its velocity where a body has one."""
 
+LIMIT_ROUNDS = 4
+"""Rounds in which limits may change at one instant: one that acts may make another one begin or end."""
+
 
 @dataclass(frozen=True)
 class Column:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from flocking.engine.exact.integrator.segment import Segment
 from flocking.errors import SimulationError
-from flocking.model.bodies.body import Body
+from flocking.model.bodies.body import LIMIT_ROUNDS, Body
 from flocking.model.checks import Array
 
 LOOKED_AT = 8
@@ -17,9 +17,6 @@ LOOKED_AT = 8
 
 LOCATED = 1e-3
 """Largest interval around a bite in which it is located, in tolerances of the scenario."""
-
-MOST_ROUNDS = 4
-"""Rounds in which limits may change at one instant: one that acts may make another one begin or end."""
 
 Signs = Callable[[float, Array], Array]
 """Values of the expressions of all limits at a time and state vector, shape (limits, 2, N)."""
@@ -90,7 +87,7 @@ class HeldNumbers:
             When a limit begins and ends without end.
         """
         any_change = False
-        for _ in range(MOST_ROUNDS):
+        for _ in range(LIMIT_ROUNDS):
             change = self.changed(signs(t, y))
             if not change.any():
                 return any_change
