@@ -85,7 +85,7 @@ def ledger_of(rows: Iterable[tuple[float, ...]]) -> Records:
     Parameters
     ----------
     rows
-        `LedgerRow`s, or tuples that leave out fields with a default.
+        Rows as `LedgerRow`, or tuples that leave out fields with a default.
     """
     return np.array([LedgerRow(*row) for row in rows], dtype=TRACE_FIELDS)
 
