@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from flocking.papers.potential_definitions import check_potential as check_potential
     from flocking.show.animate import animate as animate
     from flocking.show.plot import plot as plot
+    from flocking.study.certificates.certify import certify as certify
     from flocking.study.potentials.state_energy import agent_energies as agent_energies
     from flocking.study.potentials.state_energy import total_energy as total_energy
     from flocking.study.scenario_files.scenario_file import read_scenario as read_scenario
@@ -57,7 +58,8 @@ _HOMES = {
     "Agent": "engine.reference.control", "ExactSession": "engine.exact.session", "FlockingError": "errors",
     "InvalidInput": "errors", "Run": "engine.runs.run", "Sample": "study.sweeps.sampling",
     "SimulationError": "errors", "StorageError": "errors", "agent_energies": "study.potentials.state_energy",
-    "animate": "show.animate", "audit": "papers.auditing", "check_potential": "papers.potential_definitions",
+    "animate": "show.animate", "audit": "papers.auditing", "certify": "study.certificates.certify",
+    "check_potential": "papers.potential_definitions",
     "control": "engine.reference.control", "control_of": "engine.reference.control",
     "evaluate": "engine.reference.control", "export_run": "engine.storage.export_formats",
     "first_difference": "engine.runs.compare", "lab": "apps.lab.server", "margins": "papers.margins",

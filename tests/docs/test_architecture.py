@@ -51,6 +51,7 @@ HOMES = {
     "change how often a running session is committed to disk": "COMMIT_SECONDS =",
     "change the progress lines": "LINE_SECONDS =",
     "add a claim about links that any law can be asked": "def stays_connected(",
+    "add a guarantee that follows from the energy": "def energy_certificates(",
     "change the verdict over several seeds": "class Judgement",
     "change the properties that a potential is checked for": "class Properties:",
     "add a kind of value for files, editors and the lab": "class Value",

@@ -12,6 +12,7 @@ from typing import Annotated
 from cyclopts import App, CycloptsError, Parameter
 
 from flocking.apps.commands.cache_command import cache
+from flocking.apps.commands.certify_command import certify
 from flocking.apps.commands.margin_command import margins
 from flocking.apps.commands.picture_commands import animate, plot
 from flocking.apps.commands.run_commands import resume, run
@@ -60,6 +61,7 @@ def command_line() -> App:
         showcase,
         audit,
         check,
+        certify,
         equations,
         lab,
         schema,

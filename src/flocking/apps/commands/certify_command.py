@@ -1,0 +1,58 @@
+"""The command that says what is guaranteed of a scenario before it runs."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated
+
+from cyclopts import Parameter
+
+
+def certify(
+    scenario: str,
+    *,
+    seed: int | None = None,
+    most_agents: int | None = None,
+    hypotheses: bool = False,
+    as_json: Annotated[bool, Parameter(name="--json")] = False,
+) -> int:
+    """Say what is guaranteed of every run of a scenario, by which theorem; nothing is simulated.
+
+    Parameters
+    ----------
+    scenario
+        A name that 'flocking list' shows, or a TOML file.
+    seed
+        Seed of the start; that of the file, or 0 for a paper's scenario, when absent.
+    most_agents
+        Largest number of agents that a file may ask for.
+    hypotheses
+        Show the hypotheses of each theorem as they were found.
+    as_json
+        Print JSON; numbers are enclosed between a lower and an upper one.
+    """
+    from flocking.apps.scenario_names import find_scenario
+    from flocking.apps.tables import print_table
+    from flocking.study.certificates.certify import certify as certificates_of
+
+    found = certificates_of(find_scenario(scenario, seed, most_agents))
+    if as_json:
+        print(json.dumps(_finite(found.as_dict()), indent=2))
+        return 0
+    rows = [(c.key, c.outcome, c.statement if c.granted else c.reason) for c in found]
+    print_table(("certificate", "outcome", "guarantee, or why there is none"), rows, title=found.name)
+    for source in dict.fromkeys(c.source for c in found if hypotheses):
+        checked = {h.statement: h for c in found if c.source == source for h in c.hypotheses}
+        cells = [(h.statement, "met" if h.holds else "not met", h.found) for h in checked.values()]
+        print()
+        print_table(("hypothesis", "verdict", "found"), cells, title=source)
+    return 0
+
+
+def _finite(value: object) -> object:
+    """Plain values for JSON, which has no infinity: null stands for it."""
+    if isinstance(value, dict):
+        return {name: _finite(each) for name, each in value.items()}
+    if isinstance(value, list):
+        return [_finite(each) for each in value]
+    return None if isinstance(value, float) and abs(value) == float("inf") else value

@@ -1,0 +1,1 @@
+"""What is guaranteed of a scenario before it runs, each with its theorem, its hypotheses and an enclosed number."""

@@ -1,0 +1,189 @@
+"""A certificate: what is guaranteed, by which theorem, under which hypotheses, with an enclosed number."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from flocking.formula.intervals import Interval
+
+GRANTED, REFUSED, NOT_APPLICABLE = "granted", "refused", "not applicable"
+"""Outcomes of a certificate."""
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """One hypothesis of a theorem, as found for a scenario.
+
+    Parameters
+    ----------
+    statement
+        What is required.
+    holds
+        Whether it is met.
+    found
+        What was found, in words and numbers.
+    """
+
+    statement: str
+    holds: bool
+    found: str = ""
+
+
+@dataclass(frozen=True)
+class Enclosure:
+    """Two numbers between which an exact one lies.
+
+    Parameters
+    ----------
+    lo, hi
+        The ends; both may be infinite.
+    """
+
+    lo: float
+    hi: float
+
+    @classmethod
+    def of(cls, interval: Interval) -> Enclosure:
+        """The enclosure that an interval of one element is."""
+        return cls(float(interval.lo), float(interval.hi))
+
+    def __str__(self) -> str:
+        if self.lo == self.hi:
+            return f"{self.lo:.12g}"
+        middle, radius = 0.5 * (self.lo + self.hi), 0.5 * (self.hi - self.lo)
+        return f"{middle:.12g} +- {radius:.1g}"
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What is guaranteed of every run of a scenario, or why nothing is.
+
+    Parameters
+    ----------
+    key
+        Short name, such as ``"closest_approach"``.
+    statement
+        The guarantee as a sentence, with its number where it is granted.
+    source
+        Theorem, and where it is stated.
+    hypotheses
+        Its hypotheses, each checked.
+    outcome
+        ``"granted"``, ``"refused"`` or ``"not applicable"``.
+    reason
+        Why it is refused or not applicable; empty where it is granted.
+    bound
+        The guaranteed number, enclosed; None where there is none.
+    side
+        ``"at least"`` or ``"at most"``: which side of the bound the measured quantity stays on. The safe end of the
+        enclosure is the lower one of ``"at least"`` and the upper one of ``"at most"``. ``"is"`` for a property of
+        the law that no run measures.
+    quantity
+        What is bounded, with its unit.
+    """
+
+    key: str
+    statement: str
+    source: str
+    hypotheses: tuple[Hypothesis, ...]
+    outcome: str
+    reason: str = ""
+    bound: Enclosure | None = None
+    side: str = "at most"
+    quantity: str = ""
+
+    @property
+    def granted(self) -> bool:
+        """Whether the guarantee is given."""
+        return self.outcome == GRANTED
+
+    @property
+    def safe_bound(self) -> float | None:
+        """The end of the enclosure that is safe to rely on; None where nothing is granted."""
+        if self.bound is None or not self.granted:
+            return None
+        return self.bound.lo if self.side == "at least" else self.bound.hi
+
+    def as_dict(self) -> dict[str, object]:
+        """The certificate as plain values for JSON."""
+        bound = None if self.bound is None else {"lower": self.bound.lo, "upper": self.bound.hi}
+        return {
+            "key": self.key, "statement": self.statement, "source": self.source, "outcome": self.outcome,
+            "reason": self.reason, "quantity": self.quantity, "side": self.side, "bound": bound,
+            "hypotheses": [{"statement": h.statement, "holds": h.holds, "found": h.found} for h in self.hypotheses],
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Certificates:
+    """The certificates of one scenario.
+
+    Parameters
+    ----------
+    name
+        Name of the scenario.
+    all
+        The certificates, granted or not.
+    """
+
+    name: str
+    all: tuple[Certificate, ...]
+
+    def __iter__(self) -> Iterator[Certificate]:
+        return iter(self.all)
+
+    def __len__(self) -> int:
+        return len(self.all)
+
+    def __getitem__(self, key: str) -> Certificate:
+        """The certificate with a key.
+
+        Raises
+        ------
+        KeyError
+            When there is none.
+        """
+        for each in self.all:
+            if each.key == key:
+                return each
+        raise KeyError(f"{key!r} is no certificate; there are {', '.join(c.key for c in self.all)}")
+
+    @property
+    def granted(self) -> tuple[Certificate, ...]:
+        """Those that are granted."""
+        return tuple(c for c in self.all if c.granted)
+
+    def __str__(self) -> str:
+        lines = [self.name] if self.name else []
+        for c in self.all:
+            lines.append(f"{c.key}: {c.outcome}. {c.statement if c.granted else c.reason}")
+        return "\n".join(lines)
+
+    __repr__ = __str__
+
+    def as_dict(self) -> dict[str, object]:
+        """All certificates as plain values for JSON."""
+        return {"scenario": self.name, "certificates": [c.as_dict() for c in self.all]}
+
+
+def decided(
+    key: str, source: str, hypotheses: tuple[Hypothesis, ...], *, statement: str = "", reason: str = "",
+    bound: Interval | Enclosure | None = None, side: str = "at most", quantity: str = "",
+) -> Certificate:  # fmt: skip
+    """A certificate that is granted if no hypothesis fails and there is no other reason against it.
+
+    Parameters
+    ----------
+    key, source, hypotheses, statement, bound, side, quantity
+        As in `Certificate`.
+    reason
+        What else speaks against it.
+    """
+    failed = next((h for h in hypotheses if not h.holds), None)
+    against = f"not met: {failed.statement} ({failed.found})" if failed is not None else reason
+    enclosure = Enclosure.of(bound) if isinstance(bound, Interval) else bound
+    outcome = REFUSED if against else GRANTED
+    return Certificate(
+        key, statement, source, hypotheses, outcome, against, None if against else enclosure, side, quantity
+    )

@@ -1,0 +1,43 @@
+"""Everything that is guaranteed of a scenario before it runs."""
+
+from __future__ import annotations
+
+from flocking.errors import InvalidInput
+from flocking.model.law import Scenario
+from flocking.study.certificates.certificate import Certificates
+from flocking.study.certificates.consensus_certificates import consensus_certificates
+from flocking.study.certificates.energy_certificates import energy_certificates
+from flocking.study.certificates.energy_setting import EnergySetting
+
+
+def certify(scenario: Scenario) -> Certificates:
+    """What is guaranteed of every run of a scenario, from its law and start alone; nothing is simulated.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+
+    Returns
+    -------
+    Certificates
+        Each with its theorem, its hypotheses as found, and an enclosed number; refused ones say why.
+
+    Raises
+    ------
+    InvalidInput
+        When it is no scenario.
+
+    Examples
+    --------
+    >>> import flocking as fk
+    >>> law = fk.Law(fk.Fixed.complete(3), [fk.Gradient(fk.Potential("1/r + r**2")), fk.Consensus(1.0)])
+    >>> start = fk.State([[0, 0], [1, 0], [0, 1]], [[0, 0], [0, 0], [0, 0.5]])
+    >>> found = fk.certify(fk.Scenario(law, start, t_end=1.0))
+    >>> found["closest_approach"].outcome
+    'granted'
+    """
+    if not isinstance(scenario, Scenario):
+        raise InvalidInput("certify", "scenario", "must be a Scenario", scenario)
+    setting = EnergySetting(scenario)
+    return Certificates(scenario.name, (*energy_certificates(setting), *consensus_certificates(scenario)))

@@ -1,0 +1,178 @@
+"""What was promised of a scenario beside what a run of it shows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from flocking.arrays import Indices
+from flocking.engine.reference.control import control
+from flocking.engine.runs.run import Run
+from flocking.errors import InvalidInput
+from flocking.model.law import Law
+from flocking.study.certificates.certificate import Certificate, Certificates
+from flocking.study.certificates.energy_setting import EnergySetting
+
+MOST_STATES = 32
+"""Frames of which the energy is computed, at even places of the run."""
+
+ROUNDING = 1e-9
+"""Relative difference up to which a value beyond its bound counts as within the error of a run that states none."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One certificate beside a run.
+
+    Parameters
+    ----------
+    key
+        Key of the certificate.
+    promised
+        The safe end of its bound.
+    observed
+        What the run shows; between its frames only where the engine records it.
+    error
+        Error of what was observed.
+    kept
+        Whether the promise was kept, within the error.
+    tightness
+        The observed over the promised value, or its inverse for a lower bound: at most 1 where the promise is kept, and
+        1 where nothing better could have been promised.
+    """
+
+    key: str
+    promised: float
+    observed: float
+    error: float
+    kept: bool
+    tightness: float
+
+    def as_dict(self) -> dict[str, object]:
+        """The comparison as plain values for JSON."""
+        return dict(vars(self))
+
+
+def compare(certificates: Certificates, run: Run) -> tuple[Comparison, ...]:
+    """Every granted certificate that a run can be held against, beside what it shows.
+
+    Parameters
+    ----------
+    certificates
+        Those of the scenario of the run.
+    run
+        The run; its frames are looked at, and for closest approaches all of its steps.
+
+    Raises
+    ------
+    InvalidInput
+        When it holds no frames.
+    """
+    if not len(run.t):
+        raise InvalidInput("compare", "run", "must hold frames", run, "Leave Scenario.frames as it is.")
+    found = []
+    for each in certificates.granted:
+        if each.key in _OBSERVED:
+            seen = _OBSERVED[each.key](run, each)
+            if seen is not None:
+                found.append(_compared(each, *seen))
+    return tuple(found)
+
+
+def _compared(certificate: Certificate, observed: float, error: float) -> Comparison:
+    promised = certificate.safe_bound
+    assert promised is not None
+    slack = (error if np.isfinite(error) else 0.0) + ROUNDING * abs(promised)
+    if certificate.side == "at least":
+        kept, small, large = observed >= promised - slack, promised, observed
+    else:
+        kept, small, large = observed <= promised + slack, observed, promised
+    tightness = 1.0 if small == large else small / large if large else np.inf
+    return Comparison(certificate.key, promised, observed, error, bool(kept), float(tightness))
+
+
+def _closest(run: Run, certificate: Certificate) -> tuple[float, float] | None:
+    """The closest approach of those pairs that the certificate speaks of."""
+    found = run.closest_linked if "linked" in certificate.quantity else run.closest
+    return (found.distance, found.error) if np.isfinite(found.distance) else None
+
+
+def _link_lengths(run: Run, certificate: Certificate) -> tuple[float, float] | None:
+    if run.links.shape[1:] != (run.n, run.n):
+        return None
+    largest = 0.0
+    for q, links in zip(run.q, run.links, strict=True):
+        i, j = np.nonzero(links)
+        largest = max(largest, float(np.linalg.norm(q[i] - q[j], axis=1).max(initial=0.0)))
+    return largest, _position_error(run)
+
+
+def _diameter(run: Run, certificate: Certificate) -> tuple[float, float]:
+    from scipy.spatial.distance import pdist
+
+    return max(float(pdist(q).max(initial=0.0)) for q in run.q), _position_error(run)
+
+
+def _position_error(run: Run) -> float:
+    """Error of a distance at any frame: that of both positions; NaN where it is not known."""
+    if run.accuracy is None or not len(run.accuracy.frames):
+        return np.nan
+    return 2.0 * float(run.accuracy.frames[:, 0].max())
+
+
+def _losses(run: Run, certificate: Certificate) -> tuple[float, float]:
+    lost = run.switches[(run.switches["kind"] == "break") & (run.switches["graph"] == 0)]
+    return float(len(lost)), 0.0
+
+
+def _speed(run: Run, certificate: Certificate) -> tuple[float, float]:
+    setting = EnergySetting(run.scenario)
+    p = np.asarray(run.p, dtype=np.float64)
+    if setting.frame == "centre of mass":
+        p = p - np.einsum("i,fik->fk", setting.masses, p)[:, None] / setting.masses.sum()
+    elif setting.track is not None:
+        p = p - setting.track.leader.along(run.t)[1][:, None]
+    return float(np.linalg.norm(p, axis=2).max()), np.nan
+
+
+def _energy(run: Run, certificate: Certificate) -> tuple[float, float]:
+    """The largest excess among some frames; see `EnergySetting.start_excess`."""
+    frames = np.unique(np.linspace(0, len(run.t) - 1, MOST_STATES).astype(int))
+    setting = EnergySetting(run.scenario)
+    largest = max(float(setting.at(run.state(int(frame))).start_excess.lo) for frame in frames)
+    return largest, _energy_error(run, frames)
+
+
+def _energy_error(run: Run, frames: Indices) -> float:
+    """Error of the energy at some frames, of first order in the errors of positions and velocities, and doubled."""
+    if run.accuracy is None or not len(run.accuracy.frames):
+        return np.nan
+    setting = EnergySetting(run.scenario)
+    largest = 0.0
+    for frame in frames:
+        state, (of_q, of_p) = run.state(int(frame)), run.accuracy.frames[frame]
+        force = np.zeros(1)
+        if setting.gradients:
+            law = Law(run.scenario.law.graph, setting.gradients)
+            force = np.linalg.norm(control(law, state, agents=run.scenario.agents), axis=1)
+        error = float(force.sum() * of_q)
+        if setting.order == 2:
+            error += float((setting.masses * np.linalg.norm(state.p, axis=1)).sum() * of_p)
+        if setting.track is not None:
+            away = np.linalg.norm(state.q - setting.track.leader.at(state.t)[0], axis=1)
+            error += float((setting.position_gains * away).sum() * of_q)
+        largest = max(largest, 2.0 * error)
+    return largest
+
+
+_OBSERVED: dict[str, Callable[[Run, Certificate], tuple[float, float] | None]] = {
+    "largest_energy": _energy,
+    "closest_approach": _closest,
+    "longest_link": _link_lengths,
+    "group_diameter": _diameter,
+    "links_kept": _losses,
+    "largest_speed": _speed,
+}
+"""How a run shows the quantity of a certificate, by key."""

@@ -1,0 +1,291 @@
+"""Guarantees of linear consensus on a fixed graph: rates, and the delays and periods that it stands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from flocking.formula.intervals import Interval
+from flocking.model.bodies.point_bodies import SingleIntegrator, is_point_mass
+from flocking.model.graphs.connectivity import is_connected
+from flocking.model.graphs.distance_graphs import Fixed
+from flocking.model.law import Scenario
+from flocking.model.terms.pair_terms import Consensus, Gradient
+from flocking.study.certificates.certificate import NOT_APPLICABLE, Certificate, Hypothesis, decided
+from flocking.study.certificates.laplacian_spectrum import laplacian_spectrum
+from flocking.study.certificates.sources import sources
+
+PI = Interval.of(np.nextafter(np.pi, 0.0), np.nextafter(np.pi, 4.0))
+"""The number pi, enclosed."""
+
+SETTLED = 50.0
+"""Factor by which a disagreement has fallen when it counts as settled: to 2 %."""
+
+MOST_SAMPLES = 4
+"""Largest delay, in whole samples, that a period is stated for."""
+
+KEYS = (
+    "decay_rate", "settling_time", "delay", "neighbour_delay", "control_period",
+    *(f"control_period_delayed_{d}" for d in range(1, MOST_SAMPLES + 1)), "noise_variance",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class LinearConsensus:
+    """A scenario, seen as linear consensus: x' = -a L x, or x'' = -a L x - b L x'.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    """
+
+    scenario: Scenario
+
+    @cached_property
+    def hypotheses(self) -> tuple[Hypothesis, ...]:
+        """What must hold, in the order of the checks; later ones assume earlier ones."""
+        found: list[Hypothesis] = []
+        for check in (self._bodies, self._graph, self._terms, self._connected):
+            found.append(check())
+            if not found[-1].holds:
+                break
+        return tuple(found)
+
+    @property
+    def holds(self) -> bool:
+        """Whether all hypotheses hold."""
+        return all(h.holds for h in self.hypotheses)
+
+    def _bodies(self) -> Hypothesis:
+        body, statement = self.scenario.agents, "agents are single integrators, or point masses of one mass, undamped"
+        if type(body) is SingleIntegrator:
+            return Hypothesis(statement, True, "single integrators")
+        alike = is_point_mass(body) and np.ptp(np.asarray(body.masses)) == 0.0 and not np.any(np.asarray(body.damping))
+        return Hypothesis(statement, bool(alike), type(body).__name__ if not alike else "point masses")
+
+    def _graph(self) -> Hypothesis:
+        graph = self.scenario.law.graph
+        fits = type(graph) is Fixed and not graph.directed and len(self.scenario.law.graphs) == 1
+        fits = fits and self.scenario.space.is_open and self.scenario.start.n > 1
+        statement = "two agents or more have a fixed, undirected graph in open space"
+        return Hypothesis(statement, fits, type(graph).__name__)
+
+    def _terms(self) -> Hypothesis:
+        statement = "the law is linear: potentials c r^2 and velocity consensus of one gain"
+        law = self.scenario.law
+        if law.body_terms:
+            return Hypothesis(statement, False, f"the law has {type(law.body_terms[0]).__name__}")
+        for term in law.pair_terms:
+            name = type(term).__name__
+            if type(term) is Gradient and _square_factor(term) is None:
+                return Hypothesis(statement, False, f"{term.potential!r} is not c r^2")
+            if type(term) is Consensus and (np.ndim(term.gain) or term.weights is not None or term.functional):
+                return Hypothesis(statement, False, "weights of Consensus differ")
+            if type(term) not in (Gradient, Consensus):
+                return Hypothesis(statement, False, f"the law has {name}")
+        first = self.order == 1
+        if first and any(type(t) is Consensus for t in law.pair_terms):
+            return Hypothesis(statement, False, "velocity consensus of agents of order 1")
+        if not first and not self.rate_gain.lo > 0.0:
+            return Hypothesis(statement, False, "without velocity consensus nothing decays")
+        if first and not self.place_gain.lo > 0.0:
+            return Hypothesis(statement, False, f"the factor of r^2 is not positive: {float(self.place_gain.lo):g}")
+        if self.place_gain.lo < 0.0:
+            return Hypothesis(statement, False, "agents repel each other")
+        return Hypothesis(statement, True, "so")
+
+    def _connected(self) -> Hypothesis:
+        return Hypothesis("the graph is connected", bool(is_connected(self._links)), "see its components")
+
+    @property
+    def _links(self) -> np.ndarray:
+        start = self.scenario.start
+        return np.asarray(start.links if start.links is not None else self.scenario.law.graph.initial(start.q))
+
+    @property
+    def order(self) -> int:
+        """Order of the agents."""
+        return self.scenario.agents.order
+
+    @cached_property
+    def _mass(self) -> Interval:
+        return Interval.of(float(np.max(self.scenario.agents.masses)) if self.order == 2 else 1.0)
+
+    @cached_property
+    def place_gain(self) -> Interval:
+        """The coefficient a of positions."""
+        factors = [_square_factor(t) for t in self.scenario.law.pair_terms if type(t) is Gradient]
+        total = Interval.of(0.0)
+        for factor in factors:
+            assert factor is not None
+            total = total + factor * Interval.of(2.0)
+        return total / self._mass
+
+    @cached_property
+    def rate_gain(self) -> Interval:
+        """The coefficient b of velocities."""
+        total = Interval.of(0.0)
+        for term in self.scenario.law.pair_terms:
+            if isinstance(term, Consensus):
+                total = total + Interval.of(float(np.max(term.gain)))
+        return total / self._mass
+
+    @property
+    def only_velocities(self) -> bool:
+        """Whether velocities alone are agreed on: then they are as positions of agents of order 1."""
+        return self.order == 2 and float(self.place_gain.hi) == 0.0
+
+    @property
+    def first_gain(self) -> Interval:
+        """The coefficient of the agreement of first order that this is, where it is one."""
+        return self.place_gain if self.order == 1 else self.rate_gain
+
+    @property
+    def is_first(self) -> bool:
+        """Whether it is an agreement of first order."""
+        return self.order == 1 or self.only_velocities
+
+    @cached_property
+    def modes(self) -> Interval:
+        """The eigenvalues of the Laplacian but the smallest, shape (N - 1,)."""
+        found = laplacian_spectrum(self._links)
+        return Interval(found.lo[1:], found.hi[1:])
+
+    @property
+    def largest(self) -> Interval:
+        """The largest eigenvalue."""
+        return Interval.of(self.modes.lo.max(), self.modes.hi.max())
+
+    def rate(self) -> Interval:
+        """Rate at which the slowest mode of disagreement decays."""
+        if self.is_first:
+            rates = self.first_gain * self.modes
+        else:
+            half = self.rate_gain * self.modes * Interval.of(0.5)
+            inner = half.power(2) - self.place_gain * self.modes
+            root = Interval(np.maximum(inner.lo, 0.0), np.maximum(inner.hi, 0.0)).sqrt()
+            # (sqrt(x^2 - c) of x) written so that nothing cancels: x - sqrt(x^2 - c) = c/(x + sqrt(x^2 - c)).
+            real = self.place_gain * self.modes / (half + root)
+            rates = Interval(np.where(inner.hi < 0.0, half.lo, np.minimum(real.lo, half.lo)),
+                             np.where(inner.hi < 0.0, half.hi, np.minimum(real.hi, half.hi)))  # fmt: skip
+        return Interval.of(rates.lo.min(), rates.hi.min())
+
+    def delay(self) -> Interval:
+        """Largest delay of all states, the own one too, that the agreement stands."""
+        if self.is_first:
+            return PI / (self.first_gain * self.largest * Interval.of(2.0))
+        a, b, modes = self.place_gain, self.rate_gain, self.modes
+        x = (modes * b).power(2)
+        w = ((x + (x.power(2) + (modes * a).power(2) * Interval.of(4.0)).sqrt()) * Interval.of(0.5)).sqrt()
+        found = (w * b / a).atan() / w
+        return Interval.of(found.lo.min(), found.hi.min())
+
+    def period(self, samples: int = 0) -> Interval | None:
+        """Largest period of held control, with a delay of whole samples of all states; None where it is not known."""
+        if self.is_first:
+            speed = self.first_gain * self.largest
+            return (PI / Interval.of(2.0 * (2 * samples + 1))).sin() * Interval.of(2.0) / speed
+        if samples:
+            return None
+        first = self.rate_gain * Interval.of(2.0) / self.place_gain
+        second = Interval.of(2.0) / (self.rate_gain * self.largest)
+        return Interval.of(min(first.lo, second.lo), min(first.hi, second.hi))
+
+    def variance(self) -> Interval:
+        """Stationary mean square disagreement of an agent and axis under white noise of intensity 1 on its rate.
+
+        Of positions for order 1, of velocities for order 2.
+        """
+        inverse = (self.first_gain * self.modes).reciprocal().total()
+        return inverse / Interval.of(2.0 * (len(self.modes.lo) + 1))
+
+
+def _square_factor(term: Gradient) -> Interval | None:
+    """The c of a potential c r^2, enclosed; None for another one."""
+    import sympy
+
+    from flocking.formula.interval_values import enclosed
+
+    r = sympy.Symbol("r", positive=True)
+    expression = term.potential.expression(r)
+    if term.over is not None or not expression.is_polynomial(r):
+        return None
+    terms = sympy.Poly(expression, r).as_dict()
+    factor = terms.pop((2,), sympy.Integer(0))
+    # A constant exerts no force.
+    return enclosed(factor, r, Interval.of(1.0)) if set(terms) <= {(0,)} else None
+
+
+def consensus_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
+    """All guarantees of a scenario that is linear consensus.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    """
+    system = LinearConsensus(scenario)
+    if not system.holds:
+        failed = next(h for h in system.hypotheses if not h.holds)
+        reason = f"{failed.statement}: {failed.found}"
+        return tuple(Certificate(k, "", sources()["spectrum"], system.hypotheses, NOT_APPLICABLE, reason) for k in KEYS)
+    what = "velocities" if system.only_velocities else "positions" if system.order == 1 else "positions and velocities"
+    rate = system.rate()
+    found = [_of(
+        system, "decay_rate", "spectrum", rate, "rate of decay",
+        f"Without delay, every disagreement of {what} decays at the rate {float(rate.lo):.9g} or faster, in the end.",
+    )]  # fmt: skip
+    settling = Interval.of(SETTLED).log() / rate
+    statement = f"Without delay, the disagreement of {what} has fallen to 2 % after {float(settling.hi):.9g}."
+    reason = "" if system.is_first else "before it decays a disagreement of second order may grow"
+    found.append(_of(system, "settling_time", "spectrum", settling, "time to 2 %", statement, reason))
+    delay = system.delay()
+    found.append(_of(
+        system, "delay", "delay", delay, "delay of all states, the own one too",
+        f"Agreement is stable for every such delay below {float(delay.lo):.9g}, and for none above "
+        f"{float(delay.hi):.9g}.",
+    ))  # fmt: skip
+    reason = "" if system.is_first else "not every delay is harmless, and no bound is known here"
+    found.append(_of(
+        system, "neighbour_delay", "neighbour_delay", None,
+        "delay of neighbours' states, the own one undelayed", "Agreement is stable for every such delay.", reason,
+    ))  # fmt: skip
+    for d in range(MOST_SAMPLES + 1):
+        period = system.period(d)
+        words = f", all states delayed by {d} samples" if d else ""
+        statement, reason = "", "no closed form is known here"
+        if period is not None:
+            reason = ""
+            statement = (
+                f"Under held control{words}, agreement is stable for every period below {float(period.lo):.9g}, and for"
+                f" none above {float(period.hi):.9g}."
+            )
+        key = f"control_period_delayed_{d}" if d else "control_period"
+        found.append(_of(system, key, "sampling", period, f"period of held control{words}", statement, reason))
+    variance = system.variance()
+    of = "velocity" if system.order == 2 else "position"
+    found.append(_of(
+        system, "noise_variance", "noise", variance,
+        f"mean square disagreement of the {of} of an agent, for each axis and unit of noise intensity",
+        f"White noise of intensity s^2 on the rates gives s^2 times {float(variance.hi):.9g} in the long run.",
+    ))  # fmt: skip
+    return tuple(found)
+
+
+def _of(
+    system: LinearConsensus, key: str, source: str, bound: Interval | None, quantity: str, statement: str,
+    reason: str = "",
+) -> Certificate:  # fmt: skip
+    return decided(
+        key,
+        sources()[source],
+        system.hypotheses,
+        statement=statement,
+        reason=reason,
+        bound=bound,
+        side="is",
+        quantity=quantity,
+    )

@@ -1,0 +1,242 @@
+"""Guarantees from an energy that does not grow: distances, links, speeds and forces."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from flocking.arrays import Links
+from flocking.formula.intervals import Interval
+from flocking.model.terms.pair_terms import Consensus
+from flocking.study.certificates.certificate import NOT_APPLICABLE, Certificate, decided
+from flocking.study.certificates.energy_setting import EnergySetting
+from flocking.study.certificates.sources import sources
+
+
+def energy_certificates(setting: EnergySetting) -> tuple[Certificate, ...]:
+    """All guarantees that follow from the energy of a scenario.
+
+    Parameters
+    ----------
+    setting
+        The scenario with its hypotheses.
+    """
+    found = [_energy(setting)]
+    if setting.gradients:
+        found += _distances(setting)
+    else:
+        found += [_without_potential(key) for key in ("closest_approach", "simultaneous_collisions", "longest_link")]
+    return (*found, _links_kept(setting), _diameter(setting, found[-1]), _speed(setting), _force(setting))
+
+
+def _without_potential(key: str) -> Certificate:
+    return Certificate(key, "", sources()["energy"], (), NOT_APPLICABLE, "no potential acts between agents")
+
+
+def _energy(setting: EnergySetting) -> Certificate:
+    words = {"leader": "relative to the leader", "lab": "at rest", "centre of mass": "of the centre of mass"}
+    hypotheses, quantity = setting.hypotheses, f"energy above its least value, in the frame {words[setting.frame]}"
+    if not setting.holds:
+        return decided("largest_energy", sources()["energy"], hypotheses, quantity=quantity)
+    bound = setting.excess
+    return decided(
+        "largest_energy", sources()["energy"], hypotheses, bound=bound, quantity=quantity,
+        statement=f"The {quantity} is at most {float(bound.hi):.9g} at all times.",
+    )  # fmt: skip
+
+
+def _distances(setting: EnergySetting) -> list[Certificate]:
+    hypotheses = setting.hypotheses
+    if not setting.holds:
+        found = {"closest_approach": "energy", "simultaneous_collisions": "count", "longest_link": "energy"}
+        return [decided(key, sources()[source], hypotheses) for key, source in found.items()]
+    fixed = setting.links_stay and not setting.keeps_links
+    pairs = "linked agents" if fixed else "agents"
+    largest = setting.least + setting.excess
+    allowed = setting.allowed
+    contact = float(setting.pair.at_contact.lo)
+    quantity = f"smallest distance of two {pairs}"
+    if allowed is None or contact <= largest.hi:
+        needed = max(contact, float(setting.least.lo))
+        reason = f"the energy may suffice for contact: {needed:.6g} is needed, {float(largest.hi):.6g} may be there"
+        nearest = decided("closest_approach", sources()["energy"], hypotheses, reason=reason, quantity=quantity)
+    else:
+        bound = allowed[0]
+        if not fixed:
+            # A pair farther apart than this has no link yet and may be at any such distance.
+            reach = float(np.asarray(setting.graph.appear_radius)) if setting.keeps_links else setting.pair.end
+            bound = Interval.of(min(float(bound.lo), reach), min(float(bound.hi), reach))
+        statement = f"Two {pairs} are never closer than {float(bound.lo):.9g}: they do not collide."
+        nearest = decided(
+            "closest_approach", sources()["energy"], hypotheses, statement=statement, bound=bound, side="at least",
+            quantity=quantity,
+        )  # fmt: skip
+    return [nearest, _collisions(setting, contact, pairs), _longest(setting, allowed)]
+
+
+def _collisions(setting: EnergySetting, contact: float, pairs: str) -> Certificate:
+    quantity = f"number of pairs of {pairs} at one point at one time"
+    each = contact - float(setting.least.hi)
+    if not each > 0.0:
+        reason = "the energy of a pair at contact is not above its least value"
+        return decided(
+            "simultaneous_collisions", sources()["count"], setting.hypotheses, reason=reason, quantity=quantity
+        )
+    # Rounding up the quotient is on the safe side.
+    most = math.floor(np.nextafter(float(setting.excess.hi) / np.nextafter(each, 0.0), np.inf)) if each < np.inf else 0
+    count = setting.pair_count if isinstance(most, float) else most
+    statement = f"At most {count} pairs of {pairs} are at one point at any time."
+    return decided(
+        "simultaneous_collisions", sources()["count"], setting.hypotheses, statement=statement,
+        bound=Interval.of(float(count)), quantity=quantity,
+    )  # fmt: skip
+
+
+def _longest(setting: EnergySetting, allowed: tuple[Interval, Interval] | None) -> Certificate:
+    quantity = "length of a link"
+    reason = "" if allowed is not None else "the energy does not bound the distance of linked agents"
+    bound = None if allowed is None else allowed[1]
+    statement = "" if bound is None else f"No link is ever longer than {float(bound.hi):.9g}."
+    return decided(
+        "longest_link", sources()["energy"], setting.hypotheses, reason=reason, statement=statement, bound=bound,
+        quantity=quantity,
+    )  # fmt: skip
+
+
+def _links_kept(setting: EnergySetting) -> Certificate:
+    hypotheses = setting.hypotheses
+    reason = "" if not setting.holds or setting.links_stay else "links break at the radius at which they appear"
+    return decided(
+        "links_kept", sources()["energy"], hypotheses, reason=reason, bound=Interval.of(0.0),
+        statement="No link that exists is ever lost.", quantity="number of links lost",
+    )  # fmt: skip
+
+
+def _diameter(setting: EnergySetting, longest: Certificate) -> Certificate:
+    hypotheses, quantity = setting.hypotheses, "largest distance of two agents"
+    reason, bound = "", None
+    if setting.holds:
+        if not setting.links_stay:
+            reason = "links may be lost"
+        elif longest.bound is None:
+            reason = longest.reason
+        else:
+            hops = _largest_hops(setting.start_links)
+            if hops is None:
+                reason = "the graph at the start is not connected"
+            else:
+                bound = Interval.of(longest.bound.lo, longest.bound.hi) * Interval.of(float(hops))
+    statement = "" if bound is None else f"No two agents are ever farther apart than {float(bound.hi):.9g}."
+    return decided(
+        "group_diameter", sources()["kept"], hypotheses, reason=reason,
+        statement=statement, bound=bound, quantity=quantity,
+    )  # fmt: skip
+
+
+def _largest_hops(links: Links) -> int | None:
+    """Largest number of links on a shortest path; None where the graph is not connected."""
+    from scipy.sparse.csgraph import shortest_path
+
+    hops = shortest_path(np.asarray(links, dtype=np.float64), unweighted=True)
+    largest = float(hops.max())
+    return None if np.isinf(largest) else int(largest)
+
+
+def speed_bounds(setting: EnergySetting) -> Interval:
+    """Bounds of the speeds in the frame of the energy, one for each agent.
+
+    Parameters
+    ----------
+    setting
+        A scenario whose hypotheses hold.
+    """
+    masses = Interval.of(setting.masses)
+    inverse = masses.reciprocal()
+    if setting.frame == "centre of mass":
+        # The others carry the opposite momentum, so that not all energy can be in one agent.
+        rest = masses.total() - masses
+        inverse = inverse * rest * masses.total().reciprocal()
+    twice = setting.excess * Interval.of(2.0)
+    found = twice * Interval(np.maximum(inverse.lo, 0.0), inverse.hi)
+    return Interval(np.maximum(found.lo, 0.0), found.hi).sqrt()
+
+
+def _speed(setting: EnergySetting) -> Certificate:
+    if setting.order == 1:
+        return Certificate(
+            "largest_speed", "", sources()["energy"], (), NOT_APPLICABLE, "agents of order 1 have no momentum"
+        )
+    words = {"leader": "relative to the leader", "lab": "", "centre of mass": "relative to the centre of mass"}
+    quantity = f"speed of an agent {words[setting.frame]}".strip()
+    bound = None
+    if setting.holds:
+        speeds = speed_bounds(setting)
+        bound = Interval.of(speeds.lo.max(), speeds.hi.max())
+    statement = "" if bound is None else f"The {quantity} is never above {float(bound.hi):.9g}."
+    return decided(
+        "largest_speed", sources()["energy"], setting.hypotheses, statement=statement, bound=bound, quantity=quantity
+    )
+
+
+def _force(setting: EnergySetting) -> Certificate:
+    quantity = "force that the law asks of an agent" if setting.order == 2 else "speed that the law asks of an agent"
+    if not setting.holds:
+        return decided("largest_force", sources()["energy"], setting.hypotheses, quantity=quantity)
+    bound = _force_bound(setting)
+    known = bool(np.isfinite(bound.hi))
+    reason = "" if known else "distances at which the force is unbounded are not excluded"
+    statement = f"The {quantity} is never above {float(bound.hi):.9g}."
+    return decided(
+        "largest_force", sources()["energy"], setting.hypotheses, reason=reason, statement=statement,
+        bound=Interval.of(float(bound.hi)) if known else None, quantity=quantity,
+    )  # fmt: skip
+
+
+def _force_bound(setting: EnergySetting) -> Interval:
+    """Bound of the norm of the control of any agent; an upper bound alone, its lower end means nothing."""
+    most = Interval.of(float(setting.n - 1))
+    if setting.links_stay and not setting.keeps_links:
+        most = Interval.of(float(setting.start_links.sum(axis=1).max()))
+    total = Interval.of(0.0)
+    if setting.gradients:
+        allowed = setting.allowed
+        if allowed is None:
+            return Interval.of(np.inf)
+        slope = setting.pair.slopes(float(allowed[0].lo), float(allowed[1].hi)).absolute()
+        total = total + most * slope
+    if setting.order == 1:
+        return total
+    inverse = Interval.of(setting.masses).reciprocal()
+    speeds = speed_bounds(setting)
+    fastest, heaviest = Interval.of(0.0, speeds.hi.max()), float(setting.masses.max())
+    # |w_i - w_j| <= sqrt(2 X (1/m_i + 1/m_j)) for the energy X of both.
+    relative = (setting.excess * Interval.of(2.0) * (Interval.of(inverse.hi.max()) * Interval.of(2.0))).sqrt()
+    for term in setting.law.pair_terms:
+        if isinstance(term, Consensus):
+            weights = 1.0 if term.weights is None else float(term.weights.matrix(setting.n).max())
+            gain = Interval.of(float(np.max(term.gain))) * Interval.of(weights)
+            # Whoever senses whom: at most everybody.
+            total = total + Interval.of(float(setting.n - 1)) * gain * relative
+    if np.any(np.asarray(setting.scenario.agents.damping)) and not setting.damped:
+        drift = setting.mean_velocity.power(2).total().sqrt() if setting.frame == "centre of mass" else None
+        if drift is None:
+            return Interval.of(np.inf)
+        total = total + Interval.of(float(np.max(setting.scenario.agents.damping))) * (fastest + drift)
+    return total + _pursuit(setting, fastest, heaviest)
+
+
+def _pursuit(setting: EnergySetting, fastest: Interval, heaviest: float) -> Interval:
+    """Bound of the force of the pursuit of a leader."""
+    track = setting.track
+    if track is None:
+        return Interval.of(0.0)
+    if np.any(np.asarray(track.acceleration_gain)) and not setting.leader_is_steady:
+        return Interval.of(np.inf)
+    scale = heaviest if track.per_mass else 1.0
+    total = Interval.of(float(np.max(track.velocity_gain)) * scale) * fastest
+    gains = setting.position_gains
+    if gains.any():
+        # c |q - x| where c |q - x|^2 / 2 is at most the energy.
+        total = total + (setting.excess * Interval.of(2.0 * float(gains.max()))).sqrt()
+    return total

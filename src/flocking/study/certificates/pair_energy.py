@@ -1,0 +1,186 @@
+"""The energy of a pair as a function of its distance, enclosed: least value, and distances that an energy allows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flocking.arrays import Array
+from flocking.formula.interval_values import enclosed
+from flocking.formula.intervals import Interval
+
+if TYPE_CHECKING:
+    import sympy
+
+BOXES = 512
+"""Intervals into which a range of distances is divided at first, and of which each round looks at most at 8 times as
+many."""
+
+ROUNDS = 60
+"""Most rounds of refinement; each divides the intervals that matter by `PARTS`."""
+
+PARTS = 16
+"""Parts into which an interval that matters is divided."""
+
+FINEST = 1e-13
+"""Relative width at which refinement ends, some hundred units of rounding."""
+
+SHORTEST = 1e-300
+"""A distance that counts as zero."""
+
+TOUCHING = 1e-16
+"""Distances below this share of the largest one are not told apart from zero."""
+
+HALVINGS = 56
+"""Halvings between two doubles of one scale until they are neighbours, and some more."""
+
+NEAREST, FARTHEST = 1e-9, 1e9
+"""Smallest and largest distance, relative to the scale of the pair, that the first division separates."""
+
+
+@dataclass(frozen=True, eq=False)
+class PairEnergy:
+    """The energy of a pair and its slope, as formulas of the distance.
+
+    Parameters
+    ----------
+    symbol
+        The distance.
+    value, slope
+        Energy and its derivative; all their numbers are known.
+    end
+        The distance up to which the pair has this energy, infinite where there is no such.
+    smooth
+        Whether the slope exists everywhere below ``end`` and is the given one, so that the mean value theorem holds.
+    """
+
+    symbol: sympy.Symbol
+    value: sympy.Expr
+    slope: sympy.Expr
+    end: float
+    smooth: bool
+
+    def on(self, r: Interval) -> Interval:
+        """Energies at distances in intervals."""
+        found = enclosed(self.value, self.symbol, r)
+        if not self.smooth:
+            return found
+        with np.errstate(all="ignore"):
+            middle = Interval.of(0.5 * r.lo + 0.5 * r.hi)
+            rise = enclosed(self.slope, self.symbol, r) * (r - middle)
+            other = enclosed(self.value, self.symbol, middle) + rise
+        known = np.isfinite(middle.lo) & (middle.lo > 0.0)
+        return found.meet(Interval(np.where(known, other.lo, -np.inf), np.where(known, other.hi, np.inf)))
+
+    def slopes(self, first: float, last: float) -> Interval:
+        """One interval that holds the slopes at all distances from ``first`` to ``last``."""
+        edges = self._edges(first, last)
+        found = enclosed(self.slope, self.symbol, Interval(edges[:-1], edges[1:]))
+        return Interval.of(found.lo.min(), found.hi.max())
+
+    @property
+    def at_contact(self) -> Interval:
+        """Energy at distance zero, or its limit."""
+        return self.on(Interval.of(0.0, SHORTEST))
+
+    def _rising_from(self) -> float:
+        """A distance beyond which the energy does not fall; infinite if none is found."""
+        for exponent in range(-10, 31):
+            begin = 2.0**exponent
+            if enclosed(self.slope, self.symbol, Interval.of(begin, np.inf)).lo >= 0.0:
+                return begin
+        return np.inf
+
+    def least(self) -> Interval:
+        """The infimum over all distances up to the end; its lower end is minus infinity where none was proven."""
+        last, tail = self.end, np.inf
+        if np.isinf(last):
+            last = self._rising_from()
+            if np.isinf(last):
+                last = FARTHEST
+                tail = float(self.on(Interval.of(last, np.inf)).lo)
+        edges = self._edges(0.0, last)
+        boxes = Interval(edges[:-1], edges[1:])
+        above = np.inf
+        below = tail
+        for _ in range(ROUNDS):
+            found = self.on(boxes)
+            above = min(above, float(self.on(Interval.of(0.5 * (boxes.lo + boxes.hi))).hi.min()))
+            below = min(tail, float(found.lo.min()))
+            near = found.lo < above
+            if above - below <= FINEST * (abs(above) + abs(below)) or not near.any() or near.sum() > 8 * BOXES:
+                break
+            if not (boxes.hi - boxes.lo > FINEST * boxes.hi)[near].any():
+                break
+            boxes = _parts(boxes.lo[near], boxes.hi[near])
+            below = min(below, above)
+        return Interval.of(min(below, above), above)
+
+    def allowed(self, bound: Interval) -> tuple[Interval, Interval] | None:
+        """Enclosures of the smallest and largest distance, up to the end, at which the energy is at most ``bound``.
+
+        Their outer ends are certain: beyond them the energy is above the upper end of ``bound``. At the inner ones it
+        is not above the lower end. None where the largest distance is not bounded.
+        """
+        last = self.end
+        if np.isinf(last):
+            last = self._rising_from()
+            while np.isfinite(last) and not float(self.on(Interval.of(last)).lo) > bound.hi:
+                last *= 2.0
+                if last > FARTHEST:
+                    return None
+            if np.isinf(last):
+                return None
+        return self._edge(bound, last, upper=False), self._edge(bound, last, upper=True)
+
+    def _edge(self, bound: Interval, last: float, *, upper: bool) -> Interval:
+        edges = self._edges(0.0, last)
+        boxes, inner = Interval(edges[:-1], edges[1:]), last if not upper else 0.0
+        # Intervals that may be allowed, the outermost last.
+        open_lo: Array = np.empty(0)
+        open_hi: Array = np.empty(0)
+        while True:
+            middle = 0.5 * (boxes.lo + boxes.hi)
+            inside = middle[self.on(Interval.of(middle)).hi <= bound.lo]
+            if inside.size:
+                inner = max(inner, float(inside.max())) if upper else min(inner, float(inside.min()))
+            order = slice(None) if upper else slice(None, None, -1)
+            near = self.on(boxes).lo <= bound.hi
+            open_lo = np.concatenate([open_lo, boxes.lo[near][order]])
+            open_hi = np.concatenate([open_hi, boxes.hi[near][order]])
+            if not open_lo.size:
+                # No distance is allowed, so that every enclosure is true.
+                return Interval.of(inner)
+            lo, hi = float(open_lo[-1]), float(open_hi[-1])
+            if hi - lo <= FINEST * hi or hi < TOUCHING * last:
+                inner = self._nearest_allowed(float(bound.lo), inner, hi if upper else lo)
+                return Interval.of(min(inner, hi), hi) if upper else Interval.of(lo, max(inner, lo))
+            open_lo, open_hi = open_lo[:-1], open_hi[:-1]
+            boxes = _parts(np.array([lo]), np.array([hi]))
+
+    def _nearest_allowed(self, bound: float, inside: float, outside: float) -> float:
+        """A distance at which the energy is at most ``bound``, near the last such one; ``inside`` if there is none."""
+        for _ in range(HALVINGS):
+            middle = 0.5 * (inside + outside)
+            if float(self.on(Interval.of(middle)).hi) <= bound:
+                inside = middle
+            else:
+                outside = middle
+        return inside
+
+    def _edges(self, first: float, last: float) -> Array:
+        """Edges of a first division of a range of distances, finer near its lower end."""
+        edges = np.linspace(first, last, BOXES + 1)
+        if first == 0.0:
+            edges = np.union1d(edges, np.geomspace(NEAREST * last, last, BOXES))
+        return np.asarray(edges)
+
+
+def _parts(lo: Array, hi: Array) -> Interval:
+    """Every interval divided into `PARTS`."""
+    shares = np.linspace(0.0, 1.0, PARTS + 1)
+    edges = lo[:, None] + (hi - lo)[:, None] * shares
+    edges[:, -1] = hi
+    return Interval(edges[:, :-1].ravel(), edges[:, 1:].ravel())
