@@ -37,6 +37,7 @@ COMMANDS = [
     "plot",
     "animate",
     "audit",
+    "certify",
     "cache",
     "check",
     "equations",
