@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import signal
+import sys
 import threading
+from types import FrameType
 
 import pytest
 
@@ -50,6 +52,38 @@ def test_a_late_signal_is_kept_and_the_old_handler_comes_back() -> None:
     assert deferred.late
     assert signal.getsignal(signal.SIGINT) is before
     interruption.check()
+
+
+def test_a_signal_at_any_instruction_is_raised_or_kept_and_the_old_handler_comes_back() -> None:
+    """One run for every instruction of the context: no signal is lost, and none leaves the context half entered."""
+    before, instruction, met = signal.getsignal(signal.SIGINT), 0, True
+    while met:
+        instruction += 1
+        left, deferred, raised = [instruction], interruption.Deferred(), False
+
+        def trace(frame: FrameType, event: str, _: object, left: list[int] = left) -> object:
+            if frame.f_code.co_filename != interruption.__file__:
+                return None
+            frame.f_trace_opcodes = True
+            if event == "opcode":
+                left[0] -= 1
+                if left[0] == 0:
+                    signal.raise_signal(signal.SIGINT)
+            return trace
+
+        sys.settrace(trace)
+        try:
+            with deferred:
+                pass
+        except KeyboardInterrupt:
+            raised = True
+        finally:
+            sys.settrace(None)
+        met = left[0] <= 0
+        assert signal.getsignal(signal.SIGINT) is before, instruction
+        assert not interruption.note(), f"half entered after {instruction} instructions"
+        assert (raised or deferred.late) == met, instruction
+    assert instruction > 30
 
 
 def test_other_threads_are_left_alone() -> None:

@@ -15,7 +15,8 @@ from types import FrameType, TracebackType
 from flocking.engine.memory_shortage import causes
 from flocking.errors import FlockingError
 
-_asked = threading.Event()
+# No lock: a handler runs in the midst of what it interrupts, and would wait for it.
+_asked = False
 _deferred = False
 
 SECOND_ENDS = False
@@ -89,28 +90,29 @@ class Deferred:
     """Whether Ctrl-C was noted and not checked since."""
 
     def __enter__(self) -> Deferred:
-        global _deferred
+        global _asked, _deferred
         self._before: Callable[[int, FrameType | None], object] | int | None = None
         self._outer = _deferred
         if not self._outer:
-            _asked.clear()
+            _asked = False
         if threading.current_thread() is threading.main_thread():
-            _deferred = True
             self._before = signal.getsignal(signal.SIGINT)
             if self._before not in (None, signal.SIG_IGN):
                 signal.signal(signal.SIGINT, _note)
+            # Last: an interrupt before the handler is there would leave it true for ever.
+            _deferred = True
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        global _deferred
+        global _asked, _deferred
+        # First: an interrupt may be raised as soon as the handler is the one before.
+        _deferred = self._outer
         if self._before not in (None, signal.SIG_IGN):
             signal.signal(signal.SIGINT, self._before)
-        _deferred = self._outer
         if not self._outer:
-            self.late = _asked.is_set()
-            _asked.clear()
+            self.late, _asked = _asked, False
 
 
 @contextmanager
@@ -140,16 +142,17 @@ def uninterrupted() -> Iterator[None]:
 
 
 def _note(number: int, frame: FrameType | None) -> None:
-    if _asked.is_set():
+    global _asked
+    if _asked:
         raise KeyboardInterrupt
-    _asked.set()
+    _asked = True
     if SECOND_ENDS and signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def noted() -> bool:
     """Whether Ctrl-C was noted and waits for a `check`."""
-    return _asked.is_set()
+    return _asked
 
 
 def note() -> bool:
@@ -173,6 +176,7 @@ def check() -> None:
     Noted
         When Ctrl-C was pressed.
     """
-    if _asked.is_set():
-        _asked.clear()
+    global _asked
+    if _asked:
+        _asked = False
         raise Noted

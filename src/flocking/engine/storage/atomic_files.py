@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import atexit
 import errno
 import io
 import os
@@ -12,18 +11,15 @@ import time
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import cache
 from pathlib import Path
 from typing import Any, BinaryIO, Protocol, cast
 
+from flocking.engine.interruption import interrupted
 from flocking.engine.memory_shortage import starved
 from flocking.errors import FlockingError, StorageError
 
 PARTIAL = ".partial"
 """Suffix of a partly written file; a kill may leave one behind, and it is never read."""
-
-ENDING = 30.0
-"""Time in seconds that the end of a process waits for the idle thread of Zarr."""
 
 MAKING = 60.0
 """Time in seconds without writes after which a partly written folder counts as abandoned."""
@@ -114,8 +110,6 @@ def atomic_store(folder: Path) -> WritingStore:
     """A Zarr store in ``folder`` whose files are written by `put`; ``touched`` collects the folders of new ones."""
     from zarr.storage import LocalStore
 
-    end_zarr_patiently()
-
     class AtomicStore(LocalStore):  # type: ignore[misc]
         """LocalStore whose files are replaced atomically."""
 
@@ -187,25 +181,6 @@ def storage_errors(folder: Path, doing: str, *, full: str = RUN_STAYS) -> Iterat
         raise StorageError(f"{folder}: cannot {doing}: {_reason(error, full)}") from error
 
 
-@cache
-def end_zarr_patiently() -> None:
-    """Wait at the end of the process until the thread of Zarr has ended.
-
-    Zarr itself waits for 0.2 s and then closes what still runs, which on a busy machine ends in an error.
-    """
-    import zarr.core.sync as zarr_sync
-
-    def stop() -> None:
-        loop, thread = zarr_sync.loop[0], zarr_sync.iothread[0]
-        if loop is not None and thread is not None:
-            with suppress(RuntimeError):  # It has been closed.
-                loop.call_soon_threadsafe(loop.stop)
-            thread.join(ENDING)
-
-    # Functions registered last are called first.
-    atexit.register(stop)
-
-
 @contextmanager
 def read_soundly(folder: Path) -> Iterator[None]:
     """Convert errors of reading a damaged or foreign ``folder`` to a `StorageError`."""
@@ -214,6 +189,8 @@ def read_soundly(folder: Path) -> Iterator[None]:
     except FlockingError:
         raise
     except (ValueError, KeyError, TypeError, IndexError, AttributeError, ArithmeticError, RuntimeError) as error:
+        if interrupted(error):
+            raise KeyboardInterrupt from None
         if starved(error):
             raise StorageError(f"{folder}: {NO_MEMORY}") from None
         reason = f"{type(error).__name__}: {error}"[:300]

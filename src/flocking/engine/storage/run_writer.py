@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from flocking.arrays import AnyArray, Array, Mask, Reals, Records, Times
-from flocking.engine.interruption import uninterrupted
 from flocking.engine.runs.columns import (
     COLUMN,
     FRAME_ERROR,
@@ -52,6 +51,7 @@ from flocking.engine.storage.record import (
     read_record,
     write_record,
 )
+from flocking.engine.storage.zarr_thread import zarr_calls
 from flocking.errors import StorageError
 from flocking.model.law import Law, Scenario
 from flocking.model.serial import ForeignPart, to_data
@@ -70,7 +70,7 @@ class RunWriter:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         read_record(folder)
-        with storage_errors(folder, "write the run"), ExitStack() as opening:
+        with zarr_calls(), storage_errors(folder, "write the run"), ExitStack() as opening:
             opening.enter_context(only_writer(folder))
             self.record = read_record(folder)
             self._store = atomic_store(folder)
@@ -126,7 +126,7 @@ class RunWriter:
         size = Dimensions(start.n, start.dimension, with_links, precision, observed, with_errors, components)
         fresh = partial_folder(folder)
         # Zarr writes in a separate thread, which an interrupt of this one does not stop.
-        with uninterrupted(), storage_errors(folder, "create the run", full=NOTHING_WRITTEN):
+        with zarr_calls(), storage_errors(folder, "create the run", full=NOTHING_WRITTEN):
             remove_left_over(folder.parent)
             try:
                 fresh.mkdir(parents=True)
@@ -261,7 +261,7 @@ class RunWriter:
     def _extend(self, dimension: str, parts: Mapping[str, AnyArray]) -> None:
         old = self._counts[dimension]
         new = old + len(next(iter(parts.values())))
-        with storage_errors(self.folder, "append to the run"):
+        with zarr_calls(), storage_errors(self.folder, "append to the run"):
             for name, values in parts.items():
                 array = self._arrays[name]
                 array.resize((new, *array.shape[1:]))

@@ -36,10 +36,11 @@ from flocking.engine.runs.fidelity import Fidelity
 from flocking.engine.runs.run import OBSERVED_FIELDS, TRACE_FIELDS, Closest, Run
 from flocking.engine.runs.run_errors import accuracy_of
 from flocking.engine.runs.stored_fidelity import fidelity_of
-from flocking.engine.storage.atomic_files import NO_MEMORY, end_zarr_patiently, read_soundly, storage_errors
+from flocking.engine.storage.atomic_files import NO_MEMORY, read_soundly, storage_errors
 from flocking.engine.storage.record import SCENARIO, read_record
 from flocking.engine.storage.record_checks import check_records
 from flocking.engine.storage.run_writer import RunWriter
+from flocking.engine.storage.zarr_thread import zarr_calls
 from flocking.errors import FlockingError, InvalidInput, StorageError
 from flocking.model.checks import integer
 from flocking.model.law import Law, Scenario
@@ -116,10 +117,9 @@ def _read_run(folder: Path, scenario: Scenario | None, frames: int | None, last:
     record = read_record(folder)
     if scenario is None:
         scenario, _ = read_scenario_of(folder)
-    with storage_errors(folder, "read the run"):
+    with storage_errors(folder, "read the run"), zarr_calls():
         import zarr
 
-        end_zarr_patiently()
         group = zarr.open_group(str(folder), mode="r", use_consolidated=True, zarr_format=3)
         arrays = {name: group[name] for name in group.attrs["flocking"]["arrays"]}
     count = record["counts"]["time"] if frames is None else min(frames, record["counts"]["time"])
@@ -231,7 +231,8 @@ def _read(folder: Path, array: zarr.Array, name: str, count: int, begin: int = 0
     try:
         if array.shape[0] < count:
             raise ValueError(f"{array.shape[0]} rows instead of {count}")
-        return np.asarray(array[begin:count])
+        with zarr_calls():
+            return np.asarray(array[begin:count])
     except Exception as fault:  # Each codec raises errors of its own.
         if interrupted(fault):
             raise KeyboardInterrupt from None
@@ -240,7 +241,8 @@ def _read(folder: Path, array: zarr.Array, name: str, count: int, begin: int = 0
         size = array.chunks[0]
         for first in range(begin - begin % size, count, size):
             try:
-                array[first : first + size]
+                with zarr_calls():
+                    array[first : first + size]
             except Exception:
                 last = min(first + size, count) - 1
                 rows = f"frames {first} to {last}" if name in ARRAYS else f"rows {first} to {last}"
