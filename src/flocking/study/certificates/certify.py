@@ -8,6 +8,7 @@ from flocking.study.certificates.certificate import Certificates
 from flocking.study.certificates.consensus_certificates import consensus_certificates
 from flocking.study.certificates.energy_certificates import energy_certificates
 from flocking.study.certificates.energy_setting import EnergySetting
+from flocking.study.certificates.world_certificates import world_certificates
 
 
 def certify(scenario: Scenario) -> Certificates:
@@ -39,5 +40,7 @@ def certify(scenario: Scenario) -> Certificates:
     """
     if not isinstance(scenario, Scenario):
         raise InvalidInput("certify", "scenario", "must be a Scenario", scenario)
-    setting = EnergySetting(scenario)
-    return Certificates(scenario.name, (*energy_certificates(setting), *consensus_certificates(scenario)))
+    found = (
+        *energy_certificates(EnergySetting(scenario)), *consensus_certificates(scenario), *world_certificates(scenario)
+    )  # fmt: skip
+    return Certificates(scenario.name, found)

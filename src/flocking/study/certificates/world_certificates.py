@@ -1,0 +1,160 @@
+"""Guarantees of linear consensus in the world that a scenario declares: held control, late, lost and noisy messages."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flocking.formula.intervals import Interval
+from flocking.model.law import Scenario
+from flocking.study.certificates.certificate import NOT_APPLICABLE, Certificate, Enclosure, Hypothesis, decided
+from flocking.study.certificates.consensus_certificates import LinearConsensus
+from flocking.study.certificates.sampled_consensus import SampledConsensus
+from flocking.study.certificates.sources import sources
+
+KEYS = ("growth_in_world", "period_in_world", "noise_in_world")
+"""Keys of these certificates."""
+
+FIRST_SHARE, PLACES = 1e-2, 40
+"""Where the search for the largest period begins, as a share of where it ends, and its number of places."""
+
+NARROWEST, WIDEST = 1e-9, 1e-2
+"""Relative distances from the computed period at which it is tried to prove that it is stable below, unstable above."""
+
+LARGEST_SEARCHED = 24
+"""Components up to which the largest period is searched for where messages are lost: some hundred growths."""
+
+HALVINGS = 60
+"""Bisections of the period, down to neighbouring doubles."""
+
+
+def world_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
+    """All guarantees of a scenario that is linear consensus with held control.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    """
+    system = LinearConsensus(scenario)
+    if scenario.control.ideal and scenario.information.ideal:
+        return _without((), "information and control are ideal")
+    failed = next((h for h in system.hypotheses if not h.holds), None)
+    if failed is not None:
+        return _without(system.hypotheses, f"{failed.statement}: {failed.found}")
+    world = SampledConsensus(system)
+    hypotheses = (*system.hypotheses, *world.hypotheses)
+    if not world.holds:
+        return tuple(decided(key, sources()["moments"], hypotheses) for key in KEYS)
+    return _growth(world, hypotheses), _period(world, hypotheses), _noise(world, hypotheses)
+
+
+def _without(hypotheses: tuple[Hypothesis, ...], reason: str) -> tuple[Certificate, ...]:
+    return tuple(Certificate(key, "", sources()["moments"], hypotheses, NOT_APPLICABLE, reason) for key in KEYS)
+
+
+def _mean(world: SampledConsensus) -> str:
+    """The words that tell an average over losses from what is certain."""
+    return "mean square " if world.probability else ""
+
+
+def _growth(world: SampledConsensus, hypotheses: tuple[Hypothesis, ...]) -> Certificate:
+    low, high = (float(x) for x in world.recursion(world.period).growth())
+    if not world.probability:
+        root = Interval.of(max(low, 0.0), high).sqrt()
+        low, high = float(root.lo), float(root.hi)
+    quantity = f"factor of the {_mean(world)}disagreement from tick to tick, in the long run"
+    if low >= 1.0:
+        reason = f"it does not fall: the {quantity} is at least {low:.9g}"
+    elif not high < 1.0:
+        reason = f"it is not certain that it falls: the {quantity} lies between {low:.9g} and {high:.9g}"
+    else:
+        reason = ""
+    statement = f"The {quantity}, is at most {high:.9g}."
+    return decided(
+        "growth_in_world", sources()["moments"], hypotheses, reason=reason, statement=statement,
+        bound=Enclosure(low, high), side="is", quantity=quantity,
+    )  # fmt: skip
+
+
+def _period(world: SampledConsensus, hypotheses: tuple[Hypothesis, ...]) -> Certificate:
+    quantity = "period at which the disagreement ceases to fall"
+    size = world.recursion(world.period).size
+    if world.probability and size > LARGEST_SEARCHED:
+        reason = f"searched for {LARGEST_SEARCHED} numbers of an axis at most where messages are lost, of {size}"
+        return decided("period_in_world", sources()["moments"], hypotheses, reason=reason, quantity=quantity)
+    found = largest_period(world)
+    late = f", messages {world.delayed_samples} periods late" if world.delayed_samples else ""
+    lost = f", {world.probability:.3g} of the messages lost" if world.probability else ""
+    reason = "" if found is not None else "no period was found below which it falls and above which it does not"
+    statement = ""
+    if found is not None:
+        statement = (
+            f"With control held for a period{late}{lost}, the {_mean(world)}disagreement falls at {found.lo:.12g}, and"
+            f" does not at {found.hi:.12g}. At all shorter ones of {PLACES} periods it was computed to fall."
+        )
+    return decided(
+        "period_in_world", sources()["moments"], hypotheses, reason=reason, statement=statement, bound=found,
+        side="is", quantity=quantity,
+    )  # fmt: skip
+
+
+def largest_period(world: SampledConsensus) -> Enclosure | None:
+    """A period at which the disagreement certainly falls, and one just above at which it certainly does not.
+
+    Parameters
+    ----------
+    world
+        The law in its world; its own period does not matter.
+    """
+
+    def grows(period: float) -> bool:
+        rate = world.recursion(period).largest_growth()
+        return not rate < 1.0
+
+    longest = _longest(world)
+    places = np.geomspace(FIRST_SHARE * longest, longest, PLACES)
+    number = next((k for k, period in enumerate(places) if grows(float(period))), None)
+    if not number:
+        return None
+    low, high = float(places[number - 1]), float(places[number])
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        if not low < middle < high or high - low < 0.1 * NARROWEST * high:
+            break
+        low, high = (low, middle) if grows(middle) else (middle, high)
+    steps = np.geomspace(NARROWEST, WIDEST, 8)
+    below = next((x for x in (low * (1.0 - s) for s in steps) if world.recursion(x).growth()[1] < 1.0), None)
+    above = next((x for x in (high * (1.0 + s) for s in steps) if world.recursion(x).growth()[0] >= 1.0), None)
+    return None if below is None or above is None else Enclosure(float(below), float(above))
+
+
+def _longest(world: SampledConsensus) -> float:
+    """A period beyond which the mean disagreement grows where nothing is late; twice that, to begin with."""
+    largest = float(world.consensus.largest.hi) * (1.0 - world.probability)
+    if world.order == 1:
+        return 4.0 / (float(world.consensus.first_gain.lo) * largest)
+    place, rate = float(world.consensus.place_gain.lo), float(world.consensus.rate_gain.lo)
+    return 2.0 * min(2.0 * rate / place, 2.0 / (rate * largest))
+
+
+def _noise(world: SampledConsensus, hypotheses: tuple[Hypothesis, ...]) -> Certificate:
+    quantity = f"mean square deviation of {world.what} from their mean, of an agent and axis, in the long run"
+    sigma = world.noise_shares()
+    if not sigma.any():
+        return Certificate("noise_in_world", "", sources()["moments"], hypotheses, NOT_APPLICABLE, "samples are exact")
+    recursion = world.recursion(world.period).scaled_noise(sigma)
+    found = recursion.stationary()
+    reason, bound = "no stationary value was proven", None
+    if found is not None:
+        # Deviations from the mean of N numbers of which the first is zero: the form I - 1 1^T/N on the others.
+        n, moment = world.n, found.moment
+        form = np.zeros_like(moment)
+        form[: n - 1, : n - 1] = (np.eye(n - 1) - 1.0 / n) / n
+        value = float((form * moment).sum())
+        error = found.error * (n - 1) / n + 1e-13 * float((np.abs(form) * np.abs(moment)).sum())
+        reason, bound = "", Enclosure(max(0.0, value - error), value + error)
+    statement = "" if bound is None else f"The {quantity}, is {bound}."
+    return decided(
+        "noise_in_world", sources()["moments"], hypotheses, reason=reason, statement=statement, bound=bound, side="is",
+        quantity=quantity,
+    )  # fmt: skip
