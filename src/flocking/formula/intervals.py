@@ -70,7 +70,10 @@ class Interval:
         lo, hi = np.where(self.hi == 0.0, -np.inf, lo), np.where(self.lo == 0.0, np.inf, hi)
         inside = (self.lo < 0.0) & (self.hi > 0.0) | (self.lo == 0.0) & (self.hi == 0.0)
         found = _widened(lo, hi, 1)
-        return Interval(np.where(inside, -np.inf, found.lo), np.where(inside, np.inf, found.hi))
+        # The sign of a quotient is exact.
+        lo = np.where(self.lo >= 0.0, np.maximum(found.lo, 0.0), found.lo)
+        hi = np.where(self.hi <= 0.0, np.minimum(found.hi, 0.0), found.hi)
+        return Interval(np.where(inside, -np.inf, lo), np.where(inside, np.inf, hi))
 
     def __truediv__(self, other: Interval) -> Interval:
         return self * other.reciprocal()

@@ -12,6 +12,7 @@ from flocking.study.certificates.certificate import Certificates
 from flocking.study.certificates.certify import certify
 from flocking.study.certificates.comparison import compare
 from flocking.study.certificates.laplacian_spectrum import laplacian_spectrum
+from flocking.study.certificates.pieces import jump
 
 SPRING = fk.Gradient(fk.Potential("r**2/2"))
 
@@ -116,6 +117,59 @@ def test_two_agents_on_a_line_have_closed_bounds():
     assert found["largest_speed"].bound.hi == pytest.approx(np.sqrt(4.5 - least), abs=1e-11)
 
 
+@pytest.mark.parametrize("name", ["tanner-2003-fixed-complete", "tanner-2003-dynamic", "shi-2009"])
+def test_potentials_of_the_papers_bound_the_closest_approach(name):
+    """1/r^2 + log r^2 and the pieces of Shi: the distance at which one pair has all the energy, by a root of mpmath."""
+    import mpmath
+
+    scenario = papers(name)
+    found = certify(scenario)
+    energy = mpmath.mpf(found["largest_energy"].bound.hi)
+    if name == "shi-2009":
+        energy = energy / mpmath.mpf(0.05)
+        root = (
+            mpmath.findroot(
+                lambda s: mpmath.log(s) + 1 / s - 1 - energy, (0.5 / energy, 2 / energy), solver="bisect", verify=False
+            )
+            ** 0.5
+        )
+    else:
+        root = mpmath.findroot(lambda r: mpmath.log(r**2) + 1 / r**2 - 1 - energy, (0.05, 0.9), solver="anderson")
+    bound = found["closest_approach"].bound
+    assert bound.lo == pytest.approx(float(root), rel=1e-9)
+    assert bound.lo <= float(root) * (1 + 1e-12)
+    rows = compare(found, fk.simulate(scenario.with_(t_end=2.0, frames=21), engine="exact", progress=False))
+    assert all(row.kept for row in rows)
+    assert "closest_approach" in {row.key for row in rows}
+
+
+def papers(name: str) -> fk.Scenario:
+    from flocking.apps.scenario_names import find_scenario
+
+    return find_scenario(name, None, None)
+
+
+@pytest.mark.parametrize(
+    ("formula", "found"),
+    [
+        ("where(r < 1, 1/r, 2 - r)", ""), ("where(r < 1, 1/r, 2.001 - r)", "continuous at 1"),
+        ("where(r <= sqrt(2), r**2, 2 + where(r < 3, 0, r - 3))", ""),
+        ("where(r < 2, r**2, where(r < 3, 4, 5))", "at 3"),
+        ("where(r < 1, cos(pi*r), where(r < 2, -1, -r/2))", ""), ("abs(r - 1)", ""),
+        ("where(r**2 < 2, r, 1)", "does not compare"),
+    ],
+)  # fmt: skip
+def test_jumps_of_pieces_are_found_exactly(formula, found):
+    import sympy
+
+    r = sympy.Symbol("r", positive=True)
+    assert (
+        (found in jump(fk.Potential(formula).expression(r), r))
+        if found
+        else not jump(fk.Potential(formula).expression(r), r)
+    )
+
+
 def test_new_links_count_under_hysteresis():
     """Zhou's count: each pair without a link may add psi at the radius where links appear, and no more."""
     psi = fk.Potential("1/r + 1/(4 - r)")
@@ -148,7 +202,9 @@ def test_a_link_that_can_be_stretched_to_the_radius_is_not_promised():
         ({"space": fk.Periodic([40.0, 40.0])}, "space repeats"),
         ({"law": fk.Law(fk.Proximity(3.0), [fk.Gradient(fk.Potential("1/r + r")), fk.Consensus([1.0, 2.0, 1.0])])},
          "differ between i and j"),
-        ({"law": fk.Law(fk.Proximity(3.0), [fk.Gradient(fk.Potential("where(r < 1, 1/r, 2 - r)"))])}, "made of pieces"),
+        ({"law": fk.Law(fk.Proximity(3.0), [fk.Gradient(fk.Potential("where(r < 1, 1/r, 3 - r)"))])}, "at 1"),
+        ({"law": fk.Law(fk.Proximity(3.0), [fk.Gradient(fk.Potential("1/r + where(r**2 < 2, 0, r**2 - 2)"))])},
+         "compare r with a number"),
         ({"law": fk.Law(fk.Proximity(3.0), [fk.Gradient(fk.Potential("1/r + 1/(3 - r)"))])}, "infinite where links"),
         ({"law": fk.Law(fk.Proximity(3.0), [fk.Gradient(fk.Potential("1/r")),
                                             fk.Track(fk.Path(["cos(t)", "t"]), 1.0, 1.0)])}, "accelerates"),

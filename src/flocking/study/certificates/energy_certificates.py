@@ -54,15 +54,14 @@ def _distances(setting: EnergySetting) -> list[Certificate]:
     fixed = setting.links_stay and not setting.keeps_links
     pairs = "linked agents" if fixed else "agents"
     largest = setting.least + setting.excess
-    allowed = setting.allowed
     contact = float(setting.pair.at_contact.lo)
     quantity = f"smallest distance of two {pairs}"
-    if allowed is None or contact <= largest.hi:
+    if contact <= largest.hi:
         needed = max(contact, float(setting.least.lo))
         reason = f"the energy may suffice for contact: {needed:.6g} is needed, {float(largest.hi):.6g} may be there"
         nearest = decided("closest_approach", sources()["energy"], hypotheses, reason=reason, quantity=quantity)
     else:
-        bound = allowed[0]
+        bound = setting.nearest
         if not fixed:
             # A pair farther apart than this has no link yet and may be at any such distance.
             reach = float(np.asarray(setting.graph.appear_radius)) if setting.keeps_links else setting.pair.end
@@ -72,7 +71,7 @@ def _distances(setting: EnergySetting) -> list[Certificate]:
             "closest_approach", sources()["energy"], hypotheses, statement=statement, bound=bound, side="at least",
             quantity=quantity,
         )  # fmt: skip
-    return [nearest, _collisions(setting, contact, pairs), _longest(setting, allowed)]
+    return [nearest, _collisions(setting, contact, pairs), _longest(setting)]
 
 
 def _collisions(setting: EnergySetting, contact: float, pairs: str) -> Certificate:
@@ -93,10 +92,10 @@ def _collisions(setting: EnergySetting, contact: float, pairs: str) -> Certifica
     )  # fmt: skip
 
 
-def _longest(setting: EnergySetting, allowed: tuple[Interval, Interval] | None) -> Certificate:
+def _longest(setting: EnergySetting) -> Certificate:
     quantity = "length of a link"
-    reason = "" if allowed is not None else "the energy does not bound the distance of linked agents"
-    bound = None if allowed is None else allowed[1]
+    bound = setting.farthest
+    reason = "" if bound is not None else "the energy does not bound the distance of linked agents"
     statement = "" if bound is None else f"No link is ever longer than {float(bound.hi):.9g}."
     return decided(
         "longest_link", sources()["energy"], setting.hypotheses, reason=reason, statement=statement, bound=bound,
@@ -200,10 +199,10 @@ def _force_bound(setting: EnergySetting) -> Interval:
         most = Interval.of(float(setting.start_links.sum(axis=1).max()))
     total = Interval.of(0.0)
     if setting.gradients:
-        allowed = setting.allowed
-        if allowed is None:
+        farthest = setting.farthest
+        if farthest is None:
             return Interval.of(np.inf)
-        slope = setting.pair.slopes(float(allowed[0].lo), float(allowed[1].hi)).absolute()
+        slope = setting.pair.slopes(float(setting.nearest.lo), float(farthest.hi)).absolute()
         total = total + most * slope
     if setting.order == 1:
         return total

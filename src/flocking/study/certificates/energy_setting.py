@@ -25,6 +25,7 @@ from flocking.model.terms.pair_terms import Consensus, Gradient
 from flocking.model.terms.schedules import Schedule
 from flocking.study.certificates.certificate import Hypothesis
 from flocking.study.certificates.pair_energy import PairEnergy
+from flocking.study.certificates.pieces import jump
 
 LARGEST_GROUP = 500
 """Agents up to which all pairs are looked at: 125,000 intervals, some seconds."""
@@ -155,20 +156,22 @@ class EnergySetting:
                 return Hypothesis(statement, False, "not known for a bump of one's own")
             if any(t.weighting == "force" for t in self.gradients):
                 return Hypothesis(statement, False, "the weighted force is no gradient of psi times the weight")
-        if any(self._pieces(t) for t in self.gradients):
-            return Hypothesis(statement, False, "not known for a potential that is made of pieces")
+        for term in self.gradients:
+            found = self._jump(term)
+            if found:
+                return Hypothesis(statement, False, found)
         if not self.keeps_links and type(graph) is not Fixed:
             edge = self.pair.on(Interval.of(self.pair.end))
             if not np.isfinite(edge.hi):
                 return Hypothesis(statement, False, "the energy is infinite where links appear")
         return Hypothesis(statement, True, "so")
 
-    def _pieces(self, term: Gradient) -> bool:
-        """Whether the formula of a potential is made of pieces below the radius."""
+    def _jump(self, term: Gradient) -> str:
+        """Where a potential may jump."""
         import sympy
 
-        expression = term.potential.expression(sympy.Symbol("r", positive=True))
-        return bool(expression.has(sympy.Piecewise, sympy.Abs, sympy.sign, sympy.Max, sympy.Min))
+        r = sympy.Symbol("r", positive=True)
+        return jump(term.potential.expression(r), r)
 
     def _body_terms(self) -> Hypothesis:
         statement = "a pursuit of the leader, if any, is linear, constant, and knows the leader's acceleration"
@@ -264,7 +267,7 @@ class EnergySetting:
             numbers = {name: sympy.Rational(x) for name, x in self.graph.parameters.items()}
             value = value * self.graph.weight(r, lambda name: numbers[name])
         end = np.inf if isinstance(self.graph, Fixed) else float(np.asarray(self.graph.break_radius))
-        return PairEnergy(r, value, sympy.diff(value, r), end, smooth=True)
+        return PairEnergy(r, value, sympy.diff(value, r), end)
 
     @cached_property
     def least(self) -> Interval:
@@ -319,9 +322,14 @@ class EnergySetting:
         return self.start_excess + Interval(np.maximum(each.lo, 0.0), each.hi) * Interval.of(float(new))
 
     @cached_property
-    def allowed(self) -> tuple[Interval, Interval] | None:
-        """Smallest and largest distance of a linked pair that the energy allows; see `PairEnergy.allowed`."""
-        return self.pair.allowed(self.least + self.excess)
+    def nearest(self) -> Interval:
+        """Smallest distance of a linked pair that the energy allows; see `PairEnergy.nearest`."""
+        return self.pair.nearest(self.least + self.excess)
+
+    @cached_property
+    def farthest(self) -> Interval | None:
+        """Largest distance of a linked pair that the energy allows; see `PairEnergy.farthest`."""
+        return self.pair.farthest(self.least + self.excess)
 
     @cached_property
     def links_stay(self) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from flocking.arrays import Array
 from flocking.formula.interval_values import enclosed
 from flocking.formula.intervals import Interval
+from flocking.study.certificates.pieces import factored
 
 if TYPE_CHECKING:
     import sympy
@@ -27,14 +29,17 @@ PARTS = 16
 FINEST = 1e-13
 """Relative width at which refinement ends, some hundred units of rounding."""
 
-SHORTEST = 1e-300
-"""A distance that counts as zero."""
+SHORTEST = (1e-300, 1e-150, 1e-100, 1e-60, 1e-30)
+"""Distances next to zero: what holds from zero to any of them holds in the limit. Powers of the smallest underflow."""
 
 TOUCHING = 1e-16
 """Distances below this share of the largest one are not told apart from zero."""
 
 HALVINGS = 56
 """Halvings between two doubles of one scale until they are neighbours, and some more."""
+
+UNBOUNDED = 1e60
+"""A distance that is as good as no bound."""
 
 NEAREST, FARTHEST = 1e-9, 1e9
 """Smallest and largest distance, relative to the scale of the pair, that the first division separates."""
@@ -52,44 +57,65 @@ class PairEnergy:
         Energy and its derivative; all their numbers are known.
     end
         The distance up to which the pair has this energy, infinite where there is no such.
-    smooth
-        Whether the slope exists everywhere below ``end`` and is the given one, so that the mean value theorem holds.
+
+    Below ``end`` the energy is continuous, and the slope is its derivative at all distances but some: energies differ
+    by the integral of the slope.
     """
 
     symbol: sympy.Symbol
     value: sympy.Expr
     slope: sympy.Expr
     end: float
-    smooth: bool
 
     def on(self, r: Interval) -> Interval:
         """Energies at distances in intervals."""
         found = enclosed(self.value, self.symbol, r)
-        if not self.smooth:
+        if np.array_equal(r.lo, r.hi):
             return found
         with np.errstate(all="ignore"):
-            middle = Interval.of(0.5 * r.lo + 0.5 * r.hi)
-            rise = enclosed(self.slope, self.symbol, r) * (r - middle)
-            other = enclosed(self.value, self.symbol, middle) + rise
-        known = np.isfinite(middle.lo) & (middle.lo > 0.0)
-        return found.meet(Interval(np.where(known, other.lo, -np.inf), np.where(known, other.hi, np.inf)))
+            middle, slope = 0.5 * r.lo + 0.5 * r.hi, self.slope_on(r)
+            places = Interval.of(np.stack(np.broadcast_arrays(r.lo, r.hi, middle)))
+            values = enclosed(self.value, self.symbol, places)
+            first, last, centre = (Interval(values.lo[k], values.hi[k]) for k in range(3))
+            other = centre + slope * (r - Interval.of(middle))
+        known = np.isfinite(middle) & (middle > 0.0)
+        found = found.meet(Interval(np.where(known, other.lo, -np.inf), np.where(known, other.hi, np.inf)))
+        # Where it falls or rises throughout, its ends are its least and largest value.
+        falls, rises = slope.hi <= 0.0, slope.lo >= 0.0
+        lo = np.where(falls & np.isfinite(r.hi), last.lo, np.where(rises & (r.lo > 0.0), first.lo, -np.inf))
+        hi = np.where(falls & (r.lo > 0.0), first.hi, np.where(rises & np.isfinite(r.hi), last.hi, np.inf))
+        return found.meet(Interval(lo, hi))
+
+    @cached_property
+    def _slopes(self) -> tuple[sympy.Expr, ...]:
+        """The slope, and as a product where that is another formula."""
+        product = factored(self.slope)
+        return (self.slope,) if product == self.slope else (self.slope, product)
+
+    def slope_on(self, r: Interval) -> Interval:
+        """Slopes at distances in intervals."""
+        found, *others = (enclosed(slope, self.symbol, r) for slope in self._slopes)
+        for other in others:
+            found = found.meet(other)
+        return found
 
     def slopes(self, first: float, last: float) -> Interval:
         """One interval that holds the slopes at all distances from ``first`` to ``last``."""
         edges = self._edges(first, last)
-        found = enclosed(self.slope, self.symbol, Interval(edges[:-1], edges[1:]))
+        found = self.slope_on(Interval(edges[:-1], edges[1:]))
         return Interval.of(found.lo.min(), found.hi.max())
 
     @property
     def at_contact(self) -> Interval:
         """Energy at distance zero, or its limit."""
-        return self.on(Interval.of(0.0, SHORTEST))
+        found = self.on(Interval.of(np.zeros(len(SHORTEST)), np.array(SHORTEST)))
+        return Interval.of(found.lo.max(), found.hi.min())
 
     def _rising_from(self) -> float:
         """A distance beyond which the energy does not fall; infinite if none is found."""
         for exponent in range(-10, 31):
             begin = 2.0**exponent
-            if enclosed(self.slope, self.symbol, Interval.of(begin, np.inf)).lo >= 0.0:
+            if self.slope_on(Interval.of(begin, np.inf)).lo >= 0.0:
                 return begin
         return np.inf
 
@@ -118,22 +144,29 @@ class PairEnergy:
             below = min(below, above)
         return Interval.of(min(below, above), above)
 
-    def allowed(self, bound: Interval) -> tuple[Interval, Interval] | None:
-        """Enclosures of the smallest and largest distance, up to the end, at which the energy is at most ``bound``.
+    def nearest(self, bound: Interval) -> Interval:
+        """An enclosure of the smallest distance at which the energy is at most ``bound``.
 
-        Their outer ends are certain: beyond them the energy is above the upper end of ``bound``. At the inner ones it
-        is not above the lower end. None where the largest distance is not bounded.
+        Its lower end is certain: at smaller distances the energy is above the upper end of ``bound``. At its upper end
+        it is not above the lower end.
+        """
+        return self._edge(bound, self.end if np.isfinite(self.end) else FARTHEST, upper=False)
+
+    def farthest(self, bound: Interval) -> Interval | None:
+        """An enclosure of the largest distance up to the end at which the energy is at most ``bound``, as `nearest`.
+
+        None where none was found: where the energy never rises above it, or too late.
         """
         last = self.end
         if np.isinf(last):
             last = self._rising_from()
             while np.isfinite(last) and not float(self.on(Interval.of(last)).lo) > bound.hi:
                 last *= 2.0
-                if last > FARTHEST:
+                if last > UNBOUNDED:
                     return None
             if np.isinf(last):
                 return None
-        return self._edge(bound, last, upper=False), self._edge(bound, last, upper=True)
+        return self._edge(bound, last, upper=True)
 
     def _edge(self, bound: Interval, last: float, *, upper: bool) -> Interval:
         edges = self._edges(0.0, last)
