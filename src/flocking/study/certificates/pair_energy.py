@@ -49,6 +49,9 @@ NEAREST, FARTHEST = 1e-9, 1e9
 class PairEnergy:
     """The energy of a pair and its slope, as formulas of the distance.
 
+    Below the end the energy is continuous, and the slope is its derivative at all distances but some: energies differ
+    by the integral of the slope.
+
     Parameters
     ----------
     symbol
@@ -57,9 +60,6 @@ class PairEnergy:
         Energy and its derivative; all their numbers are known.
     end
         The distance up to which the pair has this energy, infinite where there is no such.
-
-    Below ``end`` the energy is continuous, and the slope is its derivative at all distances but some: energies differ
-    by the integral of the slope.
     """
 
     symbol: sympy.Symbol
