@@ -62,3 +62,18 @@ def slow(folder, seconds=0.1):
         return make(speed, seed=seed)
 
     return made
+
+
+def waiting(folder):
+    """A family one run of which waits without end; it says in which process."""
+    place = str(folder)
+
+    def made(speed, seed):
+        if seed == 1:
+            half = Path(place, "half")
+            half.write_text(str(os.getpid()))
+            half.rename(Path(place, "waits"))
+            time.sleep(86400)
+        return make(speed, seed=seed)
+
+    return made

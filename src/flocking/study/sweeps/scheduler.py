@@ -5,12 +5,12 @@ from __future__ import annotations
 import tempfile
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures import Future
 from functools import partial
 
 from flocking.errors import SweepError
 from flocking.study.sweeps.plan import Task
-from flocking.study.sweeps.work import Row, Work, noted_tasks, packed, run_batch, run_here
+from flocking.study.sweeps.work import Row, Work, noted_tasks, packed, run_batch, run_here, worker_notes
 from flocking.study.sweeps.worker_pool import WorkerPool
 
 TRIES = 3
@@ -59,7 +59,7 @@ class Scheduler:
         Raises
         ------
         SweepError
-            When workers die before they begin anything.
+            When workers die before they begin anything, or do nothing for a long time.
         """
         self._waiting = deque(tasks)
         with tempfile.TemporaryDirectory(prefix="flocking-sweep-", ignore_cleanup_errors=True) as folder:
@@ -97,18 +97,24 @@ class Scheduler:
     def _receive(self) -> None:
         if not self._running:
             return
-        done, _ = wait(self._running, return_when=FIRST_COMPLETED)
         lost: list[Task] = []
-        for future in done:
+        for future in self._ended(self._running):
             lost += self._take(future)
         if not lost:
             return
         if self._pool.breaks_together:
             # All batches of the broken pool end before anything is submitted.
             for future in list(self._running):
-                wait([future])
+                self._ended([future])
                 lost += self._take(future)
         self._resend(lost)
+
+    def _ended(self, futures: Iterable[Future[list[Row]]]) -> set[Future[list[Row]]]:
+        def doing() -> dict[int, str]:
+            notes = {} if self._scratch is None else worker_notes(self._scratch)
+            return {process: f"run {index}" for process, index in notes.items()}
+
+        return self._pool.first_ended(futures, doing)
 
     def _take(self, future: Future[list[Row]]) -> list[Task]:
         """Record the rows of a batch; returns its runs when they are lost."""

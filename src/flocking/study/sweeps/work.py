@@ -216,12 +216,18 @@ def _first_alone(scratch: str | None) -> Iterator[None]:
     yield
 
 
+def worker_notes(scratch: str) -> dict[int, int]:
+    """Number of the run under way of each worker, by its process id, read from ``scratch``."""
+    found = {}
+    for note in Path(scratch).glob("*.at"):
+        with suppress(ValueError):  # It is empty between two runs.
+            found[int(note.stem)] = int(note.read_text())
+    return found
+
+
 def noted_tasks(scratch: str) -> set[int]:
     """Numbers of the runs that were under way, read from ``scratch`` and deleted there."""
-    found = set()
+    found = set(worker_notes(scratch).values())
     for note in Path(scratch).glob("*.at"):
-        text = note.read_text()
         note.unlink()
-        if text:
-            found.add(int(text))
     return found

@@ -6,7 +6,7 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Executor, Future
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from queue import Empty
@@ -14,7 +14,9 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from flocking.engine.interruption import uninterrupted
-from flocking.errors import InvalidInput
+from flocking.errors import InvalidInput, SweepError
+from flocking.study.sweeps import worker_watch
+from flocking.study.sweeps.worker_watch import WorkerWatch, processor_time
 
 if TYPE_CHECKING:
     from distributed import Scheduler
@@ -80,7 +82,50 @@ class WorkerPool:
             What the function raised.
         """
         for future in [self.submit(function, *arguments) for arguments in calls]:
+            self.first_ended([future])
             yield future.result()
+
+    def first_ended(
+        self, futures: Iterable[Future[Result]], doing: Callable[[], dict[int, str]] = dict
+    ) -> set[Future[Result]]:
+        """Wait until one of the ``futures`` at least has ended; returns those that have.
+
+        Parameters
+        ----------
+        futures
+            Calls that were submitted.
+        doing
+            Gives what each worker is doing, by its process id, where that is known.
+
+        Raises
+        ------
+        SweepError
+            If the workers do nothing for `flocking.study.sweeps.worker_watch.STALL_SECONDS`.
+        """
+        waiting = set(futures)
+        done, _ = wait(waiting, timeout=worker_watch.LOOK_SECONDS, return_when=FIRST_COMPLETED)
+        if done:
+            return done
+        watch = self._watch()
+        watch.begin()
+        while not done:
+            done, _ = wait(waiting, timeout=worker_watch.LOOK_SECONDS, return_when=FIRST_COMPLETED)
+            idle = 0.0 if done else watch.idle()
+            if idle > worker_watch.STALL_SECONDS:
+                raise SweepError(
+                    f"{self._names(doing())} used no processor time for {idle:.0f} s, while {len(waiting)} tasks wait. "
+                    "Finished runs are stored: run the same sweep again to continue it. A make or a measure that waits "
+                    "without end is a common cause; workers=1 shows where."
+                )
+        return done
+
+    def _watch(self) -> WorkerWatch:
+        """What measures for how long the workers have done nothing."""
+        return WorkerWatch(lambda: None)
+
+    def _names(self, doing: dict[int, str]) -> str:
+        """The workers, for an error."""
+        return "The workers"
 
     def lost(self, error: BaseException) -> bool:
         """Whether an error means that the worker died, and not that the function failed."""
@@ -144,6 +189,19 @@ class LocalProcesses(WorkerPool):
             future: Future[Result] = self._executor.submit(function, *arguments)
         return future
 
+    def _processes(self) -> list[int]:
+        return sorted(getattr(self._executor, "_processes", None) or {})
+
+    def _watch(self) -> WorkerWatch:
+        return WorkerWatch(lambda: processor_time(self._processes()))
+
+    def _names(self, doing: dict[int, str]) -> str:
+        processes = self._processes()
+        names = ", ".join(f"{x} ({doing[x]})" if x in doing else str(x) for x in processes)
+        if not names:
+            return "No worker process is left; they"
+        return f"{'Worker' if len(processes) == 1 else 'Workers'} {names}"
+
     def lost(self, error: BaseException) -> bool:
         """Whether a process died."""
         from concurrent.futures.process import BrokenProcessPool
@@ -200,6 +258,7 @@ class Cluster(WorkerPool):
             raise InvalidInput(
                 "sweep", "cluster", "must have workers", address, "Start some with 'dask worker ADDRESS'."
             ) from None
+        self._address = address
         self._executor: Executor = self._client.get_executor(pure=False)
         # Dask reports a task as lost only after it killed this many workers.
         self.deaths_reported = 1 + int(self._client.run_on_scheduler(_allowed_failures))
@@ -212,6 +271,18 @@ class Cluster(WorkerPool):
     def submit(self, function: Callable[..., Result], *arguments: object) -> Future[Result]:
         """Call a function in a worker of the cluster."""
         return self._executor.submit(function, *arguments)
+
+    def _watch(self) -> WorkerWatch:
+        def spent() -> float | None:
+            with suppress(OSError):
+                # What workers of other machines do is not known here; one of them at least must be there.
+                return None if self._client.nthreads() else 0.0
+            return 0.0
+
+        return WorkerWatch(spent)
+
+    def _names(self, doing: dict[int, str]) -> str:
+        return f"The cluster {self._address} has no workers, which"
 
     def lost(self, error: BaseException) -> bool:
         """Whether workers died of the task."""
