@@ -112,8 +112,14 @@ def test_run_audit_and_resume_of_a_file(quick: Path, tmp_path: Path, capsys: pyt
     code, text, _ = call(capsys, "audit", out, "--json")
     report = json.loads(text)
     assert (code == 0) == report["as_expected"]
+    promised = {row["key"]: row for row in report["certificates"]}
+    assert promised["links_kept"]["kept"] is True
+    assert (
+        promised["closest_approach"]["promised"] < expected.closest.distance == promised["closest_approach"]["observed"]
+    )
     code, text, _ = call(capsys, "audit", out)
     assert "verdict" in text
+    assert "closest_approach   >=" in text
     assert max(map(len, text.splitlines())) <= 80
     code, text, _ = call(capsys, "resume", out, "--json")
     assert code == 0

@@ -62,6 +62,16 @@ def escaped(text):
     return text.replace("'", "&#x27;").replace('"', "&quot;").replace(">", "&gt;")
 
 
+def test_certificates_stand_beside_what_the_runs_show(folder):
+    out, found = folder
+    text, _ = read(out / "report.html")
+    for run in found.runs.values():
+        for each in fk.certify(run.scenario).granted:
+            assert escaped(each.statement) in text
+    assert "<td>yes</td>" in text
+    assert "<td>no</td>" not in text
+
+
 def test_every_claim_and_erratum_is_in_the_report(folder):
     out, found = folder
     text, _ = read(out / "report.html")

@@ -3,9 +3,21 @@
 from __future__ import annotations
 
 import json
-from typing import Annotated
+import math
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    from flocking.engine.runs.run import Run
+
+
+SIGNS = {"at most": "<=", "at least": ">=", "is": "="}
+"""Signs of the sides of bounds in narrow columns."""
+
+
+KEPT = {"True": "yes", "False": "NO", "None": "not resolved"}
+"""Words for whether a promise was kept; one that seems broken in a run without stated errors is not resolved."""
 
 
 def certify(
@@ -49,10 +61,52 @@ def certify(
     return 0
 
 
+def certificate_rows(run: Run) -> list[dict[str, object]]:
+    """Every granted certificate that a run can be held against, beside what it shows, as plain values for JSON.
+
+    Parameters
+    ----------
+    run
+        The run.
+    """
+    from flocking.study.certificates.certify import certify as certificates_of
+    from flocking.study.certificates.comparison import compare
+
+    found = certificates_of(run.scenario)
+    rows = compare(found, run) if len(run.t) else ()
+    sides = ({"quantity": found[row.key].quantity, "side": found[row.key].side} for row in rows)
+    return [
+        {name: _finite(value) for name, value in (row.as_dict() | more).items()}
+        for row, more in zip(rows, sides, strict=True)
+    ]
+
+
+def print_promises(rows: list[dict[str, object]]) -> None:
+    """Print what was guaranteed before a run beside what it shows; nothing where nothing was.
+
+    Parameters
+    ----------
+    rows
+        Those of `certificate_rows`.
+    """
+    from flocking.apps.tables import print_table
+
+    if not rows:
+        return
+    cells = [
+        (
+            str(r["key"]), f"{SIGNS[str(r['side'])]} {r['promised']:.4g}", f"{r['observed']:.4g}",
+            KEPT[str(r["kept"])], str(r["quantity"]),
+        )
+        for r in rows
+    ]  # fmt: skip
+    print_table(("certificate", "promised", "observed", "kept", "of what"), cells, title="Guaranteed before the run")
+
+
 def _finite(value: object) -> object:
-    """Plain values for JSON, which has no infinity: null stands for it."""
+    """Plain values for JSON, which has no infinity and no NaN: null stands for them."""
     if isinstance(value, dict):
         return {name: _finite(each) for name, each in value.items()}
     if isinstance(value, list):
         return [_finite(each) for each in value]
-    return None if isinstance(value, float) and abs(value) == float("inf") else value
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -8,6 +8,7 @@ from html import escape
 from pathlib import Path
 
 from flocking.apps.reproduction.film import film_in
+from flocking.apps.reproduction.report_certificates import certificates_table
 from flocking.apps.reproduction.report_claims import card, cited, claims_beside_pictures, embedded, place_of
 from flocking.apps.reproduction.report_errata import equation_table, errata_tables
 from flocking.apps.reproduction.report_formulas import formulas
@@ -209,7 +210,8 @@ def _paper(key: str, article: Paper, found: Reproduction, out: Path) -> str:
         figures = {n: (drawn[n], captions[n]) for n in figures_of(article, name) if n in drawn}
         shown |= cited(judgements, figures)
         beside = claims_beside_pictures(name, judgements, out / key / CLAIMS, figures, seed)
-        parts.append(f'<h3>{escape(name)}</h3>\n<div class="groups">\n{beside}</div>\n')
+        certificates = certificates_table(found.runs[name]) if name in found.runs else ""
+        parts.append(f'<h3>{escape(name)}</h3>\n<div class="groups">\n{beside}</div>\n{certificates}')
     filmed = next(iter(article.scenarios())) in found.runs
     rest = {n: path for n, path in drawn.items() if n not in shown}
     parts.append(_figures(captions, rest, film_in(out / key) if filmed else None))

@@ -19,7 +19,7 @@ MOST_STATES = 32
 """Frames of which the energy is computed, at even places of the run."""
 
 ROUNDING = 1e-9
-"""Relative difference up to which a value beyond its bound counts as within the error of a run that states none."""
+"""Relative difference up to which a value beyond its bound counts as kept whatever the error."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Comparison:
     error
         Error of what was observed.
     kept
-        Whether the promise was kept, within the error.
+        Whether the promise was kept, within the error; None where it seems broken and the run states no error.
     tightness
         The observed over the promised value, or its inverse for a lower bound: at most 1 where the promise is kept, and
         1 where nothing better could have been promised.
@@ -47,7 +47,7 @@ class Comparison:
     promised: float
     observed: float
     error: float
-    kept: bool
+    kept: bool | None
     tightness: float
 
     def as_dict(self) -> dict[str, object]:
@@ -63,7 +63,7 @@ def compare(certificates: Certificates, run: Run) -> tuple[Comparison, ...]:
     certificates
         Those of the scenario of the run.
     run
-        The run; its frames are looked at, and for closest approaches all of its steps.
+        The run, under one law throughout; its frames are looked at, and for closest approaches all of its steps.
 
     Raises
     ------
@@ -86,11 +86,12 @@ def _compared(certificate: Certificate, observed: float, error: float) -> Compar
     assert promised is not None
     slack = (error if np.isfinite(error) else 0.0) + ROUNDING * abs(promised)
     if certificate.side == "at least":
-        kept, small, large = observed >= promised - slack, promised, observed
+        within, small, large = observed >= promised - slack, promised, observed
     else:
-        kept, small, large = observed <= promised + slack, observed, promised
+        within, small, large = observed <= promised + slack, observed, promised
+    kept = True if within else False if np.isfinite(error) else None
     tightness = 1.0 if small == large else small / large if large else np.inf
-    return Comparison(certificate.key, promised, observed, error, bool(kept), float(tightness))
+    return Comparison(certificate.key, promised, observed, error, kept, float(tightness))
 
 
 def _closest(run: Run, certificate: Certificate) -> tuple[float, float] | None:
@@ -134,7 +135,9 @@ def _speed(run: Run, certificate: Certificate) -> tuple[float, float]:
         p = p - np.einsum("i,fik->fk", setting.masses, p)[:, None] / setting.masses.sum()
     elif setting.track is not None:
         p = p - setting.track.leader.along(run.t)[1][:, None]
-    return float(np.linalg.norm(p, axis=2).max()), np.nan
+    known = run.accuracy is not None and len(run.accuracy.frames)
+    error = 2.0 * float(run.accuracy.frames[:, 1].max()) if run.accuracy is not None and known else np.nan
+    return float(np.linalg.norm(p, axis=2).max()), error
 
 
 def _energy(run: Run, certificate: Certificate) -> tuple[float, float]:

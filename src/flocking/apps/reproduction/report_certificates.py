@@ -1,0 +1,39 @@
+"""What was guaranteed of a run before it ran, beside what it shows, as HTML."""
+
+from __future__ import annotations
+
+from html import escape
+
+from flocking.apps.reproduction.report_tables import head_row, table
+from flocking.engine.runs.run import Run
+from flocking.study.certificates.certify import certify
+from flocking.study.certificates.comparison import compare
+
+KEPT = {True: "yes", False: "no", None: "not resolved"}
+"""Words for whether a promise was kept."""
+
+
+def certificates_table(run: Run) -> str:
+    """The certificates that are granted to the scenario of a run, or why the first is not.
+
+    Parameters
+    ----------
+    run
+        The run.
+    """
+    found = certify(run.scenario)
+    seen = {row.key: row for row in compare(found, run)}
+    if not found.granted:
+        return f'<p class="dim">Nothing is guaranteed before the run: {escape(found.all[0].reason)}.</p>\n'
+    rows = []
+    for each in found.granted:
+        row = seen.get(each.key)
+        observed = "" if row is None else f"{row.observed:.4g}"
+        kept = "" if row is None else KEPT[row.kept]
+        promised = "" if each.safe_bound is None else f"{each.side} {each.safe_bound:.4g}"
+        rows.append(
+            f"<tr><td>{escape(each.statement)}</td><td>{escape(each.source)}</td><td>{escape(promised)}</td>"
+            f"<td>{observed}</td><td>{kept}</td></tr>"
+        )
+    head = head_row("guaranteed before the run", "theorem", "promised", "observed", "kept")
+    return f"<h4>Certificates</h4>\n{table(head, rows)}"
