@@ -130,16 +130,20 @@ robustness: $(CLUSTER_READY) $(LAB_READY)
 		tests/formula/test_cache.py tests/study/sweeps/test_sweep_kills.py tests/study/sweeps/test_sweep_store.py tests/fuzz tests/cluster $(PYTEST_ARGS)
 
 # Tests that start processes or threads, send signals, wait, or have a limit of time, TIMES times over, while LOAD busy processes
-# want the processors too: what fails once waits for a time, not for what it needs to see.
+# want the processors too: what fails once waits for a time, not for what it needs to see. All others have fixed seeds and
+# read no clock: a repetition gives the same. tests/packaging/test_repeat.py checks that none is missing here.
 TIMES ?= 20
 LOAD ?= 6
 TIMED := tests/machines tests/apps/test_process.py tests/apps/test_cli.py tests/apps/commands tests/apps/lab tests/cluster \
-	tests/engine/test_interruption.py tests/engine/driver/test_slices.py tests/engine/driver/test_progress.py \
-	tests/engine/storage/test_storage_kill.py tests/engine/storage/test_storage_creation.py tests/engine/tiles/test_saving.py \
-	tests/engine/tiles/test_refusals.py tests/engine/tiles/test_cache.py tests/engine/tiles/test_pair_count_bound.py \
+	tests/engine/outside tests/engine/test_interruption.py tests/engine/driver/test_slices.py tests/engine/driver/test_progress.py \
+	tests/engine/storage/test_storage_kill.py tests/engine/storage/test_storage_creation.py tests/engine/storage/test_storage_resume.py \
+	tests/engine/storage/test_zarr_thread.py tests/engine/tiles/test_saving.py tests/engine/tiles/test_refusals.py \
+	tests/engine/tiles/test_cache.py tests/engine/tiles/test_pair_count_bound.py tests/engine/tiles/test_sessions.py \
+	tests/engine/tiles/test_periodic_space.py tests/engine/tiles/test_single_integrators.py \
 	tests/formula/test_cache.py tests/formula/test_grammar.py tests/formula/test_origins.py tests/formula/native \
-	tests/fuzz/test_found.py tests/model/graphs/test_coincident_starts.py tests/model/terms/test_balances.py \
-	tests/model/leaders_and_obstacles/test_leaders.py tests/study/sweeps
+	tests/fuzz tests/model/graphs/test_coincident_starts.py tests/model/terms/test_balances.py \
+	tests/model/leaders_and_obstacles/test_leaders.py tests/show/test_plane.py tests/study/potentials/test_potential_check.py \
+	tests/study/sweeps
 repeat: $(READY)
 	@busy=""; trap 'kill $$busy' EXIT; trap 'exit 130' INT TERM; \
 	for k in $$(seq $(LOAD)); do $(BIN)/python -c 'while True: pass' & busy="$$busy $$!"; done; \
