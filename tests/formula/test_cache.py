@@ -42,7 +42,7 @@ def module(text: str) -> Any:
     return compiled.generated_module("cached", text, (), lambda: text, str)
 
 
-@pytest.mark.parametrize("mode", [0o777, 0o775, 0o1777])
+@pytest.mark.parametrize("mode", [0o777, 0o775, 0o1777, 0o702, 0o720])
 def test_a_folder_that_others_may_write_is_refused(folder: Path, mode: int) -> None:
     folder.mkdir()
     folder.chmod(mode)
@@ -66,7 +66,7 @@ def test_a_folder_of_ours_is_made_for_us_alone(folder: Path) -> None:
 def test_a_file_that_others_may_write_is_made_anew(folder: Path) -> None:
     name = module("value = 2\n").__name__
     path = folder / f"{name}.py"
-    for mode in (0o666, 0o664):
+    for mode in (0o666, 0o664, 0o602, 0o620):
         path.chmod(mode)
         assert module("value = 2\n").value == 2
         assert path.stat().st_mode & 0o077 == 0

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import flocking as fk
 from flocking.errors import FormulaError
-from flocking.formula.grammar import Formula, render
+from flocking.formula.grammar import DEEPEST_CALLS, Formula, render
 from flocking.formula.symbolic import from_sympy, to_sympy
 
 SMOOTH = {
@@ -148,6 +148,19 @@ def test_a_hostile_text_is_refused_quickly(text, monkeypatch):
         Formula(text)
     assert time.process_time() - begin < 1.0
     assert len(str(caught.value)) < 600
+
+
+def nested(calls: int) -> str:
+    return "exp(" * calls + "r" + ")" * calls
+
+
+@pytest.mark.parametrize("calls", [DEEPEST_CALLS + 1, 59])
+def test_functions_nested_too_deeply_are_refused_before_their_derivatives_are_made(calls):
+    begin = time.process_time()
+    with pytest.raises(FormulaError, match=f"must not nest more than {DEEPEST_CALLS} functions in each other"):
+        Formula(nested(calls))
+    assert time.process_time() - begin < 1.0
+    assert Formula(nested(DEEPEST_CALLS)).text == nested(DEEPEST_CALLS)
 
 
 @pytest.mark.parametrize(
