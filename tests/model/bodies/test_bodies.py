@@ -1,5 +1,6 @@
 """Bodies: declarations are checked, and a scenario completes what a start leaves out."""
 
+import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -150,3 +151,13 @@ def test_bodies_go_through_files():
 def test_other_engines_refuse_other_bodies_by_name(engine):
     with pytest.raises(fk.FlockingError, match="Actuated agents, only point masses"):
         fk.simulate(fk.Scenario(LAW, START, 1.0, bodies=Actuated()), engine=engine)
+
+
+def test_the_control_of_limited_bodies_at_rest_warns_of_nothing() -> None:
+    """Formulas of limits that do not act divide by the speed, or by the force, of an agent that has none."""
+    law = fk.Law(fk.Fixed(2, ((0, 1),)), [fk.Gradient(fk.Potential("r**2/2"))])
+    state = fk.State([[0.0, 0.0], [2.0, 0.0]], [[0.0, 0.0], [0.0, 0.0]])
+    for body in (fk.Limited(fk.PointMass(), speed=1.5), fk.Limited(fk.PointMass(), force=3.0)):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            assert fk.control(law, state, agents=body) == pytest.approx(np.array([[2.0, 0.0], [-2.0, 0.0]]))

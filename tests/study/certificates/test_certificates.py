@@ -235,6 +235,31 @@ def test_forces_stay_below_their_bound():
                 assert np.linalg.norm(u, axis=1).max() <= bound.safe_bound
 
 
+def test_limits_that_never_act_leave_every_guarantee():
+    """Two agents on a spring: the force is largest at rest, 2, and so is the bound; speeds are at most sqrt(2)."""
+    law = fk.Law(fk.Fixed.complete(2), [SPRING])
+    free = fk.Scenario(law, fk.State([[0.0, 0], [2.0, 0]], np.zeros((2, 2))), t_end=6.0, frames=61)
+    ideal = fk.simulate(free, engine="exact", progress=False)
+    for limits, granted in (
+        ({"force": 2.001}, True), ({"force": 1.95}, False), ({"speed": 1.4143}, True), ({"speed": 1.4}, False),
+        ({"force": [2.1, 2.2], "speed": 1.5}, True), ({"force": [2.1, 1.9]}, False),
+    ):  # fmt: skip
+        found = certify(free.with_(bodies=fk.Limited(fk.PointMass(), **limits)))
+        assert found["limit_never_acts"].granted == granted
+        assert found["largest_speed"].granted == granted
+        run = fk.simulate(free.with_(bodies=fk.Limited(fk.PointMass(), **limits)), engine="exact", progress=False)
+        gap = np.abs(run.q - ideal.q).max()
+        assert gap < 1e-7 if granted else gap > 1e-5
+        assert all(row.kept for row in compare(found, run))
+    found = certify(free)["limit_never_acts"]
+    assert found.outcome == "not applicable"
+    moving = free.with_(start=fk.State([[0.0, 0], [2.0, 0]], np.ones((2, 2))))
+    reason = certify(moving.with_(bodies=fk.Limited(fk.PointMass(), speed=1.5)))["limit_never_acts"].reason
+    assert "which may act" in reason
+    lagged = certify(free.with_(bodies=fk.Limited(fk.Lagged(fk.PointMass(), 0.1), rate=2.0)))
+    assert not lagged["limit_never_acts"].granted
+
+
 @pytest.mark.parametrize("n", [2, 7, 40])
 def test_spectra_are_enclosed(n):
     """A path has 2 - 2 cos(pi k/N), a complete graph N."""

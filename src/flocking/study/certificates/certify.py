@@ -6,8 +6,7 @@ from flocking.errors import InvalidInput
 from flocking.model.law import Scenario
 from flocking.study.certificates.certificate import Certificates
 from flocking.study.certificates.consensus_certificates import consensus_certificates
-from flocking.study.certificates.energy_certificates import energy_certificates
-from flocking.study.certificates.energy_setting import EnergySetting
+from flocking.study.certificates.limit_certificates import energy_and_limits
 from flocking.study.certificates.world_certificates import world_certificates
 
 
@@ -40,7 +39,5 @@ def certify(scenario: Scenario) -> Certificates:
     """
     if not isinstance(scenario, Scenario):
         raise InvalidInput("certify", "scenario", "must be a Scenario", scenario)
-    found = (
-        *energy_certificates(EnergySetting(scenario)), *consensus_certificates(scenario), *world_certificates(scenario)
-    )  # fmt: skip
+    found = (*energy_and_limits(scenario), *consensus_certificates(scenario), *world_certificates(scenario))
     return Certificates(scenario.name, found)

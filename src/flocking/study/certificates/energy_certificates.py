@@ -218,7 +218,7 @@ def _force_bound(setting: EnergySetting) -> Interval:
             # Whoever senses whom: at most everybody.
             total = total + Interval.of(float(setting.n - 1)) * gain * relative
     if np.any(np.asarray(setting.scenario.agents.damping)) and not setting.damped:
-        drift = setting.mean_velocity.power(2).total().sqrt() if setting.frame == "centre of mass" else None
+        drift = setting.drift if setting.frame == "centre of mass" else None
         if drift is None:
             return Interval.of(np.inf)
         total = total + Interval.of(float(np.max(setting.scenario.agents.damping))) * (fastest + drift)

@@ -380,6 +380,12 @@ class EnergySetting:
             columns.append((masses * p).total() / masses.total())
         return Interval(np.array([c.lo for c in columns]), np.array([c.hi for c in columns]))
 
+    @property
+    def drift(self) -> Interval:
+        """Speed of the centre of mass, which stays where no agent is damped or led."""
+        square = self.mean_velocity.power(2).total()
+        return Interval(np.maximum(square.lo, 0.0), square.hi).sqrt()
+
     @cached_property
     def kinetic(self) -> Interval:
         """Kinetic energy at the start in the frame."""
