@@ -13,6 +13,7 @@ BEFORE = {
     "bodies": "",
     "quick_start": "",
     "margins": "",
+    "world": "",
     "certificates": "",
     "writing_laws": (
         "import flocking as fk\nlaw = fk.Law(fk.Proximity(2.0), [fk.Consensus(1.0)])\n"

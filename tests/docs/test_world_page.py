@@ -1,0 +1,73 @@
+"""What the page of the world says of the engines is what the engines say."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+import pytest
+
+import flocking as fk
+from flocking.engine.driver.registry import engine_named
+from flocking.model.parts.description import GROUPS
+
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "world.md").read_text()
+ENGINES = ("exact", "sampled", "tiles", "lammps")
+PSI = fk.Potential("(r - 2)**2")
+LAW = fk.Law(fk.Proximity(2.0), [fk.Gradient(PSI), fk.Consensus(1.0)])
+START = fk.State([[0.0, 0.0], [1.5, 0.0], [0.0, 1.5]], [[0.0, 0.1], [0.1, 0.0], [0.0, 0.0]])
+ROWS = re.findall(r"^\| `(.+)` " + r"\| (yes|no|not yet) " * len(ENGINES) + r"\|$", PAGE, re.MULTILINE)
+
+
+def scenario(part, engine):
+    """A scenario with one part of the page, in a world that the engine needs."""
+    names = {"fk": fk, "psi": PSI}
+    if part.startswith("fk.Law"):
+        law, world = eval(part, names), {}
+    else:
+        law, world = LAW, eval(f"dict({part})", names)
+    if engine == "sampled":
+        world = {"control": fk.Held(0.1)} | world
+    return fk.Scenario(law, START, t_end=1.0, **world)
+
+
+def test_rows_are_found():
+    lines = [line for line in PAGE.splitlines() if re.match(r"\| `(fk\.Law|\w+=)", line)]
+    assert len(ROWS) == len(lines) > 30
+
+
+@pytest.mark.parametrize("row", ROWS, ids=[part for part, *_ in ROWS])
+def test_a_row_says_what_the_engines_say(row):
+    part, *said = row
+    for engine, word in zip(ENGINES, said, strict=True):
+        why = engine_named(engine).why_not(scenario(part, engine))
+        assert word == "not yet" or (word == "yes") == (why == ""), (engine, why)
+
+
+@pytest.mark.parametrize("group", ["control", "information", "loss", "noise"])
+def test_every_part_has_a_row(group):
+    shown = " ".join(part for part, *_ in ROWS).replace("loss=0.2", "fk.Bernoulli(0.2)")
+    for kind in GROUPS[group].kinds:
+        assert f"fk.{kind.builds.__name__}(" in shown
+
+
+def test_messages_under_continuous_control_run_nowhere():
+    late = fk.Scenario(LAW, START, t_end=1.0, information=fk.Messages(0.1))
+    assert all(engine_named(engine).why_not(late) for engine in ENGINES)
+
+
+def test_late_samples_brake_a_flock_unless_they_are_moved_on(capsys):
+    block = PAGE[PAGE.index("law = fk.Law(fk.Fixed.complete(2)") :].split("```")[0]
+    exec(block, {"fk": fk})
+    held, moved = map(float, capsys.readouterr().out.split())
+    # Both agents move alike, each sees the other as it was five periods ago, or at the start.
+    x, v, h = [0.0], [5.0], 0.02
+    for k in range(500):
+        old = max(k - 5, 0)
+        u = (x[old] - x[k]) + (v[old] - v[k])
+        x.append(x[k] + h * v[k] + h * h * u / 2)
+        v.append(v[k] + h * u)
+    assert held == round(v[-1], 2)
+    assert abs(v[-1] / 5.0 - math.exp(-10.0 * 0.1 / 1.1)) < 0.005
+    assert moved == 5.0
