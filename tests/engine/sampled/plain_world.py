@@ -21,6 +21,8 @@ class PlainWorld:
         self.info = info
         self.q, self.p = [list(x) for x in scenario.start.q], [list(x) for x in scenario.start.p]
         self.n, self.m = scenario.start.q.shape
+        self.lengths = scenario.space.lengths or [math.inf] * self.m
+        self.pieces = []
         self.mass = np.broadcast_to(scenario.agents.masses, self.n).tolist()
         each = lambda x: [round(float(v) * NS) for v in np.broadcast_to(x, self.n)]  # noqa: E731
         self.period, self.phase, self.latency = each(held.period), each(held.phase), round(held.latency * NS)
@@ -30,14 +32,23 @@ class PlainWorld:
         self.known = [[(-1, 0, list(self.q[j]), list(self.p[j])) for j in range(self.n)] for _ in range(self.n)]
         self.queue = [[] for _ in range(self.n)]
         self.links = [
-            [i != j and math.dist(self.q[i], self.q[j]) < leave for j in range(self.n)] for i in range(self.n)
+            [i != j and math.hypot(*self.away(self.q[i], self.q[j])) < leave for j in range(self.n)]
+            for i in range(self.n)
         ]
         self.sample, self.tick, self.pending, self.now = [0] * self.n, [0] * self.n, [], 0
         self.used = [[-1] * self.n for _ in range(self.n)]
         self.own, self.ou = [(list(q), list(p)) for q, p in zip(self.q, self.p, strict=True)], {}
 
+    def away(self, here, there):
+        """The vector to the nearest image."""
+        gaps = [b - a for a, b in zip(here, there, strict=True)]
+        return [d - x * round(d / x) if math.isfinite(x) else d for d, x in zip(gaps, self.lengths, strict=True)]
+
     def move(self, to):
         s = (to - self.now) / NS
+        self.pieces.append(
+            (self.now / NS, s, np.array([self.q, self.p, np.array(self.u) / np.array(self.mass)[:, None]]))
+        )
         for i in range(self.n):
             for k in range(self.m):
                 a = self.u[i][k] / self.mass[i]
@@ -98,7 +109,7 @@ class PlainWorld:
             if i == j:
                 continue
             if info.loss is not None:
-                r = np.array([math.dist(self.q[i], self.q[j])])
+                r = np.array([math.hypot(*self.away(self.q[i], self.q[j]))])
                 if info.loss.lost(info.seed, np.array([j]), np.array([i]), np.array([k]), r)[0]:
                     continue
             late = round(float(uniform(info.seed, Purpose.JITTER, j, i, k)) * self.jitter) if self.jitter else 0
@@ -115,9 +126,10 @@ class PlainWorld:
             _, begun, there, speed = self.known[i][j]
             gone = info.expires is not None and t - begun >= round(info.expires * NS)
             place = [x + v * (t - begun) / NS for x, v in zip(there, speed, strict=True)] if info.predict else there
-            r = math.dist(q, place)
+            away = self.away(q, place)
+            r = math.hypot(*away)
             self.links[i][j] = not gone and r < (self.leave if self.links[i][j] else self.enter)
             if self.links[i][j]:
                 for k in range(self.m):
-                    u[k] += self.slope(r) * (place[k] - q[k]) / r + self.gain * (speed[k] - p[k])
+                    u[k] += self.slope(r) * away[k] / r + self.gain * (speed[k] - p[k])
         return u

@@ -7,7 +7,7 @@ import flocking as fk
 from tests.engine.sampled.plain_world import PlainWorld
 
 
-def random_world(seed):
+def random_world(seed, space=None):
     """A scenario with random imperfections, and its second implementation."""
     rng = np.random.default_rng(seed)
     n, radius, gap = int(rng.integers(3, 8)), 2.0, 0.3
@@ -35,13 +35,14 @@ def random_world(seed):
     )  # fmt: skip
     scenario = fk.Scenario(
         law, start, t_end=2.0, frames=5, information=information, control=control,
-        agents=fk.Agents(masses=maybe(1.0, rng.uniform(0.5, 2.0, n))),
+        agents=fk.Agents(masses=maybe(1.0, rng.uniform(0.5, 2.0, n))), space=space or fk.Open(),
     )  # fmt: skip
     return scenario, PlainWorld(scenario, lambda r: stiff * (r - 1), 0.8, radius - gap, radius)
 
 
-def check(seed):
-    scenario, plain = random_world(seed)
+def check(seed, space=None):
+    """The engine and the second implementation agree; the run, and that implementation."""
+    scenario, plain = random_world(seed, space)
     session = fk.start(scenario)
     session.advance(scenario.t_end)
     plain.run(scenario.t_end)
@@ -52,6 +53,7 @@ def check(seed):
     others = ~np.eye(run.n, dtype=bool)
     assert (session.knowledge.newest[others] == np.array(plain.used)[others]).all()
     assert np.abs(run.residual).max() <= 1e-11 * max(1.0, run.turnover) + run.fidelity.ledger.size
+    return run, plain
 
 
 @pytest.mark.parametrize("seed", range(12))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
@@ -29,6 +30,11 @@ def displacement_lines(periods: Periods, neighbour: Callable[[int], str] = lambd
         for k, period in enumerate(periods)
         if period is not None
     ]
+
+
+def nearest_difference(difference: float, length: float) -> float:
+    """A ``difference`` of coordinates to the nearest image along an axis of a ``length``, for native functions."""
+    return difference - length * math.copysign(math.floor(math.fabs(difference) / length + 0.5), difference)
 
 
 def period_lines(k: int, period: str) -> list[str]:

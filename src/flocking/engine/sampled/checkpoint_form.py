@@ -20,6 +20,7 @@ from flocking.engine.sampled.motion import Motion
 from flocking.engine.sampled.snapshot import NUMBERS, LinkRules, SampledMemory, link_rules
 from flocking.model.graphs.distance_graphs import Graph
 from flocking.model.law import Scenario
+from flocking.model.space import Space
 from flocking.model.world.control import Held
 from flocking.model.world.times import NANOSECOND, PER_SECOND, Instants, PeriodicTimes
 
@@ -90,7 +91,7 @@ def check_sampled(data: object, arrays: Arrays, scenario: Scenario, fresh: Sampl
     rules = link_rules(scenario.law.graphs, n)
     _check_links(arrays, scenario.law.graphs, scenario.agents.headings, fresh.links)
     pieces = np.minimum(ticks.at(np.arange(n), applied) + latency, arrays["begin"] + fresh.motion.longest)
-    _check_crossings(arrays, rules, now, (slack, pieces * NANOSECOND))
+    _check_crossings(arrays, rules, now, (slack, pieces * NANOSECOND), scenario.space)
     _check_closest(arrays["closest"], n, accounted)
     _check_knowledge(arrays, fresh.knowledge, ticks)
     return numbers
@@ -175,7 +176,7 @@ def _check_links(arrays: Arrays, graphs: Sequence[Graph], headings: Array | None
             _must(allowed is None or not (links & ~allowed).any(), where, rule)
 
 
-def _check_crossings(arrays: Arrays, rules: LinkRules, now: float, spans: tuple[float, Array]) -> None:
+def _check_crossings(arrays: Arrays, rules: LinkRules, now: float, spans: tuple[float, Array], space: Space) -> None:
     """Crossings are ahead, at their distances, and leave every link such as the distance at the end of a piece says."""
     slack, ends = spans
     time, rows = arrays["crossing_time"], arrays["crossing"]
@@ -204,7 +205,7 @@ def _check_crossings(arrays: Arrays, rules: LinkRules, now: float, spans: tuple[
     everyone = np.arange(len(ends))
     size = NEAR * float(np.abs(places(everyone, np.full(len(ends), now))).max())
     from_, to = places(i, time), places(j, time)
-    distance = np.linalg.norm(to - from_, axis=-1)
+    distance = np.linalg.norm(space.displacement(to - from_), axis=-1)
     for row in range(len(time)):
         a, b, k = rows[row].tolist()
         level = (rules.break_ if links[k, a, b] else rules.appear)[k, a]
@@ -217,7 +218,7 @@ def _check_crossings(arrays: Arrays, rules: LinkRules, now: float, spans: tuple[
         ("links", np.full(until.shape, now), arrays["links"]), ("crossing", np.maximum(until, now), links),
     ):  # fmt: skip
         pairs = np.broadcast_to(everyone[:, None], at.shape)
-        apart = np.linalg.norm(places(pairs.T, at) - places(pairs, at), axis=-1)
+        apart = np.linalg.norm(space.displacement(places(pairs.T, at) - places(pairs, at)), axis=-1)
         for k in np.flatnonzero(rules.ways).tolist():
             appear, break_ = rules.appear[k][:, None], rules.break_[k][:, None]
             fits = np.where(there[k], apart <= break_ * (1.0 + NEAR) + size, apart >= appear * (1.0 - NEAR) - size)

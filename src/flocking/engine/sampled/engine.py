@@ -11,7 +11,7 @@ from flocking.engine.sampled.session import SampledOptions, SampledSession
 from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.bodies.point_bodies import PointMass, SingleIntegrator
 from flocking.model.law import Law, Scenario
-from flocking.model.space import OPEN
+from flocking.model.space import Open, Periodic
 from flocking.model.terms.schedules import Schedule
 from flocking.model.world.control import Held
 from flocking.model.world.information import Instant, Messages
@@ -29,6 +29,7 @@ class SampledEngine(Engine):
     name = "sampled"
     summary = "held control and messages, in closed form from event to event; up to 2,000 agents"
     options = SampledOptions
+    spaces = (Open, Periodic)
     worlds = (Held, Messages)
 
     def check(self, scenario: Scenario, plant: Law | None = None) -> None:
@@ -41,8 +42,6 @@ class SampledEngine(Engine):
             )
         if not isinstance(scenario.information, Instant | Messages):
             raise UnsupportedLaw("engine='sampled' knows no information but Instant and Messages.")
-        if scenario.space != OPEN:
-            raise UnsupportedLaw(f"engine='sampled' knows no space but Open, not {type(scenario.space).__name__}.")
         if scenario.t_end - scenario.start.t > LONGEST_RUN:
             raise InvalidInput(
                 "Scenario", "t_end", f"must be at most {LONGEST_RUN:g} after the start under held control",

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.arrays import Array, Indices, Links
+from flocking.model.space import Space
 from flocking.model.world.information import Information, Messages
 from flocking.model.world.random_numbers import Purpose, uniform
 from flocking.model.world.times import NANOSECOND, PER_SECOND, Instants, PeriodicTimes
@@ -98,6 +99,8 @@ class Knowledge:
         Positions and velocities at the start, shape (N, m).
     links
         Links of each graph at the start, shape (graphs, N, N).
+    space
+        Where the agents live.
 
     Attributes
     ----------
@@ -107,8 +110,9 @@ class Knowledge:
         Links by what agents know, shape (graphs, N, N).
     """
 
-    def __init__(self, information: Information, q: Array, p: Array, links: Links) -> None:
+    def __init__(self, information: Information, q: Array, p: Array, links: Links, space: Space) -> None:
         self.n, self.m = q.shape
+        self.space = space
         self.messages = information if isinstance(information, Messages) else None
         self.links = links.copy()
         self.newest = np.full((self.n, self.n), START, dtype=np.int64)
@@ -181,7 +185,7 @@ class Knowledge:
         self.samples.make_room(last, np.minimum(others.min(axis=0), last))
         distances = None
         if everyone is not None:
-            distances = np.linalg.norm(everyone - q[:, None], axis=-1)
+            distances = np.linalg.norm(self.space.displacement(everyone - q[:, None]), axis=-1)
         self.samples.put(agents, numbers, measured, distances)
         self.taken[agents] += 1
 
@@ -268,7 +272,7 @@ class Knowledge:
             Distances at which they do, shape (graphs, N) each.
         """
         agents, m = known.agents, self.m
-        offset = known.positions(m) - known.own[:, None, :m]
+        offset = self.space.displacement(known.positions(m) - known.own[:, None, :m])
         distance = np.sqrt((offset**2).sum(axis=-1))
         for graph in np.flatnonzero(moving):
             enter, leave = (level[graph, agents][:, None] for level in levels)

@@ -1,26 +1,63 @@
 """Distances of pairs whose agents move on polynomials: every crossing of a level, and how close they come.
 
 A squared distance is a polynomial of twice the degree of the motion. In Bernstein form it lies between its smallest and
-largest coefficient, so halving the interval proves that there is no crossing, or closes in on the first one.
+largest coefficient, so halving the interval proves that there is no crossing, or closes in on the first one. In space
+that repeats every image that can come near within the interval has a polynomial of its own.
 """
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from math import comb
+from typing import NamedTuple
 
 import numpy as np
 
 from flocking.arrays import Array, Links, Numbers
-from flocking.engine.kernels.bernstein import all_rows, first_above, part_from, smallest_value
+from flocking.engine.kernels.bernstein import NEVER, all_rows, first_above, part_from, smallest_value
+from flocking.engine.kernels.displacements import nearest_difference
+from flocking.errors import SimulationError
 from flocking.formula.native.functions import native_apart
+from flocking.model.space import Space
 
 ROUNDING = 1e-13
 """Overshoot that counts as a crossing, relative to the distance and to the size of the coordinates: some hundred
 units of rounding, so that a pair which sits on its level does not switch to and fro."""
 
 MOST_CROSSINGS = 16
-"""Crossings of one level by one pair within one piece: a polynomial of degree 14 has no more."""
+"""Crossings of one level by one image of a pair within one piece: a polynomial of degree 14 has no more."""
+
+MOST_IMAGES = 10**6
+"""Images of one pair that are looked at within one piece: in the plane some 500 lengths of a box each way, far more
+than agents that react to each other cross between two ticks."""
+
+
+class Paths(NamedTuple):
+    """How agents move, and the space they live in.
+
+    Parameters
+    ----------
+    S
+        Taylor coefficients of the positions about now, shape (degree + 1, N, m).
+    lengths
+        Length after which each axis repeats, infinite where it does not, shape (m,).
+    table
+        What `conversion` gives.
+    now
+        The scenario's time.
+    """
+
+    S: Array
+    lengths: Array
+    table: Array
+    now: float
+
+
+def paths_in(space: Space, S: Array, now: float) -> Paths:
+    """Paths in a ``space`` from time ``now`` on, from the Taylor coefficients ``S`` of the positions."""
+    lengths = np.array(space.lengths or (np.inf,) * S.shape[2], dtype=np.float64)
+    return Paths(S, lengths, conversion(S.shape[0] - 1), now)
 
 
 @lru_cache
@@ -37,61 +74,114 @@ def conversion(degree: int) -> Array:
     return np.array(table)
 
 
-def crossing_places(square: Array, near: bool, enter: float, leave: float, slack: float, places: Array) -> int:
-    """Places in [0, 1] at which a pair switches, one after the other; how many there are.
+def nearest_offset(paths: Paths, i: int, j: int, nearest: Array) -> float:
+    """Put the displacement of agent ``j`` from agent ``i`` into ``nearest``, shape (m,); its length.
 
     Parameters
     ----------
-    square
-        Bernstein coefficients of the squared distance.
-    near
-        Whether the pair is within its distance at the beginning.
-    enter, leave
-        Distances below which it comes within, and above which it leaves.
-    slack
-        Overshoot that counts as a crossing.
-    places
-        Takes the places, shape (MOST_CROSSINGS,).
+    paths
+        How they move.
     """
-    size, count, x = square.shape[0], 0, 0.0
-    g = np.empty(size)
-    inside = near
-    while count < MOST_CROSSINGS and x < 1.0:
-        level = leave + slack if inside else max(enter - slack, 0.0)
-        if level == np.inf or (level <= 0.0 and not inside):
-            return count
-        for k in range(size):
-            g[k] = square[k] - level * level if inside else level * level - square[k]
-        found = first_above(part_from(g, x))
-        if found > 1.0:
-            return count
-        x = x + found * (1.0 - x)
-        places[count] = x
-        count += 1
-        inside = not inside
-    return count
+    total = 0.0
+    for k in range(nearest.shape[0]):
+        difference = paths.S[0, j, k] - paths.S[0, i, k]
+        if paths.lengths[k] < np.inf:
+            difference = nearest_difference(difference, paths.lengths[k])
+        nearest[k] = difference
+        total += difference**2
+    return float(np.sqrt(total))
 
 
-def squared_distance(S: Array, i: int, j: int, span: float, table: Array, power: Array, square: Array) -> None:
+def reach_within(paths: Paths, i: int, j: int, span: float) -> float:
+    """By how much at most the distance of two agents changes within ``span``.
+
+    Parameters
+    ----------
+    paths
+        How they move.
+    """
+    reach, scale = 0.0, 1.0
+    for a in range(1, paths.S.shape[0]):
+        total = 0.0
+        for k in range(paths.S.shape[2]):
+            total += (paths.S[a, j, k] - paths.S[a, i, k]) ** 2
+        scale *= span
+        reach += np.sqrt(total) * scale
+    return reach
+
+
+def count_images(paths: Paths, within: float, counts: Numbers) -> int:
+    """How many images of an agent there are that can be nearer than ``within``, by number along each axis.
+
+    Parameters
+    ----------
+    paths
+        How agents move.
+    within
+        A distance.
+    counts
+        Takes how many lengths each way such images lie from the nearest one, shape (m,).
+    """
+    images = 1
+    for k in range(counts.shape[0]):
+        counts[k] = 0
+        if paths.lengths[k] < np.inf:
+            # A component of the nearest displacement is at most half a length: n lengths further it is n - 1/2 or more.
+            counts[k] = math.floor(min(within / paths.lengths[k] + 0.5, float(MOST_IMAGES)))
+        images *= 2 * counts[k] + 1
+        if images > MOST_IMAGES:
+            return MOST_IMAGES + 1
+    return images
+
+
+def image_offset(paths: Paths, nearest: Array, counts: Numbers, image: int, offset: Array) -> float:
+    """Put the displacement to an image into ``offset``, shape (m,); its length.
+
+    Parameters
+    ----------
+    paths
+        How agents move.
+    nearest
+        The displacement to the nearest image, shape (m,).
+    counts
+        What `count_images` filled.
+    image
+        Number of the image; the nearest one is in the middle.
+    """
+    left, total = image, 0.0
+    for k in range(nearest.shape[0]):
+        choices = 2 * counts[k] + 1
+        cell = left % choices - counts[k]
+        left = left // choices
+        offset[k] = nearest[k] + cell * paths.lengths[k] if cell != 0 else nearest[k]
+        total += offset[k] ** 2
+    return float(np.sqrt(total))
+
+
+def squared_distance(paths: Paths, i: int, j: int, offset: Array, span: float, square: Array) -> None:
     """Bernstein coefficients on [0, 1] of the squared distance of two agents over ``span``.
 
     Parameters
     ----------
-    S
-        Taylor coefficients of the positions, shape (degree + 1, N, m).
-    table
-        What `conversion` gives.
-    power, square
-        Room for the power coefficients, and where the others go, shape (2 degree + 1,).
+    paths
+        How agents move.
+    offset
+        Displacement to the image of the second one now, shape (m,).
+    square
+        Where the coefficients go, shape (2 degree + 1,).
     """
-    degree, terms, scale = S.shape[0] - 1, power.shape[0], 1.0
+    S, table = paths.S, paths.table
+    degree, terms, scale = S.shape[0] - 1, square.shape[0], 1.0
+    power = np.empty(terms)
     for a in range(terms):
         power[a] = 0.0
     for a in range(degree + 1):
         for b in range(degree + 1):
             dot = 0.0
             for k in range(S.shape[2]):
-                dot += (S[a, j, k] - S[a, i, k]) * (S[b, j, k] - S[b, i, k])
+                left = offset[k] if a == 0 else S[a, j, k] - S[a, i, k]
+                right = offset[k] if b == 0 else S[b, j, k] - S[b, i, k]
+                dot += left * right
             power[a + b] += dot
     for a in range(terms):
         power[a] *= scale
@@ -102,38 +192,39 @@ def squared_distance(S: Array, i: int, j: int, span: float, table: Array, power:
             square[a] += table[a, b] * power[b]
 
 
-def distance_and_reach(S: Array, i: int, j: int, span: float) -> tuple[float, float]:
-    """Distance of two agents now, and by how much at most it changes within ``span``.
+def first_beyond(square: Array, level: float, inside: bool, x: float) -> float:
+    """First place from ``x`` on at which a pair leaves, or comes within, a distance; `NEVER` if it does not.
 
     Parameters
     ----------
-    S
-        Taylor coefficients of the positions, shape (degree + 1, N, m).
+    square
+        Bernstein coefficients of the squared distance.
+    level
+        The distance.
+    inside
+        Whether the pair is within it.
     """
-    distance, reach, scale = 0.0, 0.0, 1.0
-    for a in range(S.shape[0]):
-        total = 0.0
-        for k in range(S.shape[2]):
-            total += (S[a, j, k] - S[a, i, k]) ** 2
-        if a == 0:
-            distance = np.sqrt(total)
-        else:
-            scale *= span
-            reach += np.sqrt(total) * scale
-    return distance, reach
+    g = np.empty(square.shape[0])
+    for k in range(square.shape[0]):
+        g[k] = square[k] - level * level if inside else level * level - square[k]
+    found = first_above(part_from(g, x))
+    return NEVER if found > 1.0 else x + found * (1.0 - x)
 
 
 @native_apart
 def find_pair_events(
-    S: Array, length: Array, changed: Links, near: Links, ways: Numbers, enter: Array, leave: Array, table: Array,
-    size: float, found: Array,
+    paths: Paths, length: Array, changed: Links, near: Links, ways: Numbers, enter: Array, leave: Array, size: float,
+    found: Array,
 ) -> int:  # fmt: skip
     """Fill rows (time, i, j, graph) of all switches of the pairs of changed agents until either one's piece ends.
 
+    A pair that is linked is so with its nearest image, for its distance is less than half a length, until that image
+    leaves; then it may come within the distance by any image.
+
     Parameters
     ----------
-    S
-        Taylor coefficients of the positions about now, shape (degree + 1, N, m).
+    paths
+        How agents move from now on.
     length
         How long each agent's piece goes on from now, shape (N,).
     changed
@@ -145,8 +236,6 @@ def find_pair_events(
         with i < j stands for both, 2 where they may differ; shape (graphs,).
     enter, leave
         Distances of each graph and sensing agent, shape (graphs, N).
-    table
-        What `conversion` gives.
     size
         Size of the coordinates, for rounding.
     found
@@ -155,73 +244,112 @@ def find_pair_events(
     Returns
     -------
     int
-        How many rows there are, those included for which there was no room.
+        How many rows there are, those included for which there was no room; -1 if a pair has too many images.
     """
-    terms, n, graphs = 2 * S.shape[0] - 1, S.shape[1], near.shape[0]
-    power, square, places = np.empty(terms), np.empty(terms), np.empty(MOST_CROSSINGS)
-    count = 0
+    n, m, graphs = paths.S.shape[1], paths.S.shape[2], near.shape[0]
+    square, nearest, offset = np.empty(2 * paths.S.shape[0] - 1), np.empty(m), np.empty(m)
+    counts = np.empty(m, np.int64)
+    total = 0
     for i in range(n):
         for j in range(i + 1, n):
             if not (changed[i] or changed[j]):
                 continue
             span = min(length[i], length[j])
-            distance, reach = distance_and_reach(S, i, j, span)
-            known = False
+            distance, reach = nearest_offset(paths, i, j, nearest), reach_within(paths, i, j, span)
             for graph in range(graphs):
                 for way in range(ways[graph]):
                     s = i if way == 0 else j
                     o = j if way == 0 else i
                     close, far = enter[graph, s], leave[graph, s]
                     slack = ROUNDING * ((far if far < np.inf else close) + size)
-                    level = far if near[graph, s, o] else close
+                    inside = near[graph, s, o]
+                    level = far if inside else close
                     if not distance - reach - 2.0 * slack <= level <= distance + reach + 2.0 * slack:
                         continue
-                    if not known:
-                        squared_distance(S, i, j, span, table, power, square)
-                        known = True
-                    switches = crossing_places(square, near[graph, s, o], close, far, slack, places)
-                    for c in range(switches):
-                        if count < found.shape[0]:
-                            found[count, 0], found[count, 1] = places[c] * span, s
-                            found[count, 2], found[count, 3] = o, graph
-                        count += 1
-    return count
+                    images = count_images(paths, close + reach + 2.0 * slack, counts)
+                    if images > MOST_IMAGES:
+                        return -1
+                    linked, known, x, switches = images // 2, -1, 0.0, 0
+                    while x < 1.0 and switches < MOST_CROSSINGS * images:
+                        level = far + slack if inside else max(close - slack, 0.0)
+                        if level == np.inf or (level <= 0.0 and not inside):
+                            break
+                        when, which = NEVER, 0
+                        for image in range(linked if inside else 0, linked + 1 if inside else images):
+                            away = image_offset(paths, nearest, counts, image, offset)
+                            if not inside and away - reach > level:
+                                continue
+                            if known != image:
+                                squared_distance(paths, i, j, offset, span, square)
+                                known = image
+                            place = first_beyond(square, level, inside, x)
+                            if place < when:
+                                when, which = place, image
+                        if when > 1.0:
+                            break
+                        x, inside, linked = when, not inside, which
+                        if total < found.shape[0]:
+                            found[total, 0], found[total, 1] = x * span, s
+                            found[total, 2], found[total, 3] = o, graph
+                        total += 1
+                        switches += 1
+    return total
 
 
 @native_apart
-def find_closest(S: Array, span: float, linked: Links, table: Array, closest: Array) -> None:
+def find_closest(paths: Paths, span: float, linked: Links, closest: Array) -> int:
     """Put the closest linked and unlinked pair in place of those so far, where they come closer.
 
     Parameters
     ----------
-    S
-        Taylor coefficients of the positions about the beginning of an interval, shape (degree + 1, N, m).
+    paths
+        How agents move from the beginning of an interval on.
     span
         Its length.
     linked
         Links during it, shape (N, N).
-    table
-        What `conversion` gives.
     closest
         Rows (squared distance, time since the beginning, i, j) of the closest linked and unlinked pair so far.
+
+    Returns
+    -------
+    int
+        0; -1 if a pair has too many images.
     """
-    terms, n = 2 * S.shape[0] - 1, S.shape[1]
-    power, square = np.empty(terms), np.empty(terms)
+    n, m = paths.S.shape[1], paths.S.shape[2]
+    square, nearest, offset = np.empty(2 * paths.S.shape[0] - 1), np.empty(m), np.empty(m)
+    counts = np.empty(m, np.int64)
     for i in range(n):
         for j in range(i + 1, n):
             kind = 0 if linked[i, j] or linked[j, i] else 1
-            distance, reach = distance_and_reach(S, i, j, span)
+            distance, reach = nearest_offset(paths, i, j, nearest), reach_within(paths, i, j, span)
             if distance - reach > np.sqrt(closest[kind, 0]) * (1.0 + ROUNDING):
                 continue
-            squared_distance(S, i, j, span, table, power, square)
-            least, where = smallest_value(square, closest[kind, 0])
-            if where <= 1.0 and least < closest[kind, 0]:
-                closest[kind, 0], closest[kind, 1] = max(least, 0.0), where * span
-                closest[kind, 2], closest[kind, 3] = i, j
+            images = count_images(paths, min(distance, np.sqrt(closest[kind, 0])) + 2.0 * reach, counts)
+            if images > MOST_IMAGES:
+                return -1
+            for image in range(images):
+                away = image_offset(paths, nearest, counts, image, offset)
+                if away - reach > np.sqrt(closest[kind, 0]) * (1.0 + ROUNDING):
+                    continue
+                squared_distance(paths, i, j, offset, span, square)
+                least, where = smallest_value(square, closest[kind, 0])
+                if where <= 1.0 and least < closest[kind, 0]:
+                    closest[kind, 0], closest[kind, 1] = max(least, 0.0), where * span
+                    closest[kind, 2], closest[kind, 3] = i, j
+    return 0
+
+
+def _too_many_images(time: float) -> SimulationError:
+    return SimulationError(
+        f"Two agents pass more than {MOST_IMAGES} images of each other before their forces change. Such speeds have no "
+        "meaning in so small a box: check the law and the period of Held, or enlarge Periodic.lengths.",
+        time=time,
+    )
 
 
 def pair_events(
-    S: Array, length: Array, changed: Links, near: Links, ways: Numbers, levels: tuple[Array, Array], size: float
+    paths: Paths, length: Array, changed: Links, near: Links, ways: Numbers, levels: tuple[Array, Array], size: float
 ) -> Array:
     """Rows (time, i, j, graph) of all switches that `find_pair_events` finds, in order of time.
 
@@ -229,27 +357,44 @@ def pair_events(
     ----------
     levels
         Distances at which links appear and break.
-    S, length, changed, near, ways, size
+    paths, length, changed, near, ways, size
         As for `find_pair_events`.
+
+    Raises
+    ------
+    SimulationError
+        When agents cross a periodic box too often within one piece.
     """
-    table = conversion(S.shape[0] - 1)
-    rows = all_rows(lambda found: int(find_pair_events(S, length, changed, near, ways, *levels, table, size, found)), 4)
+
+    def rows_in(found: Array) -> int:
+        count = int(find_pair_events(paths, length, changed, near, ways, *levels, size, found))
+        if count < 0:
+            raise _too_many_images(paths.now)
+        return count
+
+    rows = all_rows(rows_in, 4)
     return rows[np.lexsort(rows.T[::-1])]
 
 
-def closest_pairs(S: Array, span: float, linked: Links, begin: float, so_far: Array) -> Array:
+def closest_pairs(paths: Paths, span: float, linked: Links, begin: float, so_far: Array) -> Array:
     """The closest linked and unlinked pair: those so far, or of an interval, rows (squared distance, time, i, j).
 
     Parameters
     ----------
-    S, span, linked
+    paths, span, linked
         As for `find_closest`.
     begin
         Time at which the interval begins.
     so_far
         Rows of those so far.
+
+    Raises
+    ------
+    SimulationError
+        When agents cross a periodic box too often within the interval.
     """
     found = so_far.copy()
-    find_closest(S, span, linked, conversion(S.shape[0] - 1), found)
+    if find_closest(paths, span, linked, found) < 0:
+        raise _too_many_images(paths.now)
     found[:, 1] += np.where(found[:, 0] != so_far[:, 0], begin, 0.0)
     return found

@@ -20,7 +20,7 @@ from flocking.engine.sampled.checkpoint import packed_memory, unpacked_memory
 from flocking.engine.sampled.knowledge import Knowledge
 from flocking.engine.sampled.law_in_force import SampledLaw
 from flocking.engine.sampled.motion import Motion
-from flocking.engine.sampled.pair_polynomials import ROUNDING, closest_pairs, pair_events
+from flocking.engine.sampled.pair_polynomials import ROUNDING, Paths, closest_pairs, pair_events, paths_in
 from flocking.engine.sampled.powers import integrated
 from flocking.engine.sampled.snapshot import NUMBERS, SampledMemory, link_rules
 from flocking.errors import InvalidInput, NotFinite, SimulationError, UnsupportedLaw
@@ -64,10 +64,10 @@ class SampledSession(Session):
         self.waiting: list[tuple[int, Indices, Array]] = []
         self.motion = Motion(start.q, start.p, scenario.agents)
         graphs = scenario.law.graphs
-        self.links: Links = np.array([g.start_links(start.q, scenario.agents.headings) for g in graphs])
+        self.links: Links = np.array([g.links_in(scenario.space, start.q, scenario.agents.headings) for g in graphs])
         if start.links is not None:
             self.links[0] = start.links
-        self.knowledge = Knowledge(scenario.information, start.q, start.p, self.links)
+        self.knowledge = Knowledge(scenario.information, start.q, start.p, self.links, scenario.space)
         self._prepare()
         self.crossings: list[tuple[float, int, int, int]] = []
         self.closest = np.array([[np.inf, np.nan, -1.0, -1.0]] * 2)
@@ -99,6 +99,10 @@ class SampledSession(Session):
     def _energy(self, seconds: float) -> tuple[float, float]:
         q, p = self.motion.at(seconds)
         return self._law.energy(self._base + seconds, q, p, self._pairs, self._linked)
+
+    def _paths(self, seconds: float) -> Paths:
+        """How agents move from a time on."""
+        return paths_in(self.scenario.space, self.motion.shifted(seconds), self._base + seconds)
 
     # Events.
 
@@ -193,9 +197,9 @@ class SampledSession(Session):
         applies = self._ticks.at(np.arange(self.n), self.applied) + self._latency
         ends = np.minimum(applies, self.motion.ends())
         length = (ends - instant) * NANOSECOND
-        S = self.motion.shifted(seconds)
-        size = float(np.abs(S[0]).max())
-        rows = pair_events(S, length, changed, self.links, self._rules.ways, self._rules[1:], size)
+        paths = self._paths(seconds)
+        size = float(np.abs(paths.S[0]).max())
+        rows = pair_events(paths, length, changed, self.links, self._rules.ways, self._rules[1:], size)
         for s, i, j, graph in rows:
             heapq.heappush(self.crossings, (float(seconds + s), int(i), int(j), int(graph)))
 
@@ -203,7 +207,7 @@ class SampledSession(Session):
         """Switch a true link that crosses its distance."""
         seconds, i, j, graph = heapq.heappop(self.crossings)
         (q, r), (p, v) = self.motion.at(seconds, np.array([i, j]))
-        d, w = r - q, v - p
+        d, w = self.scenario.space.displacement(r - q), v - p
         distance = float(np.linalg.norm(d))
         speed = float(d @ w / distance) if distance else 0.0
         breaks = bool(self.links[graph, i, j])
@@ -233,8 +237,9 @@ class SampledSession(Session):
         length = seconds - self.accounted
         if length <= 0.0:
             return
-        S = self.motion.shifted(self.accounted)
-        self.closest = closest_pairs(S, length, self.links[0], self.accounted, self.closest)
+        paths = self._paths(self.accounted)
+        S = paths.S
+        self.closest = closest_pairs(paths, length, self.links[0], self.accounted, self.closest)
         if self._base + self.accounted < self.ledger_ends:
             powers = self._law.powers(self._base + self.accounted, S, self.motion.force, self._pairs)
             sums, errors, self.largest_power = integrated(powers, length, self.scenario.tolerance, self.largest_power)
@@ -284,10 +289,10 @@ class SampledSession(Session):
     def known(self) -> tuple[tuple[Closest, Closest], None]:
         """The closest linked and unlinked pair until now, with errors of rounding; no others are known."""
         length, found = self.time - self._base - self.accounted, self.closest
-        S = self.motion.shifted(self.accounted)
+        paths = self._paths(self.accounted)
         if length > 0.0:
-            found = closest_pairs(S, length, self.links[0], self.accounted, found)
-        size = ROUNDING * float(np.abs(S[0]).max())
+            found = closest_pairs(paths, length, self.links[0], self.accounted, found)
+        size = ROUNDING * float(np.abs(paths.S[0]).max())
         linked, free = (
             Closest(math.sqrt(d), self._base + t, (int(i), int(j)), size) if np.isfinite(d) else Closest()
             for d, t, i, j in found.tolist()
