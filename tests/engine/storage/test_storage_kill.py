@@ -61,21 +61,40 @@ def kill(process: int) -> None:
         time.sleep(0.001)
 
 
-def killed_on_its_way(start: Start, what: str, folder: Path, longest: float, rng: np.random.Generator) -> float:
-    """Kill a simulation between its beginning and so many seconds later; how many were few enough on this machine."""
+def commits(folder: Path) -> int:
+    """How many commits a run on disk has; -1 where it is not there yet."""
+    try:
+        return int(json.loads((folder / "zarr.json").read_bytes())["attributes"]["flocking"]["commits"])
+    except FileNotFoundError:
+        return -1
+
+
+def ended(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return True
+    return False
+
+
+def killed_on_its_way(start: Start, what: str, folder: Path, most: int, rng: np.random.Generator) -> None:
+    """Kill a simulation at a drawn moment: after fewer commits than ``most``, and at most as long as one took."""
     while True:
         process = start(what, folder)
-        while not folder.exists():
-            time.sleep(0.001)
-        time.sleep(rng.uniform(0.0, longest))
+        least, seen, took, since = int(rng.integers(0, most)), -1, 0.02, time.monotonic()
+        while seen < least and not ended(process):
+            time.sleep(0.0005)
+            if (now := commits(folder)) > seen:
+                took = time.monotonic() - since if seen >= 0 else took
+                seen, since = now, time.monotonic()
+        time.sleep(rng.uniform(0.0, took))
         try:
             kill(process)
         except ProcessLookupError:  # it had come to its end
-            longest *= 0.8
             shutil.rmtree(folder)
         else:
             tell("runs on disk: simulations killed and gone on with")
-            return longest
+            return
 
 
 def committed(folder: Path) -> int:
@@ -139,11 +158,11 @@ def kill_while_a_session_runs(
     start: Start, place: Path, instants: int, seed: int, what: str = "simulate", end: Run | None = None
 ) -> list[int]:
     """Kill so many simulations and go on with each; how many frames each had committed."""
-    rng, longest, end = np.random.default_rng(seed), 1.5, end or finished()
+    rng, end = np.random.default_rng(seed), end or finished()
     found = []
     for k in range(instants):
         folder = place / f"session{k}"
-        longest = killed_on_its_way(start, what, folder, longest, rng)
+        killed_on_its_way(start, what, folder, len(end.t), rng)
         stored = read_run(folder)
         for name in ("t", "q", "p", "links", "switches", "trace"):
             part, whole = getattr(stored, name), getattr(end, name)
@@ -162,12 +181,12 @@ def whole() -> Run:
 
 
 def kill_while_a_crowd_runs(start: Start, whole: Run, place: Path, instants: int, seed: int) -> list[tuple[int, int]]:
-    """Kill so many runs of 100,000 agents and go on with each: frames committed, and whether the kill left traces."""
-    rng, longest = np.random.default_rng(seed), 1.3
+    """Kill so many runs of 30,000 agents and go on with each: frames committed, and whether the kill left traces."""
+    rng = np.random.default_rng(seed)
     found = []
     for k in range(instants):
         folder = place / f"crowd{k}"
-        longest = killed_on_its_way(start, "tiles", folder, longest, rng)
+        killed_on_its_way(start, "tiles", folder, len(whole.t), rng)
         traces = len(list(folder.rglob("*" + PARTIAL)))
         shape = json.loads((folder / "position" / "zarr.json").read_text())["shape"][0]
         assert_begins(read_run(folder), whole)
