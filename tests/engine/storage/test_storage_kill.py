@@ -77,6 +77,16 @@ def ended(process: int) -> bool:
     return False
 
 
+def commits_of_the_whole(start: Start, what: str, folder: Path) -> int:
+    """How many commits a simulation makes that nobody kills."""
+    process = start(what, folder)
+    while not ended(process):
+        time.sleep(0.005)
+    found = commits(folder)
+    shutil.rmtree(folder)
+    return found
+
+
 def killed_on_its_way(start: Start, what: str, folder: Path, most: int, rng: np.random.Generator) -> None:
     """Kill a simulation at a drawn moment: after fewer commits than ``most``, and at most as long as one took."""
     while True:
@@ -159,10 +169,10 @@ def kill_while_a_session_runs(
 ) -> list[int]:
     """Kill so many simulations and go on with each; how many frames each had committed."""
     rng, end = np.random.default_rng(seed), end or finished()
-    found = []
+    found, most = [], commits_of_the_whole(start, what, place / "whole")
     for k in range(instants):
         folder = place / f"session{k}"
-        killed_on_its_way(start, what, folder, len(end.t), rng)
+        killed_on_its_way(start, what, folder, most, rng)
         stored = read_run(folder)
         for name in ("t", "q", "p", "links", "switches", "trace"):
             part, whole = getattr(stored, name), getattr(end, name)
@@ -183,10 +193,10 @@ def whole() -> Run:
 def kill_while_a_crowd_runs(start: Start, whole: Run, place: Path, instants: int, seed: int) -> list[tuple[int, int]]:
     """Kill so many runs of 30,000 agents and go on with each: frames committed, and whether the kill left traces."""
     rng = np.random.default_rng(seed)
-    found = []
+    found, most = [], commits_of_the_whole(start, "tiles", place / "whole")
     for k in range(instants):
         folder = place / f"crowd{k}"
-        killed_on_its_way(start, "tiles", folder, len(whole.t), rng)
+        killed_on_its_way(start, "tiles", folder, most, rng)
         traces = len(list(folder.rglob("*" + PARTIAL)))
         shape = json.loads((folder / "position" / "zarr.json").read_text())["shape"][0]
         assert_begins(read_run(folder), whole)

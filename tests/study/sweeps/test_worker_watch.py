@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import os
 import re
+import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from concurrent.futures import Future
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import flocking as fk
 from flocking.study.sweeps import worker_watch
+from flocking.study.sweeps.scheduler import _scratch_folder
 from flocking.study.sweeps.worker_pool import LocalProcesses
 from flocking.study.sweeps.worker_watch import LOOK_SECONDS, WorkerWatch, processor_time
 from tests.study.sweeps.sweep_cases import make, waiting
@@ -107,3 +111,24 @@ def test_processor_time_is_that_of_a_process_and_of_those_that_it_started() -> N
         asleep.kill()
         busy.wait()
         asleep.wait()
+
+
+@pytest.mark.parametrize("call", ["mkdir", "rmdir"])
+def test_an_interrupt_while_the_scratch_folder_is_made_or_removed_leaves_nothing(
+    call: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    original = getattr(os, call)
+
+    def struck(*given: Any, **how: Any) -> None:
+        original(*given, **how)
+        signal.raise_signal(signal.SIGINT)
+
+    def scratch() -> None:
+        with _scratch_folder():
+            assert len(list(tmp_path.iterdir())) == 1
+
+    monkeypatch.setattr(os, call, struck)
+    with pytest.raises(KeyboardInterrupt):
+        scratch()
+    assert list(tmp_path.iterdir()) == []

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import tempfile
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future
+from contextlib import contextmanager, nullcontext
 from functools import partial
 
+from flocking.engine.interruption import uninterrupted
 from flocking.errors import SweepError
 from flocking.study.sweeps.plan import Task
 from flocking.study.sweeps.work import Row, Work, noted_tasks, packed, run_batch, run_here, worker_notes
@@ -62,8 +64,7 @@ class Scheduler:
             When workers die before they begin anything, or do nothing for a long time.
         """
         self._waiting = deque(tasks)
-        with tempfile.TemporaryDirectory(prefix="flocking-sweep-", ignore_cleanup_errors=True) as folder:
-            self._scratch = folder if self._pool.takes_notes else None
+        with _scratch_folder() if self._pool.takes_notes else nullcontext() as self._scratch:
             while self._waiting or self._suspects or self._running:
                 self._send()
                 self._receive()
@@ -167,3 +168,17 @@ class Scheduler:
             row: Row = {"index": task.index, "status": "failed", "values": {}, "verdicts": {}, "message": text,
                         "tries": tries, "seconds": 0.0}  # fmt: skip
             self._store([row])
+
+
+@contextmanager
+def _scratch_folder() -> Iterator[str]:
+    """A temporary folder; Ctrl-C while it is made or removed waits, so that nothing of it is left."""
+    made = None
+    try:
+        with uninterrupted():
+            made = tempfile.TemporaryDirectory(prefix="flocking-sweep-", ignore_cleanup_errors=True)
+        yield made.name
+    finally:
+        if made is not None:
+            with uninterrupted():
+                made.cleanup()
