@@ -58,6 +58,7 @@ HOMES = {
     "change what an annotation of a part's field means": "def _held(",
     "add a quantity whose margin is sought": "class Quantity:",
     "change when the runs of a dead worker are scheduled again": "class Scheduler",
+    "change how velocities of samples are estimated": "def smoothed_velocities",
     "change the colours of pictures": "class Theme",
     "correct the reading of an equation of Zhou": "[[statement]]",
     "add a field to the description of every paper, such as its venue": "class Paper:",

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-
-import numpy as np
 import pytest
 
 import flocking as fk
 from flocking.papers.tanner_2003_dynamic import scenario
 from flocking.study.claims.claim import Verdict
-from flocking.study.trajectory import read_trajectory, run_from_samples
+from flocking.study.trajectory import run_from_samples
 
 
 @pytest.fixture(scope="module")
@@ -43,42 +40,8 @@ def test_a_false_trajectory_does_not(sampled, what):
     assert report["velocities-agree"].verdict == Verdict.NOT_RESOLVED
 
 
-def test_npz_and_csv_give_the_same_arrays(sampled, tmp_path):
-    _, run = sampled
-    t, q, p = run.t[:5], run.q[:5], run.p[:5]
-    np.savez(tmp_path / "a.npz", t=t, q=q, p=p)
-    with (tmp_path / "a.csv").open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(["t", "id", "x", "y", "vx", "vy"])
-        for f in range(5):
-            for i in reversed(range(run.n)):
-                writer.writerow([repr(float(v)) if k != 1 else v for k, v in enumerate([t[f], i, *q[f, i], *p[f, i]])])
-    for a, b in zip(read_trajectory(tmp_path / "a.npz"), read_trajectory(tmp_path / "a.csv"), strict=True):
-        assert (a == b).all()
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "",
-        "t,id,x\n0,1,2\n",
-        "t,id,x,vx\n0,a,1,hello\n",
-        "t,id,x,vx\n0,a,1,2\n0,b,1,2\n1,a,1,2\n",
-        "t,id,x,vx\n0,a,1,nan\n",
-        "\x00\xff",
-    ],
-)
-def test_bad_tables_are_refused_in_one_sentence(tmp_path, text):
-    path = tmp_path / "bad.csv"
-    path.write_text(text, encoding="latin-1")
-    with pytest.raises(fk.InvalidInput, match="trajectory"):
-        read_trajectory(path)
-
-
-def test_missing_files_and_short_samples_are_refused(sampled, tmp_path):
+def test_short_samples_are_refused(sampled):
     declared, run = sampled
-    with pytest.raises(fk.InvalidInput, match="file"):
-        read_trajectory(tmp_path / "none.csv")
     with pytest.raises(fk.InvalidInput, match="three"):
         run_from_samples(declared, run.t[:2], run.q[:2], run.p[:2])
 

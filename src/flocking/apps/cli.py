@@ -11,8 +11,9 @@ from typing import Annotated
 
 from cyclopts import App, CycloptsError, Parameter
 
+from flocking.apps.commands.audit_command import audit
 from flocking.apps.commands.cache_command import cache
-from flocking.apps.commands.certify_command import certificate_rows, certify, print_promises
+from flocking.apps.commands.certify_command import certify
 from flocking.apps.commands.margin_command import margins
 from flocking.apps.commands.picture_commands import animate, plot
 from flocking.apps.commands.run_commands import resume, run
@@ -276,33 +277,6 @@ def reproduce(
         if out is not None:
             print(f"Open {out / 'report.html'}")
     return FINE if found.as_expected else DIFFERENT
-
-
-def audit(folder: Path, *, as_json: Json = False) -> int:
-    """Judge the claims of its paper, or the general ones, for a saved run.
-
-    Parameters
-    ----------
-    folder
-        Folder of the run.
-    as_json
-        Print JSON.
-    """
-    from flocking.apps.tables import print_table, short
-    from flocking.engine.storage.stored_runs import read_run
-    from flocking.papers.auditing import audit as audit_run
-
-    report = audit_run(read_run(folder))
-    promised = certificate_rows(report.run)
-    if as_json:
-        _print_json(report.as_dict() | {"certificates": promised})
-    else:
-        rows = [(r.claim.key, str(r.verdict), short(r.margin), short(r.error), r.note) for r in report.results]
-        print_table(("claim", "verdict", "margin", "error", "measured"), rows, title=report.run.scenario.name)
-        print_promises(promised)
-        outcome = "All decided claims have" if report.as_expected else "Some claims do not have"
-        print(f"{outcome} the expected verdict.")
-    return FINE if report.as_expected and all(row["kept"] is not False for row in promised) else DIFFERENT
 
 
 def check(

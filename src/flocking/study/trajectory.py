@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import itertools
 import math
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,78 +22,6 @@ from flocking.model.terms.pair_terms import Gradient
 
 SAMPLES = "samples"
 """Name of the engine in runs made here."""
-
-LARGEST_FILE = 2_000_000_000
-"""Bytes of a trajectory file, a bound on memory: 2 GB."""
-
-
-def read_trajectory(path: str | Path) -> tuple[Array, Array, Array]:
-    """Read samples of a motion.
-
-    Parameters
-    ----------
-    path
-        An NPZ file with arrays ``t`` (F,), ``q`` and ``p`` (F, N, m); or a CSV file with a header and the
-        columns ``t``, ``id``, one position column per axis (``x``, ``y``, ``z``) and one velocity column per axis
-        (``vx``, ``vy``, ``vz``), one row per agent and time.
-
-    Returns
-    -------
-    tuple of Array
-        Times (F,), positions and velocities (F, N, m).
-
-    Raises
-    ------
-    InvalidInput
-        When the file is missing, too large, or not of this form.
-    """
-    path = Path(path)
-    if not path.is_file():
-        raise InvalidInput("trajectory", "path", "must be a file", str(path))
-    if path.stat().st_size > LARGEST_FILE:
-        raise InvalidInput("trajectory", "path", f"must have at most {LARGEST_FILE} bytes", path.stat().st_size)
-    return _read_arrays(path) if path.suffix == ".npz" else _read_table(path)
-
-
-def _read_arrays(path: Path) -> tuple[Array, Array, Array]:
-    try:
-        with np.load(path, allow_pickle=False) as found:
-            t, q, p = (np.asarray(found[name]) for name in ("t", "q", "p"))
-    except (KeyError, ValueError, OSError) as error:
-        raise InvalidInput("trajectory", "path", f"must hold the arrays t, q and p ({error})", str(path)) from None
-    return array("trajectory", "t", t, ndim=1), array("trajectory", "q", q, ndim=3), array("trajectory", "p", p, ndim=3)
-
-
-def _read_table(path: Path) -> tuple[Array, Array, Array]:
-    try:
-        with path.open(newline="", encoding="utf-8") as file:
-            rows = list(csv.DictReader(file))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InvalidInput("trajectory", "path", f"must be a text table ({error})", str(path)) from None
-    columns = set(rows[0]) if rows else set()
-    axes = [a for a in "xyz" if a in columns]
-    needed = ["t", "id", *axes, *(f"v{a}" for a in axes)]
-    if not axes or not set(needed) <= columns:
-        raise InvalidInput("trajectory", "columns", "must be t, id, x, y, ... and vx, vy, ...", sorted(columns))
-    try:
-        values = np.array([[float(row[c]) for c in needed if c != "id"] for row in rows])
-    except (TypeError, ValueError) as error:
-        raise InvalidInput("trajectory", "rows", f"must be numbers ({error})", str(path)) from None
-    names = sorted({row["id"] for row in rows}, key=lambda s: (len(s), s))
-    times = np.unique(values[:, 0])
-    if len(rows) != len(names) * len(times):
-        raise InvalidInput(
-            "trajectory",
-            "rows",
-            f"must be one per agent and time: {len(names)} agents at {len(times)} times",
-            f"{len(rows)} rows",
-        )
-    agent = np.array([names.index(row["id"]) for row in rows])
-    frame = np.searchsorted(times, values[:, 0])
-    m = len(axes)
-    q, p = np.full((2, len(times), len(names), m), np.nan)
-    q[frame, agent], p[frame, agent] = values[:, 1 : 1 + m], values[:, 1 + m :]
-    return times, array("trajectory", "q", q, ndim=3), array("trajectory", "p", p, ndim=3)
 
 
 def run_from_samples(scenario: Scenario, t: Array, q: Reals, p: Reals) -> Run:
@@ -167,12 +93,12 @@ def _run_of(scenario: Scenario, t: Array, q: Reals, p: Reals) -> Run:
         start=State(q[0], p[0], float(t[0])), t_end=float(t[-1]), frames=tuple(float(s) for s in t)
     )
     rule = LedgerRule("estimate", float(errors[1] + errors[2]), float(switching[1] + switching[2]))
-    account = Fidelity(SAMPLES, sampled=True, approaches=Approaches("all", _gap(t, p)), ledger=rule)
+    account = Fidelity(SAMPLES, sampled=True, approaches=Approaches("all", largest_gap(t, p)), ledger=rule)
     about: dict[str, object] = {
         "engine": SAMPLES, "ledger_error": rule.size, "switch_error": rule.switch_error,
         "gap": account.approaches.error,
     }  # fmt: skip
-    linked, free = _closest(t, q, links)
+    linked, free = closest_of(t, q, links)
     none = np.zeros(0, dtype=SWITCH_FIELDS)
     return Run(declared, t, q, p, np.array(links), none, trace, linked, free, "finished", about, fidelity=account)
 
@@ -217,17 +143,36 @@ def _stored_at(law: Law, r: float) -> float:
     return 0.0 if smooth else float(sum(float(t.potential(r)) for t in terms))
 
 
-def _gap(t: Array, p: Reals) -> float:
-    """Largest distance by which two agents may have approached each other between samples."""
+def largest_gap(t: Array, p: Reals) -> float:
+    """Largest distance by which two agents may have approached each other between samples.
+
+    Parameters
+    ----------
+    t
+        Times, shape (F,).
+    p
+        Velocities, shape (F, N, m).
+    """
     spread = np.linalg.norm(p - p.mean(axis=1, keepdims=True), axis=2).max(axis=1)
     return float((np.diff(t) * np.maximum(spread[1:], spread[:-1])).max()) if len(t) > 1 else math.inf
 
 
-def _closest(t: Array, q: Reals, links: list[Links]) -> tuple[Closest, Closest]:
+def closest_of(t: Array, q: Reals, links: list[Links] | None) -> tuple[Closest, Closest]:
+    """Closest approach of linked agents, and of others, at the samples.
+
+    Parameters
+    ----------
+    t
+        Times, shape (F,).
+    q
+        Positions, shape (F, N, m).
+    links
+        Link matrices, F of shape (N, N); None where nobody is linked.
+    """
     best = [Closest(), Closest()]
     for k, place in enumerate(q):
         distance = pair_distances(place)
-        either = links[k] | links[k].T
+        either = np.zeros(distance.shape, dtype=bool) if links is None else links[k] | links[k].T
         for number, mask in enumerate((either, ~either)):
             masked = np.where(mask, distance, np.inf)
             i, j = np.unravel_index(int(np.argmin(masked)), masked.shape)

@@ -111,7 +111,7 @@ def _write_parquet(run: Run, path: Path) -> None:
         import pyarrow
         from pyarrow import parquet
     except ImportError:
-        raise _missing("pyarrow", "Parquet") from None
+        raise missing_package("pyarrow", "Parquet") from None
     sink = pyarrow.BufferOutputStream()
     parquet.write_table(pyarrow.table({k: pyarrow.array(v) for k, v in observable_table(run).items()}), sink)
     put(path, sink.getvalue().to_pybytes())
@@ -167,7 +167,7 @@ def _write_gsd(run: Run, path: Path) -> None:
     try:
         import gsd.hoomd
     except ImportError:
-        raise _missing("gsd", "GSD") from None
+        raise missing_package("gsd", "GSD") from None
     _check_space(run)
     m = run.q.shape[2]
     sides, space = _box(run), run.scenario.space
@@ -223,7 +223,16 @@ def _check_space(run: Run) -> None:
         )  # fmt: skip
 
 
-def _missing(package: str, form: str) -> StorageError:
+def missing_package(package: str, form: str) -> StorageError:
+    """The error of a file format whose package is not installed.
+
+    Parameters
+    ----------
+    package
+        Name of the package.
+    form
+        Name of the format.
+    """
     return StorageError(f"{form} needs the package {package}: pip install 'flocking[export]'.")
 
 

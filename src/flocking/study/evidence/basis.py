@@ -80,6 +80,22 @@ class RunEvidence:
         return self.fidelity.sampled
 
     @property
+    def velocity_error(self) -> float:
+        """Estimated error of any component of a velocity that was computed from positions; 0 for other velocities."""
+        return self._stated_error("velocity_error")
+
+    @property
+    def position_error(self) -> float:
+        """Estimated error of any coordinate of a sampled position; 0 where it is taken as exact."""
+        return self._stated_error("position_error")
+
+    def _stated_error(self, name: str) -> float:
+        found = self.run.provenance.get(name, 0.0)
+        if isinstance(found, bool) or not isinstance(found, int | float) or not 0.0 <= found <= LARGEST:
+            raise NotResolvable(f"the run states no usable {name.replace('_', ' ')}")
+        return float(found)
+
+    @property
     def is_running(self) -> bool:
         """Whether the run is a part of one that is still running."""
         return self.run.status == "running"

@@ -8,6 +8,7 @@ from pathlib import Path
 from flocking.engine.storage.atomic_files import write_through
 from flocking.errors import InvalidInput
 from flocking.model.law import Law, Scenario
+from flocking.model.state import State
 from flocking.study.scenario_files.problems import problem_of
 from flocking.study.scenario_files.scenario_misfits import misfits
 from flocking.study.scenario_files.text_files import read_text_file
@@ -54,6 +55,7 @@ def read_scenario(
     seed: int | None = None,
     most_agents: int = MOST_AGENTS,
     largest_file: int = LARGEST_FILE,
+    start: State | None = None,
 ) -> Scenario:
     """Read a scenario from a TOML file.
 
@@ -67,6 +69,9 @@ def read_scenario(
         Largest number of agents the file may ask for.
     largest_file
         Largest size of the file in bytes.
+    start
+        The start of a file that has none, for laws that are held against samples; its ``t_end`` may then be missing
+        too.
 
     Raises
     ------
@@ -80,11 +85,16 @@ def read_scenario(
         text = read_text_file("read_scenario", path, largest_file, fix)
     except UnicodeDecodeError as error:
         raise ScenarioFileError(str(path), [f"file: must be UTF-8 text; byte {error.start} is not"]) from None
-    return parse_scenario(text, source=str(path), seed=seed, most_agents=most_agents)
+    return parse_scenario(text, source=str(path), seed=seed, most_agents=most_agents, start=start)
 
 
 def parse_scenario(
-    text: str, *, source: str = "scenario", seed: int | None = None, most_agents: int = MOST_AGENTS
+    text: str,
+    *,
+    source: str = "scenario",
+    seed: int | None = None,
+    most_agents: int = MOST_AGENTS,
+    start: State | None = None,
 ) -> Scenario:
     """Read a scenario from TOML text.
 
@@ -98,6 +108,8 @@ def parse_scenario(
         Takes the place of the seed of every draw, of the start and of a random graph.
     most_agents
         Largest number of agents the text may ask for.
+    start
+        The start of a text that has none, as `read_scenario` takes it.
 
     Raises
     ------
@@ -109,6 +121,9 @@ def parse_scenario(
     data = _toml(text, source)
     if seed is not None:
         _reseed(data, seed, source)
+    if start is not None and "start" not in data:
+        data["start"] = {"t": start.t, "q": start.q.tolist(), "p": start.p.tolist()}
+        data.setdefault("t_end", start.t + 1.0)
     reader = Reader(most_agents)
     parts = reader.read(data)
     lines = list(dict.fromkeys(map(str, [*reader.problems, *misfits(parts, data)])))

@@ -51,8 +51,9 @@ def momentum_drift(e: Evidence) -> Measure:
     """Largest change of the mean velocity against rounding and tolerance."""
     drift = float(np.abs(e.mean_velocity - e.mean_velocity[0]).max(initial=0.0))
     allowed = DRIFT_TOLERANCES * e.run.scenario.tolerance * max(1.0, float(e.speeds.max()))
+    error = 2.0 * e.velocity_error
     # A conserved quantity is decided at any time.
-    return replace(below(drift, allowed, f"mean velocity moved by {drift:.1e}"), everywhere=False)
+    return replace(below(drift, allowed, f"mean velocity moved by {drift:.1e}", error), everywhere=False)
 
 
 @about(Subject.LEDGER, _largest_rise, lasting=True)
@@ -113,7 +114,10 @@ def at_most(e: Evidence, name: str, seen: float, bound: float) -> Measure:
     if found is None:
         note = f"largest {name} at {len(e.t)} frames {seen:.3g}, bound {bound:.3g}"
         known = not seen < bound or e.sampled
-        return below(seen, bound, note if known else f"{note}; nothing is known between", 0.0 if known else np.inf)
+        error = 0.0 if known else np.inf
+        if e.sampled:
+            error += 2.0 * (e.velocity_error + e.position_error) * float(np.sqrt(e.q.shape[2]))
+        return below(seen, bound, note if known else f"{note}; nothing is known between", error)
     value, error = max(seen, found.value), max(found.error, ROUNDING * bound)
     return below(value, bound, f"largest {name} {value:.3g} at t = {found.time:.3g}, bound {bound:.3g}", error)
 

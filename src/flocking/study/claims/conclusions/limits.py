@@ -40,7 +40,9 @@ def velocities_agree(e: Evidence) -> Measure:
     """Velocity spread at the end against the largest of the run."""
     most = e.largest_spread
     ratios = e.velocity_spread / most if most > 0 else np.zeros_like(e.velocity_spread)
-    return limit_of_series(e.spread_times, ratios, SETTLED, lambda r: f"spread fell to {r:.1e} of its maximum")
+    return limit_of_series(
+        e.spread_times, ratios, SETTLED, lambda r: f"spread fell to {r:.1e} of its maximum", error=_velocity_share(e)
+    )
 
 
 @about(Subject.NET, while_connected=True)
@@ -61,7 +63,15 @@ def distances_settle(e: Evidence) -> Measure:
     def ratio(frame: int) -> float:
         return e.distance_rate_at(frame) / most if most > 0 else 0.0
 
-    return limit_of(e, SETTLED, ratio, lambda r: f"distances change at {r:.1e} of the first spread")
+    return limit_of(
+        e, SETTLED, ratio, lambda r: f"distances change at {r:.1e} of the first spread", error=_velocity_share(e)
+    )
+
+
+def _velocity_share(e: Evidence) -> float:
+    """Error of a difference of two velocities that were estimated from positions, by the largest spread."""
+    error = 2.0 * e.velocity_error * float(np.sqrt(e.p.shape[2])) if e.velocity_error else 0.0
+    return error / e.largest_spread if error else 0.0
 
 
 @about(Subject.LINKS, _last_switch)
@@ -135,8 +145,17 @@ def forces_vanish(e: Evidence) -> Measure:
     scale = _force_scale(e)
     return limit_of(
         e, STATIONARY, lambda k: _imbalance_at(e, k, scale),
-        lambda r: f"largest force is {r:.1e} of stiffness times length",
+        lambda r: f"largest force is {r:.1e} of stiffness times length", error=_force_error(e),
     )  # fmt: skip
+
+
+def _force_error(e: Evidence) -> float:
+    """Error of the imbalance of forces where positions have one: every link of an agent is that much too long."""
+    if not e.position_error:
+        return 0.0
+    found = e.equilibrium
+    links = int(np.bincount(found.i, minlength=e.run.n).max())
+    return links * 2.0 * e.position_error * float(np.sqrt(e.q.shape[2])) / float(found.r.mean())
 
 
 def potential_is_minimal(e: Evidence) -> Measure:
@@ -148,7 +167,7 @@ def potential_is_minimal(e: Evidence) -> Measure:
     largest = float(np.abs(stiffness).max(initial=0.0))
     ratio = float(stiffness[0]) / largest if largest > 0 else 0.0
     note = f"smallest stiffness {ratio:.1e} of the largest"
-    return of_configuration(e, Measure(ratio + STATIONARY, imbalance(e), note))
+    return of_configuration(e, Measure(ratio + STATIONARY, imbalance(e) + _force_error(e), note))
 
 
 def agents_at_their_minimum(e: Evidence) -> Measure:

@@ -1,0 +1,157 @@
+"""The command that judges claims, about saved runs and about samples from other programs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    from flocking.model.law import Scenario
+    from flocking.study.claims.audit import Report
+    from flocking.study.sample_files.sampled_runs import SampledMotion
+    from flocking.study.sample_files.samples import Samples
+
+Json = Annotated[bool, Parameter(name="--json")]
+
+FINE, DIFFERENT = 0, 1
+"""Exit codes: verdicts as expected, and not; of samples, which leave much open, whether a claim fails."""
+
+
+def audit(
+    source: Path,
+    *,
+    law: str | None = None,
+    column: Annotated[list[str] | None, Parameter(name=["--column", "-c"])] = None,
+    radius: float | None = None,
+    time_step: float | None = None,
+    as_json: Json = False,
+) -> int:
+    """Judge claims about a saved run, or about a motion of which samples are in a file.
+
+    Of a saved run those of its paper are judged, or the general ones; of samples without a law those that need none.
+
+    Parameters
+    ----------
+    source
+        Folder of a run; or a file of samples: .csv or .parquet (columns t, id, x, y, z and, if known, vx, vy, vz; one
+        row per agent and time), .npz (arrays t, q and, if known, p) or .gsd. Missing velocities are estimated.
+    law
+        The law that the samples are held against: a scenario as a TOML file, in which the start may be missing, or a
+        name that 'flocking list' shows.
+    column
+        Name of a column or array in the file, as t=time; once for each.
+    radius
+        Radius within which agents are neighbours, for samples without a law.
+    time_step
+        Time of one step, for GSD files of other programs.
+    as_json
+        Print JSON.
+    """
+    from flocking.errors import InvalidInput
+
+    if source.is_dir():
+        for name, value in (("--law", law), ("--column", column), ("--radius", radius), ("--time-step", time_step)):
+            if value is not None:
+                raise InvalidInput(
+                    "audit", name, "must be absent for a saved run", value, "It is for files of samples."
+                )
+        return _audit_run(source, as_json)
+    return _audit_samples(source, law, _named_columns(column or []), radius, time_step, as_json)
+
+
+def _audit_run(folder: Path, as_json: bool) -> int:
+    from flocking.apps.commands.certify_command import certificate_rows, print_promises
+    from flocking.engine.storage.stored_runs import read_run
+    from flocking.papers.auditing import audit as audit_run
+
+    report = audit_run(read_run(folder))
+    promised = certificate_rows(report.run)
+    if as_json:
+        _print_json(report.as_dict() | {"certificates": promised})
+    else:
+        _print_claims(report, report.run.scenario.name)
+        print_promises(promised)
+        outcome = "All decided claims have" if report.as_expected else "Some claims do not have"
+        print(f"{outcome} the expected verdict.")
+    return FINE if report.as_expected and all(row["kept"] is not False for row in promised) else DIFFERENT
+
+
+def _audit_samples(
+    path: Path, law: str | None, columns: dict[str, str], radius: float | None, time_step: float | None, as_json: bool
+) -> int:
+    from flocking.apps.tables import print_facts
+    from flocking.errors import InvalidInput
+    from flocking.papers.auditing import paper_claims
+    from flocking.study.claims.audit import audit as audit_claims
+    from flocking.study.claims.claim import Verdict
+    from flocking.study.sample_files.reading import ENDINGS, read_samples
+    from flocking.study.sample_files.sampled_runs import motion_of
+
+    if not path.exists() or (path.suffix.lower() not in ENDINGS):
+        kinds = f"a saved run, or a file that ends in {', '.join(ENDINGS)}"
+        raise InvalidInput("audit", "source", f"must be the folder of {kinds}", str(path))
+    samples = read_samples(path, columns=columns, time_step=time_step)
+    scenario = None if law is None else _law(law, samples)
+    motion = motion_of(samples, scenario, radius=radius)
+    claims = None if scenario is None else paper_claims(scenario.name)
+    report = motion.audit() if claims is None else audit_claims(motion.run, claims)
+    if as_json:
+        _print_json({**report.as_dict(), **_facts(path, samples, motion, law)})
+    else:
+        print_facts(list(_facts(path, samples, motion, law).items()))
+        print()
+        _print_claims(report, "")
+        verdicts = [str(r.verdict) for r in report.results]
+        counts = {name: verdicts.count(name) for name in dict.fromkeys(verdicts)}
+        print("; ".join(f"{count} {name}" for name, count in counts.items()) + ".")
+    return DIFFERENT if any(r.verdict is Verdict.FAILS for r in report.results) else FINE
+
+
+def _facts(path: Path, samples: Samples, motion: SampledMotion, law: str | None) -> dict[str, str]:
+    """What the samples are, by name."""
+    t, q = samples.t, samples.q
+    return {
+        "file": str(path),
+        "agents": f"{q.shape[1]} in {q.shape[2]} dimensions",
+        "samples": f"{len(t)} from t = {t[0]:g} to {t[-1]:g}",
+        "velocities": str(motion.run.provenance["velocities"]),
+        "law": law or "none declared: only claims that need none are judged",
+    }
+
+
+def _law(name: str, samples: Samples) -> Scenario:
+    """The declared law; a file without a start gets that of the samples."""
+    from flocking.apps.scenario_names import find_scenario
+    from flocking.model.state import State
+    from flocking.study.scenario_files.scenario_file import read_scenario
+
+    if Path(name).suffix != ".toml" and not Path(name).exists():
+        return find_scenario(name, None, None)
+    speeds = samples.q[0] * 0.0 if samples.p is None else samples.p[0]
+    return read_scenario(name, start=State(samples.q[0], speeds, float(samples.t[0])))
+
+
+def _named_columns(texts: list[str]) -> dict[str, str]:
+    from flocking.errors import InvalidInput
+
+    found: dict[str, str] = {}
+    for text in texts:
+        ours, equals, theirs = text.partition("=")
+        if not (ours and equals and theirs) or ours in found:
+            raise InvalidInput("audit", "--column", "must be t=NAME, id=NAME, x=NAME, ..., once for each", text)
+        found[ours] = theirs
+    return found
+
+
+def _print_claims(report: Report, title: str) -> None:
+    from flocking.apps.tables import print_table, short
+
+    rows = [(r.claim.key, str(r.verdict), short(r.margin), short(r.error), r.note) for r in report.results]
+    print_table(("claim", "verdict", "margin", "error", "measured"), rows, title=title)
+
+
+def _print_json(data: object) -> None:
+    print(json.dumps(data, indent=2, allow_nan=False, ensure_ascii=False))

@@ -1,0 +1,108 @@
+"""Claims about sampled motions of which no law is declared: what can be said at the samples alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flocking.model.graphs.connectivity import is_connected
+from flocking.study.claims.claim import Claim, Measure, above, below
+from flocking.study.claims.conclusions.limits import SETTLED, distances_settle, velocities_agree
+from flocking.study.claims.subjects import Subject, about
+from flocking.study.evidence import Evidence
+
+SOURCE = "any motion"
+"""Where these claims come from."""
+
+
+@about(Subject.VELOCITIES, lasting=True)
+def mean_velocity_constant(e: Evidence) -> Measure:
+    """Largest change of the mean velocity against `SETTLED` of the largest speed."""
+    drift = float(np.linalg.norm(e.mean_velocity - e.mean_velocity[0], axis=1).max())
+    error = 2.0 * e.velocity_error * float(np.sqrt(e.p.shape[2]))
+    fastest = float(e.speeds.max())
+    note = f"mean velocity moved by {drift:.2e}, largest speed {fastest:.2e}"
+    return below(drift, SETTLED * fastest, note, (1 + SETTLED) * error)
+
+
+@about(Subject.CLOSEST, lasting=True)
+def apart_at_samples(e: Evidence) -> Measure:
+    """Smallest distance of two agents at any sample."""
+    c = e.closest
+    if not np.isfinite(c.distance):
+        return Measure(np.inf, 0.0, "one agent")
+    note = f"closest {c.distance:.4g} at t = {c.time:.3g} (agents {c.pair[0]}, {c.pair[1]})"
+    return above(c.distance, 0.0, note, distance_error(e))
+
+
+def distance_error(e: Evidence) -> float:
+    """Error of a distance from those of two positions."""
+    return 2.0 * e.position_error * float(np.sqrt(e.q.shape[2]))
+
+
+def _radius(e: Evidence) -> float:
+    return float(np.max(np.asarray(e.law.graph.break_radius)))
+
+
+@about(Subject.CONNECTIVITY, lasting=True)
+def connected_at_samples(e: Evidence) -> Measure:
+    """Whether agents within the radius form one group at every sample, whatever the errors of the distances."""
+    e.need_few()
+    error, radius, doubtful = distance_error(e), _radius(e), -1
+    for frame, q in enumerate(e.q):
+        distance = e.distances(q)
+        if is_connected(distance < radius - error):
+            continue
+        if not is_connected(distance < radius + error):
+            return Measure(-1.0, 0.0, f"not one group at t = {e.t[frame]:.4g}, within {radius:g}")
+        doubtful = frame if doubtful < 0 else doubtful
+    if doubtful >= 0:
+        return Measure(1.0, np.inf, f"distances are too uncertain at t = {e.t[doubtful]:.4g}")
+    return Measure(1.0, 0.0, f"one group at {len(e.t)} samples, within {radius:g}")
+
+
+@about(Subject.LINKS, lasting=True)
+def neighbours_kept(e: Evidence) -> Measure:
+    """Number of pairs within the radius at the first sample that are not within it at another one."""
+    e.need_few()
+    error, radius = distance_error(e), _radius(e)
+    first = np.triu(e.distances(e.q[0]), 1)
+    sure, possible = (first > 0) & (first < radius - error), (first > 0) & (first < radius + error)
+    lost, perhaps = np.zeros_like(sure), np.zeros_like(sure)
+    for q in e.q[1:]:
+        distance = e.distances(q)
+        lost |= sure & (distance >= radius + error)
+        perhaps |= possible & (distance >= radius - error)
+    count, most = int(lost.sum()), int(perhaps.sum())
+    note = f"{count} of {int(sure.sum())} first neighbours are further apart than {radius:g} at some sample"
+    if most and not count:
+        return Measure(0.5, np.inf, f"{note}; {most} may be")
+    return Measure(0.5 - count, 0.0, note)
+
+
+WITHOUT_LAW: tuple[Claim, ...] = (
+    Claim("mean-velocity", SOURCE, "At every sample the mean velocity is the same, to 1 % of the largest speed.",
+          mean_velocity_constant, dynamic=False),
+    Claim("velocities-agree", SOURCE, "All velocities become the same.", velocities_agree, dynamic=False),
+    Claim("distances-settle", SOURCE, "All distances become constant.", distances_settle, dynamic=False),
+    Claim("apart", SOURCE, "At every sample all agents are apart.", apart_at_samples, dynamic=False),
+)  # fmt: skip
+"""Claims that need neither a law nor a radius."""
+
+WITHIN_RADIUS: tuple[Claim, ...] = (
+    Claim("connected", SOURCE, "At every sample the agents within the radius form one group.",
+          connected_at_samples, dynamic=False),
+    Claim("neighbours-kept", SOURCE, "Agents within the radius at the first sample stay within it.",
+          neighbours_kept, dynamic=False),
+)  # fmt: skip
+"""Claims that need a radius, within which agents are neighbours."""
+
+
+def claims_without_law(radius: float | None) -> tuple[Claim, ...]:
+    """Claims about samples of a motion without a declared law.
+
+    Parameters
+    ----------
+    radius
+        Radius within which agents are neighbours; without it no claim about neighbours is made.
+    """
+    return WITHOUT_LAW if radius is None else (*WITHOUT_LAW, *WITHIN_RADIUS)

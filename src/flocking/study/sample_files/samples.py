@@ -1,0 +1,221 @@
+"""Samples of a motion, and the errors of a file that holds them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array
+from flocking.model.parts.values import nearest
+
+LARGEST_FILE = 2_000_000_000
+"""Bytes of a file, and of the arrays unpacked from it, a bound on memory: 2 GB."""
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Samples of a motion.
+
+    Parameters
+    ----------
+    t
+        Times, ascending, shape (F,).
+    q
+        Positions, shape (F, N, m).
+    p
+        Velocities, shape (F, N, m); None where the file has none.
+    names
+        Names of the agents in the file, N of them.
+    """
+
+    t: Array
+    q: Array
+    p: Array | None
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Names of the columns or arrays of a file.
+
+    Parameters
+    ----------
+    path
+        The file, for messages.
+    given
+        Names in the file, by the names used here; those not given have the same name in the file.
+    """
+
+    path: Path
+    given: Mapping[str, str]
+
+    def name(self, ours: str) -> str:
+        """Name in the file of one of our columns.
+
+        Parameters
+        ----------
+        ours
+            Our name of it.
+        """
+        return self.given.get(ours, ours)
+
+    def check_names(self, known: tuple[str, ...]) -> None:
+        """Refuse given names of columns that this kind of file does not have.
+
+        Parameters
+        ----------
+        known
+            Our names of its columns.
+
+        Raises
+        ------
+        InvalidInput
+            When another one is given.
+        """
+        for ours in self.given:
+            if ours not in known:
+                raise InvalidInput(
+                    str(self.path), "column", f"must be one of {', '.join(known)}, as in {known[0]}=NAME", ours,
+                    nearest(ours, list(known)),
+                )  # fmt: skip
+
+    def missing(self, ours: str, found: list[str]) -> InvalidInput:
+        """The error of a column that the file does not have.
+
+        Parameters
+        ----------
+        ours
+            Our name of it.
+        found
+            Columns of the file.
+        """
+        name = self.name(ours)
+        fix = f"{nearest(name, found)} Name it with --column {ours}=NAME."
+        return InvalidInput(str(self.path), f"column {name}", f"must be in the file ({ours})", found, fix)
+
+    def present(self, ours: str, found: list[str]) -> bool:
+        """Whether the file has a column; one that the user named must be there.
+
+        Parameters
+        ----------
+        ours
+            Our name of it.
+        found
+            Columns of the file.
+
+        Raises
+        ------
+        InvalidInput
+            When the user named it and it is missing.
+        """
+        if self.name(ours) in found:
+            return True
+        if ours in self.given:
+            raise self.missing(ours, found)
+        return False
+
+
+def check_size(path: Path, size: int, what: str = "the file") -> None:
+    """Refuse more bytes than `LARGEST_FILE`.
+
+    Parameters
+    ----------
+    path
+        The file.
+    size
+        Bytes.
+    what
+        What has this size, for the message.
+
+    Raises
+    ------
+    InvalidInput
+        When it is too large.
+    """
+    if size > LARGEST_FILE:
+        raise InvalidInput(
+            str(path), what, f"must have at most {LARGEST_FILE} bytes", size, "Keep fewer agents or samples."
+        )
+
+
+def finite_array(path: Path, name: str, values: object, ndim: int) -> Array:
+    """An array of a file as double precision; a value that is not finite is named by its place.
+
+    Parameters
+    ----------
+    path, name
+        The file and the name of the array in it.
+    values
+        The array.
+    ndim
+        Number of its axes.
+
+    Raises
+    ------
+    InvalidInput
+        When it does not hold real numbers, has another number of axes, or a value is not finite.
+    """
+    array = np.asarray(values)
+    if array.dtype.kind not in "fiu":
+        raise InvalidInput(str(path), f"array {name}", "must hold real numbers", str(array.dtype))
+    if array.ndim != ndim:
+        axes = {1: "(times)", 3: "(times, agents, axes)"}[ndim]
+        raise InvalidInput(str(path), f"array {name}", f"must have the shape {axes}", array.shape)
+    found = np.ascontiguousarray(array, dtype=np.float64)
+    wrong = np.argwhere(~np.isfinite(found))
+    if len(wrong):
+        place = tuple(int(k) for k in wrong[0])
+        raise InvalidInput(str(path), f"array {name}, entry {place}", "must be a finite number", found[place])
+    return found
+
+
+def check_times(path: Path, t: Array, name: str) -> None:
+    """Refuse times that do not ascend.
+
+    Parameters
+    ----------
+    path, name
+        The file and the name of the times in it.
+    t
+        Times, shape (F,).
+
+    Raises
+    ------
+    InvalidInput
+        When there are fewer than three, or one is not later than the one before.
+    """
+    if len(t) < 3:
+        raise InvalidInput(str(path), name, "must hold at least three times", len(t))
+    late = np.flatnonzero(np.diff(t) <= 0)
+    if len(late):
+        k = int(late[0]) + 1
+        raise InvalidInput(str(path), f"{name}, entry {k}", f"must be later than {t[k - 1]:g} before it", float(t[k]))
+
+
+def number(path: Path, row: int, column: str, text: str) -> float:
+    """A number of a text table.
+
+    Parameters
+    ----------
+    path, row, column
+        Its place.
+    text
+        Its text.
+
+    Raises
+    ------
+    InvalidInput
+        When it is not a finite number.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InvalidInput(str(path), f"line {row}, column {column}", "must be a finite number", text)
+    return value

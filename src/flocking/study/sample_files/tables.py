@@ -1,0 +1,177 @@
+"""Tables with one row per agent and time: CSV and Parquet."""
+
+from __future__ import annotations
+
+import csv
+from array import array as buffer
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flocking.engine.storage.export_formats import missing_package
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array
+from flocking.study.sample_files.samples import LARGEST_FILE, Columns, Samples, check_size, check_times, number
+
+if TYPE_CHECKING:
+    from _csv import Reader
+
+TABLE_COLUMNS = ("t", "id", "x", "y", "z", "vx", "vy", "vz")
+"""Columns of a table: time, agent, position and velocity by axis."""
+
+
+def read_csv(path: Path, columns: Columns) -> Samples:
+    """Read a CSV table, line by line.
+
+    Parameters
+    ----------
+    path
+        The file; UTF-8, with a header.
+    columns
+        Names of its columns.
+
+    Raises
+    ------
+    InvalidInput
+        When a column is missing, a value is not a number, or an agent has no row or two rows at a time. The message
+        names the line and the column.
+    """
+    columns.check_names(TABLE_COLUMNS)
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            return _read_lines(path, csv.reader(file, strict=True), columns)
+    except UnicodeDecodeError as error:
+        raise InvalidInput(str(path), "file", "must be UTF-8 text", f"byte {error.object[error.start]:#x}") from None
+    except (OSError, csv.Error) as error:
+        raise InvalidInput(str(path), "file", f"must be a CSV table ({error})", path.name) from None
+
+
+def _read_lines(path: Path, lines: Reader, columns: Columns) -> Samples:
+    header = [name.strip() for name in next(lines, [])]
+    twice = next((name for name in header if header.count(name) > 1), "")
+    if twice:
+        raise InvalidInput(str(path), "line 1, columns", "must have different names", twice)
+    axes, speeds = _axes(columns, header)
+    wanted = ["t", *axes, *speeds]
+    places = [header.index(columns.name(ours)) for ours in wanted]
+    agent_place = header.index(columns.name("id"))
+    values, numbers, agents, known = buffer("d"), buffer("q"), buffer("q"), dict[str, int]()
+    for row in lines:
+        if not row:
+            continue
+        if len(row) != len(header):
+            raise InvalidInput(str(path), f"line {lines.line_num}", f"must have {len(header)} columns", len(row))
+        for ours, place in zip(wanted, places, strict=True):
+            values.append(number(path, lines.line_num, columns.name(ours), row[place]))
+        agents.append(known.setdefault(row[agent_place].strip(), len(known)))
+        numbers.append(lines.line_num)
+        if len(values) * values.itemsize > LARGEST_FILE:
+            check_size(path, len(values) * values.itemsize, f"the numbers up to line {lines.line_num}")
+    table = np.frombuffer(values, dtype=np.float64).reshape(-1, len(wanted)) if values else np.zeros((0, len(wanted)))
+    rows = np.array(numbers, dtype=np.int64)
+    return _pivoted(path, columns, table, np.array(agents, dtype=np.int64), list(known), rows, len(axes), "line")
+
+
+def read_parquet(path: Path, columns: Columns) -> Samples:
+    """Read a Parquet table; only the columns that are needed are read.
+
+    Parameters
+    ----------
+    path
+        The file.
+    columns
+        Names of its columns.
+
+    Raises
+    ------
+    StorageError
+        When the package pyarrow is missing.
+    InvalidInput
+        As `read_csv`; rows count from 1.
+    """
+    columns.check_names(TABLE_COLUMNS)
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError:
+        raise missing_package("pyarrow", "Parquet") from None
+    try:
+        with parquet.ParquetFile(path) as file:
+            names = [str(name) for name in file.schema_arrow.names]
+            axes, speeds = _axes(columns, names)
+            wanted = ["t", *axes, *speeds]
+            check_size(path, file.metadata.num_rows * 8 * (len(wanted) + 1), "its columns")
+            found = file.read(columns=[columns.name(ours) for ours in (*wanted, "id")])
+    except (pyarrow.ArrowException, OSError) as error:
+        raise InvalidInput(str(path), "file", f"must be a Parquet table ({error})", path.name) from None
+    numbers = [_parquet_column(path, columns.name(ours), found.column(columns.name(ours))) for ours in wanted]
+    labels = found.column(columns.name("id")).to_pylist()
+    known: dict[str, int] = {}
+    agents = np.array([known.setdefault(str(label), len(known)) for label in labels], dtype=np.int64)
+    rows = np.arange(1, len(labels) + 1)
+    return _pivoted(path, columns, np.stack(numbers, axis=1), agents, list(known), rows, len(axes), "row")
+
+
+def _parquet_column(path: Path, name: str, column: object) -> Array:
+    values = column.to_numpy()  # type: ignore[attr-defined]
+    if values.dtype.kind not in "fiu":
+        raise InvalidInput(str(path), f"column {name}", "must hold numbers", str(getattr(column, "type", values.dtype)))
+    found = values.astype(np.float64)
+    wrong = np.flatnonzero(~np.isfinite(found))
+    if len(wrong):
+        row = int(wrong[0])
+        raise InvalidInput(str(path), f"row {row + 1}, column {name}", "must be a finite number", float(found[row]))
+    return np.asarray(found)
+
+
+def _axes(columns: Columns, found: list[str]) -> tuple[list[str], list[str]]:
+    """Our names of the position columns and of the velocity columns that a table has."""
+    for ours in ("t", "id", "x"):
+        if columns.name(ours) not in found:
+            raise columns.missing(ours, found)
+    axes = [axis for axis in "xyz" if columns.present(axis, found)]
+    if axes == ["x", "z"]:
+        raise columns.missing("y", found)
+    speeds = [f"v{axis}" for axis in "xyz" if columns.present(f"v{axis}", found)]
+    for axis in axes if speeds else []:
+        if f"v{axis}" not in speeds:
+            raise columns.missing(f"v{axis}", found)
+    for speed in speeds:
+        if speed[1:] not in axes:
+            raise columns.missing(speed[1:], found)
+    return axes, speeds
+
+
+def _pivoted(
+    path: Path, columns: Columns, table: Array, agents: NDArray[np.int64], names: list[str],
+    rows: NDArray[np.int64], m: int, place: str,
+) -> Samples:  # fmt: skip
+    """Arrays by time and agent from the rows of a table."""
+    order = sorted(range(len(names)), key=lambda k: (len(names[k]), names[k]))
+    rank = np.empty(len(names), dtype=np.int64)
+    rank[order] = np.arange(len(names))
+    agents = rank[agents]
+    times, frame = np.unique(table[:, 0], return_inverse=True)
+    key = frame.reshape(-1) * len(names) + agents
+    used, first = np.unique(key, return_index=True)
+    time_name = columns.name("t")
+    if len(used) < len(key):
+        twice = int(np.setdiff1d(np.arange(len(key)), first)[0])
+        raise InvalidInput(
+            str(path), f"{place} {rows[twice]}, columns {columns.name('id')} and {time_name}",
+            "must give every agent one row per time", f"{names[order[agents[twice]]]} at {table[twice, 0]:g} again",
+        )  # fmt: skip
+    check_times(path, times, f"column {time_name}")
+    if len(used) < len(times) * len(names):
+        gap = int(np.argmax(np.append(used, -1) != np.arange(len(used) + 1)))
+        raise InvalidInput(
+            str(path), f"columns {columns.name('id')} and {time_name}", "must give every agent a row at every time",
+            f"none of {names[order[gap % len(names)]]} at {times[gap // len(names)]:g}",
+            "Interpolate to common times, or remove agents that are not always seen.",
+        )  # fmt: skip
+    shape = (len(times), len(names), m)
+    q = table[first, 1 : 1 + m].reshape(shape)
+    p = table[first, 1 + m :].reshape(shape) if table.shape[1] > 1 + m else None
+    return Samples(times, q, p, tuple(names[k] for k in order))

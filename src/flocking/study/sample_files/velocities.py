@@ -1,0 +1,102 @@
+"""Velocities of sampled positions, by polynomials fitted to neighbouring samples, and their estimated errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flocking.errors import InvalidInput
+from flocking.model.checks import Array
+
+WINDOW = 9
+"""Samples of one fit. Two more than the coefficients of the highest degree that is compared, so that residuals of the
+fits show the noise of the positions."""
+
+DEGREES = ((2, 4), (4, 6))
+"""Degrees of the polynomials that are tried, and the higher degree that each is compared with."""
+
+SPREADS = 3.0
+"""Standard deviations of noise that an estimated error contains; all but 0.3 % of normal noise lies within."""
+
+
+@dataclass(frozen=True, eq=False)
+class Velocities:
+    """Estimated velocities.
+
+    Parameters
+    ----------
+    p
+        Velocities, shape (F, N, m).
+    other
+        Those of the higher degree, whose difference estimates the truncation error, shape (F, N, m).
+    error
+        Estimated error of every velocity, shape (F, N, m): its distance from ``other``, and `SPREADS` standard
+        deviations of the noise in that.
+    noise
+        Standard deviation of the noise in each coordinate of the positions, from the residuals of the fits.
+    method
+        The method in words.
+    """
+
+    p: Array
+    other: Array
+    error: Array
+    noise: float
+    method: str
+
+
+def smoothed_velocities(t: Array, q: Array) -> Velocities:
+    """Velocities of sampled positions by least squares (Savitzky and Golay, Anal. Chem. 36 (1964) 1627).
+
+    A polynomial is fitted to the `WINDOW` samples nearest to each sample, which need not be evenly spaced; its slope is
+    the velocity. Of two degrees the one with the smaller estimated error is used.
+
+    Parameters
+    ----------
+    t
+        Times, ascending, shape (F,).
+    q
+        Positions, shape (F, N, m).
+
+    Raises
+    ------
+    InvalidInput
+        When there are fewer than `WINDOW` samples.
+    """
+    if len(t) < WINDOW:
+        raise InvalidInput(
+            "smoothed_velocities", "t", f"must hold at least {WINDOW} times, for velocities are estimated", len(t),
+            "Give velocities, or more samples.",
+        )  # fmt: skip
+    slopes = {degree: _slopes(t, q, degree) for degree in sorted({d for pair in DEGREES for d in pair})}
+    noise = slopes[DEGREES[-1][1]][2]
+    best = None
+    for degree, higher in DEGREES:
+        p = slopes[degree][0]
+        other, gain, _ = slopes[higher]
+        error = np.abs(p - other) + SPREADS * noise * gain[:, None, None]
+        if best is None or np.mean(error**2) < np.mean(best.error**2):
+            method = f"slope of a polynomial of degree {degree} through the {WINDOW} nearest samples"
+            best = Velocities(p, other, error, noise, method)
+    assert best is not None
+    return best
+
+
+def _slopes(t: Array, q: Array, degree: int) -> tuple[Array, Array, float]:
+    """Slopes at every sample, the gain of noise in each, and the noise that the residuals of the fits show."""
+    count = len(t)
+    p, gain, squares = np.zeros_like(q), np.zeros(count), 0.0
+    for k in range(count):
+        first = min(max(0, k - WINDOW // 2), count - WINDOW)
+        part = slice(first, first + WINDOW)
+        scale = float(np.abs(t[part] - t[k]).max())
+        powers = np.vander((t[part] - t[k]) / scale, degree + 1, increasing=True)
+        fit = np.linalg.pinv(powers)
+        values = q[part] - q[k]
+        weights = fit[1] / scale
+        p[k] = np.tensordot(weights, values, axes=1)
+        gain[k] = float(np.linalg.norm(weights))
+        residual = values - np.tensordot(powers @ fit, values, axes=1)
+        squares += float((residual**2).mean()) * WINDOW / (WINDOW - degree - 1)
+    return p, gain, float(np.sqrt(squares / count))

@@ -1,0 +1,82 @@
+"""`flocking audit` on files of samples."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.apps.cli import main
+
+LAW = """format = 1
+[graph]
+kind = "proximity"
+radius = 4.0
+[[terms]]
+kind = "consensus"
+gain = 1.0
+"""
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("data")
+    law = fk.Law(fk.Proximity(4.0), [fk.Consensus(1.0)])
+    begin = fk.start.box(4, side=1.0, speed=1.0, seed=1)
+    run = fk.simulate(fk.Scenario(law, begin, t_end=2.0, frames=201), progress=False)
+    lines = ["time,bird,East,North"]
+    for t, q in zip(run.t, run.q, strict=True):
+        lines += [f"{float(t)!r},b{i},{float(x)!r},{float(y)!r}" for i, (x, y) in enumerate(q)]
+    (folder / "birds.csv").write_text("\n".join(lines))
+    (folder / "law.toml").write_text(LAW)
+    (folder / "wrong.toml").write_text(LAW.replace("gain = 1.0", "gain = 2.0"))
+    np.savez(folder / "birds.npz", t=run.t, q=run.q, p=run.p)
+    return folder
+
+
+COLUMNS = ["--column", "t=time", "-c", "id=bird", "-c", "x=East", "-c", "y=North"]
+
+
+def test_a_law_is_held_against_a_table(place, capsys):
+    assert main(["audit", str(place / "birds.csv"), *COLUMNS, "--law", str(place / "law.toml"), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert {c["claim"]: c["verdict"] for c in found["claims"]}["ledger"] == "holds"
+    assert "estimated" in found["velocities"]
+    assert "at most" in found["velocities"]
+
+
+def test_a_false_law_fails_with_exit_code_1(place, capsys):
+    assert main(["audit", str(place / "birds.csv"), *COLUMNS, "--law", str(place / "wrong.toml")]) == 1
+    assert "fails" in capsys.readouterr().out
+    assert main(["audit", str(place / "birds.npz"), "--law", str(place / "wrong.toml")]) == 1
+    assert "taken as exact" in capsys.readouterr().out.replace("\n", " ")
+
+
+def test_without_a_law_only_claims_that_need_none_are_judged(place, capsys):
+    assert main(["audit", str(place / "birds.npz"), "--radius", "4", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert {c["claim"] for c in found["claims"]} == {
+        "mean-velocity", "velocities-agree", "distances-settle", "apart", "connected", "neighbours-kept",
+    }  # fmt: skip
+    assert found["law"].startswith("none declared")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["birds.csv"], "--column t=NAME"),
+        (["none.csv"], "folder of a saved run, or a file that ends in .csv"),
+        (["law.toml"], "folder of a saved run, or a file that ends in .csv"),
+        (["birds.npz", "--column", "t"], "must be t=NAME"),
+        (["birds.npz", "--time-step", "1"], "time_step"),
+        ([".", "--radius", "1"], "must be absent for a saved run"),
+    ],
+)
+def test_wrong_input_is_one_sentence(place, capsys, monkeypatch, words, message):
+    monkeypatch.chdir(place)
+    assert main(["audit", *words]) == 2
+    shown = capsys.readouterr().err
+    assert message in shown
+    assert shown.count("\n") == 1

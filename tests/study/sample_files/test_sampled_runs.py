@@ -1,0 +1,114 @@
+"""Motions from samples: estimated velocities, their errors, and verdicts that take them into account."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.papers.tanner_2003_dynamic import scenario
+from flocking.study.claims.claim import Verdict
+from flocking.study.sample_files.sampled_runs import motion_of
+from flocking.study.sample_files.samples import Samples
+from flocking.study.sample_files.velocities import smoothed_velocities
+
+
+def circle(count=401, noise=0.0, uneven=0.0):
+    draw = np.random.default_rng(5)
+    t = np.sort(np.linspace(0.0, 6.0, count) + uneven * draw.uniform(-1, 1, count))
+    q = np.stack([np.cos(t), np.sin(t)], axis=1)[:, None, :]
+    p = np.stack([-np.sin(t), np.cos(t)], axis=1)[:, None, :]
+    return t, q + noise * draw.standard_normal(q.shape), p
+
+
+@pytest.mark.parametrize(("noise", "uneven"), [(0.0, 0.0), (0.0, 0.005), (1e-5, 0.0), (1e-3, 0.004)])
+def test_estimated_errors_contain_the_true_ones(noise, uneven):
+    t, q, p = circle(noise=noise, uneven=uneven)
+    found = smoothed_velocities(t, q)
+    wrong = np.abs(found.p - p)
+    assert (wrong <= found.error + 1e-12).mean() > 0.98
+    assert found.error.max() < 100 * max(wrong.max(), 1e-9)
+    if noise:
+        assert 0.8 * noise < found.noise < 1.25 * noise
+
+
+def test_few_samples_without_velocities_are_refused():
+    t, q, _ = circle(count=8)
+    with pytest.raises(fk.InvalidInput, match="at least 9 times"):
+        motion_of(Samples(t, q, None, ("a",)))
+
+
+@pytest.fixture(scope="module")
+def sampled():
+    declared = scenario(seed=2).with_(t_end=4.0, frames=401, name="")
+    return declared, fk.simulate(declared, progress=False)
+
+
+def ledger(declared, run, law=None, noise=0.0):
+    q = run.q + noise * np.random.default_rng(0).standard_normal(run.q.shape)
+    names = tuple(map(str, range(run.n)))
+    return motion_of(Samples(run.t, q, None, names), declared if law is None else declared.with_(law=law)).audit()
+
+
+def test_a_true_law_is_not_refuted_by_estimated_velocities_and_a_false_one_is(sampled):
+    declared, run = sampled
+    assert ledger(declared, run)["ledger"].verdict is Verdict.HOLDS
+    gradient, consensus = declared.law.terms
+    law = fk.Law(declared.law.graph, [gradient, fk.Consensus(consensus.gain * 1.5)])
+    assert ledger(declared, run, law)["ledger"].verdict is Verdict.FAILS
+
+
+@pytest.mark.parametrize("noise", [1e-5, 1e-4, 1e-3, 1e-2])
+def test_noise_opens_verdicts_and_makes_none_wrong(sampled, noise):
+    declared, run = sampled
+    found = ledger(declared, run, noise=noise)
+    for key in ("ledger", "momentum", "energy-falls"):
+        assert found[key].verdict is not Verdict.FAILS, (key, found[key].note)
+
+
+def test_the_error_of_velocities_is_what_keeps_momentum_from_failing(sampled, monkeypatch):
+    from flocking.study.evidence.basis import RunEvidence
+
+    declared, run = sampled
+    assert ledger(declared, run, noise=1e-4)["momentum"].verdict is Verdict.NOT_RESOLVED
+    monkeypatch.setattr(RunEvidence, "velocity_error", 0.0)
+    assert ledger(declared, run, noise=1e-4)["momentum"].verdict is Verdict.FAILS
+
+
+def line(gap, speed=0.0, count=31):
+    t = np.linspace(0.0, 3.0, count)
+    q = np.zeros((count, 2, 2))
+    q[:, 1, 0] = gap + speed * t
+    p = np.zeros_like(q)
+    p[:, 1, 0] = speed
+    return Samples(t, q, p, ("a", "b"))
+
+
+def verdicts(samples, radius=None):
+    return {r.claim.key: r.verdict for r in motion_of(samples, radius=radius).audit().results}
+
+
+def test_claims_without_a_law():
+    still = verdicts(line(1.0), radius=2.0)
+    assert still["apart"] is still["connected"] is still["neighbours-kept"] is Verdict.HOLDS
+    leaving = verdicts(line(1.0, speed=1.0), radius=2.0)
+    assert leaving["connected"] is leaving["neighbours-kept"] is leaving["velocities-agree"] is Verdict.FAILS
+    assert "connected" not in verdicts(line(1.0))
+    together = verdicts(line(1.0, speed=-0.5))
+    assert together["apart"] is not Verdict.HOLDS
+
+
+def test_a_distance_within_its_error_of_the_radius_is_open():
+    samples = line(2.0 - 1e-9)
+    q = samples.q + 1e-3 * np.random.default_rng(2).standard_normal(samples.q.shape)
+    found = verdicts(Samples(samples.t, q, None, ("a", "b")), radius=2.0)
+    assert found["connected"] is found["neighbours-kept"] is Verdict.NOT_RESOLVED
+
+
+def test_law_and_samples_must_fit(sampled):
+    declared, run = sampled
+    samples = Samples(run.t, run.q, run.p, tuple(map(str, range(run.n))))
+    with pytest.raises(fk.InvalidInput, match="radius must be absent"):
+        motion_of(samples, declared, radius=2.0)
+    with pytest.raises(fk.InvalidInput, match="3 dimensions"):
+        motion_of(Samples(run.t, np.zeros((len(run.t), 2, 3)), None, ("a", "b")), declared)
