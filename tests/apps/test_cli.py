@@ -164,7 +164,7 @@ BAD = [
     (["run", "zhou-2015", "--seed", "x"], "seed"),
     (["run", "zhou-2015", "--seed", "-1"], "seed"),
     (["run", "zhou-2015", "--out", "/dev/null/x"], "/dev/null/x"),
-    (["audit", "absent"], "not a run"),
+    (["audit", "absent"], "There is neither folder nor file."),
     (["audit", "."], "not a run"),
     (["resume", "absent"], "absent"),
     (["check", "1/r +"], "does not parse"),

@@ -90,9 +90,11 @@ def _audit_samples(
     from flocking.study.sample_files.reading import ENDINGS, read_samples
     from flocking.study.sample_files.sampled_runs import motion_of
 
-    if not path.exists() or (path.suffix.lower() not in ENDINGS):
-        kinds = f"a saved run, or a file that ends in {', '.join(ENDINGS)}"
-        raise InvalidInput("audit", "source", f"must be the folder of {kinds}", str(path))
+    kinds = f"the folder of a saved run, or a file that ends in {', '.join(ENDINGS)}"
+    if not path.exists():
+        raise InvalidInput("audit", "source", f"must be {kinds}", str(path), "There is neither folder nor file.")
+    if path.suffix.lower() not in ENDINGS:
+        raise InvalidInput("audit", "source", f"must be {kinds}", str(path))
     samples = read_samples(path, columns=columns, time_step=time_step)
     scenario = None if law is None else _law(law, samples)
     motion = motion_of(samples, scenario, radius=radius)
