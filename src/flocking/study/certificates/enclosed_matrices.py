@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flocking.arrays import Array
 
@@ -124,7 +125,7 @@ def least_eigenvalue(matrix: EnclosedMatrix) -> float:
     return float(np.nextafter(values[0] - radius, -np.inf))
 
 
-def eigenvalues(matrix: EnclosedMatrix) -> tuple[Array, float] | None:
+def eigenvalues(matrix: EnclosedMatrix) -> tuple[NDArray[np.complex128], float] | None:
     """Eigenvalues of any square matrices, complex, shape (n,), and a radius.
 
     The discs of this radius about them hold all eigenvalues, and every union of discs that touches no other disc holds
@@ -155,7 +156,7 @@ def eigenvalues(matrix: EnclosedMatrix) -> tuple[Array, float] | None:
     if not e < 1.0:
         return None
     radius = norm_bound(INFLATION * (size_w @ residual)) / (1.0 - e)
-    return values, INFLATION * radius
+    return np.asarray(values, dtype=np.complex128), INFLATION * radius
 
 
 def spectral_radius(matrix: EnclosedMatrix) -> tuple[float, float]:
