@@ -51,6 +51,7 @@ from flocking.model.terms.schedules import Schedule as Schedule
 from flocking.model.world.control import Continuous as Continuous
 from flocking.model.world.control import Control as Control
 from flocking.model.world.control import Held as Held
+from flocking.model.world.information import Delayed as Delayed
 from flocking.model.world.information import Information as Information
 from flocking.model.world.information import Instant as Instant
 from flocking.model.world.information import Messages as Messages

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from flocking.engine.exact.crossings.guards import crossings, deepest_dip, find_closest, squared_distance
 from flocking.engine.exact.crossings.view_guards import first_all_above
-from flocking.engine.exact.integrator.segment import Segment, bound_excursions
+from flocking.engine.integrator.segment import Segment, bound_excursions
 from flocking.engine.kernels.bernstein import NEVER, first_above, smallest_value
 
 

@@ -90,11 +90,12 @@ BUILT_IN = {
         Entry("exact", "flocking.engine.exact.engine:ENGINE", OWN_PACKAGE, 0, 0),
         Entry("tiles", "flocking.engine.tiles.engine:ENGINE", OWN_PACKAGE, 2001, 301),
         Entry("sampled", "flocking.engine.sampled.engine:ENGINE", OWN_PACKAGE, 0, 0),
+        Entry("delayed", "flocking.engine.delayed.engine:ENGINE", OWN_PACKAGE, 0, 0),
         Entry("lammps", "flocking.engine.lammps.engine:ENGINE", OWN_PACKAGE),
     )
 }
 """Engines of this library. Above 2,000 agents (300 on a page) ``"auto"`` selects the tiled one if it can run them, and
-under held control the sampled one."""
+under held control the sampled one, and with delays the delayed one."""
 
 _registered: dict[str, Entry] = {}
 

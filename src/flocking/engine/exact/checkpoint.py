@@ -10,12 +10,12 @@ from flocking.engine.archives.archive import Arrays
 from flocking.engine.exact.checkpoint_form import ExactNumbers, check_exact
 from flocking.engine.exact.companion import NODES, Difference
 from flocking.engine.exact.crossings.switching import Crossing
-from flocking.engine.exact.integrator.segment import Segment
-from flocking.engine.exact.integrator.stepper import StepperMemory
 from flocking.engine.exact.origin import Origin
 from flocking.engine.exact.recorder import ExactRecorder
 from flocking.engine.exact.snapshot import Snapshot
 from flocking.engine.exact.solution_error import ErrorMemory
+from flocking.engine.integrator.segment import Segment
+from flocking.engine.integrator.stepper import StepperMemory
 from flocking.engine.protocol.session import Stored
 from flocking.engine.runs.run import Closest, Largest
 

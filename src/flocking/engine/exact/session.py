@@ -15,9 +15,6 @@ from flocking.engine.exact.checkpoint import pack_exact, restore_exact
 from flocking.engine.exact.crossings.switching import Crossing, LinkState
 from flocking.engine.exact.dynamics import LEDGER, Dynamics
 from flocking.engine.exact.failures import infinite_at_once, infinite_at_start, sliding
-from flocking.engine.exact.integrator.segment import Segment
-from flocking.engine.exact.integrator.step_lengths import Shrunk, StepLengths
-from flocking.engine.exact.integrator.stepper import Stepper, StepperMemory
 from flocking.engine.exact.jump_times import JumpTimes
 from flocking.engine.exact.origin import momentum, origin_of
 from flocking.engine.exact.precision import Precision
@@ -28,6 +25,9 @@ from flocking.engine.exact.snapshot import Snapshot as Snapshot
 from flocking.engine.exact.solution_error import SolutionError
 from flocking.engine.exact.step_search import found_step
 from flocking.engine.exact.switch_records import write_switch
+from flocking.engine.integrator.segment import Segment
+from flocking.engine.integrator.step_lengths import Shrunk, StepLengths
+from flocking.engine.integrator.stepper import Stepper, StepperMemory
 from flocking.engine.protocol.session import Packed, Session, Stored
 from flocking.engine.protocol.world import check_world
 from flocking.engine.reference.plants import known_plant

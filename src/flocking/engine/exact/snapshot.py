@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from flocking.engine.exact.crossings.switching import Crossing
-from flocking.engine.exact.integrator.segment import Segment
-from flocking.engine.exact.integrator.stepper import StepperMemory
 from flocking.engine.exact.origin import Origin
 from flocking.engine.exact.recorder import ExactRecorder
 from flocking.engine.exact.solution_error import ErrorMemory
+from flocking.engine.integrator.segment import Segment
+from flocking.engine.integrator.stepper import StepperMemory
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 from flocking.model.law import Law, Scenario

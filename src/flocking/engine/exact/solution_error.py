@@ -18,10 +18,10 @@ from flocking.engine.exact.crossings.images import nearest_shift
 from flocking.engine.exact.crossings.switching import Crossing, LinkState, slack_of
 from flocking.engine.exact.dynamics import LEDGER, Dynamics
 from flocking.engine.exact.extremes import Extremes
-from flocking.engine.exact.integrator.segment import ROUNDING, Segment
 from flocking.engine.exact.origin import Origin
 from flocking.engine.exact.recorder import ExactRecorder
 from flocking.engine.exact.uncertain_switches import DoubtMemory, Doubts, Settled
+from flocking.engine.integrator.segment import ROUNDING, Segment
 from flocking.engine.runs.run import DoubtRow
 from flocking.errors import InvalidInput
 from flocking.model.checks import Array

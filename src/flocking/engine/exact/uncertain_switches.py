@@ -10,7 +10,7 @@ from flocking.engine.exact.crossings.images import image_doubts, pair_paths
 from flocking.engine.exact.crossings.switching import Crossing, LinkState, slack_of
 from flocking.engine.exact.crossings.view_guards import view_crossings
 from flocking.engine.exact.crossings.watch_tables import near_miss_floor
-from flocking.engine.exact.integrator.segment import ROUNDING, Segment
+from flocking.engine.integrator.segment import ROUNDING, Segment
 from flocking.engine.runs.run import DoubtRow
 from flocking.model.checks import Array
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from flocking.engine.archives.archive import Arrays
+from flocking.engine.imperfect.session import NUMBERS
 from flocking.engine.protocol.session import Packed
 from flocking.engine.sampled.checkpoint_form import check_sampled
-from flocking.engine.sampled.snapshot import NUMBERS, SampledMemory
+from flocking.engine.sampled.snapshot import SampledMemory
 from flocking.model.law import Scenario
 
 

@@ -7,42 +7,33 @@ acted, which forces wait, which samples have arrived and where links switch.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import cast
 
 import numpy as np
 
-from flocking.arrays import Array, Indices, Links
+from flocking.arrays import Array, Indices
 from flocking.engine.archives.archive import Arrays
-from flocking.engine.archives.data_checks import And, Form, MalformedError, Names, Real, Table, squarable
+from flocking.engine.archives.data_checks import Names, Table
+from flocking.engine.imperfect.checkpoint_form import (
+    LARGEST,
+    MOST_COUNT,
+    NEAR,
+    ROUNDED,
+    check_closest,
+    check_links,
+    checked_numbers,
+    must,
+)
+from flocking.engine.imperfect.link_rules import LinkRules, link_rules
 from flocking.engine.sampled.knowledge import FIRST_ROOM, START, Knowledge
 from flocking.engine.sampled.motion import Motion
-from flocking.engine.sampled.snapshot import NUMBERS, LinkRules, SampledMemory, link_rules
-from flocking.model.graphs.distance_graphs import Graph
+from flocking.engine.sampled.snapshot import SampledMemory
 from flocking.model.law import Scenario
 from flocking.model.space import Space
 from flocking.model.world.control import Held
 from flocking.model.world.times import NANOSECOND, PER_SECOND, Instants, PeriodicTimes
 
-LARGEST = squarable("f8")
-"""Bound on positions, velocities and forces."""
-
-MOST_COUNT = 2**61
-"""Largest count or nanosecond in a checkpoint, so that sums of two stay within 64 bits."""
-
-ROUNDED = 1e-14
-"""Largest relative difference of two representations of one time."""
-
-NEAR = 1e-6
-"""By how much a distance may differ from one that it must have, relative to it and to the size of the coordinates."""
-
 MOST_NEWER = 32
 """Newer samples of each sender that are looked at: none of them may have arrived."""
-
-
-def _must(fits: object, name: str, rule: str) -> None:
-    if not fits:
-        raise MalformedError(f"{name} must {rule}")
 
 
 def check_sampled(data: object, arrays: Arrays, scenario: Scenario, fresh: SampledMemory) -> dict[str, float]:
@@ -62,13 +53,13 @@ def check_sampled(data: object, arrays: Arrays, scenario: Scenario, fresh: Sampl
     """
     n, m = scenario.start.q.shape
     graphs, base = len(scenario.law.graphs), scenario.start.t
-    numbers = _numbers(data, base, scenario.t_end)
+    numbers = checked_numbers(data, base, scenario.t_end)
     _forms(n, m, graphs, fresh).check(arrays, "")
     now, accounted = numbers["time"] - base, numbers["accounted"]
     slack = ROUNDED * (abs(base) + abs(numbers["time"]))
-    _must(accounted <= now + slack, "accounted", "not lie after the time")
+    must(accounted <= now + slack, "accounted", "not lie after the time")
     ends = numbers["ledger_ends"]
-    _must(math.isinf(ends) or ends <= base + accounted + slack, "ledger_ends", "not lie after the time")
+    must(math.isinf(ends) or ends <= base + accounted + slack, "ledger_ends", "not lie after the time")
     earliest, latest = (now - slack) * PER_SECOND - 2.0, (now + slack) * PER_SECOND + 2.0
     control = scenario.control
     assert isinstance(control, Held)
@@ -80,31 +71,21 @@ def check_sampled(data: object, arrays: Arrays, scenario: Scenario, fresh: Sampl
         least, most = (
             np.zeros(n) if schedule is None else schedule.count_until(int(at) - late) for at in (earliest, latest)
         )
-        _must(((least <= counts) & (counts <= most) & (counts == arrays[name])).all(), name,
+        must(((least <= counts) & (counts <= most) & (counts == arrays[name])).all(), name,
               "be as often as the scenario says until the time")  # fmt: skip
     ticked, applied = arrays["ticked"], arrays["applied"]
-    _must(numbers["steps"] == int(numbers["steps"]), "steps", "be a whole number")
-    _must(ticked.max() <= numbers["steps"] <= ticked.sum(), "steps", "be the number of times at which agents acted")
+    must(numbers["steps"] == int(numbers["steps"]), "steps", "be a whole number")
+    must(ticked.max() <= numbers["steps"] <= ticked.sum(), "steps", "be the number of times at which agents acted")
     _check_waiting(arrays, ticks, latency)
     began = np.where(applied > 0, ticks.at(np.arange(n), applied - 1) + latency, 0)
     _check_motion(arrays, fresh.motion, began, (earliest, latest))
     rules = link_rules(scenario.law.graphs, n)
-    _check_links(arrays, scenario.law.graphs, scenario.agents.headings, fresh.links)
+    check_links(arrays, scenario.law.graphs, scenario.agents.headings, fresh.links)
     pieces = np.minimum(ticks.at(np.arange(n), applied) + latency, arrays["begin"] + fresh.motion.longest)
     _check_crossings(arrays, rules, now, (slack, pieces * NANOSECOND), scenario.space)
-    _check_closest(arrays["closest"], n, accounted)
+    check_closest(arrays["closest"], n, accounted)
     _check_knowledge(arrays, fresh.knowledge, ticks)
     return numbers
-
-
-def _numbers(data: object, base: float, t_end: float) -> dict[str, float]:
-    ends = And(Real(least=base, finite=False), "not be NaN", lambda x: not math.isnan(x))
-    free, positive = Real(finite=False), Real(least=0.0, finite=False)
-    forms: dict[str, Form[object]] = {
-        "time": Real(base, t_end), "steps": Real(0.0, float(MOST_COUNT)), "accounted": Real(0.0),
-        "largest_power": positive, "ledger_ends": ends,
-    }  # fmt: skip
-    return cast(dict[str, float], Names({name: forms.get(name, free) for name in NUMBERS}).check(data, ""))
 
 
 def _forms(n: int, m: int, graphs: int, fresh: SampledMemory) -> Names:
@@ -136,13 +117,13 @@ def _check_waiting(arrays: Arrays, ticks: PeriodicTimes, latency: int) -> None:
     ticked, applied = arrays["ticked"], arrays["applied"]
     number = ticked - applied
     lengths = {len(arrays[f"waiting_{name}"]) for name in ("time", "agent", "force")}
-    _must((number >= 0).all() and lengths == {int(number.sum())}, "waiting_time", "be one for each force that waits")
+    must((number >= 0).all() and lengths == {int(number.sum())}, "waiting_time", "be one for each force that waits")
     agents = np.repeat(np.arange(len(number)), number)
     k = applied[agents] + np.arange(len(agents)) - np.repeat(np.cumsum(number) - number, number)
     times = ticks.at(agents, k) + latency
     order = np.lexsort((agents, times))
-    _must((arrays["waiting_time"] == times[order]).all(), "waiting_time", "be a latency after the ticks")
-    _must((arrays["waiting_agent"] == agents[order]).all(), "waiting_agent", "be whose ticks they are")
+    must((arrays["waiting_time"] == times[order]).all(), "waiting_time", "be a latency after the ticks")
+    must((arrays["waiting_agent"] == agents[order]).all(), "waiting_agent", "be whose ticks they are")
 
 
 def _check_motion(arrays: Arrays, motion: Motion, began: Instants, now: tuple[float, float]) -> None:
@@ -151,46 +132,35 @@ def _check_motion(arrays: Arrays, motion: Motion, began: Instants, now: tuple[fl
     age = begin - began
     fits = (age >= 0) & (age % motion.longest == 0) & (begin <= now[1])
     fits &= np.minimum(begin, MOST_COUNT - motion.longest) + motion.longest >= min(now[0], float(MOST_COUNT))
-    _must(fits.all(), "begin", "be when the pieces of motion began")
-    _must(not force[arrays["applied"] == 0].any(), "force", "be zero until a force acts")
+    must(fits.all(), "begin", "be when the pieces of motion began")
+    must(not force[arrays["applied"] == 0].any(), "force", "be zero until a force acts")
     first, everyone = begin == 0, np.arange(len(begin))
     given = C[: motion.order]
-    _must((given == motion.coefficients[: motion.order])[:, first].all(), "coefficients", "begin at the start")
+    must((given == motion.coefficients[: motion.order])[:, first].all(), "coefficients", "begin at the start")
     with np.errstate(over="ignore", invalid="ignore"):
         again = motion.piece(everyone, given[0], given[-1], force)
         size = np.abs(motion.piece(everyone, given[0], -np.abs(given[-1]), np.abs(force)))
-        _must((np.abs(again - C) <= ROUNDED * size).all(), "coefficients", "be those of the motion under the force")
+        must((np.abs(again - C) <= ROUNDED * size).all(), "coefficients", "be those of the motion under the force")
         span = np.minimum(motion.longest, now[1] - begin + PER_SECOND) * NANOSECOND
         reach = sum(np.abs(C[k]) * span[:, None] ** k for k in range(len(C)))
-    _must((np.asarray(reach) <= LARGEST).all(), "coefficients", "keep the agents within numbers that can be squared")
-
-
-def _check_links(arrays: Arrays, graphs: Sequence[Graph], headings: Array | None, start: Links) -> None:
-    for name in ("links", "known_links"):
-        for k, (graph, links) in enumerate(zip(graphs, arrays[name], strict=True)):
-            rule, where = f"be links of a {type(graph).__name__} graph", f"{name}[{k}]"
-            _must(not links.diagonal().any(), where, rule)
-            _must(graph.moves or (links == start[k]).all(), where, rule)
-            _must(graph.directed or name == "known_links" or (links == links.T).all(), where, rule)
-            allowed = graph.allowed(headings)
-            _must(allowed is None or not (links & ~allowed).any(), where, rule)
+    must((np.asarray(reach) <= LARGEST).all(), "coefficients", "keep the agents within numbers that can be squared")
 
 
 def _check_crossings(arrays: Arrays, rules: LinkRules, now: float, spans: tuple[float, Array], space: Space) -> None:
     """Crossings are ahead, at their distances, and leave every link such as the distance at the end of a piece says."""
     slack, ends = spans
     time, rows = arrays["crossing_time"], arrays["crossing"]
-    _must(len(time) == len(rows), "crossing", "have as many rows as crossing_time")
-    _must((rows[:, 2] < len(rules.ways)).all() and (rows[:, :2] < len(ends)).all(), "crossing",
+    must(len(time) == len(rows), "crossing", "have as many rows as crossing_time")
+    must((rows[:, 2] < len(rules.ways)).all() and (rows[:, :2] < len(ends)).all(), "crossing",
           "name agents and graphs that there are")  # fmt: skip
     i, j, graph = rows.T
     ways = rules.ways[graph]
-    _must(((ways > 0) & (i != j) & ((i < j) | (ways == 2))).all(), "crossing", "name pairs whose links switch")
+    must(((ways > 0) & (i != j) & ((i < j) | (ways == 2))).all(), "crossing", "name pairs whose links switch")
     late = np.minimum(ends[i], ends[j])
     early = (time >= now - slack - 2.0 * NANOSECOND) & (time <= late + slack + 2.0 * NANOSECOND)
-    _must(early.all(), "crossing_time", "lie between now and the end of a piece of motion")
+    must(early.all(), "crossing_time", "lie between now and the end of a piece of motion")
     order = list(zip(time.tolist(), *rows.T.tolist(), strict=True))
-    _must(order == sorted(set(order)), "crossing", "be in order")
+    must(order == sorted(set(order)), "crossing", "be in order")
     begin, C = arrays["begin"] * NANOSECOND, arrays["coefficients"]
 
     def places(agents: Indices, at: Array) -> Array:
@@ -209,7 +179,7 @@ def _check_crossings(arrays: Arrays, rules: LinkRules, now: float, spans: tuple[
     for row in range(len(time)):
         a, b, k = rows[row].tolist()
         level = (rules.break_ if links[k, a, b] else rules.appear)[k, a]
-        _must(abs(distance[row] - level) <= NEAR * level + size, "crossing_time", "be when a pair is at its distance")
+        must(abs(distance[row] - level) <= NEAR * level + size, "crossing_time", "be when a pair is at its distance")
         links[k, a, b] = not links[k, a, b]
         if rules.ways[k] == 1:
             links[k, b, a] = links[k, a, b]
@@ -223,14 +193,7 @@ def _check_crossings(arrays: Arrays, rules: LinkRules, now: float, spans: tuple[
             appear, break_ = rules.appear[k][:, None], rules.break_[k][:, None]
             fits = np.where(there[k], apart <= break_ * (1.0 + NEAR) + size, apart >= appear * (1.0 - NEAR) - size)
             np.fill_diagonal(fits, True)
-            _must(fits.all(), name, "fit the distances of the agents")
-
-
-def _check_closest(closest: Array, n: int, accounted: float) -> None:
-    for square, time, i, j in closest.tolist():
-        nobody = square == math.inf and math.isnan(time) and i == j == -1.0
-        pair = square >= 0.0 and 0.0 <= time <= accounted and i in range(n) and j in range(n) and i < j
-        _must(nobody or pair, "closest", "name a pair, its squared distance and a time until now, or nobody")
+            must(fits.all(), name, "fit the distances of the agents")
 
 
 def _check_knowledge(arrays: Arrays, fresh: Knowledge, ticks: PeriodicTimes) -> None:
@@ -238,19 +201,19 @@ def _check_knowledge(arrays: Arrays, fresh: Knowledge, ticks: PeriodicTimes) -> 
     newest, taken, n = arrays["newest"], arrays["taken"], fresh.n
     room = len(arrays["sample_rows"])
     whole = room >= FIRST_ROOM and room & (room - 1) == 0
-    _must(whole, "sample_rows", f"have room for {FIRST_ROOM} times a power of 2")
-    _must(len(arrays["sample_distances"]) == room, "sample_distances", "have as much room as sample_rows")
+    must(whole, "sample_rows", f"have room for {FIRST_ROOM} times a power of 2")
+    must(len(arrays["sample_distances"]) == room, "sample_distances", "have as much room as sample_rows")
     others = ~np.eye(n, dtype=bool)
-    _must((newest[~others] == START).all(), "newest", "hold no samples of an agent itself")
-    _must((newest < np.maximum(taken, 0)[None]).all(), "newest", "name samples that were taken")
+    must((newest[~others] == START).all(), "newest", "hold no samples of an agent itself")
+    must((newest < np.maximum(taken, 0)[None]).all(), "newest", "name samples that were taken")
     oldest = np.where(others, newest, taken).min(axis=0)
-    _must((taken - 1 - np.maximum(oldest, 0) < room).all(), "newest", "name samples that are kept")
-    _must(("noise" in arrays) == (fresh.draws_errors and bool(taken.any())), "noise",
+    must((taken - 1 - np.maximum(oldest, 0) < room).all(), "newest", "name samples that are kept")
+    must(("noise" in arrays) == (fresh.draws_errors and bool(taken.any())), "noise",
           "be there where samples have errors")  # fmt: skip
     if fresh.messages is None:
         return
     acted = np.flatnonzero(arrays["ticked"])
-    _must((np.delete(newest, acted, axis=0) == START).all(), "newest", "name no samples before an agent acts")
+    must((np.delete(newest, acted, axis=0) == START).all(), "newest", "name no samples before an agent acts")
     last = ticks.at(acted, arrays["ticked"][acted] - 1)
     receiver, sender = (x.ravel() for x in np.broadcast_arrays(acted[:, None], np.arange(n)))
     time, known = np.repeat(last, n), newest[acted].ravel()
@@ -259,4 +222,4 @@ def _check_knowledge(arrays: Arrays, fresh: Knowledge, ticks: PeriodicTimes) -> 
         k = known + further
         asked = np.flatnonzero((receiver != sender) & (k > START) & (k < taken[sender]))
         arrived = fresh.has_arrived(receiver[asked], sender[asked], k[asked], time[asked])
-        _must((arrived == (further == 0)).all(), "newest", "name the newest samples that have arrived")
+        must((arrived == (further == 0)).all(), "newest", "name the newest samples that have arrived")

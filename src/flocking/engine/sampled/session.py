@@ -2,30 +2,23 @@
 
 from __future__ import annotations
 
-import heapq
-import math
-import time as clock
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from flocking.arrays import Array, Indices, Links
-from flocking.engine import interruption
-from flocking.engine.protocol.session import Packed, Session, Stored
-from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
+from flocking.engine.imperfect.powers import Powers
+from flocking.engine.imperfect.session import NUMBERS, ImperfectSession
+from flocking.engine.protocol.session import Packed, Stored
 from flocking.engine.runs.recorder import Recorder
-from flocking.engine.runs.run import Closest, LedgerRow, is_tangential
 from flocking.engine.sampled.checkpoint import packed_memory, unpacked_memory
 from flocking.engine.sampled.knowledge import Knowledge
 from flocking.engine.sampled.law_in_force import SampledLaw
 from flocking.engine.sampled.motion import Motion
-from flocking.engine.sampled.pair_polynomials import ROUNDING, Paths, closest_pairs, pair_events, paths_in
-from flocking.engine.sampled.powers import integrated
-from flocking.engine.sampled.snapshot import NUMBERS, SampledMemory, link_rules
-from flocking.errors import InvalidInput, NotFinite, SimulationError, UnsupportedLaw
-from flocking.model.law import Law, Scenario
-from flocking.model.state import State
+from flocking.engine.sampled.snapshot import SampledMemory
+from flocking.errors import NotFinite
+from flocking.model.law import Scenario
 from flocking.model.world.control import Held
 from flocking.model.world.times import NANOSECOND, Instants, PeriodicTimes
 
@@ -38,7 +31,7 @@ class SampledOptions:
     """Options of the engine: there are none."""
 
 
-class SampledSession(Session):
+class SampledSession(ImperfectSession):
     """Held control on what agents know, with true links located in closed form.
 
     Parameters
@@ -50,111 +43,55 @@ class SampledSession(Session):
     engine = "sampled"
 
     def __init__(self, scenario: Scenario) -> None:
-        self.scenario, self.plant, self.options = scenario, None, SampledOptions()
+        super().__init__(scenario)
+        self.options = SampledOptions()
         assert isinstance(scenario.control, Held)
         start = scenario.start
-        self.n, self.m = start.q.shape
-        self._base = start.t
-        self.time, self.steps = start.t, 0
-        self.records = Recorder(scenario)
         self._ticks: PeriodicTimes = scenario.control.schedule(self.n)
         self._latency = scenario.control.latency_in_nanoseconds
         self.ticked = np.zeros(self.n, dtype=np.int64)
         self.applied = np.zeros(self.n, dtype=np.int64)
         self.waiting: list[tuple[int, Indices, Array]] = []
         self.motion = Motion(start.q, start.p, scenario.agents)
-        graphs = scenario.law.graphs
-        self.links: Links = np.array([g.links_in(scenario.space, start.q, scenario.agents.headings) for g in graphs])
-        if start.links is not None:
-            self.links[0] = start.links
         self.knowledge = Knowledge(scenario.information, start.q, start.p, self.links, scenario.space)
-        self._prepare()
-        self.crossings: list[tuple[float, int, int, int]] = []
-        self.closest = np.array([[np.inf, np.nan, -1.0, -1.0]] * 2)
-        self.accounted = 0.0
-        self.sums, self.errors = np.zeros(4), np.zeros(4)
-        self.jumped, self.largest_power, self.ledger_ends = 0.0, 0.0, math.inf
-        self.relink()
-        self.energy, self.kinetic = self._energy(0.0)
-        if not np.isfinite(self.energy):
-            raise InvalidInput(
-                "Scenario", "start", "must have a finite energy", self.energy,
-                "Two agents sit where the potential is infinite; move them apart or inside its range.",
-            )  # fmt: skip
-        self._record_row(0.0)
-        self._watch(0, np.ones(self.n, dtype=bool))
+        self._sampled_law = SampledLaw(scenario, self.knowledge.degree)
+        self._instant = 0
+        self.begin()
+        self._watch_pieces(0, np.ones(self.n, dtype=bool))
         self._record_frames(0.0)
 
-    def _prepare(self) -> None:
-        """What depends on the law."""
-        self._law = SampledLaw(self.scenario, self.knowledge.degree)
-        graphs = self.scenario.law.graphs
-        self._rules = link_rules(graphs, self.n)
+    @property
+    def _law(self) -> SampledLaw:
+        return self._sampled_law
 
-    def relink(self) -> None:
-        """Take the true links as they are now."""
-        self._pairs = self._law.pairs(self.links)
-        self._linked = int(self.links[0].sum())
+    def motion_at(self, seconds: float, agents: Indices | slice = slice(None)) -> tuple[Array, Array]:
+        """Positions and velocities of ``agents`` at ``seconds`` from the start."""
+        return self.motion.at(seconds, agents)
 
-    def _energy(self, seconds: float) -> tuple[float, float]:
-        q, p = self.motion.at(seconds)
-        return self._law.energy(self._base + seconds, q, p, self._pairs, self._linked)
+    def _series(self, seconds: float) -> Array:
+        return self.motion.shifted(seconds)
 
-    def _paths(self, seconds: float) -> Paths:
-        """How agents move from a time on."""
-        return paths_in(self.scenario.space, self.motion.shifted(seconds), self._base + seconds)
+    def _powers(self, seconds: float) -> Powers:
+        return self._law.powers(self._base + seconds, self._series(seconds), self.motion.force, self._pairs)
 
     # Events.
 
-    def advance(self, to: float, seconds: float = math.inf) -> None:
-        """Go on until time ``to``, or for ``seconds`` of wall time."""
-        if not to >= self.time:
-            raise InvalidInput("SampledSession", "to", f"must not be before the session's time, {self.time:g}", to)
-        stop = clock.monotonic() + seconds
-        end = to - self._base
-        last = self.scenario.t_end - self._base
-        try:
-            while True:
-                interruption.check()
-                instant = self._next_instant()
-                at = instant * NANOSECOND if instant < NEVER else math.inf
-                crossing = self.crossings[0][0] if self.crossings else math.inf
-                if self.accounted < last <= min(at, crossing) and last <= end:
-                    self._record_frames(last)
-                    self._account(last)
-                    self._record_row(last)
-                    self.time = self._base + last
-                    continue
-                if min(at, crossing) >= end:
-                    break
-                self._record_frames(min(at, crossing))
-                self.time = self._base + min(at, crossing)
-                if crossing <= at:
-                    self._switch()
-                else:
-                    self._act(instant)
-                if clock.monotonic() >= stop:
-                    return
-            self.time = to
-            self._record_frames(end)
-        except SimulationError as error:
-            error.run = self.run(str(error))
-            raise
-
-    def _next_instant(self) -> int:
-        """The next instant at which anybody measures, acts, or changes its force or its polynomial."""
+    def _next_change(self) -> float:
+        """When anybody measures, acts, or changes its force or its polynomial."""
         found = min(int(self._next_tick().min()), int(self.motion.ends().min()))
         if self.waiting:
             found = min(found, self.waiting[0][0])
         if self.knowledge.schedule is not None:
             found = min(found, int(self.knowledge.next_sample.min()))
-        return found
+        self._instant = found
+        return found * NANOSECOND if found < NEVER else float("inf")
 
     def _next_tick(self) -> Instants:
         return self._ticks.at(np.arange(self.n), self.ticked)
 
-    def _act(self, instant: int) -> None:
+    def _change(self) -> None:
         """What falls on an instant: samples, what arrives, links, controls, and forces that begin to act."""
+        instant = self._instant
         seconds = instant * NANOSECOND
         knowledge, motion = self.knowledge, self.motion
         if knowledge.schedule is not None:
@@ -189,91 +126,15 @@ class SampledSession(Session):
             self.applied[agents] += 1
             changed[agents] = True
         self._record_row(seconds)
-        self._watch(instant, changed)
+        self._watch_pieces(instant, changed)
 
-    def _watch(self, instant: int, changed: Links) -> None:
-        """Find the switches and the closest approaches of the pairs of changed agents, until a piece ends."""
-        seconds = instant * NANOSECOND
+    def _watch_pieces(self, instant: int, changed: Links) -> None:
+        """Find the switches of the pairs of changed agents until a piece ends."""
         applies = self._ticks.at(np.arange(self.n), self.applied) + self._latency
         ends = np.minimum(applies, self.motion.ends())
-        length = (ends - instant) * NANOSECOND
-        paths = self._paths(seconds)
-        size = float(np.abs(paths.S[0]).max())
-        rows = pair_events(paths, length, changed, self.links, self._rules.ways, self._rules[1:], size)
-        for s, i, j, graph in rows:
-            heapq.heappush(self.crossings, (float(seconds + s), int(i), int(j), int(graph)))
-
-    def _switch(self) -> None:
-        """Switch a true link that crosses its distance."""
-        seconds, i, j, graph = heapq.heappop(self.crossings)
-        (q, r), (p, v) = self.motion.at(seconds, np.array([i, j]))
-        d, w = self.scenario.space.displacement(r - q), v - p
-        distance = float(np.linalg.norm(d))
-        speed = float(d @ w / distance) if distance else 0.0
-        breaks = bool(self.links[graph, i, j])
-        if breaks and self._law.barriers[graph]:
-            self.ledger_ends = min(self.ledger_ends, self._base + self.accounted)
-        self._account(seconds)
-        self._record_row(seconds)
-        self.links[graph, i, j] = not breaks
-        if self._rules.ways[graph] == 1:
-            self.links[graph, j, i] = not breaks
-        self.relink()
-        before = self.energy
-        self.energy, self.kinetic = self._energy(seconds)
-        if np.isfinite(self.energy) and np.isfinite(before):
-            self.jumped += self.energy - before
-        else:
-            self.ledger_ends = min(self.ledger_ends, self._base + self.accounted)
-        slow = is_tangential(speed, w)
-        kind = "break" if breaks else "appear"
-        self.records.switches.append((self._base + seconds, i, j, kind, graph, speed, slow, math.nan, math.nan))
-        self._record_row(seconds)
-
-    # Records.
-
-    def _account(self, seconds: float) -> None:
-        """Bring the ledger and the closest approaches up to a time; nothing switched since the last one."""
-        length = seconds - self.accounted
-        if length <= 0.0:
-            return
-        paths = self._paths(self.accounted)
-        S = paths.S
-        self.closest = closest_pairs(paths, length, self.links[0], self.accounted, self.closest)
-        if self._base + self.accounted < self.ledger_ends:
-            powers = self._law.powers(self._base + self.accounted, S, self.motion.force, self._pairs)
-            sums, errors, self.largest_power = integrated(powers, length, self.scenario.tolerance, self.largest_power)
-            self.sums += sums
-            self.errors += errors
-        self.accounted = seconds
-        self.energy, self.kinetic = self._energy(seconds)
-
-    def _row(self, seconds: float) -> LedgerRow:
-        work, lost, supplied, departed = map(float, self.sums)
-        return LedgerRow(self._base + seconds, self.energy, self.kinetic, work, lost, supplied, self.jumped, departed)
-
-    def _record_row(self, seconds: float) -> None:
-        if self._base + seconds <= self.ledger_ends:
-            self.records.trace.append(self._row(seconds))
-
-    def _record_frames(self, until: float) -> None:
-        """Frames that are due before an event, or at the time reached."""
-        records = self.records
-        while records.count < len(records.frame_times):
-            t = float(records.frame_times[records.count])
-            if t - self._base > until:
-                return
-            q, p = self.motion.at(t - self._base)
-            records.frame(t, q, p if self.motion.order == 2 else np.zeros_like(p), self.links[0])
+        self._watch(instant * NANOSECOND, (ends - instant) * NANOSECOND, changed)
 
     # What others ask.
-
-    @property
-    def state(self) -> State:
-        """State at the session's time, with the true links."""
-        q, p = self.motion.at(self.time - self._base)
-        p = p if self.motion.order == 2 else np.zeros_like(p)
-        return State(q, p, self.time, self.links[0].copy())
 
     @property
     def known_links(self) -> Links:
@@ -284,46 +145,6 @@ class SampledSession(Session):
         """Rates of change of the velocities now, shape (N, m); of agents of order 1 their velocities."""
         S = self.motion.shifted(self.time - self._base)
         return np.asarray(S[1] if self.motion.order == 1 else 2.0 * S[2])
-
-    @property
-    def known(self) -> tuple[tuple[Closest, Closest], None]:
-        """The closest linked and unlinked pair until now, with errors of rounding; no others are known."""
-        length, found = self.time - self._base - self.accounted, self.closest
-        paths = self._paths(self.accounted)
-        if length > 0.0:
-            found = closest_pairs(paths, length, self.links[0], self.accounted, found)
-        size = ROUNDING * float(np.abs(paths.S[0]).max())
-        linked, free = (
-            Closest(math.sqrt(d), self._base + t, (int(i), int(j)), size) if np.isfinite(d) else Closest()
-            for d, t, i, j in found.tolist()
-        )
-        return (linked, free), None
-
-    @property
-    def about(self) -> dict[str, object]:
-        """Where the results come from, what is not ideal, and where the ledger ended if it did."""
-        found = super().about | {"world": self.scenario.imperfections}
-        if math.isfinite(self.ledger_ends):
-            found["ledger ends"] = self.ledger_ends
-        return found
-
-    @property
-    def fidelity(self) -> Fidelity:
-        """Switches are located, and the ledger is held to the estimated error of its integrals."""
-        rule = LedgerRule("estimate", float(self.errors.sum()))
-        return Fidelity(self.engine, switches_located=True, approaches=Approaches("all", None), ledger=rule)
-
-    def replace(self, *, law: Law | None = None, state: State | None = None) -> None:
-        """Not possible: what agents know of each other belongs to the past of this run.
-
-        Raises
-        ------
-        UnsupportedLaw
-            Always.
-        """
-        raise UnsupportedLaw(
-            "engine='sampled' replaces neither law nor state while a run goes on. Start another run from run.state(-1)."
-        )
 
     @property
     def _memory(self) -> SampledMemory:

@@ -168,3 +168,52 @@ class Messages(Information):
     def expires_in_nanoseconds(self) -> int | None:
         """`expires` as a whole number of nanoseconds; None where samples are never forgotten."""
         return None if self.expires is None else max(1, round(self.expires / NANOSECOND))
+
+
+@register_part("delayed")
+@dataclass(frozen=True)
+class Delayed(Information):
+    """Every agent knows its neighbours as they were a time ``tau`` ago, at every moment.
+
+    Agent i computes its force at time t from q_j(t - tau) and p_j(t - tau), and links follow from the distances that it
+    knows. Before the start agents are taken to have moved in straight lines, q(t) = q(t0) + (t - t0) p(t0); agents of
+    order 1 to have stood still. The leader and obstacles are known without delay; physical damping acts at once. Without
+    ``self_delayed`` the world's rest frame matters: a flock that moves is braked (see the page on the world).
+
+    Parameters
+    ----------
+    tau
+        The delay, in the unit of time; not negative.
+    self_delayed
+        Whether an agent knows itself, too, only as it was ``tau`` ago, so that differences are of one moment.
+
+    Raises
+    ------
+    InvalidInput
+        When the delay is negative or not finite.
+
+    Examples
+    --------
+    >>> import flocking as fk
+    >>> fk.Delayed(0.1).summary
+    'neighbours known 0.1 late'
+    """
+
+    tau: float
+    self_delayed: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "tau", number("Delayed", "tau", self.tau, least=0.0))
+        object.__setattr__(self, "self_delayed", truth("Delayed", "self_delayed", self.self_delayed))
+
+    @property
+    def ideal(self) -> bool:
+        """Whether there is no delay."""
+        return self.tau == 0.0
+
+    @property
+    def summary(self) -> str:
+        """The delay, and of whom; empty where there is none."""
+        if self.ideal:
+            return ""
+        return f"{'everybody' if self.self_delayed else 'neighbours'} known {self.tau:g} late"

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 from flocking.arrays import Array, Indices, Links
 from flocking.engine.exact.crossings.watch_tables import BallWatches, PairWatches
-from flocking.engine.exact.integrator.method import Tableau
-from flocking.engine.exact.integrator.segment import Motion
+from flocking.engine.integrator.method import Tableau
+from flocking.engine.integrator.segment import Motion
 
 TIME, LENGTH, ENERGY, KINETIC, RATE, GAP, BEGIN, TRIED, STOP, PROPOSED = range(10)
 """What ``progress`` holds: time, length proposed for the next step, energy and kinetic energy, rate of the companion,
@@ -36,7 +36,7 @@ class Method(NamedTuple):
     tableau
         The method.
     to_bernstein
-        See `flocking.engine.exact.integrator.method.TO_BERNSTEIN`.
+        See `flocking.engine.integrator.method.TO_BERNSTEIN`.
     inside, second
         See `flocking.engine.exact.companion.INSIDE` and ``SECOND``.
     """

@@ -31,12 +31,12 @@ from flocking.engine.exact.companion import FEW_PAIRS, INSIDE, SECOND, Differenc
 from flocking.engine.exact.crossings.switching import Crossing, LinkState
 from flocking.engine.exact.dynamics import Dynamics
 from flocking.engine.exact.extremes import Extremes
-from flocking.engine.exact.integrator.method import DEGREE, STAGES, TO_BERNSTEIN, tableau
-from flocking.engine.exact.integrator.segment import Segment
-from flocking.engine.exact.integrator.stepper import Stepper, StepperMemory
 from flocking.engine.exact.origin import Origin
 from flocking.engine.exact.precision import Precision
 from flocking.engine.exact.solution_error import SolutionError
+from flocking.engine.integrator.method import DEGREE, STAGES, TO_BERNSTEIN, tableau
+from flocking.engine.integrator.segment import Segment
+from flocking.engine.integrator.stepper import Stepper, StepperMemory
 from flocking.model.checks import Array
 
 MOST_STEPS = 64

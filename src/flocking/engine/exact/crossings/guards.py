@@ -89,7 +89,7 @@ def crossings(
     B
         Bernstein coefficients of the positions, shape (8, N, m).
     far
-        See `flocking.engine.exact.integrator.segment.Motion`.
+        See `flocking.engine.integrator.segment.Motion`.
     near
         Matrix (N, N): pairs that are within their distance now. They cross by rising above ``leave``, the
         others by falling below ``enter``.
@@ -169,7 +169,7 @@ def find_closest(B: Array, far: Array, linked: Links, best_linked: float, best_f
     B
         Bernstein coefficients of the positions, shape (8, N, m).
     far
-        See `flocking.engine.exact.integrator.segment.Motion`.
+        See `flocking.engine.integrator.segment.Motion`.
     linked
         Links during the segment, shape (N, N).
     best_linked, best_free

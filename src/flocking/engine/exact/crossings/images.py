@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from flocking.arrays import Indices
 from flocking.engine.exact.crossings.band_guards import within_error
 from flocking.engine.exact.crossings.guards import crossings, find_closest
-from flocking.engine.exact.integrator.segment import ROUNDING, Motion
+from flocking.engine.integrator.segment import ROUNDING, Motion
 from flocking.engine.kernels.bernstein import NEVER
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links

@@ -16,7 +16,7 @@ from flocking.engine.exact.crossings.obstacle_contacts import ObstacleContacts
 from flocking.engine.exact.crossings.view_guards import view_crossings
 from flocking.engine.exact.crossings.watch_tables import NO_BALLS, BallWatches, PairWatches, slack_at
 from flocking.engine.exact.crossings.watches import Watch, watches_of
-from flocking.engine.exact.integrator.segment import Segment
+from flocking.engine.integrator.segment import Segment
 from flocking.model.checks import Array
 from flocking.model.graphs.connectivity import Links
 from flocking.model.graphs.distance_graphs import Graph

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flocking.arrays import Array, Mask
-from flocking.engine.exact.integrator.method import DEGREE
-from flocking.engine.exact.integrator.segment import ROUNDING
+from flocking.engine.integrator.method import DEGREE
+from flocking.engine.integrator.segment import ROUNDING
 
 
 class PairWatches(NamedTuple):

@@ -1,4 +1,4 @@
-"""One step of the exact engine as a polynomial in time, in Bernstein form."""
+"""One step as a polynomial in time, in Bernstein form."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flocking.engine.exact.integrator.method import DEGREE, TO_BERNSTEIN
+from flocking.engine.integrator.method import DEGREE, TO_BERNSTEIN
 from flocking.formula.native.functions import native_apart
 from flocking.model.checks import Array
 

@@ -10,7 +10,7 @@ from typing import cast
 import numpy as np
 
 from flocking.engine import interruption
-from flocking.engine.exact.integrator.method import (
+from flocking.engine.integrator.method import (
     DEGREE,
     RELATIVE,
     STAGES,
@@ -21,8 +21,8 @@ from flocking.engine.exact.integrator.method import (
     polynomial,
     tableau,
 )
-from flocking.engine.exact.integrator.segment import Segment
-from flocking.engine.exact.integrator.step_lengths import most_strained
+from flocking.engine.integrator.segment import Segment
+from flocking.engine.integrator.step_lengths import most_strained
 from flocking.errors import NotFinite, StepTooSmall
 from flocking.model.checks import Array
 

@@ -1,4 +1,4 @@
-"""Distances of pairs whose agents move on polynomials: every crossing of a level, and how close they come.
+"""Distances of pairs whose agents move on polynomials, image by image, and how close they come.
 
 A squared distance is a polynomial of twice the degree of the motion. In Bernstein form it lies between its smallest and
 largest coefficient, so halving the interval proves that there is no crossing, or closes in on the first one. In space
@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flocking.arrays import Array, Links, Numbers
-from flocking.engine.kernels.bernstein import NEVER, all_rows, first_above, part_from, smallest_value
+from flocking.engine.kernels.bernstein import smallest_value
 from flocking.engine.kernels.displacements import nearest_difference
 from flocking.errors import SimulationError
 from flocking.formula.native.functions import native_apart
@@ -24,9 +24,6 @@ from flocking.model.space import Space
 ROUNDING = 1e-13
 """Overshoot that counts as a crossing, relative to the distance and to the size of the coordinates: some hundred
 units of rounding, so that a pair which sits on its level does not switch to and fro."""
-
-MOST_CROSSINGS = 16
-"""Crossings of one level by one image of a pair within one piece: a polynomial of degree 14 has no more."""
 
 MOST_IMAGES = 10**6
 """Images of one pair that are looked at within one piece: in the plane some 500 lengths of a box each way, far more
@@ -192,110 +189,6 @@ def squared_distance(paths: Paths, i: int, j: int, offset: Array, span: float, s
             square[a] += table[a, b] * power[b]
 
 
-def first_beyond(square: Array, level: float, inside: bool, x: float) -> float:
-    """First place from ``x`` on at which a pair leaves, or comes within, a distance; `NEVER` if it does not.
-
-    Parameters
-    ----------
-    square
-        Bernstein coefficients of the squared distance.
-    level
-        The distance.
-    inside
-        Whether the pair is within it.
-    """
-    g = np.empty(square.shape[0])
-    for k in range(square.shape[0]):
-        g[k] = square[k] - level * level if inside else level * level - square[k]
-    found = first_above(part_from(g, x))
-    return NEVER if found > 1.0 else x + found * (1.0 - x)
-
-
-@native_apart
-def find_pair_events(
-    paths: Paths, length: Array, changed: Links, near: Links, ways: Numbers, enter: Array, leave: Array, size: float,
-    found: Array,
-) -> int:  # fmt: skip
-    """Fill rows (time, i, j, graph) of all switches of the pairs of changed agents until either one's piece ends.
-
-    A pair that is linked is so with its nearest image, for its distance is less than half a length, until that image
-    leaves; then it may come within the distance by any image.
-
-    Parameters
-    ----------
-    paths
-        How agents move from now on.
-    length
-        How long each agent's piece goes on from now, shape (N,).
-    changed
-        Whose piece begins now, shape (N,).
-    near
-        Links of each graph, shape (graphs, N, N).
-    ways
-        Of each graph: 0 where its links never change, 1 where both agents of a pair sense each other, so that (i, j)
-        with i < j stands for both, 2 where they may differ; shape (graphs,).
-    enter, leave
-        Distances of each graph and sensing agent, shape (graphs, N).
-    size
-        Size of the coordinates, for rounding.
-    found
-        Takes the rows, shape (room, 4).
-
-    Returns
-    -------
-    int
-        How many rows there are, those included for which there was no room; -1 if a pair has too many images.
-    """
-    n, m, graphs = paths.S.shape[1], paths.S.shape[2], near.shape[0]
-    square, nearest, offset = np.empty(2 * paths.S.shape[0] - 1), np.empty(m), np.empty(m)
-    counts = np.empty(m, np.int64)
-    total = 0
-    for i in range(n):
-        for j in range(i + 1, n):
-            if not (changed[i] or changed[j]):
-                continue
-            span = min(length[i], length[j])
-            distance, reach = nearest_offset(paths, i, j, nearest), reach_within(paths, i, j, span)
-            for graph in range(graphs):
-                for way in range(ways[graph]):
-                    s = i if way == 0 else j
-                    o = j if way == 0 else i
-                    close, far = enter[graph, s], leave[graph, s]
-                    slack = ROUNDING * ((far if far < np.inf else close) + size)
-                    inside = near[graph, s, o]
-                    level = far if inside else close
-                    if not distance - reach - 2.0 * slack <= level <= distance + reach + 2.0 * slack:
-                        continue
-                    images = count_images(paths, close + reach + 2.0 * slack, counts)
-                    if images > MOST_IMAGES:
-                        return -1
-                    linked, known, x, switches = images // 2, -1, 0.0, 0
-                    while x < 1.0 and switches < MOST_CROSSINGS * images:
-                        level = far + slack if inside else max(close - slack, 0.0)
-                        if level == np.inf or (level <= 0.0 and not inside):
-                            break
-                        when, which = NEVER, 0
-                        for image in range(linked if inside else 0, linked + 1 if inside else images):
-                            away = image_offset(paths, nearest, counts, image, offset)
-                            if not inside and away - reach > level:
-                                continue
-                            if known != image:
-                                squared_distance(paths, i, j, offset, span, square)
-                                known = image
-                            place = first_beyond(square, level, inside, x)
-                            if place < when:
-                                when, which = place, image
-                        if when > 1.0:
-                            break
-                        x, inside, linked = when, not inside, which
-                        if total < found.shape[0]:
-                            found[total, 0], found[total, 1] = x * span, s
-                            found[total, 2], found[total, 3] = o, graph
-                        total += 1
-                        switches += 1
-    return total
-
-
 @native_apart
 def find_closest(paths: Paths, span: float, linked: Links, closest: Array) -> int:
     """Put the closest linked and unlinked pair in place of those so far, where they come closer.
@@ -340,40 +233,13 @@ def find_closest(paths: Paths, span: float, linked: Links, closest: Array) -> in
     return 0
 
 
-def _too_many_images(time: float) -> SimulationError:
+def too_many_images(time: float) -> SimulationError:
+    """The error for a pair that passes too many images of each other."""
     return SimulationError(
         f"Two agents pass more than {MOST_IMAGES} images of each other before their forces change. Such speeds have no "
         "meaning in so small a box: check the law and the period of Held, or enlarge Periodic.lengths.",
         time=time,
     )
-
-
-def pair_events(
-    paths: Paths, length: Array, changed: Links, near: Links, ways: Numbers, levels: tuple[Array, Array], size: float
-) -> Array:
-    """Rows (time, i, j, graph) of all switches that `find_pair_events` finds, in order of time.
-
-    Parameters
-    ----------
-    levels
-        Distances at which links appear and break.
-    paths, length, changed, near, ways, size
-        As for `find_pair_events`.
-
-    Raises
-    ------
-    SimulationError
-        When agents cross a periodic box too often within one piece.
-    """
-
-    def rows_in(found: Array) -> int:
-        count = int(find_pair_events(paths, length, changed, near, ways, *levels, size, found))
-        if count < 0:
-            raise _too_many_images(paths.now)
-        return count
-
-    rows = all_rows(rows_in, 4)
-    return rows[np.lexsort(rows.T[::-1])]
 
 
 def closest_pairs(paths: Paths, span: float, linked: Links, begin: float, so_far: Array) -> Array:
@@ -395,6 +261,6 @@ def closest_pairs(paths: Paths, span: float, linked: Links, begin: float, so_far
     """
     found = so_far.copy()
     if find_closest(paths, span, linked, found) < 0:
-        raise _too_many_images(paths.now)
+        raise too_many_images(paths.now)
     found[:, 1] += np.where(found[:, 0] != so_far[:, 0], begin, 0.0)
     return found

@@ -1,0 +1,182 @@
+"""A session of delayed knowledge as plain numbers and named arrays, and back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flocking.arrays import Array, Links
+from flocking.engine.archives.archive import Arrays
+from flocking.engine.archives.data_checks import Form, Real, Table
+from flocking.engine.archives.data_checks import Names as NamedForms
+from flocking.engine.delayed.history import History
+from flocking.engine.imperfect.checkpoint_form import (
+    LARGEST,
+    NEAR,
+    ROUNDED,
+    check_closest,
+    check_links,
+    checked_numbers,
+    must,
+)
+from flocking.engine.integrator.method import DEGREE
+from flocking.engine.integrator.segment import Segment
+from flocking.engine.protocol.session import Packed
+from flocking.model.law import Scenario
+from flocking.model.world.information import Delayed
+
+
+@dataclass
+class DelayedMemory:
+    """What a session of delayed knowledge goes on from, but its scenario and its records.
+
+    Parameters
+    ----------
+    history, segment
+        The past, and the last step.
+    known_links
+        Links by what agents know, shape (graphs, N, N).
+    breaks
+        Times, in seconds from the start, at which steps must end.
+    links
+        True links, of the same shape.
+    crossings
+        Times, in seconds from the start, and pairs and graphs of true links that will switch.
+    closest
+        Rows (squared distance, time, i, j) of the closest linked and unlinked pair.
+    sums, errors
+        Integrals of the powers of the ledger, and what they may be off by.
+    numbers
+        Time and steps, the state of the ledger, and the length of the next step, by name.
+    """
+
+    history: History
+    segment: Segment
+    known_links: Links
+    breaks: list[float]
+    links: Links
+    crossings: list[tuple[float, int, int, int]]
+    closest: Array
+    sums: Array
+    errors: Array
+    numbers: dict[str, float]
+
+
+def packed_memory(memory: DelayedMemory) -> Packed:
+    """The memory of a session as numbers and arrays.
+
+    Parameters
+    ----------
+    memory
+        What the session goes on from.
+    """
+    segments = memory.history.segments or [memory.segment]
+    heap = sorted(memory.crossings)
+    arrays: Arrays = {
+        "times": np.array([segments[0].t0, *(segment.t1 for segment in segments)]),
+        "coefficients": np.array([segment.coefficients for segment in segments]),
+        "known_links": memory.known_links, "breaks": np.array(sorted(memory.breaks)), "links": memory.links,
+        "crossing_time": np.array([row[0] for row in heap], dtype=np.float64),
+        "crossing": np.array([row[1:] for row in heap], dtype=np.int64).reshape(-1, 3),
+        "closest": memory.closest, "sums": memory.sums, "errors": memory.errors,
+    }  # fmt: skip
+    return dict(memory.numbers), arrays
+
+
+def unpacked_memory(fresh: DelayedMemory, packed: Packed, scenario: Scenario) -> None:
+    """Put what was packed in place of the memory of a session at its start.
+
+    Parameters
+    ----------
+    fresh
+        Memory of a session of the same scenario at its start.
+    packed
+        What `packed_memory` gave, read back.
+    scenario
+        The scenario.
+
+    Raises
+    ------
+    MalformedError
+        When the data are no session of this scenario.
+    """
+    data, arrays = packed
+    fresh.numbers = _checked(data, arrays, scenario, fresh)
+    times, tables = arrays["times"].tolist(), arrays["coefficients"]
+    if times[-1] > 0.0:
+        for t0, t1, table in zip(times[:-1], times[1:], tables, strict=True):
+            fresh.segment = Segment(t0, t1, np.array(table))
+            fresh.history.add(fresh.segment, times[0])
+    heap = zip(arrays["crossing_time"].tolist(), arrays["crossing"].tolist(), strict=True)
+    fresh.crossings = [(time, i, j, graph) for time, (i, j, graph) in heap]
+    fresh.breaks = arrays["breaks"].tolist()
+    fresh.known_links, fresh.links = arrays["known_links"], arrays["links"]
+    fresh.closest, fresh.sums, fresh.errors = arrays["closest"], arrays["sums"], arrays["errors"]
+
+
+def _checked(data: object, arrays: Arrays, scenario: Scenario, fresh: DelayedMemory) -> dict[str, float]:
+    """The numbers of a checkpoint, after checks of all it holds."""
+    n, graphs, base = scenario.start.n, len(scenario.law.graphs), scenario.start.t
+    assert isinstance(scenario.information, Delayed)
+    tau, size = scenario.information.tau, fresh.segment.coefficients.shape[1]
+    more: dict[str, Form[object]] = {"step": Real(0.0), "short_steps": Real(0.0, 2.0**53)}
+    numbers = checked_numbers(data, base, scenario.t_end, more)
+    links = Table("?", (graphs, n, n))
+    NamedForms({
+        "times": Table("f8", (None,), least=0.0), "breaks": Table("f8", (None,), least=0.0),
+        "coefficients": Table("f8", (None, DEGREE + 1, size), least=-LARGEST, most=LARGEST),
+        "known_links": links, "links": links, "crossing_time": Table("f8", (None,), least=0.0),
+        "crossing": Table("i8", (None, 3), least=0, most=max(n, graphs) - 1),
+        "closest": Table("f8", (2, 4), finite=False), "sums": Table("f8", (4,), finite=False),
+        "errors": Table("f8", (4,), least=0.0, finite=False),
+    }).check(arrays, "")  # fmt: skip
+    now, accounted = numbers["time"] - base, numbers["accounted"]
+    slack = ROUNDED * (abs(base) + abs(numbers["time"])) + ROUNDED * tau
+    times, tables = arrays["times"], arrays["coefficients"]
+    must(len(times) == len(tables) + 1 and len(tables) > 0, "times", "be one more than the steps")
+    resting = len(tables) == 1 and times[0] == times[1] == 0.0
+    must(resting or (np.diff(times) > 0.0).all(), "times", "be in order")
+    must(resting or (np.diff(times) <= tau + slack).all(), "times", "be no further apart than the delay")
+    must(times[0] <= max(times[-1] - tau, 0.0) + slack, "times", "reach back as far as the delay")
+    must(times[-2] - slack <= now <= times[-1] + slack, "time", "lie in the last step")
+    must(accounted <= times[-1], "accounted", "not lie after the last step")
+    must((tables[1:, 0] == tables[:-1, -1]).all(), "coefficients", "be those of steps without gaps")
+    begins = times[0] > 0.0 or (tables[0, 0] == fresh.segment.coefficients[0]).all()
+    must(begins, "coefficients", "begin at the start")
+    must(resting or (np.abs(tables) <= LARGEST).all(), "coefficients", "be numbers that can be squared")
+    must((np.diff(arrays["breaks"]) > 0.0).all(), "breaks", "be in order")
+    must(numbers["steps"] == int(numbers["steps"]), "steps", "be a whole number")
+    must(numbers["steps"] >= (0 if resting else len(tables)), "steps", "be as many as are stored")
+    must(numbers["short_steps"] == int(numbers["short_steps"]), "short_steps", "be a whole number")
+    check_links(arrays, scenario.law.graphs, scenario.agents.headings, fresh.links)
+    check_closest(arrays["closest"], n, accounted)
+    _check_crossings(arrays, fresh, (now, float(times[-1])), scenario)
+    return numbers
+
+
+def _check_crossings(arrays: Arrays, fresh: DelayedMemory, span: tuple[float, float], scenario: Scenario) -> None:
+    """Crossings are ahead, at their distances, and of links that switch."""
+    time, rows = arrays["crossing_time"], arrays["crossing"]
+    n, m = scenario.start.q.shape
+    graphs = scenario.law.graphs
+    must(len(time) == len(rows), "crossing", "have as many rows as crossing_time")
+    must((rows[:, :2] < n).all() and (rows[:, 2] < len(graphs)).all(), "crossing", "name agents and graphs there are")
+    order = list(zip(time.tolist(), *rows.T.tolist(), strict=True))
+    must(order == sorted(set(order)), "crossing", "be in order")
+    slack = NEAR * (span[1] - span[0]) + ROUNDED * max(span[1], 1.0)
+    must(((time >= span[0] - slack) & (time <= span[1] + slack)).all(), "crossing_time", "lie in the last step")
+    links = arrays["links"].copy()
+    segment = Segment(float(arrays["times"][-2]), float(arrays["times"][-1]), arrays["coefficients"][-1])
+    for at, (i, j, k) in zip(time.tolist(), rows.tolist(), strict=True):
+        graph = graphs[k]
+        must(graph.moves and i != j and (graph.directed or i < j), "crossing", "name pairs whose links switch")
+        q = segment.at(min(at, segment.t1))[: n * m].reshape(n, m)
+        apart = float(np.linalg.norm(scenario.space.displacement(q[j] - q[i])))
+        radius = graph.break_radius if links[k, i, j] else graph.appear_radius
+        level = float(np.broadcast_to(np.asarray(radius, dtype=np.float64), n)[i])
+        must(abs(apart - level) <= NEAR * (level + float(np.abs(q).max())), "crossing_time",
+             "be when a pair is at its distance")  # fmt: skip
+        links[k, i, j] = not links[k, i, j]
+        if not graph.directed:
+            links[k, j, i] = links[k, i, j]

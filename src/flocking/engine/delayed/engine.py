@@ -1,0 +1,60 @@
+"""The entry of the engine for delayed knowledge."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from flocking.engine.delayed.session import DelayedOptions, DelayedSession
+from flocking.engine.imperfect.supported_laws import check_law
+from flocking.engine.protocol.engine import Engine
+from flocking.engine.protocol.session import Packed, Session, Stored
+from flocking.errors import InvalidInput, UnsupportedLaw
+from flocking.model.law import Law, Scenario
+from flocking.model.space import Open, Periodic
+from flocking.model.world.control import Continuous
+from flocking.model.world.information import Delayed
+
+MOST_STEPS = 1e7
+"""Steps are no longer than the delay: a run that would need more of them is refused."""
+
+
+class DelayedEngine(Engine):
+    """Continuous control on states of neighbours a time ago: a delay differential equation, by the method of steps."""
+
+    name = "delayed"
+    summary = "continuous control on delayed states, by steps of order 8 on the stored past; up to 2,000 agents"
+    options = DelayedOptions
+    spaces = (Open, Periodic)
+    worlds = (Delayed,)
+
+    def check(self, scenario: Scenario, plant: Law | None = None) -> None:
+        """Refuse what this engine does not know."""
+        information = scenario.information
+        if not isinstance(information, Delayed) or information.ideal:
+            raise UnsupportedLaw(
+                "engine='delayed' needs information=Delayed(tau) with a delay above 0. Use engine='exact' without one."
+            )
+        if not isinstance(scenario.control, Continuous):
+            raise UnsupportedLaw(
+                "engine='delayed' needs continuous control. Under control=Held(...) use information=Messages(...), "
+                "whose delay is part of them."
+            )
+        if scenario.t_end - scenario.start.t > MOST_STEPS * information.tau:
+            raise InvalidInput(
+                "Delayed", "tau", f"must be at least {1.0 / MOST_STEPS:g} of the length of the run", information.tau,
+                "Steps are no longer than the delay. Leave so short a delay out, or end the run earlier.",
+            )  # fmt: skip
+        check_law(self.name, scenario, plant)
+
+    def open(self, scenario: Scenario, options: object, *, plant: Law | None = None) -> Session:
+        """Start a session."""
+        self.check(scenario, plant)
+        return DelayedSession(scenario)
+
+    def unpack(self, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> Session:
+        """The session that was packed."""
+        return DelayedSession.unpack(packed, stored, changes)
+
+
+ENGINE = DelayedEngine()
+"""The one entry."""

@@ -1,0 +1,130 @@
+"""The past of a group as polynomials: what was before the start is a straight line."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from math import comb
+
+import numpy as np
+
+from flocking.arrays import Array
+from flocking.engine.integrator.method import DEGREE
+from flocking.engine.integrator.segment import Segment
+
+BINOMIALS = np.array([comb(DEGREE, k) for k in range(DEGREE + 1)], dtype=np.float64)
+POWERS = np.arange(DEGREE + 1)
+
+
+class History:
+    """States of a group until now, as far back as a delay reads them.
+
+    Parameters
+    ----------
+    q, p
+        Positions and velocities at the start, shape (N, m); the velocities of agents of order 1 are not read.
+    order
+        Order of the agents.
+
+    Attributes
+    ----------
+    segments
+        The steps, without gaps between them; their times are seconds from the start.
+    """
+
+    def __init__(self, q: Array, p: Array, order: int) -> None:
+        self.n, self.m = q.shape
+        self.order = order
+        self._start = np.concatenate([q, p if order == 2 else np.zeros_like(q)], axis=1, dtype=np.float64)
+        self.segments: list[Segment] = []
+        self._ends: list[float] = []
+
+    def add(self, segment: Segment, keep_from: float) -> None:
+        """Add a step, and drop those that end before a time.
+
+        Parameters
+        ----------
+        segment
+            The step, which begins where the last one ends.
+        keep_from
+            The earliest time that is read from now on.
+        """
+        self.segments.append(segment)
+        self._ends.append(segment.t1)
+        old = bisect_left(self._ends, keep_from)
+        del self.segments[:old], self._ends[:old]
+
+    def at(self, seconds: float) -> Array:
+        """Positions and velocities at a time since the start, shape (N, 2 m); velocities of agents of order 1 are 0."""
+        if seconds <= 0.0 or not self.segments:
+            found = self._start.copy()
+            found[:, : self.m] += seconds * found[:, self.m :]
+            return found
+        segment = self.segments[min(bisect_left(self._ends, seconds), len(self.segments) - 1)]
+        x = (seconds - segment.t0) / (segment.t1 - segment.t0)
+        y = (BINOMIALS * x**POWERS * (1.0 - x) ** (DEGREE - POWERS)) @ segment.coefficients
+        found = np.zeros((self.n, 2 * self.m))
+        count = self.n * self.m
+        found[:, : self.m] = y[:count].reshape(self.n, self.m)
+        if self.order == 2:
+            found[:, self.m :] = y[count:].reshape(self.n, self.m)
+        return found
+
+    def pieces(self, begin: float, end: float) -> list[tuple[float, float, Array]]:
+        """The motion from ``begin`` to ``end`` seconds, piece by piece: begin, end and Taylor coefficients about begin.
+
+        Coefficients are of positions, shape (8, N, m).
+        """
+        found = []
+        if begin < 0.0:
+            line = np.zeros((DEGREE + 1, self.n, self.m))
+            line[0] = self._start[:, : self.m] + begin * self._start[:, self.m :]
+            line[1] = self._start[:, self.m :]
+            found.append((begin, min(end, 0.0), line))
+        for segment in self.segments:
+            first, last = max(segment.t0, begin), min(segment.t1, end)
+            if first < last:
+                found.append((first, last, position_series(segment, self.n, self.m, first)))
+        return found
+
+
+def position_series(segment: Segment, n: int, m: int, about: float) -> Array:
+    """Taylor coefficients of the positions of ``n`` agents in ``m`` dimensions on a step, shape (8, n, m).
+
+    Parameters
+    ----------
+    segment
+        The step.
+    about
+        Time about which they are.
+    """
+    differences = segment.coefficients[:, : n * m].reshape(DEGREE + 1, n, m)
+    span = segment.t1 - segment.t0
+    series = np.zeros(differences.shape)
+    series[0] = differences[0]
+    if span > 0.0:
+        for k in range(1, DEGREE + 1):
+            differences = np.diff(differences, axis=0)
+            series[k] = comb(DEGREE, k) * differences[0] / span**k
+    return shifted(series, about - segment.t0)
+
+
+def shifted(series: Array, by: float) -> Array:
+    """Coefficients of the same polynomials about a later time.
+
+    Parameters
+    ----------
+    series
+        Taylor coefficients, shape (degree + 1, ...).
+    by
+        By how much it is later.
+    """
+    if by == 0.0:
+        return series
+    degree = len(series) - 1
+    found = np.empty_like(series)
+    for k in range(degree + 1):
+        value = comb(degree, k) * series[degree]
+        for power in range(degree - 1, k - 1, -1):
+            value = value * by + comb(power, k) * series[power]
+        found[k] = value
+    return found

@@ -1,0 +1,322 @@
+"""A running simulation of delayed knowledge: adaptive steps of order 8, no longer than the delay, on the stored past."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from flocking.arrays import Array, Indices, Links
+from flocking.engine.delayed.checkpoint import DelayedMemory, packed_memory, unpacked_memory
+from flocking.engine.delayed.delayed_law import DelayedLaw
+from flocking.engine.delayed.history import History, position_series, shifted
+from flocking.engine.delayed.known_links import known_switches
+from flocking.engine.imperfect.powers import Powers
+from flocking.engine.imperfect.session import NUMBERS, ImperfectSession
+from flocking.engine.integrator.segment import Segment
+from flocking.engine.integrator.step_lengths import Shrunk, StepLengths
+from flocking.engine.integrator.stepper import Stepper, StepperMemory
+from flocking.engine.protocol.session import Packed, Stored
+from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
+from flocking.engine.runs.recorder import Recorder
+from flocking.errors import SimulationError
+from flocking.model.law import Scenario
+from flocking.model.world.information import Delayed
+
+GENERATIONS = 8
+"""How often a jump of a force comes back, each time a derivative higher, until steps of order 8 do not notice it."""
+
+SAME_TIME = 1e-12
+"""Breaking points closer than this, relative to the delay and the time, are one."""
+
+SLIDING = 100
+"""Successive steps cut short by switches after which links are said to switch to and fro without end."""
+
+SLIDING_SHARE = 1e-6
+"""Longest such step, over the delay."""
+
+
+@dataclass(frozen=True)
+class DelayedOptions:
+    """Options of the engine: there are none."""
+
+
+class DelayedSession(ImperfectSession):
+    """Continuous control on delayed knowledge, with known and true links located.
+
+    Parameters
+    ----------
+    scenario
+        What is simulated; its information is delayed.
+
+    Attributes
+    ----------
+    known_links
+        Links by what agents know, shape (graphs, N, N).
+    history
+        The past.
+    breaks
+        Heap of times, in seconds from the start, at which some derivative of the motion jumps.
+    """
+
+    engine = "delayed"
+
+    def __init__(self, scenario: Scenario) -> None:
+        super().__init__(scenario)
+        self.options = DelayedOptions()
+        assert isinstance(scenario.information, Delayed)
+        self.tau, self._self_delayed = scenario.information.tau, scenario.information.self_delayed
+        start = scenario.start
+        self._delayed_law = DelayedLaw(scenario)
+        self.history = History(start.q, start.p, self._law.order)
+        self.known_links = self._links_at_start()
+        self.breaks: list[float] = []
+        self._break_from(0.0)
+        self._short_steps = 0
+        self._lengths = StepLengths(scenario.t_end - start.t)
+        y = np.asarray(start.q, dtype=np.float64).ravel()
+        if self._law.order == 2:
+            y = np.concatenate([y, np.asarray(start.p, dtype=np.float64).ravel()])
+        self._segment = Segment.resting(0.0, y)
+        self._law.relink(self.known_links)
+        self._stepper = self._new_stepper(0.0)
+        self.begin()
+        self._record_frames(0.0)
+
+    @property
+    def _law(self) -> DelayedLaw:
+        return self._delayed_law
+
+    def _links_at_start(self) -> Links:
+        """Links of the start, switched by the distances that agents know at it."""
+        found, m = self.links.copy(), self.m
+        known = self.history.at(-self.tau)
+        own = known if self._self_delayed else self.history.at(0.0)
+        offset = self.scenario.space.displacement(known[None, :, :m] - own[:, None, :m])
+        distance = np.sqrt((offset**2).sum(axis=-1))
+        for graph in np.flatnonzero(self._rules.ways):
+            enter, leave = self._rules.appear[graph][:, None], self._rules.break_[graph][:, None]
+            found[graph] = np.where(found[graph], distance < leave, distance < enter)
+            np.fill_diagonal(found[graph], False)
+        return found
+
+    def _new_stepper(self, step: float) -> Stepper:
+        """A stepper that goes on from the end of the last step; ``step`` is the proposed length, 0 for none."""
+        segment = self._segment
+        y = np.array(segment.coefficients[-1])
+        start, tolerance, count = self.scenario.start, self.scenario.tolerance, self.n * self.m
+        spread = float(np.abs(start.q - start.q.mean(axis=0)).max(initial=0.0))
+        speed = float(np.abs(start.p).max(initial=0.0))
+        sizes = [np.full(count, max(1.0, spread)), np.full(count, max(1.0, speed))][: self._law.order]
+        memory = StepperMemory(segment.t1, y, self._slope(segment.t1, y), step)
+        shape = self._law.order, self.n, self.m
+        return Stepper(self._slope, self._stages, tolerance * np.concatenate(sizes), memory, self._base, shape)
+
+    # The motion.
+
+    def _split(self, y: Array) -> Array:
+        """Positions and velocities in a state vector, shape (N, 2 m); velocities of agents of order 1 are 0."""
+        found, count = np.zeros((self.n, 2 * self.m)), self.n * self.m
+        found[:, : self.m] = y[:count].reshape(self.n, self.m)
+        if self._law.order == 2:
+            found[:, self.m :] = y[count:].reshape(self.n, self.m)
+        return found
+
+    def _force(self, seconds: float, true: Array) -> Array:
+        known = self.history.at(seconds - self.tau)
+        return self._law.forces(self._base + seconds, known if self._self_delayed else true, known)
+
+    def _slope(self, seconds: float, y: Array) -> Array:
+        true = self._split(y)
+        return self._law.slope(self._force(seconds, true), true[:, self.m :])
+
+    def _stages(
+        self, first: int, last: int, state_stage: int, t: float, y: Array, h: float, K: Array, nodes: Array,
+        weights: Array,
+    ) -> Array:  # fmt: skip
+        """Slopes of a step, see `flocking.engine.kernels.law_kernels.stages`; the state at ``state_stage``."""
+        found = y
+        for s in range(first, max(last, state_stage + 1)):
+            z = y + h * (weights[s, :s] @ K[:s])
+            if s == state_stage:
+                found = z
+            if s < last:
+                K[s] = self._slope(t + nodes[s] * h, z)
+        return found
+
+    def motion_at(self, seconds: float, agents: Indices | slice = slice(None)) -> tuple[Array, Array]:
+        """Positions and velocities of ``agents`` at ``seconds`` from the start, within the last step."""
+        segment, count = self._segment, self.n * self.m
+        if self._law.order == 2:
+            found = self._split(segment.at(seconds))
+            return found[agents, : self.m], found[agents, self.m :]
+        if segment.t1 > segment.t0:
+            y, slope = segment.with_slope(seconds)
+        else:
+            y = segment.at(seconds)
+            slope = self._slope(seconds, y)
+        return y[:count].reshape(self.n, self.m)[agents], slope[:count].reshape(self.n, self.m)[agents]
+
+    def _series(self, seconds: float) -> Array:
+        return position_series(self._segment, self.n, self.m, seconds)
+
+    def _powers(self, seconds: float) -> Powers:
+        def at(times: Array) -> Array:
+            found = np.empty((len(times), 4))
+            for row, s in enumerate((seconds + times).tolist()):
+                true = self._split(self._segment.at(s))
+                force = self._force(s, true)
+                q, p = np.ascontiguousarray(true[:, : self.m]), np.ascontiguousarray(true[:, self.m :])
+                found[row] = self._law.power(self._base + s, q, p, force, self._pairs)
+            return found
+
+        return at
+
+    # Steps.
+
+    def _next_change(self) -> float:
+        return self._segment.t1
+
+    def _change(self) -> None:
+        """Record the step that ends, and take the next one, up to a switch of what agents know."""
+        t = self._segment.t1
+        if self.accounted < t:
+            self._account(t)
+            self._record_row(t)
+        while self.breaks and self.breaks[0] - t <= self._rounding(t):
+            heapq.heappop(self.breaks)
+        bound = self.breaks[0] if self.breaks else math.inf
+        before = self._stepper.memory
+        try:
+            segment = self._stepper.step(bound, self.tau)
+            rows = self._known_switches(segment)
+        except BaseException:
+            self._stepper.recall(before)
+            raise
+        if len(rows):
+            span = segment.t1 - segment.t0
+            segment = segment.cut(min(float(rows[0, 0]) / span, 1.0))
+        if segment.t1 > segment.t0:
+            self._segment = segment
+            self.history.add(segment, segment.t1 - self.tau)
+            self.steps += 1
+            self._lengths.add(segment.t1 - segment.t0)
+        t1, y = self._segment.t1, np.array(self._segment.coefficients[-1])
+        if len(rows):
+            self._switch_known(t1, rows[rows[:, 0] <= rows[0, 0] + self._rounding(t1)], segment.t1 - segment.t0)
+        self._stepper.restart(t1, y)
+        if segment.t1 > segment.t0:
+            self._watch(segment.t0, np.full(self.n, segment.t1 - segment.t0), np.ones(self.n, dtype=bool))
+
+    def _rounding(self, seconds: float) -> float:
+        """Differences of times that count as none."""
+        return SAME_TIME * (self.tau + abs(seconds))
+
+    def _known_switches(self, segment: Segment) -> Array:
+        """The first switches of known links on a step: rows (time since its begin, i, j, graph) from one piece of it."""
+        if not self._rules.ways.any():
+            return np.zeros((0, 4))
+        begin, end, tau = segment.t0, segment.t1, self.tau
+        whole = position_series(segment, self.n, self.m, begin)
+        for first, last, known in self.history.pieces(begin - tau, end - tau):
+            since = max(first + tau - begin, 0.0)
+            span = min(last + tau, end) - (begin + since)
+            if span <= 0.0:
+                continue
+            own = known if self._self_delayed else shifted(whole, since)
+            now = self._base + begin + since
+            rows = known_switches(self.scenario.space, own, known, span, now, self.known_links, self._rules)
+            if len(rows):
+                rows[:, 0] += since
+                return rows
+        return np.zeros((0, 4))
+
+    def _switch_known(self, seconds: float, rows: Array, length: float) -> None:
+        """Switch known links ``rows`` at the end of a step of some length."""
+        for _, i, j, graph in rows:
+            place = int(graph), int(i), int(j)
+            self.known_links[place] = not self.known_links[place]
+        self._law.relink(self.known_links)
+        self._break_from(seconds)
+        self._short_steps = self._short_steps + 1 if length <= SLIDING_SHARE * self.tau else 0
+        if self._short_steps > SLIDING:
+            agents = tuple(int(x) for x in rows[0, 1:3])
+            raise SimulationError(
+                f"What agent {agents[0]} knows of agent {agents[1]} stays at the distance at which their link switches: "
+                "it would switch without end. Use a graph with hysteresis.",
+                time=self._base + seconds, agents=agents,
+            )  # fmt: skip
+
+    def _break_from(self, seconds: float) -> None:
+        """Let steps end where a jump of the forces at a time comes back."""
+        for k in range(1, GENERATIONS + 1):
+            at = seconds + k * self.tau
+            if all(abs(at - other) > self._rounding(at) for other in self.breaks):
+                heapq.heappush(self.breaks, at)
+
+    # What others ask.
+
+    def accelerations(self) -> Array:
+        """Rates of change of the velocities now, shape (N, m); of agents of order 1 their velocities."""
+        seconds, count = self.time - self._base, self.n * self.m
+        slope = self._slope(seconds, self._segment.at(seconds))
+        return slope[-count:].reshape(self.n, self.m)
+
+    @property
+    def shrunk(self) -> Shrunk | None:
+        """Why the run hardly advances; None if it does."""
+        step = self._lengths.shrunk_to
+        return None if step is None else Shrunk(step, self._stepper.strained)
+
+    @property
+    def steady(self) -> bool:
+        """Whether this is a time worth returning to: its steps are about as long as those before."""
+        return self._lengths.usual and self._lengths.shrunk_to is None
+
+    @property
+    def about(self) -> dict[str, object]:
+        """Provenance of the records, with the tolerance."""
+        return super().about | {"tolerance": self.scenario.tolerance}
+
+    @property
+    def fidelity(self) -> Fidelity:
+        """Switches are located, and the ledger is held to the tolerance of the steps."""
+        rule = LedgerRule("tolerance", self.scenario.tolerance)
+        return Fidelity(self.engine, switches_located=True, approaches=Approaches("all", None), ledger=rule)
+
+    @property
+    def _memory(self) -> DelayedMemory:
+        """What the session goes on from."""
+        numbers = {name: float(getattr(self, name)) for name in NUMBERS}
+        numbers |= {"step": self._stepper.memory.step, "short_steps": float(self._short_steps)}
+        return DelayedMemory(
+            self.history, self._segment, self.known_links, self.breaks, self.links, self.crossings, self.closest,
+            self.sums, self.errors, numbers,
+        )  # fmt: skip
+
+    def pack(self) -> Packed:
+        """All that another session needs to go on bit for bit, but its scenario and its records."""
+        return packed_memory(self._memory)
+
+    @classmethod
+    def unpack(cls, packed: Packed, stored: Stored, changes: Mapping[str, object]) -> DelayedSession:
+        """The session that was packed."""
+        session = cls(stored.scenario)
+        memory = session._memory
+        unpacked_memory(memory, packed, stored.scenario)
+        for name in ("known_links", "breaks", "links", "crossings", "closest", "sums", "errors"):
+            setattr(session, name, getattr(memory, name))
+        for name in NUMBERS:
+            setattr(session, name, float(memory.numbers[name]))
+        session.steps = int(memory.numbers["steps"])
+        session._short_steps = int(memory.numbers["short_steps"])
+        session._segment = memory.segment
+        session.relink()
+        session._law.relink(session.known_links)
+        session._stepper = session._new_stepper(memory.numbers["step"])
+        session.records = Recorder(stored.scenario)
+        session.records.recall(stored.counts, stored.read)
+        return session

@@ -1,0 +1,1 @@
+"""Shared parts of the engines of imperfect worlds: true links, closest approaches and the ledger beside what acts."""

@@ -1,0 +1,37 @@
+"""When true links switch: distances at which they appear and break, and whether pairs sense each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from flocking.arrays import Array, Numbers
+from flocking.model.graphs.distance_graphs import Graph
+
+
+class LinkRules(NamedTuple):
+    """When true links switch.
+
+    Parameters
+    ----------
+    ways
+        Of each graph: 0 where its links never change, 1 where both agents of a pair sense each other, 2 where they may
+        differ; shape (graphs,).
+    appear, break_
+        Distances of each graph and sensing agent, shape (graphs, N).
+    """
+
+    ways: Numbers
+    appear: Array
+    break_: Array
+
+
+def link_rules(graphs: Sequence[Graph], n: int) -> LinkRules:
+    """The rules of ``graphs`` of ``n`` agents."""
+    levels = [
+        [np.broadcast_to(np.asarray(x, dtype=np.float64), n) for x in (g.appear_radius, g.break_radius)] for g in graphs
+    ]
+    ways = np.array([(2 if g.directed else 1) if g.moves else 0 for g in graphs], dtype=np.int64)
+    return LinkRules(ways, np.array([a for a, _ in levels]), np.array([b for _, b in levels]))

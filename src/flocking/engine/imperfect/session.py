@@ -1,0 +1,303 @@
+"""A running simulation in which agents act on what they know: true links, closest approaches and the ledger beside it.
+
+Between two changes of the forces, or of their formula, positions are polynomials in time; what a change is, and how the
+agents move, every engine says itself.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+import time as clock
+from abc import abstractmethod
+
+import numpy as np
+
+from flocking.arrays import Array, Indices, Links
+from flocking.engine import interruption
+from flocking.engine.imperfect.link_rules import LinkRules, link_rules
+from flocking.engine.imperfect.pair_polynomials import ROUNDING, Paths, closest_pairs, paths_in
+from flocking.engine.imperfect.pair_switches import pair_events
+from flocking.engine.imperfect.powers import Powers, integrated
+from flocking.engine.imperfect.true_law import TrueLaw
+from flocking.engine.protocol.session import Session
+from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
+from flocking.engine.runs.recorder import Recorder
+from flocking.engine.runs.run import Closest, LedgerRow, is_tangential
+from flocking.errors import InvalidInput, SimulationError, UnsupportedLaw
+from flocking.model.law import Law, Scenario
+from flocking.model.state import State
+
+NUMBERS = ("time", "steps", "jumped", "accounted", "energy", "kinetic", "largest_power", "ledger_ends")
+"""Names of the numbers from which a session goes on; times are of the scenario, ``accounted`` is since the start."""
+
+
+class ImperfectSession(Session):
+    """A session in which forces follow from what agents know.
+
+    A derived class calls `begin` once its motion can be asked for.
+
+    Parameters
+    ----------
+    scenario
+        What is simulated.
+
+    Attributes
+    ----------
+    links
+        True links of each graph, shape (graphs, N, N).
+    crossings
+        Heap of times, in seconds from the start, and pairs and graphs of true links that will switch.
+    closest
+        Rows (squared distance, time, i, j) of the closest linked and unlinked pair.
+    accounted
+        Time until which the ledger is computed, in seconds from the start.
+    sums, errors
+        Integrals of the powers of the ledger, and what they may be off by, shape (4,) each.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario, self.plant = scenario, None
+        start = scenario.start
+        self.n, self.m = start.q.shape
+        self._base = start.t
+        self.time, self.steps = start.t, 0
+        self.records = Recorder(scenario)
+        graphs = scenario.law.graphs
+        self.links: Links = np.array([g.links_in(scenario.space, start.q, scenario.agents.headings) for g in graphs])
+        if start.links is not None:
+            self.links[0] = start.links
+        self._rules: LinkRules = link_rules(graphs, self.n)
+        self.crossings: list[tuple[float, int, int, int]] = []
+        self.closest = np.array([[np.inf, np.nan, -1.0, -1.0]] * 2)
+        self.accounted = 0.0
+        self.sums, self.errors = np.zeros(4), np.zeros(4)
+        self.jumped, self.largest_power, self.ledger_ends = 0.0, 0.0, math.inf
+
+    def begin(self) -> None:
+        """Take up links and ledger at the start.
+
+        Raises
+        ------
+        InvalidInput
+            When the energy is infinite there.
+        """
+        self.relink()
+        self.energy, self.kinetic = self._energy(0.0)
+        if not np.isfinite(self.energy):
+            raise InvalidInput(
+                "Scenario", "start", "must have a finite energy", self.energy,
+                "Two agents sit where the potential is infinite; move them apart or inside its range.",
+            )  # fmt: skip
+        self._record_row(0.0)
+
+    # What an engine says of its motion.
+
+    @property
+    @abstractmethod
+    def _law(self) -> TrueLaw:
+        """The law on the true state."""
+
+    @abstractmethod
+    def motion_at(self, seconds: float, agents: Indices | slice = slice(None)) -> tuple[Array, Array]:
+        """Positions and velocities of ``agents``; those of order 1 with the velocity at which they move.
+
+        Parameters
+        ----------
+        seconds
+            Time since the start, from the last change on.
+        """
+
+    @abstractmethod
+    def _series(self, seconds: float) -> Array:
+        """Taylor coefficients of the positions about a time since the start, shape (degree + 1, N, m)."""
+
+    @abstractmethod
+    def _powers(self, seconds: float) -> Powers:
+        """Powers of the ledger, as functions of the time from ``seconds`` since the start on."""
+
+    @abstractmethod
+    def _next_change(self) -> float:
+        """When the motion changes next, in seconds from the start."""
+
+    @abstractmethod
+    def _change(self) -> None:
+        """Change the motion at that time, and record it."""
+
+    def relink(self) -> None:
+        """Take the true links as they are now."""
+        self._pairs = self._law.pairs(self.links)
+        self._linked = int(self.links[0].sum())
+
+    def _energy(self, seconds: float) -> tuple[float, float]:
+        q, p = self.motion_at(seconds)
+        return self._law.energy(self._base + seconds, q, p, self._pairs, self._linked)
+
+    def _paths(self, seconds: float) -> Paths:
+        """How agents move from a time on."""
+        return paths_in(self.scenario.space, self._series(seconds), self._base + seconds)
+
+    # Events.
+
+    def advance(self, to: float, seconds: float = math.inf) -> None:
+        """Go on until time ``to``, or for ``seconds`` of wall time."""
+        if not to >= self.time:
+            raise InvalidInput(type(self).__name__, "to", f"must not be before the session's time, {self.time:g}", to)
+        stop = clock.monotonic() + seconds
+        end = to - self._base
+        last = self.scenario.t_end - self._base
+        try:
+            while True:
+                interruption.check()
+                at = self._next_change()
+                crossing = self.crossings[0][0] if self.crossings else math.inf
+                if self.accounted < last <= min(at, crossing) and last <= end:
+                    self._record_frames(last)
+                    self._account(last)
+                    self._record_row(last)
+                    self.time = self._base + last
+                    continue
+                if min(at, crossing) >= end:
+                    break
+                self._record_frames(min(at, crossing))
+                self.time = max(self.time, self._base + min(at, crossing))
+                if crossing <= at:
+                    self._switch()
+                else:
+                    self._change()
+                if clock.monotonic() >= stop:
+                    return
+            self.time = to
+            self._record_frames(end)
+        except SimulationError as error:
+            error.run = self.run(str(error))
+            raise
+
+    def _watch(self, seconds: float, length: Array, changed: Links) -> None:
+        """Find the switches of the pairs of changed agents until either one's motion changes again.
+
+        Parameters
+        ----------
+        seconds
+            Now, since the start.
+        length
+            How long each agent's motion goes on from now, shape (N,).
+        changed
+            Whose motion begins now, shape (N,).
+        """
+        paths = self._paths(seconds)
+        size = float(np.abs(paths.S[0]).max())
+        for s, i, j, graph in pair_events(paths, length, changed, self.links, *self._rules, size):
+            heapq.heappush(self.crossings, (float(seconds + s), int(i), int(j), int(graph)))
+
+    def _switch(self) -> None:
+        """Switch a true link that crosses its distance."""
+        seconds, i, j, graph = heapq.heappop(self.crossings)
+        (q, r), (p, v) = self.motion_at(seconds, np.array([i, j]))
+        d, w = self.scenario.space.displacement(r - q), v - p
+        distance = float(np.linalg.norm(d))
+        speed = float(d @ w / distance) if distance else 0.0
+        breaks = bool(self.links[graph, i, j])
+        if breaks and self._law.barriers[graph]:
+            self.ledger_ends = min(self.ledger_ends, self._base + self.accounted)
+        self._account(seconds)
+        self._record_row(seconds)
+        self.links[graph, i, j] = not breaks
+        if self._rules.ways[graph] == 1:
+            self.links[graph, j, i] = not breaks
+        self.relink()
+        before = self.energy
+        self.energy, self.kinetic = self._energy(seconds)
+        if np.isfinite(self.energy) and np.isfinite(before):
+            self.jumped += self.energy - before
+        else:
+            self.ledger_ends = min(self.ledger_ends, self._base + self.accounted)
+        slow = is_tangential(speed, w)
+        kind = "break" if breaks else "appear"
+        self.records.switches.append((self._base + seconds, i, j, kind, graph, speed, slow, math.nan, math.nan))
+        self._record_row(seconds)
+
+    # Records.
+
+    def _account(self, seconds: float) -> None:
+        """Bring the ledger and the closest approaches up to a time; nothing switched since the last one."""
+        length = seconds - self.accounted
+        if length <= 0.0:
+            return
+        paths = self._paths(self.accounted)
+        self.closest = closest_pairs(paths, length, self.links[0], self.accounted, self.closest)
+        if self._base + self.accounted < self.ledger_ends:
+            powers = self._powers(self.accounted)
+            sums, errors, self.largest_power = integrated(powers, length, self.scenario.tolerance, self.largest_power)
+            self.sums += sums
+            self.errors += errors
+        self.accounted = seconds
+        self.energy, self.kinetic = self._energy(seconds)
+
+    def _row(self, seconds: float) -> LedgerRow:
+        work, lost, supplied, departed = map(float, self.sums)
+        return LedgerRow(self._base + seconds, self.energy, self.kinetic, work, lost, supplied, self.jumped, departed)
+
+    def _record_row(self, seconds: float) -> None:
+        if self._base + seconds <= self.ledger_ends:
+            self.records.trace.append(self._row(seconds))
+
+    def _record_frames(self, until: float) -> None:
+        """Frames that are due before an event, or at the time reached."""
+        records = self.records
+        while records.count < len(records.frame_times):
+            t = float(records.frame_times[records.count])
+            if t - self._base > until:
+                return
+            q, p = self.motion_at(t - self._base)
+            records.frame(t, q, p if self._law.order == 2 else np.zeros_like(p), self.links[0])
+
+    # What others ask.
+
+    @property
+    def state(self) -> State:
+        """State at the session's time, with the true links."""
+        q, p = self.motion_at(self.time - self._base)
+        p = p if self._law.order == 2 else np.zeros_like(p)
+        return State(q, p, self.time, self.links[0].copy())
+
+    @property
+    def known(self) -> tuple[tuple[Closest, Closest], None]:
+        """The closest linked and unlinked pair until now, with errors of rounding; no others are known."""
+        length, found = self.time - self._base - self.accounted, self.closest
+        paths = self._paths(self.accounted)
+        if length > 0.0:
+            found = closest_pairs(paths, length, self.links[0], self.accounted, found)
+        size = ROUNDING * float(np.abs(paths.S[0]).max())
+        linked, free = (
+            Closest(math.sqrt(d), self._base + t, (int(i), int(j)), size) if np.isfinite(d) else Closest()
+            for d, t, i, j in found.tolist()
+        )
+        return (linked, free), None
+
+    @property
+    def about(self) -> dict[str, object]:
+        """Where the results come from, what is not ideal, and where the ledger ended if it did."""
+        found = super().about | {"world": self.scenario.imperfections}
+        if math.isfinite(self.ledger_ends):
+            found["ledger ends"] = self.ledger_ends
+        return found
+
+    @property
+    def fidelity(self) -> Fidelity:
+        """Switches are located, and the ledger is held to the estimated error of its integrals."""
+        rule = LedgerRule("estimate", float(self.errors.sum()))
+        return Fidelity(self.engine, switches_located=True, approaches=Approaches("all", None), ledger=rule)
+
+    def replace(self, *, law: Law | None = None, state: State | None = None) -> None:
+        """Not possible: what agents know of each other belongs to the past of this run.
+
+        Raises
+        ------
+        UnsupportedLaw
+            Always.
+        """
+        raise UnsupportedLaw(
+            f"engine={self.engine!r} replaces neither law nor state while a run goes on. Start another run from "
+            "run.state(-1)."
+        )

@@ -1,0 +1,65 @@
+"""Laws and bodies that the engines of imperfect worlds run; the others are refused by name."""
+
+from __future__ import annotations
+
+from flocking.engine.kernels.layout import Layout
+from flocking.errors import InvalidInput, UnsupportedLaw
+from flocking.model.bodies.point_bodies import PointMass, SingleIntegrator
+from flocking.model.law import Law, Scenario
+from flocking.model.terms.schedules import Schedule
+
+MOST_AGENTS = 2000
+"""Largest group of these engines, which hold several numbers for every pair."""
+
+
+def check_law(engine: str, scenario: Scenario, plant: Law | None) -> None:
+    """Refuse what these engines do not know.
+
+    Parameters
+    ----------
+    engine
+        Name of the engine, for messages.
+    plant
+        The law that agents follow, if it is another.
+
+    Raises
+    ------
+    InvalidInput
+        When the group is too large.
+    UnsupportedLaw
+        When there is another such part; the message names it.
+    """
+    n, law, bodies = scenario.start.n, scenario.law, scenario.agents
+    if n > MOST_AGENTS:
+        raise InvalidInput(
+            "start", "engine", f"must be another one for more than {MOST_AGENTS} agents", f"{engine!r} for {n}",
+            "It keeps what everybody knows of everybody.",
+        )  # fmt: skip
+    if bodies.structure not in (PointMass().structure, SingleIntegrator().structure):
+        raise UnsupportedLaw(
+            f"engine={engine!r} moves point masses and single integrators, not {type(bodies).__name__}."
+        )
+    if plant is not None:
+        raise UnsupportedLaw(
+            f"engine={engine!r} runs no plant: its ledger counts whatever acts beyond the law as departed, so that "
+            "another law would not show."
+        )
+    if law.beyond_neighbours:
+        raise UnsupportedLaw(
+            f"engine={engine!r} cannot compute the {' and the '.join(law.beyond_neighbours)}, which no agent knows."
+        )
+    for graph in law.graphs:
+        if graph.sees_headings or (graph.moves and not graph.follows_radii):
+            raise UnsupportedLaw(
+                f"engine={engine!r} follows links by two distances; {type(graph).__name__} has another rule."
+            )
+    for term in law.body_terms:
+        if getattr(term, "groups", ()):
+            raise UnsupportedLaw(f"engine={engine!r} knows no obstacles yet. Leave Avoid out.")
+    layout = Layout(law, scenario.energy, bodies, scenario.space)
+    if any(isinstance(value, Schedule) for _, owned in layout.owners() for value in owned.values()):
+        raise UnsupportedLaw(f"engine={engine!r} knows no schedules: gains must be constant.")
+    if layout.places:
+        raise UnsupportedLaw(
+            f"engine={engine!r} needs leaders whose position has a closed form, that of the energy included."
+        )
