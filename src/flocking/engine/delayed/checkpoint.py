@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flocking.arrays import Array, Links
+from flocking.arrays import Array, Indices, Links
 from flocking.engine.archives.archive import Arrays
 from flocking.engine.archives.data_checks import Form, Real, Table
 from flocking.engine.archives.data_checks import Names as NamedForms
@@ -37,6 +37,8 @@ class DelayedMemory:
         The past, and the last step.
     known_links
         Links by what agents know, shape (graphs, N, N).
+    pending
+        Known links that switch at the end of the last step, rows (i, j, graph).
     breaks
         Times, in seconds from the start, at which steps must end.
     links
@@ -54,6 +56,7 @@ class DelayedMemory:
     history: History
     segment: Segment
     known_links: Links
+    pending: Indices
     breaks: list[float]
     links: Links
     crossings: list[tuple[float, int, int, int]]
@@ -76,7 +79,8 @@ def packed_memory(memory: DelayedMemory) -> Packed:
     arrays: Arrays = {
         "times": np.array([segments[0].t0, *(segment.t1 for segment in segments)]),
         "coefficients": np.array([segment.coefficients for segment in segments]),
-        "known_links": memory.known_links, "breaks": np.array(sorted(memory.breaks)), "links": memory.links,
+        "known_links": memory.known_links, "pending": memory.pending, "links": memory.links,
+        "breaks": np.array(sorted(memory.breaks)),
         "crossing_time": np.array([row[0] for row in heap], dtype=np.float64),
         "crossing": np.array([row[1:] for row in heap], dtype=np.int64).reshape(-1, 3),
         "closest": memory.closest, "sums": memory.sums, "errors": memory.errors,
@@ -111,6 +115,7 @@ def unpacked_memory(fresh: DelayedMemory, packed: Packed, scenario: Scenario) ->
     heap = zip(arrays["crossing_time"].tolist(), arrays["crossing"].tolist(), strict=True)
     fresh.crossings = [(time, i, j, graph) for time, (i, j, graph) in heap]
     fresh.breaks = arrays["breaks"].tolist()
+    fresh.pending = arrays["pending"]
     fresh.known_links, fresh.links = arrays["known_links"], arrays["links"]
     fresh.closest, fresh.sums, fresh.errors = arrays["closest"], arrays["sums"], arrays["errors"]
 
@@ -126,7 +131,8 @@ def _checked(data: object, arrays: Arrays, scenario: Scenario, fresh: DelayedMem
     NamedForms({
         "times": Table("f8", (None,), least=0.0), "breaks": Table("f8", (None,), least=0.0),
         "coefficients": Table("f8", (None, DEGREE + 1, size), least=-LARGEST, most=LARGEST),
-        "known_links": links, "links": links, "crossing_time": Table("f8", (None,), least=0.0),
+        "known_links": links, "links": links, "pending": Table("i8", (None, 3), least=0, most=max(n, graphs) - 1),
+        "crossing_time": Table("f8", (None,), least=0.0),
         "crossing": Table("i8", (None, 3), least=0, most=max(n, graphs) - 1),
         "closest": Table("f8", (2, 4), finite=False), "sums": Table("f8", (4,), finite=False),
         "errors": Table("f8", (4,), least=0.0, finite=False),
@@ -138,13 +144,17 @@ def _checked(data: object, arrays: Arrays, scenario: Scenario, fresh: DelayedMem
     resting = len(tables) == 1 and times[0] == times[1] == 0.0
     must(resting or (np.diff(times) > 0.0).all(), "times", "be in order")
     must(resting or (np.diff(times) <= tau + slack).all(), "times", "be no further apart than the delay")
-    must(times[0] <= max(times[-1] - tau, 0.0) + slack, "times", "reach back as far as the delay")
+    must(times[0] <= max(times[-2] - tau, 0.0) + slack, "times", "reach back as far as the delay")
     must(times[-2] - slack <= now <= times[-1] + slack, "time", "lie in the last step")
     must(accounted <= times[-1], "accounted", "not lie after the last step")
     must((tables[1:, 0] == tables[:-1, -1]).all(), "coefficients", "be those of steps without gaps")
     begins = times[0] > 0.0 or (tables[0, 0] == fresh.segment.coefficients[0]).all()
     must(begins, "coefficients", "begin at the start")
     must(resting or (np.abs(tables) <= LARGEST).all(), "coefficients", "be numbers that can be squared")
+    pending = arrays["pending"]
+    fits = (pending[:, :2] < n).all() and (pending[:, 2] < graphs).all() and (pending[:, 0] != pending[:, 1]).all()
+    must(fits and all(scenario.law.graphs[k].moves for k in pending[:, 2].tolist()), "pending",
+         "name links that switch")  # fmt: skip
     must((np.diff(arrays["breaks"]) > 0.0).all(), "breaks", "be in order")
     must(numbers["steps"] == int(numbers["steps"]), "steps", "be a whole number")
     must(numbers["steps"] >= (0 if resting else len(tables)), "steps", "be as many as are stored")

@@ -1,4 +1,4 @@
-"""A running simulation of delayed knowledge: adaptive steps of order 8, no longer than the delay, on the stored past."""
+"""A running simulation of delayed knowledge: adaptive steps of order 8, no longer than the delay."""
 
 from __future__ import annotations
 
@@ -58,6 +58,8 @@ class DelayedSession(ImperfectSession):
         Links by what agents know, shape (graphs, N, N).
     history
         The past.
+    pending
+        Known links that switch at the end of the last step, rows (i, j, graph).
     breaks
         Heap of times, in seconds from the start, at which some derivative of the motion jumps.
     """
@@ -73,6 +75,7 @@ class DelayedSession(ImperfectSession):
         self._delayed_law = DelayedLaw(scenario)
         self.history = History(start.q, start.p, self._law.order)
         self.known_links = self._links_at_start()
+        self.pending: Indices = np.zeros((0, 3), dtype=np.int64)
         self.breaks: list[float] = []
         self._break_from(0.0)
         self._short_steps = 0
@@ -151,8 +154,8 @@ class DelayedSession(ImperfectSession):
         """Positions and velocities of ``agents`` at ``seconds`` from the start, within the last step."""
         segment, count = self._segment, self.n * self.m
         if self._law.order == 2:
-            found = self._split(segment.at(seconds))
-            return found[agents, : self.m], found[agents, self.m :]
+            q, p = segment.at(seconds).reshape(2, self.n, self.m)
+            return q[agents], p[agents]
         if segment.t1 > segment.t0:
             y, slope = segment.with_slope(seconds)
         else:
@@ -167,9 +170,8 @@ class DelayedSession(ImperfectSession):
         def at(times: Array) -> Array:
             found = np.empty((len(times), 4))
             for row, s in enumerate((seconds + times).tolist()):
-                true = self._split(self._segment.at(s))
-                force = self._force(s, true)
-                q, p = np.ascontiguousarray(true[:, : self.m]), np.ascontiguousarray(true[:, self.m :])
+                q, p = self.motion_at(s)
+                force = self._force(s, self._split(self._segment.at(s)))
                 found[row] = self._law.power(self._base + s, q, p, force, self._pairs)
             return found
 
@@ -181,11 +183,13 @@ class DelayedSession(ImperfectSession):
         return self._segment.t1
 
     def _change(self) -> None:
-        """Record the step that ends, and take the next one, up to a switch of what agents know."""
+        """Record the step that ends, switch what agents know, and take the next step, up to the next such switch."""
         t = self._segment.t1
         if self.accounted < t:
             self._account(t)
             self._record_row(t)
+        if len(self.pending):
+            self._switch_known(t)
         while self.breaks and self.breaks[0] - t <= self._rounding(t):
             heapq.heappop(self.breaks)
         bound = self.breaks[0] if self.breaks else math.inf
@@ -197,26 +201,23 @@ class DelayedSession(ImperfectSession):
             self._stepper.recall(before)
             raise
         if len(rows):
-            span = segment.t1 - segment.t0
-            segment = segment.cut(min(float(rows[0, 0]) / span, 1.0))
+            self.pending = rows[rows[:, 0] <= rows[0, 0] + self._rounding(segment.t1), 1:].astype(np.int64)
+            segment = segment.cut(min(float(rows[0, 0]) / (segment.t1 - segment.t0), 1.0))
         if segment.t1 > segment.t0:
             self._segment = segment
-            self.history.add(segment, segment.t1 - self.tau)
+            self.history.add(segment, segment.t0 - self.tau)
             self.steps += 1
             self._lengths.add(segment.t1 - segment.t0)
-        t1, y = self._segment.t1, np.array(self._segment.coefficients[-1])
-        if len(rows):
-            self._switch_known(t1, rows[rows[:, 0] <= rows[0, 0] + self._rounding(t1)], segment.t1 - segment.t0)
-        self._stepper.restart(t1, y)
-        if segment.t1 > segment.t0:
             self._watch(segment.t0, np.full(self.n, segment.t1 - segment.t0), np.ones(self.n, dtype=bool))
+        self._short_steps = self._short_steps + 1 if len(rows) and segment.t1 - t <= SLIDING_SHARE * self.tau else 0
+        self._stepper.restart(self._segment.t1, np.array(self._segment.coefficients[-1]))
 
     def _rounding(self, seconds: float) -> float:
         """Differences of times that count as none."""
         return SAME_TIME * (self.tau + abs(seconds))
 
     def _known_switches(self, segment: Segment) -> Array:
-        """The first switches of known links on a step: rows (time since its begin, i, j, graph) from one piece of it."""
+        """The first switches of known links on a step, by its pieces: rows (time since it began, i, j, graph)."""
         if not self._rules.ways.any():
             return np.zeros((0, 4))
         begin, end, tau = segment.t0, segment.t1, self.tau
@@ -234,19 +235,19 @@ class DelayedSession(ImperfectSession):
                 return rows
         return np.zeros((0, 4))
 
-    def _switch_known(self, seconds: float, rows: Array, length: float) -> None:
-        """Switch known links ``rows`` at the end of a step of some length."""
-        for _, i, j, graph in rows:
-            place = int(graph), int(i), int(j)
-            self.known_links[place] = not self.known_links[place]
+    def _switch_known(self, seconds: float) -> None:
+        """Switch the known links that are pending, and begin anew with the forces that follow."""
+        for i, j, graph in self.pending.tolist():
+            self.known_links[graph, i, j] = not self.known_links[graph, i, j]
+        agents = tuple(self.pending[0, :2].tolist())
+        self.pending = np.zeros((0, 3), dtype=np.int64)
         self._law.relink(self.known_links)
         self._break_from(seconds)
-        self._short_steps = self._short_steps + 1 if length <= SLIDING_SHARE * self.tau else 0
+        self._stepper.restart(seconds, np.array(self._segment.coefficients[-1]))
         if self._short_steps > SLIDING:
-            agents = tuple(int(x) for x in rows[0, 1:3])
             raise SimulationError(
-                f"What agent {agents[0]} knows of agent {agents[1]} stays at the distance at which their link switches: "
-                "it would switch without end. Use a graph with hysteresis.",
+                f"What agent {agents[0]} knows of agent {agents[1]} stays at the distance at which a link switches, "
+                "and it would switch without end. Use a graph with hysteresis.",
                 time=self._base + seconds, agents=agents,
             )  # fmt: skip
 
@@ -293,8 +294,8 @@ class DelayedSession(ImperfectSession):
         numbers = {name: float(getattr(self, name)) for name in NUMBERS}
         numbers |= {"step": self._stepper.memory.step, "short_steps": float(self._short_steps)}
         return DelayedMemory(
-            self.history, self._segment, self.known_links, self.breaks, self.links, self.crossings, self.closest,
-            self.sums, self.errors, numbers,
+            self.history, self._segment, self.known_links, self.pending, self.breaks, self.links, self.crossings,
+            self.closest, self.sums, self.errors, numbers,
         )  # fmt: skip
 
     def pack(self) -> Packed:
@@ -307,7 +308,7 @@ class DelayedSession(ImperfectSession):
         session = cls(stored.scenario)
         memory = session._memory
         unpacked_memory(memory, packed, stored.scenario)
-        for name in ("known_links", "breaks", "links", "crossings", "closest", "sums", "errors"):
+        for name in ("known_links", "pending", "breaks", "links", "crossings", "closest", "sums", "errors"):
             setattr(session, name, getattr(memory, name))
         for name in NUMBERS:
             setattr(session, name, float(memory.numbers[name]))

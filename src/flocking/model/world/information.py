@@ -177,7 +177,7 @@ class Delayed(Information):
 
     Agent i computes its force at time t from q_j(t - tau) and p_j(t - tau), and links follow from the distances that it
     knows. Before the start agents are taken to have moved in straight lines, q(t) = q(t0) + (t - t0) p(t0); agents of
-    order 1 to have stood still. The leader and obstacles are known without delay; physical damping acts at once. Without
+    order 1 to have stood still. The leader is known without delay, and physical damping acts at once. Without
     ``self_delayed`` the world's rest frame matters: a flock that moves is braked (see the page on the world).
 
     Parameters
