@@ -185,6 +185,8 @@ class ImperfectSession(Session):
         changed
             Whose motion begins now, shape (N,).
         """
+        if not self._rules.ways.any():
+            return
         paths = self._paths(seconds)
         size = float(np.abs(paths.S[0]).max())
         for s, i, j, graph in pair_events(paths, length, changed, self.links, *self._rules, size):

@@ -1,0 +1,91 @@
+"""A second implementation of delayed knowledge: SciPy's integrator over one delay after the other, events for links."""
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+
+class PlainDelays:
+    """Point masses or single integrators with an attraction and a consensus over links with hysteresis.
+
+    Parameters
+    ----------
+    scenario
+        What is simulated; of its law nothing but the graph is read.
+    slope
+        Slope of the potential.
+    gain
+        Gain of the consensus.
+    """
+
+    def __init__(self, scenario, slope, gain):
+        self.q0, self.p0 = scenario.start.q, scenario.start.p
+        self.n, self.m = self.q0.shape
+        self.order, self.slope, self.gain = scenario.agents.order, slope, gain
+        self.masses = np.broadcast_to(scenario.agents.masses, self.n)[:, None]
+        self.damping = np.broadcast_to(scenario.agents.damping, self.n)[:, None]
+        graph = scenario.law.graph
+        self.enter, self.leave = float(graph.appear_radius), float(graph.break_radius)
+        self.tau, self.own_late = scenario.information.tau, scenario.information.self_delayed
+        true = np.linalg.norm(self.q0[:, None] - self.q0, axis=2)
+        own, known = (self.past(-self.tau if late else 0.0, []) for late in (self.own_late, True))
+        apart = np.linalg.norm(known[0] - own[0][:, None], axis=2)
+        self.links = np.where(true < self.leave, apart < self.leave, apart < self.enter) & ~np.eye(self.n, dtype=bool)
+
+    def past(self, t, solutions):
+        """Positions and velocities at a time, from pieces (begin, end, solution)."""
+        if t <= 0.0:
+            p = self.p0 if self.order == 2 else np.zeros_like(self.p0)
+            return self.q0 + t * p, p
+        y = next((found for _, end, found in solutions if t <= end), solutions[-1][2])(t)
+        return self.split(y)
+
+    def split(self, y):
+        q = y[: self.n * self.m].reshape(self.n, self.m)
+        return q, (y[self.n * self.m :].reshape(self.n, self.m) if self.order == 2 else np.zeros_like(q))
+
+    def apart(self, t, y, solutions):
+        """Displacements of what agents know of others from themselves, shape (N, N, m)."""
+        known = self.past(t - self.tau, solutions)
+        own = known if self.own_late else self.split(y)
+        return known[0] - own[0][:, None], known[1] - own[1][:, None]
+
+    def rate(self, t, y, solutions):
+        d, v = self.apart(t, y, solutions)
+        r = np.linalg.norm(d, axis=2) + np.eye(self.n)
+        u = (self.links[..., None] * (self.slope(r)[..., None] * d / r[..., None] + self.gain * v)).sum(axis=1)
+        if self.order == 1:
+            return u.ravel()
+        p = self.split(y)[1]
+        return np.concatenate([p.ravel(), ((u - self.damping * p) / self.masses).ravel()])
+
+    def run(self, t_end):
+        """Positions and velocities at the end, and how often a known link switched."""
+        y = np.concatenate([self.q0.ravel(), self.p0.ravel()][: self.order])
+        t, solutions, switches = 0.0, [], 0
+        corners = sorted({k * self.tau for k in range(1, int(t_end / self.tau) + 1)} | {t_end})
+        for corner in corners:
+            while t < corner:
+                levels = np.where(self.links, self.leave, self.enter)
+                side = np.where(self.links, 1.0, -1.0)
+
+                def worst(s, z, levels=levels, side=side, solutions=tuple(solutions)):
+                    r = np.linalg.norm(self.apart(s, z, solutions)[0], axis=2)
+                    gaps = side * (levels - r) + 1e3 * np.eye(self.n)
+                    return gaps.min() + 1e-12
+
+                worst.terminal, worst.direction = True, -1
+                known = tuple(solutions)
+                found = solve_ivp(
+                    lambda s, z, known=known: self.rate(s, z, known), (t, corner), y, method="RK45", rtol=1e-11,
+                    atol=1e-12, dense_output=True, events=worst, max_step=self.tau / 8,
+                )  # fmt: skip
+                end = float(found.t[-1])
+                if end > t:
+                    solutions.append((t, end, found.sol))
+                t, y = end, found.y[:, -1]
+                if found.status == 1:
+                    r = np.linalg.norm(self.apart(t, y, solutions)[0], axis=2)
+                    crossed = (side * (levels - r) < 1e-9) & ~np.eye(self.n, dtype=bool)
+                    self.links = self.links ^ crossed
+                    switches += int(crossed.sum())
+        return *self.split(y), switches
