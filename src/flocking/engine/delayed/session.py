@@ -14,7 +14,7 @@ from flocking.engine.delayed.checkpoint import DelayedMemory, packed_memory, unp
 from flocking.engine.delayed.delayed_law import DelayedLaw
 from flocking.engine.delayed.history import History, position_series, shifted
 from flocking.engine.delayed.known_links import known_switches
-from flocking.engine.imperfect.powers import Powers
+from flocking.engine.imperfect.powers import FIFTEEN, Powers
 from flocking.engine.imperfect.session import NUMBERS, ImperfectSession
 from flocking.engine.integrator.segment import Segment
 from flocking.engine.integrator.step_lengths import Shrunk, StepLengths
@@ -65,6 +65,7 @@ class DelayedSession(ImperfectSession):
     """
 
     engine = "delayed"
+    rule = FIFTEEN
 
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)

@@ -16,17 +16,45 @@ from flocking.engine.kernels.codegen import ARGUMENTS, CONTROL_RESULTS
 from flocking.engine.kernels.law_kernels import Pairs, Slots
 from flocking.formula.native.functions import by_address, native_apart
 
-NODES = np.array([-0.9604912687080202, -0.7745966692414834, -0.4342437493468025, 0.0,
-                  0.4342437493468025, 0.7745966692414834, 0.9604912687080202])  # fmt: skip
-"""Nodes of the Gauss-Kronrod rule (3, 7) on [-1, 1] (Kronrod 1965)."""
 
-WEIGHTS = np.array([0.1046562260264673, 0.2684880898683334, 0.4013974147759622, 0.4509165386584741,
-                    0.4013974147759622, 0.2684880898683334, 0.1046562260264673])  # fmt: skip
-"""Weights of the Kronrod rule of 7 points, exact for polynomials of degree 11."""
+class Rule(NamedTuple):
+    """A Kronrod rule and the Gauss rule within it.
 
-GAUSS = np.array([0.0, 5.0 / 9.0, 0.0, 8.0 / 9.0, 0.0, 5.0 / 9.0, 0.0])
-"""Weights of the Gauss rule of 3 points within it, exact for degree 5: the difference of the two estimates the error of
-the Gauss rule, and so bounds that of the Kronrod rule from above wherever it converges."""
+    Parameters
+    ----------
+    nodes, weights
+        Nodes and weights of the Kronrod rule on [-1, 1] (Kronrod 1965).
+    gauss
+        Weights of the Gauss rule at the same nodes: the difference of the two estimates the error of the Gauss rule,
+        and so bounds that of the Kronrod rule from above wherever it converges.
+    """
+
+    nodes: Array
+    weights: Array
+    gauss: Array
+
+
+def _symmetric(nodes: list[float], weights: list[float], gauss: list[float]) -> Rule:
+    """The rule with the positive ``nodes``, the last of which is 0, and their mirror images."""
+    right, w, g = np.array(nodes), np.array(weights), np.array(gauss)
+    return Rule(*(np.concatenate(x) for x in ((-right, right[-2::-1]), (w, w[-2::-1]), (g, g[-2::-1]))))
+
+
+SEVEN = _symmetric(
+    [0.9604912687080202, 0.7745966692414834, 0.4342437493468025, 0.0],
+    [0.1046562260264673, 0.2684880898683334, 0.4013974147759622, 0.4509165386584741],
+    [0.0, 5.0 / 9.0, 0.0, 8.0 / 9.0],
+)
+"""The rule of 7 points, exact for polynomials of degree 11, with the Gauss rule of 3."""
+
+FIFTEEN = _symmetric(
+    [0.9914553711208126, 0.9491079123427585, 0.8648644233597691, 0.7415311855993944, 0.5860872354676911,
+     0.4058451513773972, 0.2077849550078985, 0.0],
+    [0.0229353220105292, 0.0630920926299786, 0.1047900103222502, 0.1406532597155259, 0.1690047266392679,
+     0.1903505780647854, 0.2044329400752989, 0.2094821410847278],
+    [0.0, 0.1294849661688697, 0.0, 0.2797053914892767, 0.0, 0.3818300505051189, 0.0, 0.4179591836734694],
+)  # fmt: skip
+"""The rule of 15 points, exact for polynomials of degree 22, with the Gauss rule of 7."""
 
 MOST_HALVINGS = 30
 """Halvings of an interval in which powers change too fast; what is left is added to the stated error."""
@@ -125,7 +153,9 @@ def node_powers(
         found[node, 0], found[node, 1], found[node, 2], found[node, 3] = work, lost, supplied, departed
 
 
-def integrated(powers: Powers, length: float, tolerance: float, largest: float) -> tuple[Array, Array, float]:
+def integrated(
+    powers: Powers, length: float, tolerance: float, largest: float, rule: Rule = SEVEN
+) -> tuple[Array, Array, float]:
     """Integrals of powers from 0 to ``length``, what each may be off by, and the largest power met so far.
 
     Parameters
@@ -138,14 +168,16 @@ def integrated(powers: Powers, length: float, tolerance: float, largest: float) 
         Error per unit of time that is allowed relative to the largest power: halving stops there.
     largest
         The largest power met before: where all that is left of the powers is rounding, no halving helps.
+    rule
+        The rule: its points on each piece of the interval.
     """
     total, error = np.zeros(len(POWERS)), np.zeros(len(POWERS))
     open_, pieces = [(0.0, length, MOST_HALVINGS)], 0
     while open_:
         begin, end, halvings = open_.pop()
         half = 0.5 * (end - begin)
-        values = powers(begin + half * (1.0 + NODES))
-        fine, coarse = half * (WEIGHTS @ values), half * (GAUSS @ values)
+        values = powers(begin + half * (1.0 + rule.nodes))
+        fine, coarse = half * (rule.weights @ values), half * (rule.gauss @ values)
         gap = np.abs(fine - coarse)
         largest = max(largest, float(np.nan_to_num(np.abs(values), posinf=0.0).max()))
         pieces += 1

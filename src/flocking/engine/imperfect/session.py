@@ -10,6 +10,7 @@ import heapq
 import math
 import time as clock
 from abc import abstractmethod
+from typing import ClassVar
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from flocking.engine import interruption
 from flocking.engine.imperfect.link_rules import LinkRules, link_rules
 from flocking.engine.imperfect.pair_polynomials import ROUNDING, Paths, closest_pairs, paths_in
 from flocking.engine.imperfect.pair_switches import pair_events
-from flocking.engine.imperfect.powers import Powers, integrated
+from flocking.engine.imperfect.powers import SEVEN, Powers, Rule, integrated
 from flocking.engine.imperfect.true_law import TrueLaw
 from flocking.engine.protocol.session import Session
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
@@ -55,6 +56,9 @@ class ImperfectSession(Session):
     sums, errors
         Integrals of the powers of the ledger, and what they may be off by, shape (4,) each.
     """
+
+    rule: ClassVar[Rule] = SEVEN
+    """How powers of the ledger are integrated."""
 
     def __init__(self, scenario: Scenario) -> None:
         self.scenario, self.plant = scenario, None
@@ -230,7 +234,9 @@ class ImperfectSession(Session):
         self.closest = closest_pairs(paths, length, self.links[0], self.accounted, self.closest)
         if self._base + self.accounted < self.ledger_ends:
             powers = self._powers(self.accounted)
-            sums, errors, self.largest_power = integrated(powers, length, self.scenario.tolerance, self.largest_power)
+            sums, errors, self.largest_power = integrated(
+                powers, length, self.scenario.tolerance, self.largest_power, self.rule
+            )
             self.sums += sums
             self.errors += errors
         self.accounted = seconds
