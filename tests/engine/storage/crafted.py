@@ -56,6 +56,8 @@ def scenario(engine: str) -> fk.Scenario:
                 predict=True, seed=5,
             ),
         )  # fmt: skip
+    if engine == "delayed":
+        return scenario("sampled").with_(control=fk.Continuous(), information=fk.Delayed(0.06))
     begin = fk.start.hexagonal(8, spacing=3.6, noise=0.2, speed=1.0, seed=5)
     return fk.Scenario(zhou(), begin, t_end=0.5, frames=6)
 
@@ -64,7 +66,7 @@ def scenario(engine: str) -> fk.Scenario:
 def records(engine: str) -> fk.Run:
     """What that group had recorded by then."""
     session = fk.start(scenario(engine))
-    if engine == "sampled":
+    if engine in ("sampled", "delayed"):
         session.advance(0.25)
     return session.run("unfinished")
 

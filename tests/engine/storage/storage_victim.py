@@ -93,6 +93,17 @@ def sampled(folder: Path) -> None:
     fk.simulate(held(), save=folder, progress=False)
 
 
+def late() -> fk.Scenario:
+    """The same group, which knows everybody a time ago."""
+    return held().with_(control=fk.Continuous(), information=fk.Delayed(0.07), name="late")
+
+
+def delayed(folder: Path) -> None:
+    """Run these with a commit at every stop."""
+    saving.COMMIT_SECONDS = 0.0
+    fk.simulate(late(), save=folder, progress=False)
+
+
 def main() -> None:
     """Answer until the input ends."""
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)
@@ -100,7 +111,14 @@ def main() -> None:
         what, folder = json.loads(line)
         child = os.fork()
         if child == 0:
-            {"frames": write_frames, "simulate": simulate, "tiles": tiles, "sampled": sampled}[what](Path(folder))
+            runs = {
+                "frames": write_frames,
+                "simulate": simulate,
+                "tiles": tiles,
+                "sampled": sampled,
+                "delayed": delayed,
+            }
+            runs[what](Path(folder))
             os._exit(0)
         print(child, flush=True)
 

@@ -66,7 +66,7 @@ def refused(data: bytes, engine: str) -> str:
     return message
 
 
-@pytest.mark.parametrize("engine", ["exact", "sampled", "tiles", "lammps"])
+@pytest.mark.parametrize("engine", ["exact", "sampled", "delayed", "tiles", "lammps"])
 def test_an_untouched_checkpoint_is_one(engine: str) -> None:
     assert gone_on(checkpoint(engine), engine)
     assert gone_on(written(*contents(checkpoint(engine))), engine)
@@ -177,6 +177,75 @@ def test_what_is_left_out_of_the_sampled_engine(name: str) -> None:
         gone_on(written(numbers, others if name == "noise" else {**others, **fewer}), "sampled")
 
 
+def test_the_checkpoint_of_the_delayed_engine_has_something_everywhere() -> None:
+    numbers, arrays = contents(checkpoint("delayed"))
+    assert {name for name, x in arrays.items() if not x.size} <= {"pending", "crossing", "crossing_time"}
+    assert len(arrays["times"]) > 3
+    assert len(arrays) == 11
+    assert len(numbers) == 11
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "said"),
+    [
+        ("times", lambda x: x[1:].copy(), "times must be one more than the steps"),
+        ("times", lambda x: x[::-1].copy(), "times must be in order"),
+        ("times", lambda x: x + 0.2, "must "),
+        ("times", lambda x: x * np.nan, "times must hold finite numbers"),
+        ("times", lambda x: x - x[0], "must "),
+        ("coefficients", lambda x: x[:, :-1].copy(), "coefficients must have the shape"),
+        ("coefficients", lambda x: x + np.arange(len(x))[:, None, None], "coefficients must be those of steps without"),
+        ("coefficients", lambda x: x * np.nan, "coefficients must hold finite numbers"),
+        ("known_links", lambda x: x | True, "known_links.0. must be links"),
+        ("links", np.logical_not, "links.0. must be links"),
+        ("pending", lambda x: np.array([[0, 8, 0]]), "pending must not hold values above 7"),
+        ("pending", lambda x: np.array([[0, 1, 5]]), "pending must name links that switch"),
+        ("pending", lambda x: np.array([[2, 2, 0]]), "pending must name links that switch"),
+        ("breaks", lambda x: np.array([1.0, 1.0]), "breaks must be in order"),
+        ("crossing", lambda x: np.array([[0, 1, 0]]), "crossing must have as many rows"),
+        ("closest", lambda x: x + 0.5, "closest must name a pair"),
+        ("errors", lambda x: -x - 1.0, "errors must not hold values below 0"),
+    ],
+)
+def test_wrong_arrays_of_the_delayed_engine(name: str, change: Any, said: str) -> None:
+    numbers, arrays = contents(checkpoint("delayed"))
+    with pytest.raises(StorageError, match=said):
+        gone_on(written(numbers, {**arrays, name: change(arrays[name])}), "delayed")
+
+
+@pytest.mark.parametrize(
+    ("row", "late", "said"),
+    [
+        ([0, 1, 0], 0.0, "crossing_time must be when a pair is at its distance"),
+        ([0, 1, 0], 0.3, "crossing_time must lie in the last step"),
+        ([1, 0, 0], 0.0, "crossing must name pairs whose links switch"),
+        ([0, 1, 3], 0.0, "crossing must name agents and graphs"),
+    ],
+)
+def test_wrong_crossings_of_the_delayed_engine(row: list[int], late: float, said: str) -> None:
+    numbers, arrays = contents(checkpoint("delayed"))
+    changed = {"crossing": np.array([row]), "crossing_time": arrays["times"][-1:] + late}
+    with pytest.raises(StorageError, match=said):
+        gone_on(written(numbers, {**arrays, **changed}), "delayed")
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("time", 0.4, "time must lie in the last step"),
+        ("step", -1.0, "step must lie between"),
+        ("step", float("nan"), "step must"),
+        ("steps", 0, "steps must be as many as are stored"),
+        ("short_steps", 0.5, "short_steps must be a whole number"),
+        ("accounted", 0.49, "accounted must not lie after the last step"),
+    ],
+)
+def test_wrong_numbers_of_the_delayed_engine(key: str, value: object, said: str) -> None:
+    numbers, arrays = contents(checkpoint("delayed"))
+    with pytest.raises(StorageError, match=said):
+        gone_on(written({**numbers, key: value}, arrays), "delayed")
+
+
 @pytest.mark.parametrize(
     ("key", "value", "said"),
     [
@@ -231,7 +300,7 @@ def test_another_runs_restart_of_lammps() -> None:
     assert unpacked(changed, arrays, scenario("lammps"))[1].keep_log is None
 
 
-@pytest.mark.parametrize("engine", ["exact", "sampled", "tiles", "lammps"])
+@pytest.mark.parametrize("engine", ["exact", "sampled", "delayed", "tiles", "lammps"])
 @pytest.mark.parametrize("cases", [24, pytest.param(170, marks=pytest.mark.slow)])
 def test_crafted_checkpoints(engine: str, cases: int) -> None:
     """Whatever is changed, going on works or is refused in one sentence; nothing else ever happens."""

@@ -283,3 +283,20 @@ def test_killed_while_writing_at_200_instants(start: Start, tmp_path: Path) -> N
 @pytest.mark.slow
 def test_20_killed_simulations_go_on(start: Start, tmp_path: Path) -> None:
     assert len(set(kill_while_a_session_runs(start, tmp_path, 20, seed=14))) > 5
+
+
+@pytest.fixture(scope="module")
+def late() -> Run:
+    """The run of delayed knowledge, to its end in memory."""
+    return fk.simulate(storage_victim.late(), progress=False)
+
+
+def test_killed_runs_of_delayed_knowledge_go_on(start: Start, late: Run, tmp_path: Path) -> None:
+    assert len(late.switches) > 20
+    found = kill_while_a_session_runs(start, tmp_path, 3, 19, "delayed", late)
+    assert min(found) < 31
+
+
+@pytest.mark.slow
+def test_50_killed_runs_of_delayed_knowledge_go_on(start: Start, late: Run, tmp_path: Path) -> None:
+    assert len(set(kill_while_a_session_runs(start, tmp_path, 50, 20, "delayed", late))) > 5

@@ -22,7 +22,7 @@ from flocking.engine.integrator.stepper import Stepper, StepperMemory
 from flocking.engine.protocol.session import Packed, Stored
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
 from flocking.engine.runs.recorder import Recorder
-from flocking.errors import SimulationError
+from flocking.errors import InvalidInput, NotFinite, SimulationError
 from flocking.model.law import Scenario
 from flocking.model.world.information import Delayed
 
@@ -88,6 +88,13 @@ class DelayedSession(ImperfectSession):
         self._law.relink(self.known_links)
         self._stepper = self._new_stepper(0.0)
         self.begin()
+        try:
+            self._check_forces()
+        except NotFinite as error:
+            raise InvalidInput(
+                "Scenario", "start", "must have finite forces by what agents know at it", f"agent {error.agents[0]}",
+                "Another agent was where it is, one delay before the start. Move them apart.",
+            ) from None  # fmt: skip
         self._record_frames(0.0)
 
     @property
@@ -245,12 +252,22 @@ class DelayedSession(ImperfectSession):
         self._law.relink(self.known_links)
         self._break_from(seconds)
         self._stepper.restart(seconds, np.array(self._segment.coefficients[-1]))
+        self._check_forces()
         if self._short_steps > SLIDING:
             raise SimulationError(
                 f"What agent {agents[0]} knows of agent {agents[1]} stays at the distance at which a link switches, "
                 "and it would switch without end. Use a graph with hysteresis.",
                 time=self._base + seconds, agents=agents,
             )  # fmt: skip
+
+    def _check_forces(self) -> None:
+        """Refuse to go on under a force that is infinite or NaN: no step is short enough for it."""
+        rates = self._stepper.memory.slope[-self.n * self.m :].reshape(self.n, self.m)
+        bad = np.flatnonzero(~np.isfinite(rates).all(axis=1))
+        if bad.size:
+            raise NotFinite(
+                "A force is infinite or NaN.", time=self._base + self._stepper.memory.t, agents=(int(bad[0]),)
+            )
 
     def _break_from(self, seconds: float) -> None:
         """Let steps end where a jump of the forces at a time comes back."""

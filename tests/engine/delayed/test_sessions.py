@@ -1,0 +1,149 @@
+"""Sessions of delayed knowledge: pieces, resuming, links, space, and what is refused."""
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.errors import InvalidInput, SimulationError, UnsupportedLaw
+
+LAW = fk.Law(fk.Hysteresis(4, 0.3), [fk.Gradient(fk.Potential("(r - 2)**2")), fk.Consensus(1.0)])
+
+
+def scenario(law=LAW, t_end=1.5, **parts):
+    start = fk.start.box(8, side=6, speed=2, seed=1, connected_under=LAW.graph)
+    return fk.Scenario(law, start, t_end=t_end, frames=16, **{"information": fk.Delayed(0.08), **parts})
+
+
+def same(a, b):
+    return (
+        fk.first_difference(a, b) is None and (a.trace == b.trace).all() and a.closest_linked == b.closest_linked
+        and np.array_equal(a.switches["time"], b.switches["time"])
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_pieces_moments_and_stored_runs_give_the_same_bits(late, tmp_path):
+    made = scenario(information=fk.Delayed(0.08, self_delayed=late))
+    whole = fk.simulate(made, progress=False)
+    assert whole.fidelity.engine == "delayed"
+    assert whole.provenance["world"] == f"{'everybody' if late else 'neighbours'} known 0.08 late"
+    assert len(whole.switches) > 3
+    session = fk.start(made)
+    for t in np.linspace(0.01, 1.5, 23):
+        session.advance(float(t))
+    assert same(session.run(), whole)
+    for at in (0.0, 0.03, 0.7123):
+        early = fk.start(made)
+        early.advance(at)
+        again = early.moment()()
+        again.advance(1.5)
+        assert same(again.run(), whole)
+    stored = fk.simulate(made, save=tmp_path / "run", progress=False)
+    assert same(fk.read_run(tmp_path / "run"), stored)
+    fk.write_scenario(made, tmp_path / "world.toml")
+    assert same(fk.simulate(fk.read_scenario(tmp_path / "world.toml"), progress=False), whole)
+
+
+def test_links_follow_what_agents_know_and_the_truth_is_recorded_beside():
+    """Two agents part at speed 1: the link breaks for the receiver tau after it breaks in truth."""
+    law = fk.Law(fk.Proximity(2.0), [fk.Gradient(fk.Potential("0*r"))])
+    start = fk.State([[0.0, 0.0], [1.0, 0.0]], [[0.0, 0.0], [1.0, 0.0]])
+    session = fk.start(fk.Scenario(law, start, t_end=3.0, information=fk.Delayed(0.5)))
+    for t, known, true in (
+        (0.99, (True, True), True), (1.01, (True, False), False), (1.49, (True, False), False),
+        (1.51, (False, False), False),
+    ):  # fmt: skip
+        session.advance(t)
+        # Agent 0 rests and sees the other late; agent 1 moves and knows where it is itself.
+        assert (session.known_links[0, 0, 1], session.known_links[0, 1, 0]) == known
+        assert session.state.links[0, 1] == true
+    (switch,) = session.run().switches
+    assert switch["time"] == pytest.approx(1.0, abs=1e-12)
+
+
+def test_what_was_before_the_start_is_a_straight_line():
+    """Known distances at the start are those of a line through the past, which the link rule reads."""
+    law = fk.Law(fk.Proximity(2.0), [fk.Consensus(1.0)])
+    start = fk.State([[0.0, 0.0], [2.5, 0.0]], [[0.0, 0.0], [1.0, 0.0]])
+    session = fk.start(fk.Scenario(law, start, t_end=1.0, information=fk.Delayed(1.0)))
+    assert session.known_links[0].tolist() == [[False, True], [False, False]]
+    assert not session.state.links.any()
+    assert session.accelerations() == pytest.approx(np.array([[1.0, 0.0], [0.0, 0.0]]))
+
+
+def test_periodic_space_gives_what_open_space_gives_where_no_image_is_near():
+    start = fk.State([[0.1, 0.0], [9.9, 0.3], [0.8, 0.9]], [[0.3, 0.0], [-0.2, 0.1], [0.0, -0.4]])
+    shifted = fk.State([[10.1, 0.0], [9.9, 0.3], [10.8, 0.9]], start.p)
+    made = fk.Scenario(LAW, start, t_end=3.0, frames=4, information=fk.Delayed(0.2), space=fk.Periodic([10.0, 10.0]))
+    around = fk.simulate(made, progress=False)
+    plain = fk.simulate(made.with_(start=shifted, space=fk.Open()), progress=False)
+    assert np.abs((around.q - plain.q) - [[10.0, 0.0], [0.0, 0.0], [10.0, 0.0]] * np.array(-1.0)).max() < 1e-9
+    assert np.abs(around.residual).max() < 1e-9
+
+
+def test_the_departure_of_a_delay_is_what_the_law_does_not_say():
+    """A flock that late neighbours brake loses energy that no term of the law takes."""
+    law = fk.Law(fk.Fixed.complete(2), [fk.Gradient(fk.Potential("r**2/2"))])
+    start = fk.State(np.zeros((2, 2)), [[5.0, 0.0]] * 2)
+    run = fk.simulate(fk.Scenario(law, start, t_end=2.0, information=fk.Delayed(0.1)), progress=False)
+    change = run.trace["energy"][-1] - run.trace["energy"][0]
+    assert run.trace["dissipated"][-1] == pytest.approx(0.0, abs=1e-12)
+    assert run.trace["departed"][-1] == pytest.approx(change, abs=1e-9)
+    assert change < -0.1
+
+
+def test_a_link_that_would_switch_without_end_is_named():
+    """An agent of order 1 is pulled out of a link and pushed back by nothing but the link itself."""
+    law = fk.Law(
+        fk.Proximity(2.0),
+        [fk.Gradient(fk.Potential("-r**2")), fk.Track(fk.Velocity([0.0, 0.0]), position_gain=1.0)],
+    )
+    start = fk.State([[0.0, 0.0], [1.5, 0.0]])
+    made = fk.Scenario(law, start, t_end=5.0, bodies=fk.SingleIntegrator(), information=fk.Delayed(0.2))
+    with pytest.raises(SimulationError, match="switch without end") as error:
+        fk.simulate(made, progress=False)
+    assert len(error.value.agents) == 2
+    assert error.value.run is not None
+
+
+def test_a_pole_that_is_met_ends_the_run_with_its_time():
+    law = fk.Law(fk.Fixed.complete(2), [fk.Gradient(fk.Potential("-1/r"))])
+    start = fk.State([[0.0, 0.0], [1.0, 0.0]])
+    with pytest.raises(SimulationError) as error:
+        fk.simulate(fk.Scenario(law, start, t_end=5.0, information=fk.Delayed(0.1)), progress=False)
+    assert 0.3 < error.value.time < 2.0
+    assert error.value.run is not None
+
+
+def test_agents_that_were_in_one_place_a_delay_before_the_start_are_refused():
+    law = fk.Law(fk.Proximity(4.0), [fk.Gradient(fk.Potential("1/r"))])
+    start = fk.State([[0.0, 0.0], [1.0, 0.0]], [[5.0, 0.0], [5.0, 0.0]])
+    with pytest.raises(InvalidInput, match="finite forces by what agents know"):
+        fk.start(fk.Scenario(law, start, t_end=1.0, information=fk.Delayed(0.2)))
+
+
+@pytest.mark.parametrize("engine", ["exact", "sampled", "tiles", "lammps"])
+def test_other_engines_refuse_by_name(engine):
+    control = fk.Held(0.1) if engine == "sampled" else fk.Continuous()
+    with pytest.raises(UnsupportedLaw, match=r"information=Delayed\(...\): it would be left out"):
+        fk.start(scenario(control=control), engine=engine)
+
+
+def test_what_is_not_known_is_refused_by_name():
+    with pytest.raises(UnsupportedLaw, match=r"needs information=Delayed"):
+        fk.start(scenario(information=fk.Instant()), engine="delayed")
+    with pytest.raises(UnsupportedLaw, match=r"control=Held\(...\)"):
+        fk.start(scenario(control=fk.Held(0.1)), engine="delayed")
+    with pytest.raises(UnsupportedLaw, match="runs no plant"):
+        fk.start(scenario(), "delayed", plant=LAW)
+    with pytest.raises(UnsupportedLaw, match="engine='delayed' replaces neither"):
+        fk.start(scenario()).replace(law=LAW)
+    with pytest.raises(UnsupportedLaw, match="moves point masses"):
+        fk.start(scenario(bodies=fk.Lagged(fk.PointMass(), 0.2)), "delayed")
+    with pytest.raises(InvalidInput, match="Steps are no longer than the delay"):
+        fk.start(scenario(information=fk.Delayed(1e-9)))
+    for wrong in (-0.1, float("inf"), "0.1", True):
+        with pytest.raises(InvalidInput, match=r"Delayed: tau"):
+            fk.Delayed(wrong)
+    with pytest.raises(InvalidInput, match=r"Delayed: self_delayed"):
+        fk.Delayed(0.1, self_delayed=1)
