@@ -13,7 +13,7 @@ from flocking.engine.driver.registry import engine_named
 from flocking.model.parts.description import GROUPS
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "world.md").read_text()
-ENGINES = ("exact", "sampled", "tiles", "lammps")
+ENGINES = ("exact", "sampled", "delayed", "tiles", "lammps")
 PSI = fk.Potential("(r - 2)**2")
 LAW = fk.Law(fk.Proximity(2.0), [fk.Gradient(PSI), fk.Consensus(1.0)])
 START = fk.State([[0.0, 0.0], [1.5, 0.0], [0.0, 1.5]], [[0.0, 0.1], [0.1, 0.0], [0.0, 0.0]])
@@ -29,6 +29,8 @@ def scenario(part, engine):
         law, world = LAW, eval(f"dict({part})", names)
     if engine == "sampled":
         world = {"control": fk.Held(0.1)} | world
+    if engine == "delayed":
+        world = {"information": fk.Delayed(0.1)} | world
     return fk.Scenario(law, START, t_end=1.0, **world)
 
 
@@ -71,3 +73,15 @@ def test_late_samples_brake_a_flock_unless_they_are_moved_on(capsys):
     assert held == round(v[-1], 2)
     assert abs(v[-1] / 5.0 - math.exp(-10.0 * 0.1 / 1.1)) < 0.005
     assert moved == 5.0
+
+
+def test_late_neighbours_brake_a_flock_in_continuous_time(capsys):
+    """The slowest mode of the page's equation carries the velocity; the others have gone within a delay or two."""
+    first = PAGE[PAGE.index("law = fk.Law(fk.Fixed.complete(2)") :].split("for predict")[0]
+    block = PAGE[PAGE.index("for late in (False, True)") :].split("```")[0]
+    exec(first + block, {"fk": fk})
+    braked, kept = map(float, capsys.readouterr().out.split())
+    s = -0.0912872
+    assert abs(s * s + (1 + s) * (1 - math.exp(-0.1 * s))) < 1e-7
+    assert abs(braked / 5.0 - math.exp(10.0 * s)) < 0.005
+    assert kept == 5.0

@@ -46,6 +46,7 @@ SCENARIOS = {
         control=fk.Held(0.1), information=fk.Messages(0.05, loss=0.2, noise=fk.WhiteNoise(0.1), predict=True)
     ),
     "far messages": scenario(control=fk.Held(0.1), information=fk.Messages(0.05, loss=fk.DistanceLoss(3.0))),
+    "late": scenario(information=fk.Delayed(0.1, self_delayed=True)),
     "cone": scenario(fk.Cone(3.0, np.arange(1.0, 6.0), "wrapped"), agents=fk.Agents(headings=np.arange(5) * 0.1)),
     "smooth cone": scenario(fk.SmoothCone(3.0, 0.5, 1 / 3), agents=fk.Agents(headings=np.arange(5) * 0.1)),
     "view": scenario(fk.FieldOfView(3.0, 1.0), agents=fk.Agents(headings=np.arange(5) * 0.1)),

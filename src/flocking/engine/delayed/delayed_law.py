@@ -29,7 +29,7 @@ class DelayedLaw(TrueLaw):
         self._times = np.zeros(0)
 
     def relink(self, known_links: Links) -> None:
-        """Take links by what agents know, shape (graphs, N, N), for the forces from now on."""
+        """Take ``known_links``, by what agents know, shape (graphs, N, N), for the forces from now on."""
         self._neighbours = self.pairs(known_links)
         self._times = np.zeros(len(self._neighbours.senders))
 

@@ -54,7 +54,7 @@ class History:
         del self.segments[:old], self._ends[:old]
 
     def at(self, seconds: float) -> Array:
-        """Positions and velocities at a time since the start, shape (N, 2 m); velocities of agents of order 1 are 0."""
+        """Positions and velocities at ``seconds`` since the start, shape (N, 2 m); velocities of order 1 are 0."""
         if seconds <= 0.0 or not self.segments:
             found = self._start.copy()
             found[:, : self.m] += seconds * found[:, self.m :]

@@ -32,7 +32,8 @@ def start(scenario: Scenario, engine: str = "auto", *, plant: Law | None = None,
     scenario
         The scenario to simulate.
     engine
-        ``"exact"``, ``"tiles"`` for large groups, ``"lammps"`` for a cluster, or ``"auto"`` to choose: the exact one up
+        ``"exact"``, ``"tiles"`` for large groups, ``"lammps"`` for a cluster, ``"sampled"`` for held control,
+        ``"delayed"`` for delays, or ``"auto"``, which chooses one that runs the world of the scenario: the exact one up
         to 2,000 agents, the tiled one beyond.
     plant
         The law that agents follow, for tests of an audit; the scenario's law by default.
