@@ -120,8 +120,9 @@ def simulate(
     scenario
         The scenario to simulate.
     engine
-        ``"exact"``, ``"tiles"`` for large groups, ``"lammps"`` for a cluster, or ``"auto"`` to choose: the exact one
-        up to 2,000 agents, the tiled one beyond.
+        ``"exact"``, ``"tiles"`` for large groups, ``"lammps"`` for a cluster, ``"sampled"`` for held control,
+        ``"delayed"`` for delays, or ``"auto"``, which chooses one that runs the world of the scenario: the exact one up
+        to 2,000 agents, the tiled one beyond.
     save
         New or empty folder to which the run is written while it continues, see
         `flocking.engine.driver.resuming.resume`; nothing is written by default.
