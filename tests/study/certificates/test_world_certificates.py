@@ -250,3 +250,48 @@ def first_row(roots) -> np.ndarray:
     found = np.zeros((len(roots),) * 2)
     found[0] = -np.real(np.poly(roots))[1:]
     return found
+
+
+def late(tau, order, *, self_delayed=True, n=4, **parts):
+    terms = [fk.Gradient(fk.Potential("r**2/2"))] + ([fk.Consensus(1.0)] if order == 2 else [])
+    bodies = fk.PointMass() if order == 2 else fk.SingleIntegrator()
+    rng = np.random.default_rng(3)
+    start = fk.State(rng.normal(size=(n, 2)), np.zeros((n, 2)))
+    information = fk.Delayed(tau, self_delayed=self_delayed)
+    return fk.Scenario(fk.Law(fk.Fixed.complete(n), terms), start, t_end=60 * tau, frames=1201,
+                       **{"bodies": bodies, "information": information, **parts})  # fmt: skip
+
+
+@pytest.mark.parametrize(("order", "limit"), [(1, np.pi / 8), (2, 0.323705)])
+def test_a_declared_delay_is_judged_and_runs_agree(order, limit):
+    """K4: pi/(2 lambda) with lambda = 4; atan(w beta/alpha)/w for alpha = beta = 1."""
+    for share in (0.95, 1.05):
+        made = late(share * limit, order)
+        found = fk.certify(made)["delay_in_world"]
+        assert found.granted == (share < 1.0)
+        run = fk.simulate(made, progress=False)
+        spread = np.abs(run.q - run.q.mean(axis=1, keepdims=True)).max(axis=(1, 2))
+        shrinks = (
+            spread[run.t >= 50 * made.information.tau].max() < spread[run.t <= 30 * made.information.tau][500:].max()
+        )
+        assert shrinks == found.granted
+        if found.granted:
+            assert found.bound.lo <= limit * (1 + 2e-6)
+            assert found.bound.hi >= limit * (1 - 2e-6)
+            assert found.bound.hi - found.bound.lo < 1e-9
+        else:
+            assert "it is not stable" in found.reason
+
+
+def test_delays_of_neighbours_alone_are_granted_where_they_are_harmless():
+    assert fk.certify(late(7.0, 1, self_delayed=False))["delay_in_world"].granted
+    second = fk.certify(late(0.1, 2, self_delayed=False))["delay_in_world"]
+    assert not second.granted
+    assert "not every delay" in second.reason
+    ideal = fk.certify(late(0.1, 1, information=fk.Instant()))["delay_in_world"]
+    assert ideal.outcome == "not applicable"
+    held = fk.certify(late(0.1, 1, control=fk.Held(0.1)))["delay_in_world"]
+    assert not held.granted
+    assert "control is continuous" in held.reason
+    moving = fk.Law(fk.Proximity(2.0), [fk.Gradient(fk.Potential("r**2/2"))])
+    assert fk.certify(late(0.1, 1).with_(law=moving))["delay_in_world"].outcome == "not applicable"

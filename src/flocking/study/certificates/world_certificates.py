@@ -1,4 +1,4 @@
-"""Guarantees of linear consensus in the world that a scenario declares: held control, late, lost and noisy messages."""
+"""Guarantees of linear consensus in the world that a scenario declares: held control, messages, delays."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ import numpy as np
 
 from flocking.formula.intervals import Interval
 from flocking.model.law import Scenario
+from flocking.model.world.information import Delayed
 from flocking.study.certificates.certificate import NOT_APPLICABLE, Certificate, Enclosure, Hypothesis, decided
 from flocking.study.certificates.consensus_certificates import LinearConsensus
 from flocking.study.certificates.sampled_consensus import SampledConsensus
 from flocking.study.certificates.sources import sources
 
 KEYS = ("growth_in_world", "period_in_world", "noise_in_world")
-"""Keys of these certificates."""
+"""Keys of the certificates of held control."""
 
 FIRST_SHARE, PLACES = 1e-2, 40
 """Where the search for the largest period begins, as a share of where it ends, and its number of places."""
@@ -28,7 +29,7 @@ HALVINGS = 60
 
 
 def world_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
-    """All guarantees of a scenario that is linear consensus with held control.
+    """All guarantees of a scenario that is linear consensus with held control, or with delays.
 
     Parameters
     ----------
@@ -36,6 +37,11 @@ def world_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
         The scenario.
     """
     system = LinearConsensus(scenario)
+    return *_sampled(scenario, system), _delay(scenario, system)
+
+
+def _sampled(scenario: Scenario, system: LinearConsensus) -> tuple[Certificate, ...]:
+    """Guarantees under held control."""
     if scenario.control.ideal and scenario.information.ideal:
         return _without((), "information and control are ideal")
     failed = next((h for h in system.hypotheses if not h.holds), None)
@@ -50,6 +56,38 @@ def world_certificates(scenario: Scenario) -> tuple[Certificate, ...]:
 
 def _without(hypotheses: tuple[Hypothesis, ...], reason: str) -> tuple[Certificate, ...]:
     return tuple(Certificate(key, "", sources()["moments"], hypotheses, NOT_APPLICABLE, reason) for key in KEYS)
+
+
+def _delay(scenario: Scenario, system: LinearConsensus) -> Certificate:
+    """Whether agreement is stable with the declared delay, and the delay up to which it is."""
+    key, information = "delay_in_world", scenario.information
+    if not isinstance(information, Delayed) or information.ideal:
+        return Certificate(key, "", sources()["delay"], (), NOT_APPLICABLE, "no delay in continuous time is declared")
+    failed = next((h for h in system.hypotheses if not h.holds), None)
+    if failed is not None:
+        reason = f"{failed.statement}: {failed.found}"
+        return Certificate(key, "", sources()["delay"], system.hypotheses, NOT_APPLICABLE, reason)
+    found = scenario.control.summary or "so"
+    hypotheses = (*system.hypotheses, Hypothesis("control is continuous", scenario.control.ideal, found))
+    tau = information.tau
+    if not information.self_delayed:
+        reason = "" if system.is_first else "not every delay of neighbours is harmless, and no bound is known here"
+        return decided(
+            key, sources()["neighbour_delay"], hypotheses, reason=reason, side="is",
+            statement=f"Agreement is stable where neighbours are known {tau:g} late, and for every other such delay.",
+            quantity="delay of neighbours' states, the own one undelayed",
+        )  # fmt: skip
+    bound, reason = system.delay(), ""
+    low, high = float(bound.lo), float(bound.hi)
+    if tau > high:
+        reason = f"it is not stable: the delay is {tau:g}, and above {high:.9g} the disagreement swings ever wider"
+    elif not tau < low:
+        reason = f"it is not certain: the delay {tau:.17g} lies between {low:.17g} and {high:.17g}"
+    return decided(
+        key, sources()["delay"], hypotheses, reason=reason, bound=bound, side="is",
+        statement=f"Agreement is stable with the delay {tau:g} of all states, and for every one below {low:.9g}.",
+        quantity="delay of all states, the own one too",
+    )  # fmt: skip
 
 
 def _mean(world: SampledConsensus) -> str:
