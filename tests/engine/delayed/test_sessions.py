@@ -147,3 +147,40 @@ def test_what_is_not_known_is_refused_by_name():
             fk.Delayed(wrong)
     with pytest.raises(InvalidInput, match=r"Delayed: self_delayed"):
         fk.Delayed(0.1, self_delayed=1)
+
+
+def test_scheduled_gains_act_as_in_the_ideal_world_where_nobody_looks_at_others():
+    leader = fk.Velocity([1.0, 0.0], start_time=3.0)
+    track = fk.Track(leader, fk.Schedule([3.5, 3.73], [0.0, 2.0, 0.5]), fk.Schedule([3.5], [0.5, 3.0]))
+    law = fk.Law(fk.Fixed(2, [(0, 1)]), [fk.Gradient(fk.Potential("0*r")), track])
+    start = fk.State([[0.0, 0.0], [1.0, 2.0]], [[0.0, 0.0], [0.0, 1.0]], 3.0)
+    ideal = fk.Scenario(law, start, t_end=4.5, frames=16, energy=fk.Energy("leader", leader))
+    made = ideal.with_(information=fk.Delayed(0.1))
+    late, plain = fk.simulate(made, progress=False), fk.simulate(ideal, progress=False)
+    assert (late.fidelity.engine, plain.fidelity.engine) == ("delayed", "exact")
+    assert np.abs(late.q - plain.q).max() < 1e-8
+    assert late.trace["jumped"][-1] == pytest.approx(plain.trace["jumped"][-1], abs=1e-8)
+    assert abs(late.trace["jumped"][-1]) > 0.1
+    assert np.abs(late.residual).max() < 1e-8
+    for at in (3.4, 3.5, 3.6, 3.9):
+        session = fk.start(made)
+        session.advance(at)
+        again = session.moment()()
+        again.advance(4.5)
+        assert same(again.run(), late)
+
+
+def test_a_change_of_gains_comes_back_with_the_delay():
+    """Agent 1 is sent off at 1 by its own gain; agent 0 feels it from 1.3 on, to the accuracy of the run."""
+    gains = fk.Schedule([1.0], [[0.0, 0.0], [0.0, 1.0]])
+    track = fk.Track(fk.Velocity([1.0, 0.0]), 0.0, gains)
+    law = fk.Law(fk.Fixed(2, [(0, 1)]), [fk.Consensus(0.7), track])
+    made = fk.Scenario(law, fk.State(np.zeros((2, 2))), t_end=1.6, frames=33, information=fk.Delayed(0.3))
+    run = fk.simulate(made, progress=False)
+    s = np.maximum(run.t - 1.0, 0.0)
+    # Until 1.6 agent 1 sees agent 0 at rest: p1' = (1 - p1) - 0.7 p1; then p0' = 0.7 (p1(t - 0.3) - p0).
+    assert np.abs(run.p[:, 1, 0] - (1 - np.exp(-1.7 * s)) / 1.7).max() < 1e-8
+    w = np.maximum(run.t - 1.3, 0.0)
+    expected = 0.7 / 1.7 * ((1 - np.exp(-0.7 * w)) / 0.7 + np.exp(-1.7 * w) - np.exp(-0.7 * w))
+    assert np.abs(run.p[:, 0, 0] - expected).max() < 1e-8
+    assert not run.p[run.t <= 1.3, 0, 0].any()

@@ -185,9 +185,42 @@ def test_a_leader_without_a_closed_form_is_refused_wherever_it_is(where):
         fk.start(scenario(law, energy=energy), "sampled")
 
 
-def test_a_gain_that_changes_with_time_is_refused():
-    law = fk.Law(
-        LAW.graph, [fk.Consensus(1.0), fk.Track(fk.Velocity([0.0, 0.0]), velocity_gain=fk.Schedule([1.0], [0.0, 1.0]))]
-    )
-    with pytest.raises(UnsupportedLaw, match="no schedules"):
-        fk.start(scenario(law), "sampled")
+def scheduled(**parts):
+    """Two agents that do not act on each other and follow a leader with gains that change at 0.5, a tick, and 0.73."""
+    start = fk.State([[0.0, 0.0], [1.0, 2.0]], [[0.0, 0.0], [0.0, 1.0]], 3.0)
+    leader = fk.Velocity([1.0, 0.0], start_time=3.0)
+    track = fk.Track(leader, fk.Schedule([3.5, 3.73], [0.0, 2.0, 0.5]), fk.Schedule([3.5], [0.5, 3.0]))
+    law = fk.Law(fk.Fixed(2, [(0, 1)]), [fk.Gradient(fk.Potential("0*r")), track])
+    energy = fk.Energy("leader", leader)
+    return fk.Scenario(law, start, t_end=4.5, frames=16, energy=energy, **{"control": fk.Held(0.1), **parts})
+
+
+def test_scheduled_gains_change_before_the_controls_of_their_instant():
+    run = fk.simulate(scheduled(), progress=False)
+    q, p, t = np.array([[0.0, 0.0], [1.0, 2.0]]), np.array([[0.0, 0.0], [0.0, 1.0]]), 0.0
+    for k in range(15):
+        position = 0.0 if k < 5 else 2.0 if k < 8 else 0.5
+        u = position * (np.array([t, 0.0]) - q) + (0.5 if k < 5 else 3.0) * (np.array([1.0, 0.0]) - p)
+        q, p, t = q + 0.1 * p + 0.005 * u, p + 0.1 * u, 0.1 * (k + 1)
+        assert np.abs(run.q[k + 1] - q).max() < 1e-12
+    # What a gain changes of the stored energy of the leader's spring is a jump of the ledger.
+    assert np.unique(np.round(run.trace["jumped"], 6)).size == 3
+    assert np.abs(run.residual).max() < 1e-9
+
+
+def test_runs_with_scheduled_gains_go_on_with_the_same_bits():
+    made = scheduled(control=fk.Held(0.1, phase=0.03))
+    whole = fk.simulate(made, progress=False)
+    for at in (3.4, 3.5, 3.6, 3.73, 3.9):
+        session = fk.start(made)
+        session.advance(at)
+        again = session.moment()()
+        again.advance(4.5)
+        assert same(again.run(), whole)
+    session = fk.start(made)
+    session.advance(3.6)
+    numbers, arrays = session.pack()
+    stored = Stored(session.scenario, None, session.records.counts, lambda: session.run("unfinished"))
+    for wrong in (0.0, 2.0, 0.5):
+        with pytest.raises(MalformedError, match="gains_changed must be as often"):
+            SampledSession.unpack(({**numbers, "gains_changed": wrong}, dict(arrays)), stored, {})

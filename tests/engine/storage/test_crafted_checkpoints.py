@@ -123,7 +123,7 @@ def test_the_checkpoint_of_the_sampled_engine_has_something_everywhere() -> None
     numbers, arrays = contents(checkpoint("sampled"))
     assert [name for name, x in arrays.items() if not x.size or not x.any()] == []
     assert len(arrays) == 20
-    assert len(numbers) == 9
+    assert len(numbers) == 10
 
 
 @pytest.mark.parametrize(
@@ -182,7 +182,7 @@ def test_the_checkpoint_of_the_delayed_engine_has_something_everywhere() -> None
     assert {name for name, x in arrays.items() if not x.size} <= {"pending", "crossing", "crossing_time"}
     assert len(arrays["times"]) > 3
     assert len(arrays) == 11
-    assert len(numbers) == 11
+    assert len(numbers) == 12
 
 
 @pytest.mark.parametrize(

@@ -200,7 +200,7 @@ class DelayedSession(ImperfectSession):
             self._switch_known(t)
         while self.breaks and self.breaks[0] - t <= self._rounding(t):
             heapq.heappop(self.breaks)
-        bound = self.breaks[0] if self.breaks else math.inf
+        bound = min(self.breaks[0] if self.breaks else math.inf, self._next_gains())
         before = self._stepper.memory
         try:
             segment = self._stepper.step(bound, self.tau)
@@ -218,6 +218,12 @@ class DelayedSession(ImperfectSession):
             self._lengths.add(segment.t1 - segment.t0)
             self._watch(segment.t0, np.full(self.n, segment.t1 - segment.t0), np.ones(self.n, dtype=bool))
         self._short_steps = self._short_steps + 1 if len(rows) and segment.t1 - t <= SLIDING_SHARE * self.tau else 0
+        self._stepper.restart(self._segment.t1, np.array(self._segment.coefficients[-1]))
+
+    def _change_gains(self) -> None:
+        """Take the next gains, at which the forces jump."""
+        super()._change_gains()
+        self._break_from(self._segment.t1)
         self._stepper.restart(self._segment.t1, np.array(self._segment.coefficients[-1]))
 
     def _rounding(self, seconds: float) -> float:
@@ -311,6 +317,7 @@ class DelayedSession(ImperfectSession):
         """What the session goes on from."""
         numbers = {name: float(getattr(self, name)) for name in NUMBERS}
         numbers |= {"step": self._stepper.memory.step, "short_steps": float(self._short_steps)}
+        numbers |= {"gains_changed": float(self.gains_changed)}
         return DelayedMemory(
             self.history, self._segment, self.known_links, self.pending, self.breaks, self.links, self.crossings,
             self.closest, self.sums, self.errors, numbers,
@@ -333,6 +340,7 @@ class DelayedSession(ImperfectSession):
         session.steps = int(memory.numbers["steps"])
         session._short_steps = int(memory.numbers["short_steps"])
         session._segment = memory.segment
+        session.recall_gains(memory.numbers)
         session.relink()
         session._law.relink(session.known_links)
         session._stepper = session._new_stepper(memory.numbers["step"])

@@ -51,9 +51,9 @@ def checked_numbers(
         "time": Real(base, t_end), "steps": Real(0.0, float(MOST_COUNT)), "accounted": Real(0.0),
         "largest_power": positive, "ledger_ends": ends,
     }  # fmt: skip
-    return cast(
-        dict[str, float], Names({name: forms.get(name, free) for name in NUMBERS} | dict(more or {})).check(data, "")
-    )
+    every = {name: forms.get(name, free) for name in NUMBERS} | dict(more or {})
+    later: dict[str, Form[object]] = {"gains_changed": Real(0.0, float(MOST_COUNT))}
+    return cast(dict[str, float], Names(every, later).check(data, ""))
 
 
 def check_links(arrays: Arrays, graphs: Sequence[Graph], headings: Array | None, start: Links) -> None:

@@ -10,12 +10,14 @@ import heapq
 import math
 import time as clock
 from abc import abstractmethod
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
 
 from flocking.arrays import Array, Indices, Links
 from flocking.engine import interruption
+from flocking.engine.archives.data_checks import MalformedError
 from flocking.engine.imperfect.link_rules import LinkRules, link_rules
 from flocking.engine.imperfect.pair_polynomials import ROUNDING, Paths, closest_pairs, paths_in
 from flocking.engine.imperfect.pair_switches import pair_events
@@ -55,6 +57,8 @@ class ImperfectSession(Session):
         Time until which the ledger is computed, in seconds from the start.
     sums, errors
         Integrals of the powers of the ledger, and what they may be off by, shape (4,) each.
+    gains_changed
+        How often scheduled gains have changed.
     """
 
     rule: ClassVar[Rule] = SEVEN
@@ -77,6 +81,9 @@ class ImperfectSession(Session):
         self.accounted = 0.0
         self.sums, self.errors = np.zeros(4), np.zeros(4)
         self.jumped, self.largest_power, self.ledger_ends = 0.0, 0.0, math.inf
+        terms = scenario.law.body_terms
+        self._schedule = sorted({s for term in terms for s in term.switch_times(start.t, math.inf)})
+        self.gains_changed = 0
 
     def begin(self) -> None:
         """Take up links and ledger at the start.
@@ -143,6 +150,54 @@ class ImperfectSession(Session):
 
     # Events.
 
+    def _since_start(self, t: float) -> float:
+        """Seconds from the start of a scenario's time at which gains change."""
+        return t - self._base
+
+    def _next_gains(self) -> float:
+        """When scheduled gains change next, in seconds from the start."""
+        if self.gains_changed == len(self._schedule):
+            return math.inf
+        return self._since_start(self._schedule[self.gains_changed])
+
+    def take_gains(self) -> None:
+        """Take the gains that are in force after the changes so far."""
+        changes = self.gains_changed
+        self._law.take_parameters(self._schedule[changes - 1] if changes else self._base)
+
+    def recall_gains(self, numbers: Mapping[str, float]) -> None:
+        """Take the gains of a checkpoint; those written before gains could change do not say how often they had.
+
+        Parameters
+        ----------
+        numbers
+            Its numbers.
+
+        Raises
+        ------
+        MalformedError
+            When they do not fit the schedules of the law.
+        """
+        times = [self._since_start(t) for t in self._schedule]
+        least, most = (sum(t < numbers["accounted"] for t in times), sum(t <= numbers["accounted"] for t in times))
+        found = numbers.get("gains_changed", float(most))
+        if not (least <= found <= most and found == int(found)):
+            raise MalformedError("gains_changed must be as often as the schedules say")
+        self.gains_changed = int(found)
+        self.take_gains()
+
+    def _change_gains(self) -> None:
+        """Take the next gains; what they change of the energy is a jump of the ledger."""
+        seconds = self._next_gains()
+        self._account(seconds)
+        self._record_row(seconds)
+        self.gains_changed += 1
+        self.take_gains()
+        before = self.energy
+        self.energy, self.kinetic = self._energy(seconds)
+        self.jumped += self.energy - before
+        self._record_row(seconds)
+
     def advance(self, to: float, seconds: float = math.inf) -> None:
         """Go on until time ``to``, or for ``seconds`` of wall time."""
         if not to >= self.time:
@@ -155,17 +210,21 @@ class ImperfectSession(Session):
                 interruption.check()
                 at = self._next_change()
                 crossing = self.crossings[0][0] if self.crossings else math.inf
-                if self.accounted < last <= min(at, crossing) and last <= end:
+                gains = self._next_gains()
+                earliest = min(at, crossing, gains)
+                if self.accounted < last <= earliest and last <= end:
                     self._record_frames(last)
                     self._account(last)
                     self._record_row(last)
                     self.time = self._base + last
                     continue
-                if min(at, crossing) >= end:
+                if earliest >= end:
                     break
-                self._record_frames(min(at, crossing))
-                self.time = max(self.time, self._base + min(at, crossing))
-                if crossing <= at:
+                self._record_frames(earliest)
+                self.time = max(self.time, self._base + earliest)
+                if gains <= earliest:
+                    self._change_gains()
+                elif crossing <= at:
                     self._switch()
                 else:
                     self._change()

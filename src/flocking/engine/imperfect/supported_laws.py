@@ -6,7 +6,6 @@ from flocking.engine.kernels.layout import Layout
 from flocking.errors import InvalidInput, UnsupportedLaw
 from flocking.model.bodies.point_bodies import PointMass, SingleIntegrator
 from flocking.model.law import Law, Scenario
-from flocking.model.terms.schedules import Schedule
 
 MOST_AGENTS = 2000
 """Largest group of these engines, which hold several numbers for every pair."""
@@ -57,8 +56,6 @@ def check_law(engine: str, scenario: Scenario, plant: Law | None) -> None:
         if getattr(term, "groups", ()):
             raise UnsupportedLaw(f"engine={engine!r} knows no obstacles yet. Leave Avoid out.")
     layout = Layout(law, scenario.energy, bodies, scenario.space)
-    if any(isinstance(value, Schedule) for _, owned in layout.owners() for value in owned.values()):
-        raise UnsupportedLaw(f"engine={engine!r} knows no schedules: gains must be constant.")
     if layout.places:
         raise UnsupportedLaw(
             f"engine={engine!r} needs leaders whose position has a closed form, that of the energy included."

@@ -31,10 +31,14 @@ class TrueLaw:
         self.order = scenario.agents.order
         self.layout = Layout(self.law, scenario.energy, scenario.agents, scenario.space)
         self.kernels = LawKernels(compiled_kernels(self.layout, self.m), self.order)
-        self.slots = Slots(*self.layout.values(scenario.agents, self.n, scenario.start.t))
+        self.take_parameters(scenario.start.t)
         self.functionals = np.ones((len(self.law.graphs), self.n))
         self.barriers = [self.law.has_barrier(graph) for graph in self.law.graphs]
         self.rates = np.empty(3)
+
+    def take_parameters(self, t: float) -> None:
+        """Take the gains that are in force from the scenario's time ``t`` on."""
+        self.slots = Slots(*self.layout.values(self.scenario.agents, self.n, t))
 
     @cached_property
     def _addresses(self) -> tuple[int, int]:

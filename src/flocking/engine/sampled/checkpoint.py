@@ -38,7 +38,7 @@ def packed_memory(memory: SampledMemory) -> Packed:
     }  # fmt: skip
     if knowledge.errors is not None:
         arrays["noise"] = knowledge.errors
-    numbers: dict[str, object] = {name: memory.numbers[name] for name in NUMBERS}
+    numbers: dict[str, object] = {name: memory.numbers[name] for name in (*NUMBERS, "gains_changed")}
     return numbers, arrays
 
 

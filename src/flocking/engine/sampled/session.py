@@ -76,6 +76,10 @@ class SampledSession(ImperfectSession):
 
     # Events.
 
+    def _since_start(self, t: float) -> float:
+        """Whole nanoseconds, as all times of this engine: gains change before controls of the same instant."""
+        return round((t - self._base) / NANOSECOND) * NANOSECOND
+
     def _next_change(self) -> float:
         """When anybody measures, acts, or changes its force or its polynomial."""
         found = min(int(self._next_tick().min()), int(self.motion.ends().min()))
@@ -149,7 +153,7 @@ class SampledSession(ImperfectSession):
     @property
     def _memory(self) -> SampledMemory:
         """What the session goes on from."""
-        numbers = {name: float(getattr(self, name)) for name in NUMBERS}
+        numbers = {name: float(getattr(self, name)) for name in (*NUMBERS, "gains_changed")}
         return SampledMemory(
             self.motion, self.knowledge, self.ticked, self.applied, self.waiting, self.links, self.crossings,
             self.closest, self.sums, self.errors, numbers,
@@ -170,6 +174,7 @@ class SampledSession(ImperfectSession):
         for name in NUMBERS:
             setattr(session, name, float(memory.numbers[name]))
         session.steps = int(memory.numbers["steps"])
+        session.recall_gains(memory.numbers)
         session.relink()
         session.records = Recorder(stored.scenario)
         session.records.recall(stored.counts, stored.read)
