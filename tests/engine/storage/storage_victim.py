@@ -95,7 +95,7 @@ def sampled(folder: Path) -> None:
 
 def late() -> fk.Scenario:
     """The same group, which knows everybody a time ago."""
-    return held().with_(control=fk.Continuous(), information=fk.Delayed(0.07), name="late")
+    return held().with_(control=fk.Continuous(), information=fk.Delayed(0.07), t_end=1.5, name="late")
 
 
 def delayed(folder: Path) -> None:
