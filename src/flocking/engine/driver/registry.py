@@ -97,6 +97,9 @@ BUILT_IN = {
 """Engines of this library. Above 2,000 agents (300 on a page) ``"auto"`` selects the tiled one if it can run them, and
 under held control the sampled one, and with delays the delayed one."""
 
+GENERAL = "exact"
+"""The engine whose words say why none runs a scenario, where several might."""
+
 _registered: dict[str, Entry] = {}
 
 
@@ -281,8 +284,9 @@ def chosen_engine(scenario: Scenario, engine: str, plant: Law | None = None, *, 
         ((least, name) for name, entry in BUILT_IN.items() if (least := smallest(entry)) is not None and least <= n),
         reverse=True,
     )
-    found = [name for _, name in ranked if not left_out(scenario, BUILT_IN[name].load().worlds)] or [ranked[-1][1]]
-    return next((name for name in found[:-1] if not BUILT_IN[name].load().why_not(scenario, plant)), found[-1])
+    found = [name for _, name in ranked if not left_out(scenario, BUILT_IN[name].load().worlds)] or [GENERAL]
+    able = (name for name in found if len(found) == 1 or not BUILT_IN[name].load().why_not(scenario, plant))
+    return next(able, GENERAL if GENERAL in found else found[-1])
 
 
 ARGUMENTS = ("engine", "fine", "plant", "progress", "save")

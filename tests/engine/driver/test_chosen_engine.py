@@ -1,0 +1,48 @@
+"""Which engine "auto" chooses, and whose words say why none runs a scenario."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import flocking as fk
+from flocking.engine.driver.registry import chosen_engine
+from flocking.errors import FlockingError
+
+LAW = fk.Law(fk.Proximity(2.0), [fk.Consensus(1.0)])
+
+
+def scenario(n: int = 4, law: fk.Law = LAW, **parts: object) -> fk.Scenario:
+    q = np.stack([3.0 * np.arange(n), np.zeros(n)], axis=1)
+    return fk.Scenario(law, fk.State(q, np.zeros((n, 2))), t_end=1.0, **parts)
+
+
+@pytest.mark.parametrize(
+    ("made", "name"),
+    [
+        (scenario(), "exact"),
+        (scenario(3000), "tiles"),
+        (scenario(3000, fk.Law(fk.FieldOfView(2.0, 2.0), [fk.Consensus(1.0)])), "exact"),
+        (scenario(control=fk.Held(0.1)), "sampled"),
+        (scenario(control=fk.Held(0.1), information=fk.Messages(0.1)), "sampled"),
+        (scenario(information=fk.Delayed(0.1)), "delayed"),
+        (scenario(information=fk.Delayed(0.0)), "exact"),
+    ],
+)
+def test_the_world_and_the_size_of_a_scenario_choose(made: fk.Scenario, name: str) -> None:
+    assert chosen_engine(made, "auto") == name
+
+
+@pytest.mark.parametrize(
+    ("made", "said"),
+    [
+        (scenario(information=fk.Messages(0.1)), "engine='sampled' needs control=Held"),
+        (scenario(control=fk.Held(0.1), information=fk.Delayed(0.1)), "engine='exact' does not run"),
+        (scenario(3000, control=fk.Held(0.1)), "'sampled' for 3000"),
+        (scenario(3000, information=fk.Delayed(0.1)), "'delayed' for 3000"),
+        (scenario(20001, fk.Law(fk.FieldOfView(2.0, 2.0), [fk.Consensus(1.0)])), "must be 'tiles' for more than 20000"),
+    ],
+)
+def test_where_no_engine_runs_it_the_right_one_says_why(made: fk.Scenario, said: str) -> None:
+    with pytest.raises(FlockingError, match=said):
+        fk.start(made)
