@@ -184,3 +184,10 @@ def test_a_change_of_gains_comes_back_with_the_delay():
     expected = 0.7 / 1.7 * ((1 - np.exp(-0.7 * w)) / 0.7 + np.exp(-1.7 * w) - np.exp(-0.7 * w))
     assert np.abs(run.p[:, 0, 0] - expected).max() < 1e-8
     assert not run.p[run.t <= 1.3, 0, 0].any()
+
+
+def test_errors_of_approaches_are_not_stated_where_they_are_not_known():
+    """Steps have errors that nothing bounds over a run: a claim of the closest approach stays open."""
+    run = fk.simulate(scenario(), progress=False)
+    assert np.isfinite(run.closest_linked.distance)
+    assert np.isnan(run.closest_linked.error)

@@ -26,7 +26,7 @@ def test_the_law_is_neither_blamed_nor_praised_for_forces_that_are_not_its_own(w
     for key in ("ledger", "momentum", "energy-falls"):
         assert str(found[key].verdict) == "not applicable"
         assert "control held for 0.1" in found[key].note
-    assert "not estimated under held control" in found["linked-apart"].note
+    assert "not estimated in an imperfect world" in found["linked-apart"].note
 
 
 def test_in_the_ideal_world_they_are_judged():

@@ -66,6 +66,7 @@ class DelayedSession(ImperfectSession):
 
     engine = "delayed"
     rule = FIFTEEN
+    rounding_alone = False
 
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)

@@ -63,6 +63,8 @@ class ImperfectSession(Session):
 
     rule: ClassVar[Rule] = SEVEN
     """How powers of the ledger are integrated."""
+    rounding_alone: ClassVar[bool] = True
+    """Whether positions have no error but rounding; otherwise that of closest approaches is not known."""
 
     def __init__(self, scenario: Scenario) -> None:
         self.scenario, self.plant = scenario, None
@@ -330,12 +332,12 @@ class ImperfectSession(Session):
 
     @property
     def known(self) -> tuple[tuple[Closest, Closest], None]:
-        """The closest linked and unlinked pair until now, with errors of rounding; no others are known."""
+        """The closest linked and unlinked pair until now, with errors of rounding where there are no others."""
         length, found = self.time - self._base - self.accounted, self.closest
         paths = self._paths(self.accounted)
         if length > 0.0:
             found = closest_pairs(paths, length, self.links[0], self.accounted, found)
-        size = ROUNDING * float(np.abs(paths.S[0]).max())
+        size = ROUNDING * float(np.abs(paths.S[0]).max()) if self.rounding_alone else math.nan
         linked, free = (
             Closest(math.sqrt(d), self._base + t, (int(i), int(j)), size) if np.isfinite(d) else Closest()
             for d, t, i, j in found.tolist()
