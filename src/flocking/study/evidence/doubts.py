@@ -30,7 +30,7 @@ class DoubtEvidence(LinkEvidence):
         """
         if self.run.accuracy is None:
             world = self.run.scenario.imperfections
-            why = "they are not estimated in an imperfect world" if world else "runs computed by this version record them"
+            why = "they are not estimated in an imperfect world" if world else "runs of this version record them"
             raise NotResolvable(f"the errors of the run are unknown; {why}")
         return self.run.accuracy
 
