@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
@@ -22,6 +21,7 @@ from flocking.apps.commands.storage_commands import diff, export, info
 from flocking.apps.commands.sweep_commands import sweep
 from flocking.apps.early_signals import INTERRUPTED, SENTENCE
 from flocking.apps.integer_arguments import check_integers
+from flocking.apps.json_output import print_json
 from flocking.apps.lab.command import lab
 from flocking.apps.process import discard_output, open_streams, printable, quiet_warnings
 from flocking.apps.signal_handlers import ended_by_signals
@@ -171,10 +171,6 @@ def _print_error(message: str, fix: str = "") -> int:
     return BAD_INPUT
 
 
-def _print_json(data: object) -> None:
-    print(json.dumps(data, indent=2, allow_nan=False, ensure_ascii=False))
-
-
 def list_scenarios(*, as_json: Json = False) -> int:
     """List the scenarios of the papers, and the large ones of the gallery.
 
@@ -192,7 +188,7 @@ def list_scenarios(*, as_json: Json = False) -> int:
     rows = [{"scenario": name, "paper": key, "title": paper(key).title} for name, (key, _) in paper_scenarios().items()]
     rows += [{"scenario": name, "paper": LARGE_KEY, "title": f"Large: {title}"} for name, title in TITLES.items()]
     if as_json:
-        _print_json(rows)
+        print_json(rows)
     else:
         print_table(("scenario", "paper", "title"), [tuple(row.values()) for row in rows])
     return FINE
@@ -237,7 +233,7 @@ def reproduce(
         progress=not as_json and sys.stderr.isatty(),
     )
     if as_json:
-        _print_json(
+        print_json(
             {
                 "as_expected": found.as_expected,
                 "seconds": found.seconds,
@@ -309,7 +305,7 @@ def check(
     potential = Potential(formula, **_named_values(parameter or []))
     report = check_potential(potential, radius=radius, definition=definition)
     if as_json:
-        _print_json(report.as_dict())
+        print_json(report.as_dict())
     else:
         print(report.potential)
         titles = [f"{d.source}: {_WORDS[d.holds]}" for d in report.definitions]
@@ -354,7 +350,7 @@ def equations(*papers: str, as_json: Json = False) -> int:
 
     rows = [row.as_dict() for row in equation_table(_keys(papers))]
     if as_json:
-        _print_json(rows)
+        print_json(rows)
         return FINE
     for key in dict.fromkeys(row["paper"] for row in rows):
         found = [row for row in rows if row["paper"] == key]
@@ -378,7 +374,7 @@ def schema(*, sweep: bool = False) -> int:
     from flocking.study.scenario_files.scenario_file import scenario_schema
     from flocking.study.sweeps.editor_schema import sweep_schema
 
-    _print_json(sweep_schema(sweep_scenarios()) if sweep else scenario_schema())
+    print_json(sweep_schema(sweep_scenarios()) if sweep else scenario_schema())
     return FINE
 
 

@@ -221,6 +221,11 @@ def test_runs_with_scheduled_gains_go_on_with_the_same_bits():
     session.advance(3.6)
     numbers, arrays = session.pack()
     stored = Stored(session.scenario, None, session.records.counts, lambda: session.run("unfinished"))
+    # Checkpoints from before gains could change do not say how often they have.
+    older = SampledSession.unpack(
+        ({k: v for k, v in numbers.items() if k != "gains_changed"}, dict(arrays)), stored, {}
+    )
+    assert older.gains_changed == 1
     for wrong in (0.0, 2.0, 0.5):
         with pytest.raises(MalformedError, match="gains_changed must be as often"):
             SampledSession.unpack(({**numbers, "gains_changed": wrong}, dict(arrays)), stored, {})

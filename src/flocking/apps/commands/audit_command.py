@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
+
+from flocking.apps.json_output import print_json
 
 if TYPE_CHECKING:
     from flocking.model.law import Scenario
@@ -70,7 +71,7 @@ def _audit_run(folder: Path, as_json: bool) -> int:
     report = audit_run(read_run(folder))
     promised = certificate_rows(report.run)
     if as_json:
-        _print_json(report.as_dict() | {"certificates": promised})
+        print_json(report.as_dict() | {"certificates": promised})
     else:
         _print_claims(report, report.run.scenario.name)
         print_promises(promised)
@@ -101,7 +102,7 @@ def _audit_samples(
     claims = None if scenario is None else paper_claims(scenario.name)
     report = motion.audit() if claims is None else audit_claims(motion.run, claims)
     if as_json:
-        _print_json({**report.as_dict(), **_facts(path, samples, motion, law)})
+        print_json({**report.as_dict(), **_facts(path, samples, motion, law)})
     else:
         print_facts(list(_facts(path, samples, motion, law).items()))
         print()
@@ -153,7 +154,3 @@ def _print_claims(report: Report, title: str) -> None:
 
     rows = [(r.claim.key, str(r.verdict), short(r.margin), short(r.error), r.note) for r in report.results]
     print_table(("claim", "verdict", "margin", "error", "measured"), rows, title=title)
-
-
-def _print_json(data: object) -> None:
-    print(json.dumps(data, indent=2, allow_nan=False, ensure_ascii=False))

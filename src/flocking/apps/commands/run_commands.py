@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -10,6 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
+
+from flocking.apps.json_output import print_json
 
 if TYPE_CHECKING:
     from flocking.engine.runs.run import Run
@@ -146,7 +147,7 @@ def _print_run(make: Callable[[], Run], out: Path | None, as_json: bool) -> int:
         print(f"flocking: {error}", file=sys.stderr)
     found = summary(result)
     if as_json:
-        print(json.dumps({**found, "out": str(out) if out else None}, indent=2, allow_nan=False, ensure_ascii=False))
+        print_json({**found, "out": str(out) if out else None})
     else:
         took = f"{time.monotonic() - begin:.3g} s"
         print_facts([*facts(found), ("wall time", took), ("saved in", str(out) if out else "")])

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
+
+from flocking.apps.json_output import print_json
 
 Json = Annotated[bool, Parameter(name="--json")]
 
@@ -31,7 +32,7 @@ def info(folder: Path, *, as_json: Json = False) -> int:
     stored = stored_facts(folder)
     found = summary(read_run(folder)) if stored["scenario_stored"] else None
     if as_json:
-        _print_json({**(found or {}), "stored": stored})
+        print_json({**(found or {}), "stored": stored})
         return EQUAL
     rows = facts(found) if found else [("status", stored["status"]), ("frames", str(stored["frames"]))]
     resumable = "yes, with 'flocking resume'" if stored["can_go_on"] else "no"
@@ -100,11 +101,7 @@ def diff(one: Path, two: Path, *, tolerance: float = 0.0, as_json: Json = False)
     found = first_difference(read_run(one), read_run(two), tolerance=tolerance)
     if as_json:
         about = None if found is None else {**vars(found), "first": str(found.first), "second": str(found.second)}
-        _print_json({"equal": found is None, "first_difference": about})
+        print_json({"equal": found is None, "first_difference": about})
     else:
         print("The runs are equal." if found is None else found)
     return EQUAL if found is None else DIFFERENT
-
-
-def _print_json(data: object) -> None:
-    print(json.dumps(data, indent=2, allow_nan=False, ensure_ascii=False))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flocking.arrays import Array, Indices, Links
+from flocking.arrays import Indices, Links
 from flocking.engine.archives.archive import Arrays
 from flocking.engine.archives.data_checks import Form, Real, Table
 from flocking.engine.archives.data_checks import Names as NamedForms
@@ -20,6 +20,7 @@ from flocking.engine.imperfect.checkpoint_form import (
     checked_numbers,
     must,
 )
+from flocking.engine.imperfect.memory import ImperfectMemory
 from flocking.engine.integrator.method import DEGREE
 from flocking.engine.integrator.segment import Segment
 from flocking.engine.protocol.session import Packed
@@ -33,6 +34,8 @@ class DelayedMemory:
 
     Parameters
     ----------
+    truth
+        True links, closest approaches, the ledger, and all that is one number.
     history, segment
         The past, and the last step.
     known_links
@@ -41,29 +44,14 @@ class DelayedMemory:
         Known links that switch at the end of the last step, rows (i, j, graph).
     breaks
         Times, in seconds from the start, at which steps must end.
-    links
-        True links, of the same shape.
-    crossings
-        Times, in seconds from the start, and pairs and graphs of true links that will switch.
-    closest
-        Rows (squared distance, time, i, j) of the closest linked and unlinked pair.
-    sums, errors
-        Integrals of the powers of the ledger, and what they may be off by.
-    numbers
-        Time and steps, the state of the ledger, and the length of the next step, by name.
     """
 
+    truth: ImperfectMemory
     history: History
     segment: Segment
     known_links: Links
     pending: Indices
     breaks: list[float]
-    links: Links
-    crossings: list[tuple[float, int, int, int]]
-    closest: Array
-    sums: Array
-    errors: Array
-    numbers: dict[str, float]
 
 
 def packed_memory(memory: DelayedMemory) -> Packed:
@@ -75,17 +63,13 @@ def packed_memory(memory: DelayedMemory) -> Packed:
         What the session goes on from.
     """
     segments = memory.history.segments or [memory.segment]
-    heap = sorted(memory.crossings)
     arrays: Arrays = {
+        **memory.truth.arrays(),
         "times": np.array([segments[0].t0, *(segment.t1 for segment in segments)]),
         "coefficients": np.array([segment.coefficients for segment in segments]),
-        "known_links": memory.known_links, "pending": memory.pending, "links": memory.links,
-        "breaks": np.array(sorted(memory.breaks)),
-        "crossing_time": np.array([row[0] for row in heap], dtype=np.float64),
-        "crossing": np.array([row[1:] for row in heap], dtype=np.int64).reshape(-1, 3),
-        "closest": memory.closest, "sums": memory.sums, "errors": memory.errors,
+        "known_links": memory.known_links, "pending": memory.pending, "breaks": np.array(sorted(memory.breaks)),
     }  # fmt: skip
-    return dict(memory.numbers), arrays
+    return dict(memory.truth.numbers), arrays
 
 
 def unpacked_memory(fresh: DelayedMemory, packed: Packed, scenario: Scenario) -> None:
@@ -106,18 +90,14 @@ def unpacked_memory(fresh: DelayedMemory, packed: Packed, scenario: Scenario) ->
         When the data are no session of this scenario.
     """
     data, arrays = packed
-    fresh.numbers = _checked(data, arrays, scenario, fresh)
+    fresh.truth.recall(arrays, _checked(data, arrays, scenario, fresh))
     times, tables = arrays["times"].tolist(), arrays["coefficients"]
     if times[-1] > 0.0:
         for t0, t1, table in zip(times[:-1], times[1:], tables, strict=True):
             fresh.segment = Segment(t0, t1, np.array(table))
             fresh.history.add(fresh.segment, times[0])
-    heap = zip(arrays["crossing_time"].tolist(), arrays["crossing"].tolist(), strict=True)
-    fresh.crossings = [(time, i, j, graph) for time, (i, j, graph) in heap]
     fresh.breaks = arrays["breaks"].tolist()
-    fresh.pending = arrays["pending"]
-    fresh.known_links, fresh.links = arrays["known_links"], arrays["links"]
-    fresh.closest, fresh.sums, fresh.errors = arrays["closest"], arrays["sums"], arrays["errors"]
+    fresh.known_links, fresh.pending = arrays["known_links"], arrays["pending"]
 
 
 def _checked(data: object, arrays: Arrays, scenario: Scenario, fresh: DelayedMemory) -> dict[str, float]:
@@ -159,7 +139,7 @@ def _checked(data: object, arrays: Arrays, scenario: Scenario, fresh: DelayedMem
     must(numbers["steps"] == int(numbers["steps"]), "steps", "be a whole number")
     must(numbers["steps"] >= (0 if resting else len(tables)), "steps", "be as many as are stored")
     must(numbers["short_steps"] == int(numbers["short_steps"]), "short_steps", "be a whole number")
-    check_links(arrays, scenario.law.graphs, scenario.agents.headings, fresh.links)
+    check_links(arrays, scenario.law.graphs, scenario.agents.headings, fresh.truth.links)
     check_closest(arrays["closest"], n, accounted)
     _check_crossings(arrays, fresh, (now, float(times[-1])), scenario)
     return numbers

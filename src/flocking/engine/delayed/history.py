@@ -8,6 +8,7 @@ from math import comb
 import numpy as np
 
 from flocking.arrays import Array
+from flocking.engine.imperfect.taylor_series import shifted
 from flocking.engine.integrator.method import DEGREE
 from flocking.engine.integrator.segment import Segment
 
@@ -62,12 +63,7 @@ class History:
         segment = self.segments[min(bisect_left(self._ends, seconds), len(self.segments) - 1)]
         x = (seconds - segment.t0) / (segment.t1 - segment.t0)
         y = (BINOMIALS * x**POWERS * (1.0 - x) ** (DEGREE - POWERS)) @ segment.coefficients
-        found = np.zeros((self.n, 2 * self.m))
-        count = self.n * self.m
-        found[:, : self.m] = y[:count].reshape(self.n, self.m)
-        if self.order == 2:
-            found[:, self.m :] = y[count:].reshape(self.n, self.m)
-        return found
+        return split_state(y, self.n, self.m)
 
     def pieces(self, begin: float, end: float) -> list[tuple[float, float, Array]]:
         """The motion from ``begin`` to ``end`` seconds, piece by piece: begin, end and Taylor coefficients about begin.
@@ -85,6 +81,20 @@ class History:
             if first < last:
                 found.append((first, last, position_series(segment, self.n, self.m, first)))
         return found
+
+
+def split_state(y: Array, n: int, m: int) -> Array:
+    """Positions and velocities in a state vector ``y``, shape (n, 2 m); velocities of agents of order 1 are 0.
+
+    Parameters
+    ----------
+    n, m
+        Number of agents and of axes.
+    """
+    found = np.zeros((n, 2 * m))
+    for k, part in enumerate(y.reshape(-1, n, m)):
+        found[:, k * m : (k + 1) * m] = part
+    return found
 
 
 def position_series(segment: Segment, n: int, m: int, about: float) -> Array:
@@ -106,25 +116,3 @@ def position_series(segment: Segment, n: int, m: int, about: float) -> Array:
             differences = np.diff(differences, axis=0)
             series[k] = comb(DEGREE, k) * differences[0] / span**k
     return shifted(series, about - segment.t0)
-
-
-def shifted(series: Array, by: float) -> Array:
-    """Coefficients of the same polynomials about a later time.
-
-    Parameters
-    ----------
-    series
-        Taylor coefficients, shape (degree + 1, ...).
-    by
-        By how much it is later.
-    """
-    if by == 0.0:
-        return series
-    degree = len(series) - 1
-    found = np.empty_like(series)
-    for k in range(degree + 1):
-        value = comb(degree, k) * series[degree]
-        for power in range(degree - 1, k - 1, -1):
-            value = value * by + comb(power, k) * series[power]
-        found[k] = value
-    return found

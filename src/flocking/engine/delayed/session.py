@@ -12,16 +12,17 @@ import numpy as np
 from flocking.arrays import Array, Indices, Links
 from flocking.engine.delayed.checkpoint import DelayedMemory, packed_memory, unpacked_memory
 from flocking.engine.delayed.delayed_law import DelayedLaw
-from flocking.engine.delayed.history import History, position_series, shifted
+from flocking.engine.delayed.history import History, position_series, split_state
 from flocking.engine.delayed.known_links import known_switches
 from flocking.engine.imperfect.powers import FIFTEEN, Powers
-from flocking.engine.imperfect.session import NUMBERS, ImperfectSession
+from flocking.engine.imperfect.session import ImperfectSession
+from flocking.engine.imperfect.taylor_series import shifted
 from flocking.engine.integrator.segment import Segment
+from flocking.engine.integrator.state_tolerances import state_tolerances
 from flocking.engine.integrator.step_lengths import Shrunk, StepLengths
 from flocking.engine.integrator.stepper import Stepper, StepperMemory
 from flocking.engine.protocol.session import Packed, Stored
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
-from flocking.engine.runs.recorder import Recorder
 from flocking.errors import InvalidInput, NotFinite, SimulationError
 from flocking.model.law import Scenario
 from flocking.model.world.information import Delayed
@@ -90,7 +91,7 @@ class DelayedSession(ImperfectSession):
         self._stepper = self._new_stepper(0.0)
         self.begin()
         try:
-            self._check_forces()
+            self._check_slope()
         except NotFinite as error:
             raise InvalidInput(
                 "Scenario", "start", "must have finite forces by what agents know at it", f"agent {error.agents[0]}",
@@ -109,9 +110,8 @@ class DelayedSession(ImperfectSession):
         own = known if self._self_delayed else self.history.at(0.0)
         offset = self.scenario.space.displacement(known[None, :, :m] - own[:, None, :m])
         distance = np.sqrt((offset**2).sum(axis=-1))
-        for graph in np.flatnonzero(self._rules.ways):
-            enter, leave = self._rules.appear[graph][:, None], self._rules.break_[graph][:, None]
-            found[graph] = np.where(found[graph], distance < leave, distance < enter)
+        for graph in np.flatnonzero(self._rules.ways).tolist():
+            found[graph] = self._rules.followed(graph, found[graph], distance)
             np.fill_diagonal(found[graph], False)
         return found
 
@@ -119,30 +119,19 @@ class DelayedSession(ImperfectSession):
         """A stepper that goes on from the end of the last step; ``step`` is the proposed length, 0 for none."""
         segment = self._segment
         y = np.array(segment.coefficients[-1])
-        start, tolerance, count = self.scenario.start, self.scenario.tolerance, self.n * self.m
-        spread = float(np.abs(start.q - start.q.mean(axis=0)).max(initial=0.0))
-        speed = float(np.abs(start.p).max(initial=0.0))
-        sizes = [np.full(count, max(1.0, spread)), np.full(count, max(1.0, speed))][: self._law.order]
         memory = StepperMemory(segment.t1, y, self._slope(segment.t1, y), step)
         shape = self._law.order, self.n, self.m
-        return Stepper(self._slope, self._stages, tolerance * np.concatenate(sizes), memory, self._base, shape)
+        tolerances = state_tolerances(self.scenario.start, self._law.order, self.scenario.tolerance)
+        return Stepper(self._slope, self._stages, tolerances, memory, self._base, shape)
 
     # The motion.
-
-    def _split(self, y: Array) -> Array:
-        """Positions and velocities in a state vector, shape (N, 2 m); velocities of agents of order 1 are 0."""
-        found, count = np.zeros((self.n, 2 * self.m)), self.n * self.m
-        found[:, : self.m] = y[:count].reshape(self.n, self.m)
-        if self._law.order == 2:
-            found[:, self.m :] = y[count:].reshape(self.n, self.m)
-        return found
 
     def _force(self, seconds: float, true: Array) -> Array:
         known = self.history.at(seconds - self.tau)
         return self._law.forces(self._base + seconds, known if self._self_delayed else true, known)
 
     def _slope(self, seconds: float, y: Array) -> Array:
-        true = self._split(y)
+        true = split_state(y, self.n, self.m)
         return self._law.slope(self._force(seconds, true), true[:, self.m :])
 
     def _stages(
@@ -179,8 +168,9 @@ class DelayedSession(ImperfectSession):
         def at(times: Array) -> Array:
             found = np.empty((len(times), 4))
             for row, s in enumerate((seconds + times).tolist()):
-                q, p = self.motion_at(s)
-                force = self._force(s, self._split(self._segment.at(s)))
+                true = split_state(self._segment.at(s), self.n, self.m)
+                q, p = (np.ascontiguousarray(true[:, part]) for part in (slice(self.m), slice(self.m, None)))
+                force = self._force(s, true)
                 found[row] = self._law.power(self._base + s, q, p, force, self._pairs)
             return found
 
@@ -219,6 +209,7 @@ class DelayedSession(ImperfectSession):
             self._lengths.add(segment.t1 - segment.t0)
             self._watch(segment.t0, np.full(self.n, segment.t1 - segment.t0), np.ones(self.n, dtype=bool))
         self._short_steps = self._short_steps + 1 if len(rows) and segment.t1 - t <= SLIDING_SHARE * self.tau else 0
+        # Its slope is computed anew, as it is when a saved run goes on: that of the last stage may differ in a bit.
         self._stepper.restart(self._segment.t1, np.array(self._segment.coefficients[-1]))
 
     def _change_gains(self) -> None:
@@ -259,7 +250,7 @@ class DelayedSession(ImperfectSession):
         self._law.relink(self.known_links)
         self._break_from(seconds)
         self._stepper.restart(seconds, np.array(self._segment.coefficients[-1]))
-        self._check_forces()
+        self._check_slope()
         if self._short_steps > SLIDING:
             raise SimulationError(
                 f"What agent {agents[0]} knows of agent {agents[1]} stays at the distance at which a link switches, "
@@ -267,14 +258,10 @@ class DelayedSession(ImperfectSession):
                 time=self._base + seconds, agents=agents,
             )  # fmt: skip
 
-    def _check_forces(self) -> None:
-        """Refuse to go on under a force that is infinite or NaN: no step is short enough for it."""
+    def _check_slope(self) -> None:
+        """Refuse to go on where no step is short enough for the forces."""
         rates = self._stepper.memory.slope[-self.n * self.m :].reshape(self.n, self.m)
-        bad = np.flatnonzero(~np.isfinite(rates).all(axis=1))
-        if bad.size:
-            raise NotFinite(
-                "A force is infinite or NaN.", time=self._base + self._stepper.memory.t, agents=(int(bad[0]),)
-            )
+        self._check_forces(rates, self._stepper.memory.t, np.arange(self.n))
 
     def _break_from(self, seconds: float) -> None:
         """Let steps end where a jump of the forces at a time comes back."""
@@ -316,13 +303,9 @@ class DelayedSession(ImperfectSession):
     @property
     def _memory(self) -> DelayedMemory:
         """What the session goes on from."""
-        numbers = {name: float(getattr(self, name)) for name in NUMBERS}
-        numbers |= {"step": self._stepper.memory.step, "short_steps": float(self._short_steps)}
-        numbers |= {"gains_changed": float(self.gains_changed)}
-        return DelayedMemory(
-            self.history, self._segment, self.known_links, self.pending, self.breaks, self.links, self.crossings,
-            self.closest, self.sums, self.errors, numbers,
-        )  # fmt: skip
+        truth = self.truth
+        truth.numbers |= {"step": self._stepper.memory.step, "short_steps": float(self._short_steps)}
+        return DelayedMemory(truth, self.history, self._segment, self.known_links, self.pending, self.breaks)
 
     def pack(self) -> Packed:
         """All that another session needs to go on bit for bit, but its scenario and its records."""
@@ -334,17 +317,9 @@ class DelayedSession(ImperfectSession):
         session = cls(stored.scenario)
         memory = session._memory
         unpacked_memory(memory, packed, stored.scenario)
-        for name in ("known_links", "pending", "breaks", "links", "crossings", "closest", "sums", "errors"):
-            setattr(session, name, getattr(memory, name))
-        for name in NUMBERS:
-            setattr(session, name, float(memory.numbers[name]))
-        session.steps = int(memory.numbers["steps"])
-        session._short_steps = int(memory.numbers["short_steps"])
-        session._segment = memory.segment
-        session.recall_gains(memory.numbers)
-        session.relink()
+        session.known_links, session.pending, session.breaks = memory.known_links, memory.pending, memory.breaks
+        session._short_steps, session._segment = int(memory.truth.numbers["short_steps"]), memory.segment
+        session.recall(memory.truth, stored)
         session._law.relink(session.known_links)
-        session._stepper = session._new_stepper(memory.numbers["step"])
-        session.records = Recorder(stored.scenario)
-        session.records.recall(stored.counts, stored.read)
+        session._stepper = session._new_stepper(memory.truth.numbers["step"])
         return session

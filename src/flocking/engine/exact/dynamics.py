@@ -13,6 +13,7 @@ from flocking.engine.exact.crossings.images import linked_paths
 from flocking.engine.exact.crossings.switching import LinkState
 from flocking.engine.exact.narrow_features import allowed_by_obstacles, allowed_share, zones_of
 from flocking.engine.integrator.segment import Segment
+from flocking.engine.integrator.state_tolerances import state_tolerances
 from flocking.engine.kernels.codegen import compiled_kernels
 from flocking.engine.kernels.law_kernels import CompiledLaw, LawKernels, Pairs, Slots, stages
 from flocking.engine.kernels.layout import Layout
@@ -404,15 +405,10 @@ class Dynamics:
 
     def tolerances(self, state: State, energy: float) -> Array:
         """Absolute error tolerance of each component, from the size of the group at ``state`` and the ``energy``."""
-        spread = float(np.abs(state.q - state.q.mean(axis=0)).max(initial=0.0))
-        speed = float(np.abs(state.p).max(initial=0.0))
         tolerance = self.scenario.tolerance
-        count = self.n * self.m
-        parts = [np.full(count, tolerance * max(1.0, spread))]
-        if self.order == 2:
-            parts.append(np.full(count, tolerance * max(1.0, speed)))
+        parts = [state_tolerances(state, self.order, tolerance)]
         for name, width in self.columns.items():
             size = float(np.abs(state.columns[name]).max(initial=0.0))
             parts.append(np.full(self.n * width, tolerance * max(1.0, size)))
         parts.append(np.full(self.departs + LEDGER, tolerance * max(1.0, abs(energy))))
-        return np.concatenate([*parts, np.full(len(self._places), tolerance * max(1.0, spread))])
+        return np.concatenate([*parts, np.full(len(self._places), parts[0][0])])

@@ -24,6 +24,9 @@ ROUNDED = 1e-14
 NEAR = 1e-6
 """By how much a distance may differ from one that it must have, relative to it and to the size of the coordinates."""
 
+LATER = "gains_changed"
+"""A number that checkpoints did not have before gains could change."""
+
 
 def must(fits: object, name: str, rule: str) -> None:
     """Refuse a checkpoint unless something ``fits``; ``name`` and ``rule`` are for the message."""
@@ -49,10 +52,11 @@ def checked_numbers(
     free, positive = Real(finite=False), Real(least=0.0, finite=False)
     forms: dict[str, Form[object]] = {
         "time": Real(base, t_end), "steps": Real(0.0, float(MOST_COUNT)), "accounted": Real(0.0),
+        LATER: Real(0.0, float(MOST_COUNT)),
         "largest_power": positive, "ledger_ends": ends,
     }  # fmt: skip
     every = {name: forms.get(name, free) for name in NUMBERS} | dict(more or {})
-    later: dict[str, Form[object]] = {"gains_changed": Real(0.0, float(MOST_COUNT))}
+    later: dict[str, Form[object]] = {LATER: every.pop(LATER)}
     return cast(dict[str, float], Names(every, later).check(data, ""))
 
 

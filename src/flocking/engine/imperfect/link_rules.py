@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flocking.arrays import Array, Numbers
+from flocking.arrays import Array, Indices, Links, Numbers
 from flocking.model.graphs.distance_graphs import Graph
 
 
@@ -26,6 +26,17 @@ class LinkRules(NamedTuple):
     ways: Numbers
     appear: Array
     break_: Array
+
+    def followed(self, graph: int, links: Links, distance: Array, agents: Indices | slice = slice(None)) -> Links:
+        """Links of ``agents`` of one ``graph`` after their distances have become what they are.
+
+        Parameters
+        ----------
+        links, distance
+            Their links before, and their distances from all others, shape (agents, N).
+        """
+        enter, leave = self.appear[graph, agents][:, None], self.break_[graph, agents][:, None]
+        return np.where(links, distance < leave, distance < enter)
 
 
 def link_rules(graphs: Sequence[Graph], n: int) -> LinkRules:

@@ -19,19 +19,21 @@ from flocking.arrays import Array, Indices, Links
 from flocking.engine import interruption
 from flocking.engine.archives.data_checks import MalformedError
 from flocking.engine.imperfect.link_rules import LinkRules, link_rules
+from flocking.engine.imperfect.memory import ImperfectMemory
 from flocking.engine.imperfect.pair_polynomials import ROUNDING, Paths, closest_pairs, paths_in
 from flocking.engine.imperfect.pair_switches import pair_events
 from flocking.engine.imperfect.powers import SEVEN, Powers, Rule, integrated
 from flocking.engine.imperfect.true_law import TrueLaw
-from flocking.engine.protocol.session import Session
+from flocking.engine.protocol.session import Session, Stored
 from flocking.engine.runs.fidelity import Approaches, Fidelity, LedgerRule
 from flocking.engine.runs.recorder import Recorder
 from flocking.engine.runs.run import Closest, LedgerRow, is_tangential
-from flocking.errors import InvalidInput, SimulationError, UnsupportedLaw
+from flocking.errors import InvalidInput, NotFinite, SimulationError, UnsupportedLaw
 from flocking.model.law import Law, Scenario
 from flocking.model.state import State
 
-NUMBERS = ("time", "steps", "jumped", "accounted", "energy", "kinetic", "largest_power", "ledger_ends")
+NUMBERS = ("time", "steps", "jumped", "accounted", "energy", "kinetic", "largest_power", "ledger_ends",
+           "gains_changed")  # fmt: skip
 """Names of the numbers from which a session goes on; times are of the scenario, ``accounted`` is since the start."""
 
 
@@ -162,31 +164,20 @@ class ImperfectSession(Session):
             return math.inf
         return self._since_start(self._schedule[self.gains_changed])
 
-    def take_gains(self) -> None:
+    def _take_gains(self) -> None:
         """Take the gains that are in force after the changes so far."""
         changes = self.gains_changed
         self._law.take_parameters(self._schedule[changes - 1] if changes else self._base)
 
-    def recall_gains(self, numbers: Mapping[str, float]) -> None:
-        """Take the gains of a checkpoint; those written before gains could change do not say how often they had.
-
-        Parameters
-        ----------
-        numbers
-            Its numbers.
-
-        Raises
-        ------
-        MalformedError
-            When they do not fit the schedules of the law.
-        """
+    def _recall_gains(self, numbers: Mapping[str, float]) -> None:
+        """Take the gains of a checkpoint; those written before gains could change do not say how often they had."""
         times = [self._since_start(t) for t in self._schedule]
         least, most = (sum(t < numbers["accounted"] for t in times), sum(t <= numbers["accounted"] for t in times))
         found = numbers.get("gains_changed", float(most))
         if not (least <= found <= most and found == int(found)):
             raise MalformedError("gains_changed must be as often as the schedules say")
         self.gains_changed = int(found)
-        self.take_gains()
+        self._take_gains()
 
     def _change_gains(self) -> None:
         """Take the next gains; what they change of the energy is a jump of the ledger."""
@@ -194,7 +185,7 @@ class ImperfectSession(Session):
         self._account(seconds)
         self._record_row(seconds)
         self.gains_changed += 1
-        self.take_gains()
+        self._take_gains()
         before = self.energy
         self.energy, self.kinetic = self._energy(seconds)
         self.jumped += self.energy - before
@@ -237,6 +228,18 @@ class ImperfectSession(Session):
         except SimulationError as error:
             error.run = self.run(str(error))
             raise
+
+    def _check_forces(self, force: Array, seconds: float, agents: Indices) -> None:
+        """Refuse to go on under a ``force`` of ``agents``, shape (agents, m), that is infinite or NaN.
+
+        Parameters
+        ----------
+        seconds
+            Now, since the start.
+        """
+        bad = np.flatnonzero(~np.isfinite(force).all(axis=1))
+        if bad.size:
+            raise NotFinite("A force is infinite or NaN.", time=self._base + seconds, agents=(int(agents[bad[0]]),))
 
     def _watch(self, seconds: float, length: Array, changed: Links) -> None:
         """Find the switches of the pairs of changed agents until either one's motion changes again.
@@ -320,6 +323,40 @@ class ImperfectSession(Session):
                 return
             q, p = self.motion_at(t - self._base)
             records.frame(t, q, p if self._law.order == 2 else np.zeros_like(p), self.links[0])
+
+    # Saving.
+
+    @property
+    def truth(self) -> ImperfectMemory:
+        """What the session goes on from, but what agents know and how they move."""
+        numbers = {name: float(getattr(self, name)) for name in NUMBERS}
+        return ImperfectMemory(self.links, self.crossings, self.closest, self.sums, self.errors, numbers)
+
+    def recall(self, memory: ImperfectMemory, stored: Stored) -> None:
+        """Go on from what a checkpoint says, and from the stored records.
+
+        Parameters
+        ----------
+        memory
+            What was packed, after its checks.
+        stored
+            The scenario and the records.
+
+        Raises
+        ------
+        MalformedError
+            When gains have not changed as the schedules of the law say.
+        """
+        self.links, self.crossings, self.closest = memory.links, memory.crossings, memory.closest
+        self.sums, self.errors = memory.sums, memory.errors
+        self._recall_gains(memory.numbers)
+        for name in NUMBERS:
+            if name not in ("steps", "gains_changed"):
+                setattr(self, name, float(memory.numbers[name]))
+        self.steps = int(memory.numbers["steps"])
+        self.relink()
+        self.records = Recorder(stored.scenario)
+        self.records.recall(stored.counts, stored.read)
 
     # What others ask.
 

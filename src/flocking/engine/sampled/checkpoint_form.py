@@ -80,7 +80,7 @@ def check_sampled(data: object, arrays: Arrays, scenario: Scenario, fresh: Sampl
     began = np.where(applied > 0, ticks.at(np.arange(n), applied - 1) + latency, 0)
     _check_motion(arrays, fresh.motion, began, (earliest, latest))
     rules = link_rules(scenario.law.graphs, n)
-    check_links(arrays, scenario.law.graphs, scenario.agents.headings, fresh.links)
+    check_links(arrays, scenario.law.graphs, scenario.agents.headings, fresh.truth.links)
     pieces = np.minimum(ticks.at(np.arange(n), applied) + latency, arrays["begin"] + fresh.motion.longest)
     _check_crossings(arrays, rules, now, (slack, pieces * NANOSECOND), scenario.space)
     check_closest(arrays["closest"], n, accounted)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flocking.arrays import Array, Indices, Links
+from flocking.engine.imperfect.link_rules import LinkRules
 from flocking.model.space import Space
 from flocking.model.world.information import Information, Messages
 from flocking.model.world.random_numbers import Purpose, uniform
@@ -259,24 +260,21 @@ class Knowledge:
             own = self.samples.of(agents, self.taken[agents] - 1)
         return Known(agents, own, rows, there, begun if self.messages.predict else None, time)
 
-    def relink(self, known: Known, moving: Links, levels: tuple[Array, Array]) -> None:
+    def relink(self, known: Known, rules: LinkRules) -> None:
         """Let links appear and break by what agents know; who is not known any more is no neighbour.
 
         Parameters
         ----------
         known
             What the agents that act now know.
-        moving
-            Whether links of each graph appear and break, shape (graphs,).
-        levels
-            Distances at which they do, shape (graphs, N) each.
+        rules
+            When links of each graph appear and break.
         """
         agents, m = known.agents, self.m
         offset = self.space.displacement(known.positions(m) - known.own[:, None, :m])
         distance = np.sqrt((offset**2).sum(axis=-1))
-        for graph in np.flatnonzero(moving):
-            enter, leave = (level[graph, agents][:, None] for level in levels)
-            links = np.where(self.links[graph, agents], distance < leave, distance < enter) & known.there
+        for graph in np.flatnonzero(rules.ways).tolist():
+            links = rules.followed(graph, self.links[graph, agents], distance, agents) & known.there
             links[np.arange(len(agents)), agents] = False
             self.links[graph, agents] = links
 

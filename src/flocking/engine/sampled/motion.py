@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from math import comb
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flocking.arrays import Array, Indices
+from flocking.engine.imperfect.taylor_series import shifted
 from flocking.model.world.times import NANOSECOND, Instants
 
 if TYPE_CHECKING:
@@ -93,14 +93,7 @@ class Motion:
 
     def shifted(self, time: float) -> Array:
         """Coefficients of the same polynomials about ``time`` seconds from the start, shape (degree + 1, N, m)."""
-        s = (time - self.begin * NANOSECOND)[:, None]
-        C, found = self.coefficients, np.empty_like(self.coefficients)
-        for k in range(self.degree + 1):
-            value = comb(self.degree, k) * C[self.degree]
-            for power in range(self.degree - 1, k - 1, -1):
-                value = value * s + comb(power, k) * C[power]
-            found[k] = value
-        return found
+        return shifted(self.coefficients, np.asarray(time - self.begin * NANOSECOND)[:, None])
 
     def at(self, time: float, agents: Indices | slice = slice(None)) -> tuple[Array, Array]:
         """Positions and velocities of ``agents`` at ``time`` seconds from the start.

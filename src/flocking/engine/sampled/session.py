@@ -9,15 +9,13 @@ import numpy as np
 
 from flocking.arrays import Array, Indices, Links
 from flocking.engine.imperfect.powers import Powers
-from flocking.engine.imperfect.session import NUMBERS, ImperfectSession
+from flocking.engine.imperfect.session import ImperfectSession
 from flocking.engine.protocol.session import Packed, Stored
-from flocking.engine.runs.recorder import Recorder
 from flocking.engine.sampled.checkpoint import packed_memory, unpacked_memory
 from flocking.engine.sampled.knowledge import Knowledge
 from flocking.engine.sampled.law_in_force import SampledLaw
 from flocking.engine.sampled.motion import Motion
 from flocking.engine.sampled.snapshot import SampledMemory
-from flocking.errors import NotFinite
 from flocking.model.law import Scenario
 from flocking.model.world.control import Held
 from flocking.model.world.times import NANOSECOND, Instants, PeriodicTimes
@@ -108,11 +106,9 @@ class SampledSession(ImperfectSession):
         if acting.size:
             knowledge.hear(instant, acting)
             known = knowledge.known(instant, acting, *motion.at(seconds))
-            knowledge.relink(known, self._rules.ways > 0, self._rules[1:])
+            knowledge.relink(known, self._rules)
             force = self._law.forces(self._base + seconds, known, knowledge)
-            if not np.isfinite(force).all():
-                bad = int(acting[np.flatnonzero(~np.isfinite(force).all(axis=1))[0]])
-                raise NotFinite("A force is infinite or NaN.", time=self._base + seconds, agents=(bad,))
+            self._check_forces(force, seconds, acting)
             self.ticked[acting] += 1
             self.steps += 1
             self.waiting.append((instant + self._latency, acting, force))
@@ -153,11 +149,7 @@ class SampledSession(ImperfectSession):
     @property
     def _memory(self) -> SampledMemory:
         """What the session goes on from."""
-        numbers = {name: float(getattr(self, name)) for name in (*NUMBERS, "gains_changed")}
-        return SampledMemory(
-            self.motion, self.knowledge, self.ticked, self.applied, self.waiting, self.links, self.crossings,
-            self.closest, self.sums, self.errors, numbers,
-        )  # fmt: skip
+        return SampledMemory(self.truth, self.motion, self.knowledge, self.ticked, self.applied, self.waiting)
 
     def pack(self) -> Packed:
         """All that another session needs to go on bit for bit, but its scenario and its records."""
@@ -169,13 +161,6 @@ class SampledSession(ImperfectSession):
         session = cls(stored.scenario)
         memory = session._memory
         unpacked_memory(memory, packed, stored.scenario)
-        for name in ("ticked", "applied", "links", "crossings", "closest", "sums", "errors"):
-            setattr(session, name, getattr(memory, name))
-        for name in NUMBERS:
-            setattr(session, name, float(memory.numbers[name]))
-        session.steps = int(memory.numbers["steps"])
-        session.recall_gains(memory.numbers)
-        session.relink()
-        session.records = Recorder(stored.scenario)
-        session.records.recall(stored.counts, stored.read)
+        session.ticked, session.applied = memory.ticked, memory.applied
+        session.recall(memory.truth, stored)
         return session
